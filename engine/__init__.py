@@ -13,7 +13,17 @@ from .accelerator import Accelerator, Hits
 from .analysis.explain import PixelExplainer, explanation_lines
 from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
-from .film import AOV, BY_SURFACE, CATCHER, CRYPTOMATTES, DENOISING, PARTS, PASSES, Film
+from .film import (
+    AOV,
+    BY_SURFACE,
+    CATCHER,
+    CRYPTOMATTES,
+    DENOISING,
+    OCCLUSION,
+    PARTS,
+    PASSES,
+    Film,
+)
 from .kept import KeptRender
 from .linear import affine_inverse, determinant
 from .live import LiveRender, Task, Wave
@@ -31,6 +41,7 @@ __all__ = [
     "CRYPTOMATTES",
     "DENOISING",
     "NO_THREAD",
+    "OCCLUSION",
     "PARTS",
     "PASSES",
     "Accelerator",

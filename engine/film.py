@@ -46,6 +46,8 @@ PASSES = {
     "Transmission Color": 3,
     "Volume Direct": 3,
     "Volume Indirect": 3,
+    "Vector": 4,
+    "Ambient Occlusion": 3,
 }
 """Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
 says what each holds.
@@ -62,6 +64,9 @@ SEEN = ("Mist", *CRYPTOMATTES, *DENOISING)
 
 CATCHER = "Shadow Catcher"
 """The pass of what shadow catchers show; with it Combined has nothing of them."""
+
+OCCLUSION = "Ambient Occlusion"
+"""The pass of how much of an even sky is open over what camera rays meet."""
 
 BY_SURFACE = tuple(
     f"{surface} {what}"

@@ -33,7 +33,7 @@ _NO_BOUNCES = ("max", "diffuse", "glossy", "transmission", "volume")
 @dataclass(frozen=True)
 class Options:
     """samples: of Cycles.  bounces: of mirrors and glass, in both engines.  side: pixels of the
-    longer side at most. full_light: also render Cycles with the indirect light that the scene's own
+    longer side at most. full_light: also render Cycles with all the light that the scene's own
     settings give it.
     """
 
@@ -238,7 +238,7 @@ def expected_differences(
         )
     if indirect is not None:
         lines.append(
-            f"Indirect light, which Glint does not follow: RMSE {indirect.rmse:.4f}, "
+            f"Light of more bounces than both followed: RMSE {indirect.rmse:.4f}, "
             f"{indirect.off:.1%} of the pixels off by more than 1 % "
             "between Cycles with and without it; it is in no number above"
         )
@@ -254,7 +254,7 @@ def _strip(
     name: str, glint: np.ndarray, direct: np.ndarray, full: np.ndarray | None, numbers: Difference
 ) -> np.ndarray:
     pictures = [displayed(glint), displayed(direct), difference_picture(glint, direct)]
-    titles = "Glint | Cycles, direct light | difference ×4"
+    titles = "Glint | Cycles, the same light | difference ×4"
     if full is not None:
         pictures.append(displayed(full))
         titles += " | Cycles, all light"
@@ -265,8 +265,8 @@ def _strip(
 
 
 class GLINT_OT_compare_cycles(bpy.types.Operator):
-    """Render this scene with Glint and with Cycles, direct light only, and show both and their
-    difference. Changes nothing of the scene. \
+    """Render this scene with Glint and with Cycles, both with the light that Glint follows, and
+    show both and their difference. Changes nothing of the scene. \
 Esc stops between two pictures"""
 
     bl_idname = "glint.compare_cycles"
@@ -298,7 +298,8 @@ Esc stops between two pictures"""
     )
     full_light: bpy.props.BoolProperty(
         name="All Light",
-        description="Also render Cycles with indirect light, to tell its share; takes longest",
+        description="Also render Cycles with all bounces of its own settings, to tell what they "
+        "add; takes longest",
         default=True,
     )
 
@@ -396,7 +397,7 @@ def report_lines(result: Comparison) -> list[str]:
     d = result.direct
     times = ", ".join(f"{name} {value:.2f} s" for name, value in result.seconds.items())
     return [
-        f"Direct light, matched: RMSE {d.rmse:.4f}, {d.off:.1%} of the pixels off by more than 1 "
+        f"The same light in both: RMSE {d.rmse:.4f}, {d.off:.1%} of the pixels off by more than 1 "
         f"%, FLIP {d.flip_mean:.4f} "
         f"(99th percentile {d.flip_p99:.3f}), means {d.mean:.4f} and {d.reference_mean:.4f}",
         *result.expected,

@@ -22,6 +22,7 @@ import tree
 def main() -> int:
     options = _options()
     if options.inside:
+        install_extension.install(Path(options.inside))
         return _render(options)
     blender = environment.prepare(options.bpy)
     zip_path = extension_zips.full_zip(blender)
@@ -52,20 +53,44 @@ def _options() -> argparse.Namespace:
 
 
 def _render(options: argparse.Namespace) -> int:
-    install_extension.install(Path(options.inside))
     import bpy
 
     name = _open(options.scene)
     scene = bpy.context.scene
     scene.render.engine = "GLINT"
+    if not any(layer.use for layer in scene.view_layers):
+        raise tree.SetupError(
+            f"SCENE={options.scene}: none of its view layers is rendered: switch on Use for "
+            "Rendering in the View Layer properties"
+        )
     if options.frame:
-        scene.frame_set(int(options.frame))
-        name = f"{name}_{int(options.frame):04d}"
-    out = Path(options.out).resolve()
-    out.mkdir(parents=True, exist_ok=True)
+        name = f"{name}_{_show_frame(scene, options.frame):04d}"
+    out = _folder(options.out)
     seconds = _write_pictures(scene, out / f"{name}.exr", out / f"{name}.png")
     _tell(scene, [out / f"{name}.png", out / f"{name}.exr"], seconds)
     return 0
+
+
+def _show_frame(scene, text: str) -> int:
+    """Go to the frame of this number, which Blender would cut in silence where it is too far."""
+    try:
+        frame = int(text)
+        scene.frame_set(frame)
+    except (ValueError, OverflowError):
+        frame = None
+    if scene.frame_current != frame:
+        raise tree.SetupError(f"FRAME={text}: use a whole number of at most 1048574")
+    return frame
+
+
+def _folder(text: str) -> Path:
+    """The folder for the pictures, which is made where there is none."""
+    out = Path(text).resolve()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise tree.SetupError(f"OUT={text}: there can be no folder: {error.strerror}") from error
+    return out
 
 
 def _open(path: str) -> str:
@@ -96,7 +121,10 @@ def _write_pictures(scene, exr: Path, png: Path) -> float:
 
     start = time.perf_counter()
     for path in (exr, png):
-        path.unlink(missing_ok=True)
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise tree.SetupError(f"{path} cannot be replaced: {error.strerror}") from error
     _set_format(scene, "OPEN_EXR_MULTILAYER", "32")
     scene.render.filepath = str(exr)
     scene.render.use_file_extension = True
@@ -130,6 +158,11 @@ def _tell(scene, pictures: list[Path], seconds: float) -> None:
     from bl_ext.user_default.glint.addon.render import statistics
 
     layers = statistics.by_layer(scene.name)
+    if not layers:
+        raise tree.SetupError(
+            "Blender did not ask Glint for a picture: the file's video sequencer or compositor "
+            "made one; switch off Post Processing in the Output properties"
+        )
     stages = {
         stage: sum(layer.seconds[stage] for layer in layers.values())
         for stage in ("sync", "build", "trace")

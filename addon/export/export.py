@@ -23,13 +23,14 @@ from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
 from .lights import Lights, Seen
 from .materials.aovs import Aov, note_world
 from .materials.materials import Materials, Wanted, without_unused
+from .missing import note_missing
 from .panorama import Looker
 from .placing import note_catchers, note_empty_view, note_media, without_collapsed
-from .properties import Value, value_of
+from .properties import Value, sound, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
 from .unheard import note_layer, note_scene
-from .world import Sky, export_world, with_mist
+from .world import Sky, export_world, with_pass_settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +96,9 @@ def export_scene(
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
-    sky = with_mist(sky, scene.world)
+    sky = with_pass_settings(sky, scene.world)
     note_scene(scene, report)
+    note_missing(depsgraph, report)
     note_layer(depsgraph.view_layer, report)
     note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)
@@ -225,7 +227,14 @@ class Collector:
         return _Placed(geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing))
 
     def _value(self, name: str, instance: Any) -> Value:
-        return value_of(name, instance, self.depsgraph.view_layer_eval, self.depsgraph.scene_eval)
+        view_layer, scene = self.depsgraph.view_layer_eval, self.depsgraph.scene_eval
+        found = value_of(name, instance, view_layer, scene)
+        if found != sound(found):
+            self.report.note(
+                "Properties that are not finite in single precision count as 0 ({}): set them anew",
+                f"{name.partition(':')[2] or name} of {instance.object.name}",
+            )
+        return sound(found)
 
     def instances(self, thing: Thing) -> Instances:
         """Where a thing stands and as what it is seen."""

@@ -20,6 +20,27 @@ _FEWEST, _MOST = 3, 9
 """Keys that Cycles gives objects by default, and the most that are taken."""
 
 
+class Sentences(NamedTuple):
+    """What is told of things that stand still all the same, and of meshes that keep their shape."""
+
+    gone: str
+    remade: str
+
+
+WHILE_OPEN = Sentences(
+    "Objects that are not there for all the shutter's time, or come in other numbers, "
+    "stand still: {}",
+    "Meshes whose number of vertices or faces changes while the shutter is open keep "
+    "their shape: {}",
+)
+FROM_FRAME_TO_FRAME = Sentences(
+    "Objects that are not there in the frames before and after, or come in other numbers, stand "
+    "still in the pass Vector: {}",
+    "Meshes whose number of vertices or faces changes from frame to frame keep their shape in the "
+    "pass Vector: {}",
+)
+
+
 class Shape(NamedTuple):
     """A mesh at one time. faces: how many polygons and corners, which must not change.  normals:
     with the domain, None for a flat mesh.
@@ -58,37 +79,47 @@ class Pose:
         return max((max(m.keys, m.shape_keys) for m in movers), default=_FEWEST)
 
 
-def read_pose(depsgraph: Any) -> Pose:
+def read_pose(depsgraph: Any, for_vectors: bool = False) -> Pose:
     """Where everything stands that `export_scene` would export, and its shape. Only on Blender's
     thread; arrays are copies.
+
+    for_vectors: without normals, and whatever objects say of their motion blur, as in Cycles.
     """
     pose = Pose([])
+
+    def keys_of(instance: Any) -> int:
+        return _FEWEST if for_vectors else _keys_of(instance)
+
+    def meet_hair(instance: Any, flags: Flags) -> _Mover:
+        return _Mover(False, None, keys_of(instance), 1)
 
     def meet(instance: Any, flags: Flags) -> _Mover | None:
         thing = instance.object
         kind = type(thing.data).__name__
         if thing.type == "LIGHT":
-            return _Mover(True, None, _keys_of(instance), 1)
-        if kind not in ("Mesh", "PointCloud"):
+            return _Mover(True, None, keys_of(instance), 1)
+        if kind not in ("Mesh", "PointCloud", "Curves"):
             return None
-        if kind == "PointCloud" or thing.data.is_editmode:
-            return _Mover(False, None, _keys_of(instance), 1)
+        if kind != "Mesh" or thing.data.is_editmode:
+            return _Mover(False, None, keys_of(instance), 1)
         key = mesh_key(thing.data)
         if key not in pose.shapes:
-            pose.shapes[key] = _shape(thing.data)
-        return _Mover(False, key, _keys_of(instance), _shape_keys_of(instance))
+            pose.shapes[key] = _shape(thing.data, not for_vectors)
+        shape_keys = _FEWEST if for_vectors else _shape_keys_of(instance)
+        return _Mover(False, key, keys_of(instance), shape_keys)
 
-    pose.things = walk(depsgraph, meet, Report())
+    pose.things = walk(depsgraph, meet, Report(), make_hair=meet_hair)
     pose.ids = np.zeros((len(depsgraph.object_instances), 8), np.int32)
     if len(pose.ids):
         depsgraph.object_instances.foreach_get("persistent_id", pose.ids.reshape(-1))
     return pose
 
 
-def _shape(mesh: Any) -> Shape:
+def _shape(mesh: Any, with_normals: bool) -> Shape:
     if len(mesh.vertices) == 0:
         return Shape(np.zeros((0, 3), np.float32), (0, 0), None)
-    return Shape(vertices_of(mesh), (len(mesh.polygons), len(mesh.loops)), normals_of(mesh))
+    normals = normals_of(mesh) if with_normals else None
+    return Shape(vertices_of(mesh), (len(mesh.polygons), len(mesh.loops)), normals)
 
 
 def _owners(instance: Any) -> Iterator[Any]:
@@ -113,13 +144,19 @@ def _shape_keys_of(instance: Any) -> int:
     return _keys_of(instance) if getattr(settings, "use_deform_motion", True) else 1
 
 
-def moved(scene: Scene, frame: Pose, keys: list[Pose], report: Report) -> Scene:
+def moved(
+    scene: Scene,
+    frame: Pose,
+    keys: list[Pose],
+    report: Report,
+    sentences: Sentences = WHILE_OPEN,
+) -> Scene:
     """The scene with the motion of what moves from one key to the next.
 
     frame: when the scene was exported.  keys: at even times while the shutter is open, 2 to some
     power and one of them.
     """
-    matcher = _Matcher(frame, keys, report)
+    matcher = _Matcher(frame, keys, report, sentences)
     geometries = list(scene.geometries)
     instances = list(scene.instances)
     for number, thing in _exported(scene.instances, frame.things):
@@ -131,25 +168,44 @@ def moved(scene: Scene, frame: Pose, keys: list[Pose], report: Report) -> Scene:
     return replace(scene, geometries=tuple(geometries), instances=tuple(instances), lights=lights)
 
 
+def at_key(scene: Scene, still: Scene, k: int) -> Scene:
+    """What `moved` made of `still`, at a key that all that moves has; lights stay."""
+    geometries = (
+        replace(g, vertices=g.motion[k], motion=None)
+        if getattr(g, "motion", None) is not None
+        else g
+        for g in scene.geometries
+    )
+    instances = (
+        replace(block, world_from_object=block.motion[k], motion=None)
+        if block.motion is not None
+        else block
+        for block in scene.instances
+    )
+    return replace(still, geometries=tuple(geometries), instances=tuple(instances))
+
+
 def _exported(blocks: tuple[Instances, ...], things: list[Thing]) -> Iterator[tuple[int, Thing]]:
     """Numbers of blocks with the things that they were made from: both are in one order, in which
-    blocks may be missing.
+    blocks may be missing, and some may have rows of a thing alone.
     """
-    ahead = iter(thing for thing in things if not thing.content.is_light)
+    ahead = [thing for thing in things if not thing.content.is_light]
+    first = 0
     for number, block in enumerate(blocks):
-        for thing in ahead:
+        for place in range(first, len(ahead)):
+            thing = ahead[place]
             if thing.name == block.name and np.array_equal(thing.matrices, block.world_from_object):
                 yield number, thing
+                first = place + 1
                 break
-        else:
-            return
 
 
 class _Matcher:
     """Finds the things of the frame at the other times."""
 
-    def __init__(self, frame: Pose, keys: list[Pose], report: Report) -> None:
-        self._frame, self._keys, self._report = frame, keys, report
+    def __init__(self, frame: Pose, keys: list[Pose], report: Report, sentences: Sentences) -> None:
+        self._frame, self._keys = frame, keys
+        self._report, self._sentences = report, sentences
         self._names = _names(frame.things)
         self._there = [{name: t for t, name in _names(k.things).items()} for k in keys]
         self._lights = self._light_places()
@@ -164,11 +220,7 @@ class _Matcher:
             return None
         found = [self._rows(thing, k) for k in self._times(thing.content.keys)]
         if any(rows is None for rows in found):
-            self._report.note(
-                "Objects that are not there for all the shutter's time, or come in other numbers, "
-                "stand still: {}",
-                thing.name,
-            )
+            self._report.note(self._sentences.gone, thing.name)
             return None
         keys = np.stack(found)
         return None if (keys == thing.matrices).all() else keys
@@ -194,11 +246,7 @@ class _Matcher:
         if any(shape is None for shape in shapes):
             return mesh
         if any(s.faces != here.faces or s.vertices.shape != here.vertices.shape for s in shapes):
-            self._report.note(
-                "Meshes whose number of vertices or faces changes while the shutter is open keep "
-                "their shape: {}",
-                thing.name,
-            )
+            self._report.note(self._sentences.remade, thing.name)
             return mesh
         if all(np.array_equal(s.vertices, mesh.vertices, equal_nan=True) for s in shapes):
             return mesh

@@ -172,6 +172,10 @@ class Lights:
                 "half-space",
                 name,
             )
+        if data.type == "AREA" and not data.size * _size_up(data):
+            self.report.note(
+                "Area lights without a size ({}) shine here, but not in Cycles: give them one", name
+            )
 
 
 def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
@@ -213,13 +217,11 @@ def _shape(data: Any, lengths: np.ndarray) -> dict[str, Any]:
     if data.type == "SUN":
         return {"angle": data.angle}
     if data.type == "AREA":
-        across = data.size
-        up = data.size if data.shape in ("SQUARE", "DISK") else data.size_y
         shape = "ELLIPSE" if data.shape in ("DISK", "ELLIPSE") else "RECTANGLE"
         return {
             "shape": shape,
-            "size_x": across * float(lengths[0]),
-            "size_y": up * float(lengths[1]),
+            "size_x": data.size * float(lengths[0]),
+            "size_y": _size_up(data) * float(lengths[1]),
         }
     soft = {
         "radius": data.shadow_soft_size,
@@ -230,6 +232,11 @@ def _shape(data: Any, lengths: np.ndarray) -> dict[str, Any]:
         if data.type == "SPOT"
         else soft
     )
+
+
+def _size_up(data: Any) -> float:
+    """An area light's size along y."""
+    return data.size if data.shape in ("SQUARE", "DISK") else data.size_y
 
 
 def _cone(angle: float, lengths: np.ndarray) -> float:

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from typing import Any
+
+import numpy as np
 
 from .instances import random_number
 from .shader_nodes.objects import COLOR, INDEX, INSTANCER, OF_EACH, RANDOM, VIEW_LAYER
 
 Value = tuple[float, float, float, float]
 NOTHING: Value = (0.0, 0.0, 0.0, 0.0)
+_LARGEST = float(np.finfo(np.float32).max)
 
 
 def value_of(name: str, instance: Any, view_layer: Any, scene: Any) -> Value:
-    """What goes by a name of `shader_nodes.objects` at an instance of the depsgraph."""
+    """What goes by a name of `shader_nodes.objects` at an instance of the depsgraph, finite or
+    not.
+    """
     if name == COLOR:
         # The iteration lends what is instanced its instancer's colour, but Python may be handed the
         # object that stands behind the copy.
-        return _finite((instance.parent if instance.is_instance else instance.object).color)
+        return tuple((instance.parent if instance.is_instance else instance.object).color)
     if name == RANDOM:
         return (random_number(instance.object.name),) * 4
     if name in OF_EACH:
@@ -62,15 +66,16 @@ def _read(owner: Any, name: str) -> Any:
 def _as_value(found: Any) -> Value | None:
     """A number as a grey, up to four as a colour; None for anything else."""
     if isinstance(found, (bool, int, float)):
-        return _finite((found, found, found, 1.0))
+        return (float(found),) * 3 + (1.0,)
     try:
         numbers = [float(x) for x in found] if not isinstance(found, str) else []
     except (TypeError, ValueError):
         return None
     if not 0 < len(numbers) <= len(NOTHING):
         return None
-    return _finite(numbers + [0.0, 0.0, 0.0, 1.0][len(numbers) :])
+    return tuple(numbers + [0.0, 0.0, 0.0, 1.0][len(numbers) :])
 
 
-def _finite(numbers: Iterable[float]) -> Value:
-    return tuple(float(x) if math.isfinite(x) else 0.0 for x in numbers)
+def sound(numbers: Iterable[float]) -> Value:
+    """With 0 for what single precision does not hold."""
+    return tuple(x if abs(x) <= _LARGEST else 0.0 for x in numbers)

@@ -32,9 +32,12 @@ class Report:
             self._names.setdefault(sentence, {}).update(names)
 
     def notes(self) -> tuple[str, ...]:
-        """One sentence per kind of note, in the order in which they came up first."""
+        """One sentence per kind of note, in the order in which they came up first, each on one line
+        whatever the names hold.
+        """
         return tuple(
-            sentence.replace("{}", _listed(list(names))) for sentence, names in self._names.items()
+            _on_one_line(sentence.replace("{}", _listed(list(names))))
+            for sentence, names in self._names.items()
         )
 
 
@@ -43,3 +46,7 @@ def _listed(names: list[str]) -> str:
     shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
     rest = len(names) - SHOWN
     return f"{shown} and {rest} more" if rest > 0 else shown
+
+
+def _on_one_line(text: str) -> str:
+    return "".join(letter if letter.isprintable() else " " for letter in text)

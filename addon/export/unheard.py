@@ -101,20 +101,8 @@ def note_scene(scene: Any, report: Report) -> None:
         )
 
 
-_PASSES = {
-    "use_pass_vector": "Vector",
-    "use_pass_ambient_occlusion": "Ambient Occlusion",
-}
-
-
 def note_layer(view_layer: Any, report: Report) -> None:
     """Passes of a view layer that are not there."""
-    for switch, name in _PASSES.items():
-        if getattr(view_layer, switch):
-            report.note(
-                f"The pass {name} is not rendered in {{}}: render it in a view layer of Cycles",
-                view_layer.name,
-            )
     if len(view_layer.lightgroups):
         report.note(
             "Light groups are not rendered in {}: render the lights of each in a view layer of its "

@@ -86,13 +86,18 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     )
 
 
-def with_mist(sky: Sky, world: Any) -> Sky:
-    """With the mist of the scene's own world, which it keeps where a layer leaves the sky out."""
+def with_pass_settings(sky: Sky, world: Any) -> Sky:
+    """With what passes read of the scene's own world, which it keeps where a layer leaves the sky
+    out.
+    """
     if world is None:
         return sky
     given = world.mist_settings
     mist = Mist(given.start, given.depth, given.falloff)
-    return sky if mist == sky.world.mist else replace(sky, world=replace(sky.world, mist=mist))
+    distance = world.light_settings.distance
+    if mist == sky.world.mist and distance == sky.world.occlusion_distance:
+        return sky
+    return replace(sky, world=replace(sky.world, mist=mist, occlusion_distance=distance))
 
 
 def _map(expressions: Expressions, radiance: Value, images: Images) -> np.ndarray:

@@ -18,6 +18,7 @@ from ..ui.properties import settings_from
 from .aim import Aim, aim_from
 from .kept import Kept
 from .motion import with_motion
+from .neighbours import with_neighbours
 from .progress import Progress
 from .result import Picture, crypto_ids, wanted_passes
 from .skipped import skipped_things
@@ -119,9 +120,11 @@ def prepare(
     )
     skipped = {} if render_engine.is_preview else skipped_things(depsgraph, export.scene)
     aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(asking)
-    moving, motion_notes = with_motion(
-        [export.scene, *(scene for scene, _ in others)], render_engine, depsgraph, names
-    )
+    seen = [export.scene, *(scene for scene, _ in others)]
+    moving, motion_notes = with_motion(seen, render_engine, depsgraph, names)
+    if "Vector" in passes:
+        moving, vector_notes = with_neighbours(moving, render_engine, depsgraph, names)
+        motion_notes += vector_notes
     seconds = time.perf_counter() - start
     told = [*notes, *aim_notes, *export.notes, *(note for _, own in others for note in own)]
     told += [*motion_notes, *_emptiness(export.scene), *_darkness(export.scene)]

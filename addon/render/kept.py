@@ -31,7 +31,8 @@ class Kept:
 
 def keeps(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether the depsgraph's updates will tell all that changes: Blender keeps one for all view
-    layers, and motion blur takes it to other frames. AOVs are read by whole exports alone.
+    layers, and motion blur and the pass Vector take it to other frames. AOVs are read by whole
+    exports alone.
     """
     scene, layer = depsgraph.scene, depsgraph.view_layer
     render = scene.render
@@ -42,5 +43,6 @@ def keeps(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
         and not render_engine.is_preview
         and layers == 1
         and not blurs
+        and not layer.use_pass_vector
         and not aovs_of(layer)
     )

@@ -34,8 +34,7 @@ def with_motion(
     on the way, so that nothing evaluated may be kept over this call.
     """
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
-    blurs = render.use_motion_blur and depsgraph.view_layer.use_motion_blur
-    if not blurs or render_engine.is_preview or render.motion_blur_shutter <= 0:
+    if render_engine.is_preview or not blurs(depsgraph) or render.motion_blur_shutter <= 0:
         return tuple(scenes), ()
     camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
     still = read_pose(depsgraph)
@@ -43,14 +42,22 @@ def with_motion(
     times = shutter_times(frame, render.motion_blur_shutter, render.motion_blur_position, count)
     frames: list[list[np.ndarray]] = []
     poses: list[Pose] = []
+    zooms: set[float] = set()
     try:
         for time in times:
-            _go_to(time, render_engine)
+            go_to(time, render_engine)
             frames.append([_frame(render_engine, view, depsgraph, camera) for view in views])
             poses.append(read_pose(depsgraph))
+            zooms.add(_zoom(camera.evaluated_get(depsgraph)))
     finally:
-        _go_to(frame, render_engine)
+        go_to(frame, render_engine)
     report = Report()
+    if len(zooms) > 1:
+        report.note(
+            "Cameras that zoom while the shutter is open blur by what moves alone ({}): move the "
+            "camera instead",
+            camera.name,
+        )
     scene = moved(scenes[0], still, poses, report)
     opening = _shutter(render.motion_blur_shutter_curve, report)
     seen = (replace(scene, camera=some.camera) for some in scenes)
@@ -70,6 +77,14 @@ def _frame(
         return camera_frame(looker.matrix, looker.camera.name)
     matrix = camera.evaluated_get(depsgraph).matrix_world
     return camera_frame(np.array(matrix, np.float64), camera.name)
+
+
+def _zoom(camera: bpy.types.Object) -> float:
+    """What a perspective camera's picture widens with, which blurs in Cycles: neither orthographic
+    scales nor shifts do.
+    """
+    data = camera.data
+    return data.angle if camera.type == "CAMERA" and data.type == "PERSP" else 0.0
 
 
 def _with_camera(scene: Scene, frames: Sequence[np.ndarray], opening: np.ndarray | None) -> Scene:
@@ -95,6 +110,12 @@ def shutter_times(frame: float, shutter: float, position: str, count: int = _KEY
     return [frame + shutter * (k / (count - 1) - _BEFORE[position]) for k in range(count)]
 
 
-def _go_to(time: float, render_engine: bpy.types.RenderEngine) -> None:
+def blurs(depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether the scene and its view layer have motion blur."""
+    return depsgraph.scene.render.use_motion_blur and depsgraph.view_layer.use_motion_blur
+
+
+def go_to(time: float, render_engine: bpy.types.RenderEngine) -> None:
+    """Evaluates another frame."""
     whole = math.floor(time)
     render_engine.frame_set(whole, subframe=time - whole)

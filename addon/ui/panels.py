@@ -253,16 +253,7 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column
-        data = column.column(heading="Data", align=True)
-        for name, switch in result.BLENDER_SWITCHES.items():
-            if name not in engine.CRYPTOMATTES:
-                data.prop(context.view_layer, switch)
-        cycles = getattr(context.view_layer, "cycles", None)
-        for name, switch in result.CYCLES_SWITCHES.items():
-            if hasattr(cycles, switch):
-                data.prop(cycles, switch, text=name)
-        if hasattr(cycles, result.DENOISING):
-            data.prop(cycles, result.DENOISING, text="Denoising Data")
+        self._draw_data(column, context)
         for surface in ("Diffuse", "Glossy", "Transmission"):
             light = column.column(heading=surface, align=True)
             for what in ("Direct", "Indirect", "Color"):
@@ -274,6 +265,23 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
         health = column.column(heading="Health", align=True)
         for switch in result.HEALTH_SWITCHES.values():
             health.prop(context.view_layer.glint, switch)
+
+    @staticmethod
+    def _draw_data(column, context):
+        data = column.column(heading="Data", align=True)
+        for name, switch in result.BLENDER_SWITCHES.items():
+            if name not in engine.CRYPTOMATTES:
+                row = data.row(align=True)
+                row.active = name != "Vector" or not context.scene.render.use_motion_blur
+                row.prop(context.view_layer, switch)
+        if context.view_layer.use_pass_ambient_occlusion and context.scene.world is not None:
+            data.prop(context.scene.world.light_settings, "distance", text="Occlusion Distance")
+        cycles = getattr(context.view_layer, "cycles", None)
+        for name, switch in result.CYCLES_SWITCHES.items():
+            if hasattr(cycles, switch):
+                data.prop(cycles, switch, text=name)
+        if hasattr(cycles, result.DENOISING):
+            data.prop(cycles, result.DENOISING, text="Denoising Data")
 
 
 class GLINT_VIEWLAYER_PT_cryptomatte(_Panel, bpy.types.Panel):

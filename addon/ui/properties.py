@@ -96,7 +96,11 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
     viewport_pass: EnumProperty(
         name="Pass",
         description="What Rendered shading shows in the 3D views; renders are not touched",
-        items=[(name, name, "") for name in engine.PASSES if name not in engine.CRYPTOMATTES],
+        items=[
+            (name, name, "")
+            for name in engine.PASSES
+            if name not in (*engine.CRYPTOMATTES, "Vector")
+        ],
         default="Combined",
     )
 

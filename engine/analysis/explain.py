@@ -190,6 +190,12 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
         f"{_rgb(hit.barycentric)}"
     )
     yield f"x = {_rgb(hit.position)}, n = {_rgb(hit.normal)}, material '{hit.material}'"
+    if hit.moved is not None:
+        came, rose, goes, rises = (-pixels for pixels in hit.moved)
+        yield (
+            f"since the frame before it moved {came:.6g} pixels to the right and {rose:.6g} up, to "
+            f"the next one it moves {goes:.6g} and {rises:.6g}"
+        )
     if hit.holdout:
         yield "it is a holdout: nothing is seen here"
         return

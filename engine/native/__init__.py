@@ -139,7 +139,7 @@ def _load(path: str) -> ctypes.CDLL:
     if found != core_types.ABI_VERSION:
         raise ImportError(
             f"{path} speaks version {found} of the core's interface, this is version "
-            f"{core_types.ABI_VERSION}"
+            f"{core_types.ABI_VERSION}: after an update restart Blender"
         )
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(core, name)

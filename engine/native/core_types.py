@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 34
+ABI_VERSION = 36
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -187,6 +187,8 @@ class Pass(IntEnum):
     TRANSMISSION_COLOR = 37
     VOLUME_DIRECT = 38
     VOLUME_INDIRECT = 39
+    VECTOR = 40
+    AMBIENT_OCCLUSION = 41
 
 
 class State(IntEnum):
@@ -346,7 +348,7 @@ class SceneData(Structure):
         *_each(CameraData, "camera"),
         *_each(c_double * 3, "ambient background"),
         *_each(c_double * 9, "world_axes"),
-        *_each(c_double, "mist_start mist_depth"),
+        *_each(c_double, "mist_start mist_depth occlusion_distance"),
         *_each(c_int32, "transparent world_program world_slot mist_falloff aov_count world_medium"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
         *_each(c_size_t, "instance_value_names instance_values textures program_words"),
@@ -360,19 +362,35 @@ class SceneData(Structure):
     ]
 
 
+class ShapeData(Structure):
+    _fields_ = [
+        *_each(c_size_t, "vertices"),
+        *_each(c_uint64, "vertex_count"),
+    ]
+
+
+class NeighbourData(Structure):
+    _fields_ = [
+        *_each(CameraData, "camera"),
+        *_each(c_size_t, "world_from_object shapes"),
+        *_each(c_uint64, "row_count shape_count"),
+    ]
+
+
 class RenderSettingsData(Structure):
     _fields_ = [
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table"),
         *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance scatter_offsets"),
-        *_each(c_size_t, "lens_points camera_frames"),
+        *_each(c_size_t, "lens_points camera_frames occlusion_points neighbours"),
         *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count lobe_count"),
-        *_each(c_uint64, "lens_point_count camera_frame_count scatter_count passes"),
+        *_each(c_uint64, "lens_point_count camera_frame_count scatter_count occlusion_count"),
+        *_each(c_uint64, "passes"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff lens_focus"),
         *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
-        *_each(c_uint32, "bounced_samples bounced_shadows lamp_shadows dome_rows dome_columns"),
-        *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns camera_block lobe_levels"),
-        *_each(c_uint32, "crypto_ids max_bounces threads"),
+        *_each(c_uint32, "bounced_samples bounced_shadows lamp_shadows occlusion_samples"),
+        *_each(c_uint32, "dome_rows dome_columns dome_irradiance_rows dome_irradiance_columns"),
+        *_each(c_uint32, "camera_block lobe_levels crypto_ids max_bounces threads"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections moving"),
     ]

@@ -77,6 +77,7 @@ class ScenePacker:
         data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
         data.transparent, mist = scene.world.transparent, scene.world.mist
         data.mist_start, data.mist_depth = mist.start, mist.depth
+        data.occlusion_distance = scene.world.occlusion_distance
         data.aov_count = len(scene.aovs)
         data.mist_falloff = number(mist.falloff, core_types.Mist, "mist falloff")
         data.world_axes[:] = np.asarray(scene.world.axes, np.float64).T.reshape(9)

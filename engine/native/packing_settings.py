@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
 
 import numpy as np
 
 from ..errors import SceneError
-from ..film import PASSES
+from ..film import OCCLUSION, PASSES
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable
-from ..sampling import light_points, lobe_points, pixel_offsets, scatter_offsets
+from ..sampling import (
+    light_points,
+    lobe_points,
+    occlusion_points,
+    pixel_offsets,
+    scatter_offsets,
+)
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, is_moving, sample_times
-from ..scene import Lens, Light, Scene
+from ..scene import Lens, Light, Mesh, Scene
 from ..settings import DECLARED, Settings
 from . import core_types
 from .packer import Packed, Packer, address, number
+from .packing import pack_camera
 
 PASS_NUMBERS = {name: core_types.Pass[name.upper().replace(" ", "_")].value for name in PASSES}
 """The core's numbers of the passes."""
@@ -82,6 +90,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.moving = is_moving(scene)
     if scene.camera.motion is not None:
         _add_motion(data, packer, scene, settings)
+    _add_neighbours(data, packer, scene, settings)
+    _add_occlusion(data, packer, settings)
     return Packed(data, packer.lent)
 
 
@@ -149,6 +159,40 @@ def _add_motion(
     frames = packer.lend(frames, np.float64, (None, 12), "camera frames")
     data.camera_frames, data.camera_frame_count = address(frames), len(frames)
     data.camera_block = BLOCK
+
+
+def _add_neighbours(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    """Where things are in the frames before and after, where they are asked for, and the
+    vertices of geometries that have another shape there.
+    """
+    if scene.neighbours is None or "Vector" not in settings.passes:
+        return
+    both = (core_types.NeighbourData * 2)()
+    for told, other in zip(both, scene.neighbours, strict=True):
+        rows = [np.zeros((0, 3, 4)), *(block.world_from_object for block in other.instances)]
+        rows = packer.lend(np.concatenate(rows), np.float64, (None, 3, 4), "neighbour")
+        shapes = np.zeros(len(other.geometries), np.dtype(core_types.ShapeData))
+        for k, (here, there) in enumerate(zip(scene.geometries, other.geometries, strict=True)):
+            if there is not here and isinstance(here, Mesh):
+                vertices = packer.lend(there.vertices, np.float32, (None, 3), "neighbour")
+                shapes[k] = address(vertices), len(vertices)
+        told.camera, told.world_from_object = pack_camera(other.camera), address(rows)
+        told.row_count, told.shapes, told.shape_count = len(rows), address(shapes), len(shapes)
+        packer.lent.append(shapes)
+    packer.lent.append(both)
+    data.neighbours = ctypes.addressof(both)
+
+
+def _add_occlusion(data: core_types.RenderSettingsData, packer: Packer, settings: Settings) -> None:
+    """Directions in which the pass looks, where it is asked for."""
+    if OCCLUSION not in settings.passes:
+        return
+    points = occlusion_points(settings.samples, settings.dome_samples)
+    points = packer.lend(points, np.float64, (None, 2), "occlusion points")
+    data.occlusion_points, data.occlusion_count = address(points), len(points)
+    data.occlusion_samples = settings.dome_samples
 
 
 def _add_lens(

@@ -18,6 +18,7 @@ from .lighting import balance, highlight, sheens
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
 from .media import Spans
+from .motion_vectors import motion_vectors
 from .paths import Paths, bounced, camera_paths, met, straight_on, widened
 from .pulse import Pulse
 from .rays import Bundle
@@ -67,7 +68,8 @@ class Hit:
     segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
     normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
     here.  caught: of a shadow catcher that the camera sees, the share of its light that other
-    things leave to it; None elsewhere.  shared: of how many shadow rays of a sample how many
+    things leave to it; None elsewhere.  moved: (4,) pixels, as the pass Vector has them; None
+    where the scene has no neighbours.  shared: of how many shadow rays of a sample how many
     samples of lamps have a share; zeros where each has its own.  shared_bounced: the same of points
     of bounced light; zeros without one.
     """
@@ -86,6 +88,7 @@ class Hit:
     lights: tuple[LightTerm, ...]
     holdout: bool = False
     caught: Numbers | None = None
+    moved: Numbers | None = None
     shared: tuple[int, int] = (0, 0)
     shared_bounced: tuple[int, int] = (0, 0)
 
@@ -279,6 +282,9 @@ class Explainer:
             lights=tuple(self._lights(surface, coefficients, paths.weight)),
             holdout=instances.holdout,
             caught=self._caught(surface, coefficients, paths),
+            moved=_numbers(motion_vectors(stage, surface)[:, 0])
+            if paths.depth == 0 and stage.scene.neighbours is not None
+            else None,
             shared=(stage.lighting.marks, stage.shared_samples),
             shared_bounced=stage.shared_bounced,
         )

@@ -9,13 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..film import CATCHER, VOLUME
+from ..film import CATCHER, OCCLUSION, VOLUME
 from . import catchers
 from .gloss import reflecting
 from .lighting import DirectLight
 from .lights import Source
 from .materials import Coefficients
 from .media import Spans
+from .motion_vectors import motion_vectors
+from .occlusion import openness
 from .paths import (
     Paths,
     beyond,
@@ -136,6 +138,7 @@ class Generations:
             paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
         )
         hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
+        self._look_around(paths, hit, surface, coefficients)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
@@ -170,6 +173,19 @@ class Generations:
         rest = np.flatnonzero(~is_caught)
         surface = surface.take(rest)
         return hit[rest], surface, stage.shader.coefficients(surface, paths.kind)
+
+    def _look_around(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
+    ) -> None:
+        """What is open over points that camera rays meet, of what of the rays stays there, where
+        the pass is asked for.
+        """
+        if paths.depth > 0 or OCCLUSION not in self._stage.settings.passes:
+            return
+        pixel = paths.pixel[hit]
+        stays = pick(paths.weight, hit) * catchers.opacity(coefficients)
+        found = openness(self._stage, surface, self._sample, lambda: self._tile.charge(pixel))
+        self._tile.look_around(pixel, stays * found)
 
     def _show_caught(self, paths: Paths, hit: Array, seen: Array, ratio: Array) -> None:
         """The surroundings behind catchers, and over them their shadows; or nothing, where the
@@ -276,6 +292,7 @@ class Generations:
             return
         stage, some = self._stage, surface.take(chosen)
         uv = stage.attributes.uv("")
+        moved = {"Vector": motion_vectors(stage, some)} if "Vector" in self._tile.data else {}
         self._tile.record(
             paths.pixel[hit[chosen]],
             Depth=depth[chosen] * stage.camera.along
@@ -289,6 +306,7 @@ class Generations:
             ),
             Object_Index=stage.per_object("object_index", some.row),
             Material_Index=stage.shader.pass_index(some.material),
+            **moved,
         )
 
     def _see(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:

@@ -12,6 +12,7 @@ from ..film import (
     CRYPTOMATTES,
     DENOISING,
     LIGHTING,
+    OCCLUSION,
     PARTS,
     PASSES,
     SEEN,
@@ -24,7 +25,7 @@ Array = np.ndarray
 
 HEALTH = ("Error", "Samples", "Cost", "Fallbacks")
 """Passes that grow with every sample and belong to no part."""
-_OTHERS = ("Combined", *PARTS, *HEALTH, *SEEN, CATCHER, *LIGHTING)
+_OTHERS = ("Combined", *PARTS, *HEALTH, *SEEN, CATCHER, OCCLUSION, *LIGHTING)
 DATA = tuple(name for name in PASSES if name not in _OTHERS)
 LARGEST = float(np.finfo(np.float32).max)
 
@@ -35,9 +36,10 @@ class Tile:
     reached them, whether their horizon cuts one, and whether bounced light reached them. data:
     (channels, n) for the passes named. wanted: (n,) bool, pixels whose data is still to come.
     clear: (n,) what is seen and no mist before it. caught: (3, n) what shadows on catchers take
-    away. aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels
-    whose ray has met nothing that hides what is behind. met: of each Cryptomatte pass, pixels, bits
-    of ids and coverages, (m,) each, of what was met.
+    away.  open: (3, n) what is open over what is seen. aovs: (4 each, n) colours and what of the
+    sample has them. wants_aovs: (n,) bool, pixels whose ray has met nothing that hides what is
+    behind. met: of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was
+    met.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0):
@@ -49,6 +51,7 @@ class Tile:
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
         self.clear, self.caught = np.zeros(count), np.zeros((3, count))
+        self.open = np.zeros((3, count))
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
@@ -70,6 +73,11 @@ class Tile:
     def catch(self, pixel: Array, dark: Array) -> None:
         """Shadows (3, m) that catchers show."""
         for total, value in zip(self.caught, dark, strict=True):
+            total += np.bincount(pixel, value, self._count)
+
+    def look_around(self, pixel: Array, shares: Array) -> None:
+        """What is open over points (3, m) that rays meet, times what of the rays stays there."""
+        for total, value in zip(self.open, shares, strict=True):
             total += np.bincount(pixel, value, self._count)
 
     def add(self, part: str, pixel: Array, values: Array) -> None:
@@ -126,6 +134,7 @@ class Picture:
         self._aovs, self._aov_names = np.zeros((4 * len(aovs), count)), aovs
         self._clear, self._crypto_ids = np.zeros(count), crypto_ids
         self._caught = np.zeros((3, count if CATCHER in passes else 0))
+        self._open = np.zeros((3, count if OCCLUSION in passes else 0))
         self._denoising = {
             name: np.zeros((PASSES[name], count)) for name in DENOISING if name in passes
         }
@@ -140,6 +149,8 @@ class Picture:
         self._clear[here] += tile.clear
         if CATCHER in self._passes:
             self._caught[:, here] += tile.caught
+        if OCCLUSION in self._passes:
+            self._open[:, here] += tile.open
         self._aovs[:, here] += tile.aovs
         for name, total in self._denoising.items():
             total[:, here] += tile.denoising[name]
@@ -172,6 +183,8 @@ class Picture:
         }
         if CATCHER in self._passes:
             health[CATCHER] = 1 - self._caught / samples
+        if OCCLUSION in self._passes:
+            health[OCCLUSION] = self._open / samples
         chosen = {name: values for name, values in health.items() if name in self._passes}
         return (
             color

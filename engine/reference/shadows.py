@@ -58,6 +58,20 @@ class Shadows:
         self._rays["shadow"] += len(seen)
         return self.from_points(self._start(surface, seen, sample), sample, counted=True)
 
+    def near(self, surface: Surface, direction: Array, reach: float) -> Array:
+        """(3, n) what is open over all points of the surface in the unit directions (3, n), as far
+        as `reach`.
+        """
+        n = len(surface)
+        self._rays["shadow"] += n
+        sample = LightSample(direction, np.ones(n), None, np.zeros(n))
+        start, ends = self._start(surface, np.arange(n), sample), (np.zeros(n), np.full(n, reach))
+        rays = Bundle.of(start, direction, *ends)
+        passed = self._blocked(rays).T
+        if self._media:
+            passed = passed * self._media.passed(self._media.spans(rays, "shadow"), *ends)
+        return passed
+
     def from_points(self, start: Array, sample: LightSample, counted: bool = False) -> Array:
         """The same for points (3, m) where nothing is. counted: whether the rays are already."""
         self._rays["shadow"] += 0 if counted else start.shape[1]

@@ -60,6 +60,7 @@ class Stage:
         self.shared_bounced = (asked, settings.bounced_samples) if bounced else (0, 0)
         self.media = Media(scene, self.attributes, self.visibility)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
+        self.shadows = shadows
         self.lighting = Lighting(
             self.sources,
             settings.light_samples,

@@ -179,6 +179,17 @@ def dome_points(count: int) -> np.ndarray:
     return _sobol(count, _DOME)
 
 
+@functools.lru_cache(maxsize=4)
+def occlusion_points(samples: int, each: int) -> np.ndarray:
+    """(k, 2) float64 in the unit disc, not to be written to: what lies below the directions of
+    samples that look round, `each` of one after those of the one before. A viewport asks for the
+    same all the time.
+    """
+    points = concentric_disc(2 * dome_points(tabled(samples, each)) - 1)
+    points.flags.writeable = False
+    return points
+
+
 def lobe_points(count: int) -> np.ndarray:
     """(LOBE_LEVELS, k, 2) float64 in the unit disc: where in the lobes of rough surfaces `count`
     samples of a pixel reflect their rays, at each of their first reflections. Later reflections,

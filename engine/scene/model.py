@@ -512,7 +512,8 @@ class World:
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
     columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
-    is everywhere, inside of things too; None for nothing.
+    is everywhere, inside of things too; None for nothing.  occlusion_distance: 0 to 1e30, how far
+    the pass Ambient Occlusion looks, world units.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -523,12 +524,15 @@ class World:
     axes: Array = field(default_factory=lambda: np.eye(3))
     mist: Mist = Mist()
     medium: Medium | None = None
+    occlusion_distance: float = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
     """All that a picture depends on, besides `Settings`. aovs: names; of each the film has the pass
-    `film.aov_pass`.
+    `film.aov_pass`.  neighbours: the frame before and the one after, for the pass Vector alone:
+    the same geometries and instances, which may stand elsewhere, and meshes have other vertices,
+    seen by a camera of the same kind; None where nothing moves.
     """
 
     camera: Camera
@@ -539,6 +543,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
     aovs: tuple[str, ...] = ()
+    neighbours: tuple[Scene, Scene] | None = None
 
     def as_lit(self, *, by_world: bool, by_meshes: bool, bounces: int) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and

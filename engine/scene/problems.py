@@ -79,6 +79,8 @@ stay well within.
 
 
 MOST_AOVS = 256
+MOST_DISTANCE = 1e30
+"""That occlusion looks: ends of its rays stay finite."""
 
 
 def scene_problems(scene: Scene) -> list[str]:
@@ -107,7 +109,7 @@ def scene_problems(scene: Scene) -> list[str]:
         for thing in things
         for text in check(thing)
     ]
-    return [*found, *_aovs(scene), *_domes(scene.lights)]
+    return [*found, *_aovs(scene), *_domes(scene.lights), *_neighbours(scene)]
 
 
 def _aovs(scene: Scene) -> Found:
@@ -119,6 +121,44 @@ def _aovs(scene: Scene) -> Found:
         for lobe in material.aovs.lobes if material.aovs else ():
             if lobe.exponent >= count:
                 yield f"{_label(material)}: aovs names number {lobe.exponent:g} of {count}"
+
+
+def _neighbours(scene: Scene) -> Found:
+    """What is not the same thing in the frames before and after."""
+    if scene.neighbours is None:
+        return
+    if [type(some) for some in scene.neighbours] != [Scene, Scene]:
+        yield "scene: neighbours are not two scenes: give the one before and the one after, or None"
+        return
+    for other in scene.neighbours:
+        yield from (f"neighbour's {_label(other.camera)}: {text}" for text in _camera(other.camera))
+        if other.camera.kind != scene.camera.kind:
+            yield f"neighbour's camera is {other.camera.kind}: use {scene.camera.kind}"
+        for name in ("geometries", "instances"):
+            here, there = getattr(scene, name), getattr(other, name)
+            if len(here) != len(there):
+                yield f"neighbour has {len(there)} {name}: use {len(here)}, as the scene has"
+                continue
+            same = _same_shape if name == "geometries" else _same_rows
+            for own, moved in zip(here, there, strict=True):
+                if moved is not own:
+                    yield from (f"neighbour's {_label(moved)}: {t}" for t in same(own, moved))
+
+
+def _same_shape(geometry: Any, moved: Any) -> Found:
+    if type(geometry) is not type(moved):
+        yield f"is another kind than the scene's: use {type(geometry).__name__}"
+    elif isinstance(geometry, Mesh):
+        yield from array("vertices", moved.vertices, np.float32, np.shape(geometry.vertices))
+
+
+def _same_rows(instances: Instances, moved: Any) -> Found:
+    if not isinstance(moved, Instances) or moved.geometry != instances.geometry:
+        yield "has another geometry than the scene's: use the same"
+        return
+    shape = np.shape(instances.world_from_object)
+    found = [*array("world_from_object", moved.world_from_object, np.float64, shape)]
+    yield from found or finite_array("world_from_object", moved.world_from_object)
 
 
 _HELD = {
@@ -629,6 +669,7 @@ def _world(world: World) -> Found:
     yield from numbers("background", world.background, 3)
     if not np.isfinite([world.mist.start, world.mist.depth]).all():
         yield "mist is not finite: use numbers"
+    yield from at_least("occlusion_distance", world.occlusion_distance, 0, MOST_DISTANCE)
     if world.mist.falloff not in MISTS:
         yield f"mist falloff {world.mist.falloff!r} is not one of {', '.join(MISTS)}"
     found = [*array("axes", world.axes, np.float64, (3, 3))]

@@ -42,6 +42,7 @@ class ViewAxes:
             instances=tuple(self._instances(block) for block in scene.instances),
             lights=tuple(self._light(light) for light in scene.lights),
             world=replace(scene.world, axes=self.axes.T @ scene.world.axes),
+            neighbours=tuple(map(self.scene, scene.neighbours)) if scene.neighbours else None,
         )
 
     def world_passes(self, passes: dict[str, Array]) -> dict[str, Array]:

@@ -35,6 +35,8 @@ BLENDER_SWITCHES = (
     "emit",
     "environment",
     "mist",
+    "vector",
+    "ambient_occlusion",
 )
 OUR_SWITCHES = ("diffuse", "specular", "ambient", "shadow", "mirror")
 
@@ -67,7 +69,13 @@ for name in {BLENDER_SWITCHES}:
     setattr(layer, "use_pass_" + name, True)
 for name in {OUR_SWITCHES}:
     setattr(layer.glint, "use_pass_" + name, True)
-bpy.data.objects["Cube"].pass_index = 7
+cube = bpy.data.objects["Cube"]
+cube.pass_index = 7
+turn = scene.camera.matrix_world.to_3x3()
+for frame, pixels in ((0, -2), (1, 0), (2, 2)):  # across the view, about so many
+    cube.location = turn.col[0] * pixels * 11.3 * 36 / 50 / 32
+    cube.keyframe_insert("location", frame=frame)
+scene.frame_set(1)
 bpy.data.objects["Cube"].active_material.pass_index = 5
 scene.render.filepath = str(FOLDER / "all.exr")
 bpy.ops.render.render(write_still=True)
@@ -87,9 +95,9 @@ def _pass(channels: dict[str, np.ndarray], name: str) -> np.ndarray:
 def test_every_pass_is_written_under_the_name_that_this_blender_uses(all_passes):
     channels, version = all_passes
     renamed = (
-        ("Object Index", "Material Index", "Emission", "Environment")
+        ("Object Index", "Material Index", "Emission", "Environment", "Ambient Occlusion")
         if version >= (5, 0)
-        else ("IndexOB", "IndexMA", "Emit", "Env")
+        else ("IndexOB", "IndexMA", "Emit", "Env", "AO")
     )
     counts = {
         "Combined": 4,
@@ -98,7 +106,8 @@ def test_every_pass_is_written_under_the_name_that_this_blender_uses(all_passes)
         "Normal": 3,
         "UV": 3,
         "Mist": 1,
-        **dict(zip(renamed, (1, 1, 3, 3), strict=True)),
+        "Vector": 4,
+        **dict(zip(renamed, (1, 1, 3, 3, 3), strict=True)),
     }
     counts |= dict.fromkeys(("Diffuse", "Specular", "Ambient", "Shadow", "Mirror"), 3)
     assert {name: _pass(channels, name).shape[-1] for name in counts} == counts
@@ -110,6 +119,10 @@ def test_the_passes_hold_their_own_values(all_passes):
     hit = depth < 1e9
     assert 0.02 < hit.mean() < 0.9
     assert depth[~hit].min() == np.float32(1e10)
+    open_share = _pass(channels, "Ambient Occlusion" if version >= (5, 0) else "AO")
+    assert (open_share == hit[..., None]).all()  # a cube alone is open all round
+    vector = _pass(channels, "Vector")
+    assert np.abs(vector - np.where(hit, 2.0, 0.0)[..., None] * [-1, 0, -1, 0]).max() < 0.4
     mist = _pass(channels, "Mist")[..., 0]
     assert (mist[~hit] == 1).all()
     assert 0 < mist[hit].max() < 0.5

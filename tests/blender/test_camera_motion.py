@@ -104,3 +104,17 @@ def test_a_shutter_that_never_opens_is_told(moving):
     moving.render.motion_blur_shutter_curve.update()
     assert read(moving).camera.shutter is None
     assert any("never opens" in note for note in told(moving))
+
+
+@pytest.mark.parametrize(
+    ("kind", "setting", "said"),
+    [("PERSP", "lens", True), ("ORTHO", "ortho_scale", False), ("PERSP", "shift_x", False)],
+)
+def test_a_zoom_while_the_shutter_is_open_is_told(moving, kind, setting, said):
+    data = moving.camera.data
+    data.type = kind
+    for frame, value in ((1, 2.0), (21, 9.0)):
+        setattr(data, setting, value)
+        data.keyframe_insert(setting, frame=frame)
+    moving.frame_set(5)
+    assert any("zoom" in note and "'Camera'" in note for note in told(moving)) == said

@@ -72,7 +72,7 @@ answer({"unchanged": before == state(), "strip": result.strip.shape, **result.as
     saved = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert saved["direct"] == direct and (tmp_path / "out" / "compare.png").is_file()
     assert not any("Highlights" in line for line in answer["expected"])
-    assert any("Indirect light" in line for line in answer["expected"])
+    assert any("Light of more bounces" in line for line in answer["expected"])
 
 
 def test_a_difference_is_seen(tmp_path):
@@ -111,7 +111,7 @@ answer([unchanged, failed, len(bpy.data.scenes), code, (FOLDER / "command" / "co
 """  # noqa: E501 - a script for another Blender
     )
     assert _answer(run) == [True, True, 1, 0, True], run.output
-    assert "Direct light, matched: RMSE" in run.output and "Indirect light" in run.output
+    assert "The same light in both: RMSE" in run.output and "Light of more bounces" in run.output
 
 
 def test_escape_stops_between_two_pictures(tmp_path):

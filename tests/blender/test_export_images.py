@@ -281,11 +281,14 @@ def test_without_openimageio_blender_gives_the_same(scene, tmp_path, monkeypatch
         np.testing.assert_allclose(without.pixels, with_it.pixels, rtol=1e-3, atol=1e-6)
 
 
-def test_values_that_are_not_finite_are_zero(scene, tmp_path):  # noqa: F811
+def test_values_that_are_not_finite_are_zero_and_told(scene, tmp_path):  # noqa: F811
     values = GRADIENT.copy()
     values[0, 0, 0], values[1, 1, 1] = np.nan, np.inf
-    texture, _ = _texture(bpy.data.images.load(_file(tmp_path / "a.exr", values, "float")))
+    texture, notes = _texture(bpy.data.images.load(_file(tmp_path / "a.exr", values, "float")))
     assert np.isfinite(texture.pixels).all()
+    assert notes == (
+        "Images have pixels that are not finite, which count as 0 ('a.exr'): repair them",
+    )
 
 
 def test_the_srgb_curve():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from export_support import export, link, mesh_object, quad, scene, use_nodes  # noqa: F401
+from export_support import Shader, export, link, mesh_object, quad, scene, use_nodes  # noqa: F401
 from glint.engine.scene import Instances
 
 
@@ -253,6 +253,18 @@ def test_what_shadow_catchers_do_not_show_is_noted(scene):  # noqa: F811
     assert any("'Catcher'" in note for note in export().notes)
 
 
+@pytest.mark.parametrize("bad", [np.nan, -np.inf, 1e300])
+def test_properties_that_are_not_finite_count_as_0_and_are_told(scene, bad):  # noqa: F811
+    shader = Shader()
+    node = shader.node("ShaderNodeAttribute", attribute_type="OBJECT", attribute_name="Own")
+    shader.link(node, "Color", shader.shader, "Color")
+    shader.quad["Own"] = [bad, 0.5, 0.25]
+    result = export()
+    ((values,),) = (block.values.values() for block in result.scene.instances)
+    assert values.tolist() == [[0.0, 0.5, 0.25, 1.0]]
+    assert any("not finite" in note and "'Own of Quad'" in note for note in result.notes)
+
+
 def test_what_cannot_be_rendered_is_named_once_per_kind(scene):  # noqa: F811
     for name in ("Smoke", "Fog"):
         link(bpy.data.objects.new(name, bpy.data.volumes.new(name)))
@@ -283,7 +295,7 @@ def test_world_override_of_the_view_layer(scene):  # noqa: F811
     np.testing.assert_allclose(export().scene.world.background, (0.25, 0.5, 1.0))
 
 
-@pytest.mark.parametrize("switch", ["use_pass_vector", "use_pass_ambient_occlusion"])
+@pytest.mark.parametrize("switch", ["use_pass_ambient_occlusion"])
 def test_passes_that_are_not_there_are_noted(scene, switch):  # noqa: F811
     quad()
     setattr(bpy.context.view_layer, switch, True)

@@ -245,6 +245,25 @@ def test_a_flattened_light_is_named_but_a_point_shines(scene):  # noqa: F811
     assert any("'AREA'" in note for note in result.notes)
 
 
+@pytest.mark.parametrize(
+    ("shape", "size", "size_y", "said"),
+    [
+        ("SQUARE", 0.0, 1.0, True),
+        ("DISK", 0.0, 1.0, True),
+        ("RECTANGLE", 1.0, 0.0, True),
+        ("ELLIPSE", 0.0, 1.0, True),
+        ("SQUARE", 1.0, 0.0, False),
+        ("RECTANGLE", 1.0, 1e-6, False),
+    ],
+)
+def test_an_area_of_no_size_shines_and_is_told(scene, shape, size, size_y, said):  # noqa: F811
+    """Cycles draws none of its light."""
+    _light("AREA", shape=shape, size=size, size_y=size_y)
+    result = export()
+    assert result.scene.lights[0].strength > 0
+    assert any("without a size ('AREA')" in note for note in result.notes) == said
+
+
 def test_portals_are_no_lights(scene):  # noqa: F811
     _light("AREA").data.cycles.is_portal = True
     assert export().scene.lights == ()

@@ -298,6 +298,25 @@ def test_no_output_is_black(scene):  # noqa: F811
     assert any("output" in note for note in result.notes)
 
 
+def test_an_output_without_a_surface_is_black_and_told(scene):  # noqa: F811
+    shader = Shader(shader=None)
+    result, lobes = shader.export()
+    assert lobes == ()
+    assert any("without a surface" in note and "'Material'" in note for note in result.notes)
+
+
+def test_a_group_without_an_output_is_black_and_told(scene):  # noqa: F811
+    shader = Shader(shader=None)
+    tree = bpy.data.node_groups.new("Hollow", "ShaderNodeTree")
+    tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    group = shader.tree.nodes.new("ShaderNodeGroup")
+    group.node_tree = tree
+    shader.link(group, 0, shader.output, "Surface")
+    result, lobes = shader.export()
+    assert lobes == ()
+    assert any("Groups without an output" in note for note in result.notes)
+
+
 def test_a_colour_on_the_surface_glows(scene):  # noqa: F811
     shader = Shader(shader=None)
     rgb = shader.node("ShaderNodeRGB")

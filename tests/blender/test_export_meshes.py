@@ -242,6 +242,26 @@ def test_a_mesh_in_edit_mode_is_read(scene):  # noqa: F811
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_attributes_that_are_not_finite_count_as_0_and_are_told(scene, bad):  # noqa: F811
+    shader = Shader()
+    data = shader.quad.data
+    data.uv_layers[0].data.foreach_set("uv", np.float32([bad, 1] * 4))
+    data.attributes.new("Number", "FLOAT", "POINT").data.foreach_set(
+        "value", np.float32([bad, 1, 2, 3])
+    )
+    attribute = shader.node("ShaderNodeAttribute", attribute_name="Number")
+    shader.link(attribute, "Fac", shader.shader, "Roughness")
+    shader.link(attribute, "Color", shader.shader, "Color")
+    result = export(passes=frozenset({"UV"}))
+    values = {a.name: a.values[:, :2].tolist() for a in result.scene.geometries[0].attributes}
+    assert values == {"UVMap": [[0, 1]] * 4, "Number": [[0, 0], [1, 1], [2, 2], [3, 3]]}
+    assert (
+        "Attributes have values that are not finite, which count as 0 ('UVMap of Quad', 'Number of "
+        "Quad'): repair or remove them"
+    ) in result.notes
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  # noqa: F811
     thing = mesh_object(
         "Broken",

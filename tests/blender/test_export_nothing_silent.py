@@ -212,3 +212,33 @@ def test_a_layer_without_surfaces_has_none(scene):  # noqa: F811
     assert export().scene.instances
     bpy.context.view_layer.use_solid = False
     assert not export().scene.instances
+
+
+def test_a_note_is_one_line_whatever_names_hold(scene):  # noqa: F811
+    light = link(bpy.data.objects.new("a\nb\tc 立", bpy.data.lights.new("Lamp", "POINT")))
+    light.data.energy = 0
+    (note,) = export().notes
+    assert "'a b c 立'" in note and note.isprintable()
+
+
+def test_missing_linked_data_are_named(scene, tmp_path):  # noqa: F811
+    """A mesh and a node group of a library that is gone."""
+    library, user = tmp_path / "library.blend", tmp_path / "user.blend"
+    shader = Shader("Linked")
+    shader.quad.data.name = "Shape"
+    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.meshes, wanted.materials = ["Shape"], ["Linked"]
+    camera = link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
+    bpy.context.scene.camera = camera
+    link(bpy.data.objects.new("Hull", bpy.data.meshes["Shape"]))
+    own = quad("Own", bpy.data.materials["Linked"])
+    assert own.data.materials[0].library is not None
+    assert not any("could not find" in note for note in export().notes)
+    bpy.ops.wm.save_as_mainfile(filepath=str(user))
+    library.unlink()
+    bpy.ops.wm.open_mainfile(filepath=str(user))
+    (told,) = [note for note in export().notes if "could not find" in note]
+    assert "'Shape'" in told and "'Linked'" in told
+    assert told.endswith("relocate their library in the Outliner (Blender File)")

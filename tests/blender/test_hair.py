@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from export_support import export, link, scene, use_nodes  # noqa: F401
+from export_support import Shader, export, link, scene, use_nodes  # noqa: F401
 from glint.addon.export.geometry.hashing import random_of
 from glint.addon.export.geometry.strands import NEAR
 from glint.engine.scene import Strands
@@ -185,6 +185,24 @@ def test_hair_info_reads_what_cycles_tells(scene):  # noqa: F811
     random = random_of(numbers, np.zeros_like(numbers))
     np.testing.assert_allclose(values["(hair)"][::3, 2], random)
     np.testing.assert_allclose(values["(fibre)"], [[0, 0, 1, 0.2]] * 6, atol=1e-6)
+
+
+def test_colours_that_are_not_finite_count_as_0_and_are_told(scene):  # noqa: F811
+    thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)])
+    colors = thing.data.attributes.new("Dye", "FLOAT_VECTOR", "POINT")
+    colors.data.foreach_set("vector", np.float32([np.nan, 1, 1] * 4))
+    shader = Shader(shader="ShaderNodeEmission")
+    shader.link(
+        shader.node("ShaderNodeAttribute", attribute_name="Dye"), "Color", shader.shader, "Color"
+    )
+    thing.data.materials.append(shader.material)
+    result = export()
+    ((dye,),) = (found.attributes for found in strands_of(result))
+    assert (dye.values == [0, 1, 1, 1]).all()
+    assert any(
+        note.startswith("Attributes have values that are not finite") and "'Dye of Fur'" in note
+        for note in result.notes
+    )
 
 
 def test_a_strand_has_the_map_and_colours_of_its_root(scene):  # noqa: F811

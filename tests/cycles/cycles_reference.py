@@ -116,7 +116,7 @@ def read_exr(path: str) -> dict[str, np.ndarray]:
 
 
 def _stack(channels: dict[str, np.ndarray]) -> np.ndarray:
-    """Channels in the order RGBA or XYZ; a single one loses its axis."""
-    order = [c for c in "RGBXYZA" if c in channels] or sorted(channels)
+    """Channels in the order RGBA or XYZW; a single one loses its axis."""
+    order = [c for c in "RGBXYZWA" if c in channels] or sorted(channels)
     planes = [channels[c] for c in order]
     return np.ascontiguousarray(planes[0] if len(planes) == 1 else np.stack(planes, -1))

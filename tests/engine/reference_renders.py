@@ -18,6 +18,7 @@ import OpenImageIO as oiio
 
 from engine_scenes import SCENES
 from glint import engine
+from glint.engine.scene import Mesh, Scene
 
 HERE = Path(__file__).resolve().parent
 
@@ -51,8 +52,33 @@ def rounded(value: Any) -> Any:
 
 
 def draw(name: str, settings: engine.Settings = SETTINGS) -> dict[str, Array]:
-    """All passes of one scene, (h, w, c) float32."""
-    return engine.render(rounded(SCENES[name]()), settings).passes
+    """All passes of one scene, (h, w, c) float32; what looks round is drawn by itself, as its rays
+    would count as the picture's.
+    """
+    scene = SCENES[name]()
+    moving = replace(scene, neighbours=(elsewhere(scene, -1.0), elsewhere(scene, 2.0)))
+    told, apart = rounded(moving), settings.passes & {engine.OCCLUSION}
+    passes = engine.render(told, replace(settings, passes=settings.passes - apart)).passes
+    beside = engine.render(told, replace(settings, passes=apart)).passes if apart else {}
+    return passes | {name: beside[name] for name in apart}
+
+
+def elsewhere(scene: Scene, share: float) -> Scene:
+    """Another frame, in which all that stands there has moved and meshes have grown."""
+    step = np.zeros((3, 4))
+    step[:, 3] = 0.125 * share, 0.25 * share, -0.5 * share
+    grown = np.float32(1 + 0.125 * share)
+    return replace(
+        scene,
+        geometries=tuple(
+            replace(g, vertices=g.vertices * grown) if isinstance(g, Mesh) else g
+            for g in scene.geometries
+        ),
+        instances=tuple(
+            replace(block, world_from_object=block.world_from_object + step)
+            for block in scene.instances
+        ),
+    )
 
 
 def hashes_of(passes: dict[str, Array]) -> dict[str, str]:

@@ -494,7 +494,12 @@ def test_a_wall_is_lit_down_to_its_foot() -> None:
     leave it dark.
     """
     found = added(floor_and_wall(), samples=256) / (2.0 / np.pi * ALBEDO)
-    assert found.shape[0] == 16 and (found > 0.2).all() and (found[8:] > 0.36).all() and (found < 0.55).all(), found[:, 0, 0]
+    assert (
+        found.shape[0] == 16
+        and (found > 0.2).all()
+        and (found[8:] > 0.36).all()
+        and (found < 0.55).all()
+    ), found[:, 0, 0]
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

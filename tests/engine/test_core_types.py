@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from glint.engine import film, scene, settings
+from glint.engine import film, native, scene, settings
 from glint.engine.native import core_types
 from glint.engine.scene.panorama import PROJECTIONS
+from native_tools import needs_core
 
 ROOT = Path(__file__).parents[2]
 HEADER = ROOT / "engine/core/include/glint.h"
@@ -109,3 +110,16 @@ def test_constants_have_the_headers_values(tmp_path: Path) -> None:
 )
 def test_the_core_knows_every_name_of_the_values(names, enum: type[IntEnum]) -> None:
     assert set(names) == set(enum.__members__)
+
+
+@needs_core
+def test_a_core_of_another_version_is_refused_with_the_remedy(monkeypatch) -> None:
+    """A Blender that goes on after an update has the old one loaded."""
+    import glint_core
+
+    path = str(glint_core.library_path())
+    found = core_types.ABI_VERSION
+    monkeypatch.setattr(core_types, "ABI_VERSION", found + 1)
+    said = f"speaks version {found} .* this is version {found + 1}: .* restart Blender"
+    with pytest.raises(ImportError, match=said):
+        native._load.__wrapped__(path)

@@ -250,3 +250,27 @@ def test_what_media_leave_is_told_and_adds_up():
 def test_a_pixel_outside_is_refused():
     with pytest.raises(SceneError, match="outside the frame of 24 by 24"):
         PixelExplainer(SCENE, SETTINGS).pixel(24, 0)
+
+
+def test_what_moves_is_told_in_pixels():
+    """The ball of the scene goes up and to the right, the camera stays."""
+    others = []
+    for x in (-0.25, 0.5):
+        blocks = tuple(
+            replace(
+                block, world_from_object=block.world_from_object + placed(x, x, 0) - placed(0, 0, 0)
+            )
+            if block.name == "Floor"
+            else block
+            for block in SCENE.instances
+        )
+        others.append(replace(SCENE, instances=blocks))
+    moving, settings = replace(SCENE, neighbours=tuple(others)), Settings(samples=1)
+    ray = PixelExplainer(moving, settings).pixel(0, 0)
+    film = render(moving, replace(settings, passes=frozenset({"Vector"})))
+    assert ray.hit.thing == "Floor"
+    np.testing.assert_allclose(ray.hit.moved, film.passes["Vector"][0, 0], rtol=1e-6)
+    np.testing.assert_allclose(ray.hit.moved, [-1, -1, -2, -2], atol=1e-5)
+    text = "\n".join(explanation_lines(ray))
+    assert "since the frame before it moved 1 pixels to the right and 1 up" in text
+    assert PixelExplainer(SCENE, settings).pixel(0, 0).hit.moved is None

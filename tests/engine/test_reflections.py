@@ -204,3 +204,21 @@ def test_points_begin_again(monkeypatch):
     core, reference = (drawn(wanted, b, samples=16, max_bounces=4) for b in BACKENDS)
     wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
     assert wrong.any(2).mean() <= 0.01
+
+
+def room_of_metals() -> Scene:
+    """A dull table between two shining walls, a lamp over it."""
+    behind = square((-3, -3, 0), (3, -3, 0), (3, -3, 3), (-3, -3, 3))
+    lamp = Light("lamp", "POINT", np.c_[np.eye(3), [0.5, -0.5, 1.5]], strength=50.0)
+    materials = (metal(4.0), metal(300.0), metal(300.0))
+    things = tuple(placed(k) for k in range(3))
+    return Scene(camera(), (TABLE, WALL, behind), things, materials, (), (lamp,))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_rough_metals_reflect_is_glossy(backend):
+    passes = frozenset({"Glossy Indirect", "Transmission Indirect", "Transmission Direct"})
+    plan = {"samples": 4, "filter_width": 0.0, "max_bounces": 2, "reflections": "ALL"}
+    found = render(room_of_metals(), Settings(passes=passes, backend=backend, **plan)).passes
+    assert found["Glossy Indirect"].any()
+    assert not found["Transmission Indirect"].any() and not found["Transmission Direct"].any()

@@ -154,3 +154,56 @@ tree.main(lambda: render_scene._write_pictures(scene, FOLDER / "full.exr", FOLDE
         "the picture was rendered, but not written" in run.output
         and "full.exr is not whole" in run.output
     )
+
+
+WRONG = {
+    "no layer": ("layers.blend", "", "out", "none of its view layers is rendered"),
+    "strips": ("strips.blend", "", "out", "Blender did not ask Glint for a picture"),
+    "a file for a folder": ("good.blend", "", "good.blend", "there can be no folder"),
+    "a folder for a file": ("good.blend", "", "taken", "good.exr cannot be replaced"),
+    "a word for a frame": ("good.blend", "x", "out", "FRAME=x: use a whole number"),
+    "a frame too far": ("good.blend", "5000000", "out", "FRAME=5000000: use a whole number"),
+    "no file": ("none.blend", "", "out", "there is no such file"),
+}
+"""Scene, frame and folder that are wrong, and what is said of it."""
+
+
+@pytest.mark.skipif("GLINT_BLENDER" in os.environ, reason="`make render` starts bpy")
+def test_make_render_refuses_with_a_sentence(installed):
+    """Blender crashes without a view layer, and makes pictures of strips by itself."""
+    blender = installed("python")
+    run = blender.run(
+        ENABLE
+        + SCENE
+        + f"""
+import argparse, contextlib, io
+sys.path.insert(0, {str(ROOT / "packaging")!r})
+import render_scene, tree
+def save(name):
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / name))
+save("good.blend")
+scene.view_layers[0].use = False
+save("layers.blend")
+scene.view_layers[0].use = True
+editor = scene.sequence_editor_create()
+strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+end = {{"length": 9}} if bpy.app.version >= (5, 0) else {{"frame_end": 9}}
+strips.new_effect(name="red", type="COLOR", channel=1, frame_start=1, **end)
+save("strips.blend")
+(FOLDER / "taken" / "good.exr").mkdir(parents=True)
+told = {{}}
+for title, (name, frame, out, _) in {WRONG!r}.items():
+    options = argparse.Namespace(scene=str(FOLDER / name), frame=frame, out=str(FOLDER / out))
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+        try:
+            tree.main(lambda: render_scene._render(options))
+        except SystemExit as end:
+            told[title] = (end.code, said.getvalue())
+answer(told)
+"""
+    )
+    assert run.returncode == 0, run.output
+    for title, (code, said) in run.answer.items():
+        assert code == 1 and WRONG[title][-1] in said and "picture " not in said, (title, said)
+    assert run.answer.keys() == WRONG.keys()

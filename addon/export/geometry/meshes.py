@@ -126,7 +126,7 @@ def read_attributes(mesh: Any, source: MeshSource, wanted: Wanted, report: Repor
     as 0.
     """
     for name in sorted(wanted.uv_maps - source.uv_maps.keys()):
-        _read_uv_map(mesh, source, name)
+        _read_uv_map(mesh, source, name, report)
     for name in sorted(wanted.attributes - source.attributes.keys()):
         attribute = _color_attribute(mesh, source, name, report)
         if attribute is not None:
@@ -277,7 +277,18 @@ def _finite(values: np.ndarray) -> np.ndarray:
     )
 
 
-def _read_uv_map(mesh: Any, source: MeshSource, name: str) -> None:
+def sound(values: np.ndarray, name: str, home: str, report: Report) -> np.ndarray:
+    """An attribute's values, NaN and Inf as 0 and told. home: the name of what holds it."""
+    if not _all_finite(values):
+        report.note(
+            "Attributes have values that are not finite, which count as 0 ({}): repair or remove "
+            "them",
+            f"{name} of {home}",
+        )
+    return _finite(values)
+
+
+def _read_uv_map(mesh: Any, source: MeshSource, name: str, report: Report) -> None:
     """A UV map, or any attribute, by name; "" is the map that is active for rendering and goes
     first.
 
@@ -290,7 +301,8 @@ def _read_uv_map(mesh: Any, source: MeshSource, name: str) -> None:
         return
     values = _values(mesh, source, attribute)
     values = values if values.shape[1] == 2 else values_as_color(values, grey=False)
-    found = Attribute(attribute.name, _DOMAINS[attribute.domain], _finite(values))
+    values = sound(values, attribute.name, mesh.name, report)
+    found = Attribute(attribute.name, _DOMAINS[attribute.domain], values)
     source.uv_maps = (
         {name: found, **source.uv_maps} if not name else {**source.uv_maps, name: found}
     )
@@ -303,7 +315,7 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
     if name == GENERATED:
         return Attribute(name, POINT, _generated(mesh))
     if name.startswith(TANGENT):
-        return _tangents(mesh, source, name)
+        return _tangents(mesh, source, name, report)
     if name == ISLAND:
         return Attribute(name, FACE, as_four(islands(mesh, source.mesh.triangles)))
     if name == POINTINESS:
@@ -321,10 +333,11 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
             "is not read: it counts as 0"
         )
         return None
+    values = sound(_values(mesh, source, attribute), plain, mesh.name, report)
     return Attribute(
         name,
         _DOMAINS[attribute.domain],
-        _finite(values_as_color(_values(mesh, source, attribute), name.startswith(GREY))),
+        _finite(values_as_color(values, name.startswith(GREY))),
     )
 
 
@@ -338,11 +351,11 @@ def _generated(mesh: Any) -> np.ndarray:
     return _finite(found)
 
 
-def _tangents(mesh: Any, source: MeshSource, name: str) -> Attribute | None:
+def _tangents(mesh: Any, source: MeshSource, name: str, report: Report) -> Attribute | None:
     """(k, 4) tangents of a UV map on the corners; None without the map."""
     plain = name.removeprefix(TANGENT)
     if plain not in source.uv_maps:
-        _read_uv_map(mesh, source, plain)
+        _read_uv_map(mesh, source, plain, report)
     uv = source.uv_maps.get(plain)
     if uv is None or uv.domain != CORNER or uv.values.shape[1] != 2:
         return None

@@ -19,7 +19,7 @@ from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
 from ..shader_nodes.reader import FIBRE, GENERATED, HAIR
 from .hashing import random_of
-from .meshes import GREY, values_as_color, values_of
+from .meshes import GREY, sound, values_as_color, values_of
 
 DEFAULT_RADIUS = 0.005
 """Cycles' radius of curves without one, object units."""
@@ -308,7 +308,7 @@ def read_strand_attributes(
         values = _emitter_values(thing, name, render) if source.particles else _curve_uv(data, name)
         if values is not None:
             own, rows = values
-            found = _per_curve(source, own, rows)
+            found = _per_curve(source, own, sound(rows, own, thing.name, report))
             source.uv_maps = (
                 {**source.uv_maps, name: found} if name else {name: found, **source.uv_maps}
             )
@@ -349,12 +349,13 @@ def _attribute(
                 thing.name,
             )
             return None
+        found = sound(found, plain, thing.name, report)
         return _per_curve(source, name, values_as_color(found, grey))
     attribute = data.attributes.get(plain) if plain != ACTIVE_COLOR else None
     values = values_of(attribute) if attribute is not None else None
     if values is None:
         return None
-    values = values_as_color(values, grey)
+    values = values_as_color(sound(values, plain, data.name, report), grey)
     if attribute.domain == "CURVE":
         return _per_curve(source, name, values)
     return Attribute(name, POINT, _sound(_along(source, values)))

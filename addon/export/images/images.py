@@ -110,7 +110,13 @@ class Images:
             if tile == 0 and image is not None and image.source == "TILED":
                 self.report.note(FIRST_TILE, image.name)
             self.expect([(image, user)], tile)
-            self._pixels[key] = self._load(image, key[1], self._decoded.pop(key, None))
+            found = self._load(image, key[1], self._decoded.pop(key, None))
+            if found.repaired:
+                self.report.note(
+                    "Images have pixels that are not finite, which count as 0 ({}): repair them",
+                    image.name,
+                )
+            self._pixels[key] = found
         return self._pixels[key]
 
     def mean(self, source: Input) -> np.ndarray:

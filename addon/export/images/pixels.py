@@ -28,12 +28,14 @@ class ImageError(Exception):
 @dataclass(frozen=True, eq=False)
 class Pixels:
     """pixels (h, w, 4) uint8 or float32 and encoding as in `engine.scene.Texture`; associated:
-    colours count times alpha where a node uses the colour alone.
+    colours count times alpha where a node uses the colour alone. repaired: values that are not
+    finite count as 0.
     """
 
     pixels: np.ndarray
     encoding: str
     associated: bool = False
+    repaired: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,12 +252,14 @@ def _managed(raw: Raw, image: Any) -> Pixels:
             raise ImageError(
                 f"has the colour space {error}, which cannot be converted here"
             ) from error
-    if rgba.dtype != np.uint8 and not np.isfinite(rgba.sum(dtype=np.float64)):
+    broken = rgba.dtype != np.uint8 and not np.isfinite(rgba.sum(dtype=np.float64))
+    if broken:
         rgba = np.nan_to_num(rgba, nan=0.0, posinf=0.0, neginf=0.0)
     return Pixels(
         np.ascontiguousarray(rgba),
         encoding,
         has_alpha and image.alpha_mode in ("STRAIGHT", "PREMUL"),
+        broken,
     )
 
 

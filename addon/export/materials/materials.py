@@ -150,6 +150,12 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
     evaluator.displace(Place(socket_named(output.inputs, "Displacement")))
     if volume.is_linked and not socket.is_linked:
         return {LobeKey("TRANSPARENT"): constant(1.0)}
+    if not socket.is_linked:
+        evaluator.note(
+            "Materials without a surface are black: {}; link a shader to Surface of the output, or "
+            "choose the node group that is missing"
+        )
+        return {}
     surface = Place(socket)
     evaluator.images.expect(images_behind(surface))
     closure = evaluator.closure(surface)

@@ -478,6 +478,11 @@ def _holdout(view: NodeView) -> Closure:
     return {}
 
 
+def _empty_group(view: NodeView) -> Closure:
+    view.note("Groups without an output are black in {}: choose their node group anew")
+    return {}
+
+
 def _unknown(view: NodeView) -> Closure:
     """Something with a colour is drawn as diffuse, anything else as Blender's default grey."""
     node = view.node
@@ -495,6 +500,7 @@ def _unknown(view: NodeView) -> Closure:
 CLOSURE_NODES.update(
     {
         "unknown": _unknown,
+        "ShaderNodeGroup": _empty_group,
         "ShaderNodeBsdfDiffuse": _diffuse,
         "ShaderNodeBsdfTranslucent": _as_diffuse,
         "ShaderNodeSubsurfaceScattering": _as_diffuse,

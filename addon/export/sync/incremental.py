@@ -35,10 +35,11 @@ from ..materials.materials import (
     with_textures,
     without_unused,
 )
+from ..missing import note_missing
 from ..placing import without_collapsed
 from ..report import Report
 from ..unheard import note_scene
-from ..world import Sky, export_world, with_mist
+from ..world import Sky, export_world, with_pass_settings
 from .moves import Stage
 from .repaints import repainted
 
@@ -287,6 +288,7 @@ class LiveExport:
             collector.meet_hair,
         )
         note_scene(depsgraph.scene_eval, report)
+        note_missing(depsgraph, report)
         self._store.met[asked] = collector.met
         return collector.stage(things, self._sky(depsgraph, report), census)
 
@@ -317,7 +319,7 @@ class LiveExport:
             self._store.read["worlds"] += 1
             images = _KeepingImages(self._store, own)
             self._store.worlds[key] = (
-                with_mist(
+                with_pass_settings(
                     export_world(world, scene.render.film_transparent, images, own), scene.world
                 ),
                 own,

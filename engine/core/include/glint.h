@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 34
+#define GLINT_ABI_VERSION 36
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -246,11 +246,12 @@ enum GlintMist { GLINT_MIST_QUADRATIC, GLINT_MIST_LINEAR, GLINT_MIST_INVERSE_QUA
  * world_program: 0, or 1 plus the number of the program that gives what rays see that hit nothing,
  * instead of the background; world_slot: the first of its three slots that hold that. It must not
  * read surfaces. world_axes: the program's axes in the scene, column by column. Mist grows from
- * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist. aov_count: up to
- * 256 AOVs. world_medium: 0, or 1 plus the number of the medium that is everywhere. */
+ * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist.
+ * occlusion_distance: 0 to 1e30, how far the pass Ambient Occlusion looks. aov_count: up to 256
+ * AOVs. world_medium: 0, or 1 plus the number of the medium that is everywhere. */
 typedef struct GlintSceneData {
   GlintCamera camera;
-  double ambient[3], background[3], world_axes[9], mist_start, mist_depth;
+  double ambient[3], background[3], world_axes[9], mist_start, mist_depth, occlusion_distance;
   int32_t transparent, world_program, world_slot, mist_falloff, aov_count, world_medium;
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
@@ -325,8 +326,25 @@ enum GlintPass {
   GLINT_PASS_TRANSMISSION_COLOR,
   GLINT_PASS_VOLUME_DIRECT,
   GLINT_PASS_VOLUME_INDIRECT,
+  GLINT_PASS_VECTOR,
+  GLINT_PASS_AMBIENT_OCCLUSION,
   GLINT_PASS_COUNT
 };
+
+/* The same scene in another frame, for GLINT_PASS_VECTOR. camera: of the same kind.
+ * world_from_object: as many rows as the scene has. shapes: one for each of its geometries;
+ * vertices null where these stay, else those of a mesh, as many as it has. */
+typedef struct GlintShape {
+  const float* vertices;
+  uint64_t vertex_count;
+} GlintShape;
+
+typedef struct GlintNeighbour {
+  GlintCamera camera;
+  const double* world_from_object; /* 12 a row */
+  const GlintShape* shapes;
+  uint64_t row_count, shape_count;
+} GlintNeighbour;
 
 /* region: x0, y0, x1, y1 half open in the full frame. threads: 0 for one a core. waves: whether
  * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
@@ -361,7 +379,10 @@ enum GlintPass {
  * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
  * where one is asked for, two numbers each. lamp_shadows: where more than twice as many lamps cast
  * shadows and have no program, a point sends so many of its rays to them, times the samples of a
- * soft one; 0: one to each, up to 1024. */
+ * soft one; 0: one to each, up to 1024. neighbours: null where nothing moves, else two, of the
+ * frame before and of the one after. occlusion_points: (occlusion_count, 2) of the unit disc, below
+ * the directions of GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as
+ * divide it, after which they begin again; null only where nobody asks for it. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -375,12 +396,14 @@ typedef struct GlintRenderSettings {
   const double* scatter_offsets;
   const double* lens_points;
   const double* camera_frames;
+  const double* occlusion_points;
+  const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count, scatter_count, passes;
+      camera_frame_count, scatter_count, occlusion_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, lamp_shadows;
+      bounced_shadows, lamp_shadows, occlusion_samples;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;

@@ -535,6 +535,7 @@ GlintSceneData scene(Dice& dice, Arena& arena) {
   d.transparent = int32_t(dice.below(2));
   d.mist_start = dice.number();
   d.mist_depth = dice.number();
+  d.occlusion_distance = std::fabs(dice.number());
   d.mist_falloff = int32_t(dice.below(dice.chance(0.05 * dice.wildness) ? 5 : 3));
   const size_t slots = dice.below(5);
   d.material_slots = arena.fill<uint32_t>(slots, [&] { return dice.index(4); });
@@ -657,6 +658,34 @@ void set_reflections(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   if (dice.chance(0.05 * dice.wildness)) s.lobe_points = nullptr;
 }
 
+GlintNeighbour neighbour(Dice& dice, Arena& arena, const GlintSceneData& scene) {
+  GlintNeighbour n{};
+  n.camera = camera(dice);
+  if (!dice.chance(0.1 * dice.wildness)) n.camera.kind = scene.camera.kind;
+  n.row_count = scene.row_count - (dice.chance(0.05 * dice.wildness) ? 1 : 0);
+  n.world_from_object = arena.fill<double>(12 * scene.row_count, [&] { return dice.number(); });
+  std::vector<GlintShape> shapes;
+  for (size_t k = 0; k < scene.geometry_count; ++k) {
+    const GlintGeometry& g = scene.geometries[k];
+    GlintShape shape{};
+    if (dice.chance(g.kind == GLINT_MESH ? 0.5 : 0.05 * dice.wildness)) {
+      shape.vertex_count = g.vertex_count + dice.chance(0.05 * dice.wildness);
+      shape.vertices = arena.fill<float>(3 * shape.vertex_count, [&] { return real(dice); });
+    }
+    shapes.push_back(shape);
+  }
+  n.shapes = arena.table(shapes);
+  n.shape_count = shapes.size() + dice.chance(0.05 * dice.wildness);
+  return n;
+}
+
+/// Of a scene whose tables are not wrecked.
+void set_neighbours(Dice& dice, Arena& arena, GlintRenderSettings& s, const GlintSceneData& scene) {
+  const bool sound = scene.geometries && scene.geometry_count < 100 && scene.row_count < 1000;
+  if (sound && dice.chance(0.3))
+    s.neighbours = arena.fill<GlintNeighbour>(2, [&] { return neighbour(dice, arena, scene); });
+}
+
 GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& scene) {
   GlintRenderSettings s{};
   const bool stops_early = dice.chance(0.15);
@@ -677,6 +706,13 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   set_mesh_points(dice, arena, s);
   set_reflections(dice, arena, s);
   set_lens(dice, arena, s);
+  set_neighbours(dice, arena, s, scene);
+  s.occlusion_samples = uint32_t(1 + dice.below(4));
+  s.occlusion_count = s.occlusion_samples * (1 + dice.below(s.samples + 1));
+  s.occlusion_points =
+      arena.fill<double>(2 * s.occlusion_count, [&] { return dice.uniform(-0.7, 0.7); });
+  if (dice.chance(0.05 * dice.wildness)) s.occlusion_points = nullptr;
+  if (dice.chance(0.05 * dice.wildness)) s.occlusion_count = 0;
   s.crypto_ids = uint32_t(1 + dice.below(8));
   if (scene.aov_count == 0) s.passes &= ~(pass_bit(GLINT_PASS_AOV));
   if (dice.chance(0.05 * dice.wildness)) s.crypto_ids = uint32_t(dice.bits());

@@ -367,6 +367,8 @@ void check_sky(const GlintSceneData& d, Report& report) {
                  d.mist_falloff >= GLINT_MIST_QUADRATIC &&
                  d.mist_falloff <= GLINT_MIST_INVERSE_QUADRATIC,
              "world: its mist is not finite, or of an unknown fall-off");
+  report.add(d.occlusion_distance >= 0 && d.occlusion_distance <= 1e30,
+             "world: its distance of occlusion is not between 0 and 1e30");
   report.add(within(d.aov_count, 256), "scene: %d AOVs, not 0 to 256", d.aov_count);
   report.add(d.world_program >= 0 && uint64_t(d.world_program) <= d.program_count,
              "world: program beyond the table");

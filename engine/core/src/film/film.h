@@ -123,6 +123,9 @@ class Film {
   void set_depth(uint32_t pixel, double depth) {
     values(GLINT_PASS_DEPTH)[pixel] = to_float(depth);
   }
+  void set_vector(uint32_t pixel, const double (&motion)[4]) {
+    store(GLINT_PASS_VECTOR, pixel, motion);
+  }
   void set_gap(uint32_t pixel, double gap) { store(GLINT_PASS_GAP, pixel, &gap); }
 
   /// What a wave of that many samples says of the tile's error; then, after the first ones, with
@@ -143,7 +146,7 @@ class Film {
  private:
   static constexpr Passes kDataPasses =
       ((pass_bit(GLINT_PASS_ERROR)) - (pass_bit(GLINT_PASS_DEPTH))) | pass_bit(GLINT_PASS_GRAZING) |
-      pass_bit(GLINT_PASS_GAP);
+      pass_bit(GLINT_PASS_GAP) | pass_bit(GLINT_PASS_VECTOR);
   static constexpr Passes kHealthPasses = pass_bit(GLINT_PASS_ERROR) |
                                           pass_bit(GLINT_PASS_SAMPLES) | pass_bit(GLINT_PASS_COST) |
                                           pass_bit(GLINT_PASS_FALLBACKS);

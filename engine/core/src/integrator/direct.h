@@ -60,6 +60,10 @@ class DirectLight {
   bool reflects() const;
   /// Whether lamps are so many that they share the shadow rays of a sample.
   bool shares() const { return lamps_.on; }
+  /// What nothing hides within reach of an even sky over each of these points that `illuminate` was
+  /// told last: a row of `open` for each, less what things on the way take of it.
+  void look_around(const Batch& batch, const std::vector<uint32_t>& points, uint32_t sample,
+                   std::vector<Vec3d>& open, RayCounts& counts);
   /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
   /// `illuminate` was told last.
   void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
@@ -74,6 +78,7 @@ class DirectLight {
   void add_rest(const Batch& batch, const Light& light, uint32_t sample);
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                RayCounts& counts);
+  void aim_around(const std::vector<uint32_t>& points, const double* place);
   Vec3d shadow_start(uint32_t point, const Vec3d& end) const;
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);

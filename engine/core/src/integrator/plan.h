@@ -38,6 +38,10 @@ struct RenderPlan {
   const double* scatter_offsets = nullptr;
   const double* lens_points = nullptr;    // null for a pinhole
   const double* camera_frames = nullptr;  // null for a camera that stands still
+  const double* occlusion_points =
+      nullptr;  // occlusion_samples of each of occlusion_tabled samples
+  uint32_t occlusion_samples = 1, occlusion_tabled = 1;
+  const GlintNeighbour* neighbours = nullptr;  // two; null where nothing moves
   uint32_t camera_block = 1;
   double lens_focus = 1;
 

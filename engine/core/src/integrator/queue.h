@@ -50,6 +50,7 @@ class Queue : public RayLayout {
             straight(k),
             tags_[k] & RayTag::kAllRefractions,
             wants_data(k),
+            is_transmitted(k),
             widest(k)};
   }
   uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }

@@ -96,6 +96,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
     return 1;
   if (direct_.reflects() || direct_.shares()) return 1;
   if (scene_.has_rough_glass || scene_.scatters) return 1;
+  if (film_.wants(GLINT_PASS_AMBIENT_OCCLUSION)) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
   while (count > samples) count /= 2;
@@ -245,6 +246,8 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& boun
   direct_.illuminate(batch_, sample, counts_);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   direct_.reflect(batch_, sample, glossy, counts_);
+  if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
+    note_occlusion(queue, sample);
   if (scene_.features & GLINT_FEATURE_MEDIA)
     direct_.scatter(batch_, media_, clear_.data(), sample, counts_);
   keep(queue);

@@ -78,6 +78,7 @@ class Tracer {
   void record(const Queue& queue);
   void note_seen(const Queue& queue);
   void note_colors(const Queue& queue);
+  void note_occlusion(const Queue& queue, uint32_t sample);
   void keep_lighting(const Queue& queue);
   void note_aovs(const Queue& queue);
   void note_denoising(size_t k, uint32_t path, double share);
@@ -126,7 +127,8 @@ class Tracer {
   std::vector<Queue> waiting_, spare_;
   PathCuts cuts_;
   RayCounts counts_;
-  std::vector<uint32_t> aov_rows_;
+  std::vector<uint32_t> aov_rows_, occlusion_rows_;
+  std::vector<Vec3d> open_;  // of the latter
   /// A point on a catcher: what it adds without lights, the lights that are seen before it, and
   /// what it adds with all.
   struct Caught {

@@ -132,6 +132,7 @@ class Scene {
   Vec3d ambient, background;
   bool transparent_film = false;
   Mist mist;
+  double occlusion_distance = 0;  // in world units
   uint32_t aov_count = 0;
   std::vector<GlintGeometry> geometries;
   std::vector<GlintAttribute> attributes;

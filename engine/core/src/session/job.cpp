@@ -72,6 +72,11 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.lens_points = g.lens_points;
   plan.camera_frames = g.camera_frames;
   plan.camera_block = g.camera_block;
+  plan.neighbours = g.neighbours;
+  plan.occlusion_points = g.occlusion_points;
+  plan.occlusion_samples = std::max(g.occlusion_samples, 1u);
+  plan.occlusion_tabled =
+      uint32_t(std::max(g.occlusion_count / plan.occlusion_samples, uint64_t(1)));
   plan.lens_focus = g.lens_focus;
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
@@ -126,6 +131,31 @@ bool enough_camera_rows(const GlintRenderSettings& g) {
          enough(g.camera_frames, g.camera_frame_count);
 }
 
+bool enough_occlusion(const GlintRenderSettings& g) {
+  return !(g.passes >> GLINT_PASS_AMBIENT_OCCLUSION & 1) ||
+         (g.occlusion_samples >= 1 && g.occlusion_points &&
+          g.occlusion_count >= g.occlusion_samples);
+}
+
+bool sound_neighbours(const GlintRenderSettings& g, const Scene& scene) {
+  if (!g.neighbours || !(g.passes >> GLINT_PASS_VECTOR & 1)) return true;
+  size_t rows = 0;
+  for (const GlintInstances& group : scene.groups)
+    rows = std::max(rows, size_t(group.first_row + group.row_count));
+  for (int k = 0; k < 2; ++k) {
+    const GlintNeighbour& n = g.neighbours[k];
+    if (n.camera.kind != scene.camera.kind || n.row_count < rows ||
+        n.shape_count != scene.geometries.size() || (rows && !n.world_from_object) ||
+        (n.shape_count && !n.shapes))
+      return false;
+    for (size_t i = 0; i < n.shape_count; ++i)
+      if (n.shapes[i].vertices && (scene.geometries[i].kind != GLINT_MESH ||
+                                   n.shapes[i].vertex_count != scene.geometries[i].vertex_count))
+        return false;
+  }
+  return true;
+}
+
 bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
   if (g.light_samples <= 1 || !(scene.features & GLINT_FEATURE_SOFT_LIGHTS)) return true;
   return g.light_square && g.light_disc && g.light_point_count / g.light_samples >= g.samples;
@@ -150,6 +180,9 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: fewer points of bounced light than those of a sample");
   add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
+  add(enough_occlusion(g), "settings: fewer directions of occlusion than those of a sample");
+  add(sound_neighbours(g, scene),
+      "settings: neighbours with other rows, shapes or another kind of camera than the scene");
   add(g.lamp_shadows <= 1024, "settings: more than 1024 lamp shadows");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256,

@@ -140,6 +140,11 @@ void Shader::record(Film& film, uint32_t pixel, const Surface& s, const Material
                         {uv.u, uv.v, mapped},
                         scene_.group(s.instance).object_index,
                         material.index});
+  if (film.wants(GLINT_PASS_VECTOR) && plan_.neighbours) {
+    double motion[4];
+    motion_vectors_.at(s, motion);
+    film.set_vector(pixel, motion);
+  }
 }
 
 void Shader::seen_lights(Batch& batch, size_t k, const MediaSpans* media,

@@ -6,6 +6,7 @@
 #include "integrator/media.h"
 #include "integrator/plan.h"
 #include "scene/camera.h"
+#include "shading/motion_vectors.h"
 
 namespace glint {
 
@@ -23,7 +24,11 @@ struct Gives {
 class Shader {
  public:
   Shader(const Scene& scene, const RenderPlan& plan, const Stages& stages)
-      : scene_(scene), plan_(plan), stages_(stages), camera_(scene) {}
+      : scene_(scene),
+        plan_(plan),
+        stages_(stages),
+        camera_(scene),
+        motion_vectors_(scene, plan.neighbours) {}
 
   /// Sends on the rays of some points of the batch, of different paths, whose material the vary
   /// stage has seen. straight_alone: but for mirrored and refracted ones.
@@ -51,6 +56,7 @@ class Shader {
   const RenderPlan& plan_;
   const Stages& stages_;
   CameraRays camera_;
+  MotionVectors motion_vectors_;
 };
 
 }  // namespace glint

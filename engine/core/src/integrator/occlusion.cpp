@@ -1,0 +1,88 @@
+// How much of an even sky is open over what camera rays meet (SEMANTICS.md, Passes). Letters: x
+// point, n shading normal, t1 t2 across it, l direction.
+#include "integrator/tracer.h"
+#include "math/math.h"
+#include "session/timer.h"
+#include "shading/surface.h"
+
+namespace glint {
+namespace {
+
+/// Two unit vectors across n, which turn steadily with it but where it is along (1, 2, 3).
+struct Across {
+  Vec3d t1, t2;
+  explicit Across(Vec3d n) {
+    const Vec3d t = cross(Vec3d{1, 2, 3}, n);
+    t1 = unit(any(t) ? t : cross(Vec3d{1, 0, 0}, n));
+    t2 = cross(n, t1);
+  }
+};
+
+}  // namespace
+
+/// Rays from the points in the direction over `place`, as far as occlusion looks.
+void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* place) {
+  const double reach = scene_.anchor.scale * scene_.occlusion_distance;
+  const double height = std::sqrt(std::max(0.0, 1 - place[0] * place[0] - place[1] * place[1]));
+  for (size_t k = 0; k < points.size(); ++k) {
+    const Vec3d n = row(stage_.n, points[k]);
+    const Across across(n);
+    const Vec3d l = place[0] * across.t1 + place[1] * across.t2 + height * n;
+    point_[k] = points[k];
+    set_row(stage_.o, k, shadow_start(points[k], row(stage_.origin, points[k]) + l));
+    set_row(stage_.to, k, l);
+    stage_.t_max[k] = reach;
+  }
+}
+
+void DirectLight::look_around(const Batch& batch, const std::vector<uint32_t>& points,
+                              uint32_t sample, std::vector<Vec3d>& open, RayCounts& counts) {
+  const size_t count = points.size();
+  const uint32_t each = plan_.occlusion_samples;
+  if (!(scene_.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
+  open.assign(count, {});
+  const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
+  stage_.shape = kDirection;
+  const double* const* o = stage_.o;
+  const double* const* d = stage_.to;
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const double* place = plan_.occlusion_points + 2 * size_t(sample % plan_.occlusion_tabled) * each;
+  for (uint32_t j = 0; j < each && !cancel_; ++j, place += 2) {
+    aim_around(points, place);
+    for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(points[k]);
+    if (glassy_) {
+      transparent_shadows_.trace(batch, stage_, scene_.opacity(), zeros_, count, shadow_, counts);
+    } else {
+      const Timer timer(counts.tracing);
+      scene_.accel().occluded(rays, blocked_.data(), scratch_);
+      counts.shadow += count;
+    }
+    if (dims) media_.find(rays, counts);
+    for (size_t k = 0; k < count; ++k) {
+      Vec3d S = glassy_ ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
+      if (dims) S = media_.passed(k, 0, stage_.t_max[k]) * S;
+      open[k] += 1.0 / each * S;
+    }
+  }
+}
+
+/// What the passes of the queue's paths have of the points that they meet.
+void Tracer::note_occlusion(const Queue& queue, uint32_t sample) {
+  occlusion_rows_.clear();
+  for (uint32_t k = 0; k < queue.size(); ++k)
+    if (batch_.material[k] < scene_.materials.size() && !is_caught(queue, k))
+      occlusion_rows_.push_back(k);
+  if (occlusion_rows_.empty()) return;
+  direct_.look_around(batch_, occlusion_rows_, sample, open_, counts_);
+  double* const sums = paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION);
+  for (size_t i = 0; i < occlusion_rows_.size(); ++i) {
+    const uint32_t k = occlusion_rows_[i];
+    const Vec3d T = queue.path(k).T, passed = shader_.passed(batch_, k);
+    for (size_t c = 0; c < 3; ++c) {
+      const double stays = 1 - std::clamp(passed[int(c)], 0.0, 1.0);
+      sums[c * paths_.stride() + queue.slot(k)] += T[int(c)] * stays * open_[i][int(c)];
+    }
+  }
+}
+
+}  // namespace glint
