@@ -295,13 +295,6 @@ def test_world_override_of_the_view_layer(scene):  # noqa: F811
     np.testing.assert_allclose(export().scene.world.background, (0.25, 0.5, 1.0))
 
 
-@pytest.mark.parametrize("switch", ["use_pass_ambient_occlusion"])
-def test_passes_that_are_not_there_are_noted(scene, switch):  # noqa: F811
-    quad()
-    setattr(bpy.context.view_layer, switch, True)
-    assert any("is not rendered in" in note for note in export().notes)
-
-
 def test_light_groups_are_noted(scene):  # noqa: F811
     quad()
     assert not export().notes

@@ -668,7 +668,8 @@ GlintNeighbour neighbour(Dice& dice, Arena& arena, const GlintSceneData& scene) 
   for (size_t k = 0; k < scene.geometry_count; ++k) {
     const GlintGeometry& g = scene.geometries[k];
     GlintShape shape{};
-    if (dice.chance(g.kind == GLINT_MESH ? 0.5 : 0.05 * dice.wildness)) {
+    const bool wrecked = g.vertex_count > 10000;
+    if (!wrecked && dice.chance(g.kind == GLINT_MESH ? 0.5 : 0.05 * dice.wildness)) {
       shape.vertex_count = g.vertex_count + dice.chance(0.05 * dice.wildness);
       shape.vertices = arena.fill<float>(3 * shape.vertex_count, [&] { return real(dice); });
     }
