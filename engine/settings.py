@@ -107,8 +107,10 @@ DOME_SHARE = 8
 MESH_SHARE = 4
 """Points of a MESH light for each sample of another light: it is all that glows.
 """
-BOUNCED_SHARE = 4
+BOUNCED_SHARE = 16
 """The same of a BOUNCED light: all that is lit."""
+BOUNCED_SHADOWS = 4
+"""So many shadow rays these share."""
 BUILDS = ACCELERATIONS[1:]
 """Ways to build the core's trees, in the order of their time."""
 MOST_LIGHT_POINTS = 1 << 23
@@ -344,6 +346,11 @@ class Settings:
     def bounced_samples(self) -> int:
         """Points of a BOUNCED light for each sample of a pixel."""
         return BOUNCED_SHARE * self.light_samples
+
+    @property
+    def bounced_shadows(self) -> int:
+        """Shadow rays that the points of a BOUNCED light share for each sample of a pixel."""
+        return BOUNCED_SHADOWS * self.light_samples
 
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""

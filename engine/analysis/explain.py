@@ -74,13 +74,17 @@ def summary(ray: Ray) -> str:
 
 
 def _sharing(hit: Hit | None) -> list[str]:
-    """What is told where there are many lamps."""
-    if hit is None or not any(hit.shared):
+    """What is told where lights share shadow rays."""
+    if hit is None:
         return []
-    rays, samples = hit.shared
     return [
-        f"each sample of the picture looks for the shadows of {rays} of {samples} samples of lamps "
-        "(Lamp Shadows), here all are looked for"
+        f"each sample of the picture looks for the shadows of {rays} of {samples} {of}, here all "
+        "are looked for"
+        for (rays, samples), of in (
+            (hit.shared, "samples of lamps (Lamp Shadows)"),
+            (hit.shared_bounced, "points of bounced light"),
+        )
+        if samples
     ]
 
 

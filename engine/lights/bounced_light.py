@@ -31,10 +31,8 @@ POINTS = 1 << 13
 """About so many points, of all bounces together."""
 BESIDE, NEIGHBOURS = 24, 8
 """A point's surroundings are a disc to the eighth of so many to each side of it."""
-MERGED = 16
-"""As `mesh_lights.MERGED`: fewer, as these points are strewn less evenly. Corners lose some 2 % of
-the light, with 64 they have spots at 64 samples.
-"""
+MERGED = 2
+"""As `mesh_lights.MERGED`: fewer, as these points are strewn less evenly, and discs."""
 MOST_MORE = 8
 """Times as many walks where few of them meet anything."""
 PILOT = 8

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -345,6 +345,12 @@ class MeshTable:
     disc: Array
     each: int
     caught: Array
+
+    def first(self, count: int) -> MeshTable:
+        """The first `count` of the points of each sample."""
+        kept = np.arange(len(self.point)) % self.each < count
+        columns = {f.name: getattr(self, f.name)[kept] for f in fields(self) if f.name != "each"}
+        return MeshTable(**columns, each=count)
 
 
 def merged(spread: Array | float, each: int, samples: int = MERGED) -> Array | float:

@@ -143,6 +143,7 @@ def _add_bounced(
     rows = _surface_points(packer, table, "bounced light samples")
     data.bounced_table = address(rows)
     data.bounced_count, data.bounced_samples = len(rows), table.each
+    data.bounced_shadows = settings.bounced_shadows
 
 
 def _surface_points(packer: Packer, t: MeshTable, name: str) -> np.ndarray:

@@ -70,7 +70,8 @@ class Hit:
     here.  caught: of a shadow catcher that the camera sees, the share of its light that other
     things leave to it; None elsewhere.  moved: (4,) pixels, as the pass Vector has them; None
     where the scene has no neighbours.  shared: of how many shadow rays of a sample how many
-    samples of lamps have a share; zeros where each has its own.
+    samples of lamps have a share; zeros where each has its own.  shared_bounced: the same of points
+    of bounced light; zeros without one.
     """
 
     thing: str
@@ -89,6 +90,7 @@ class Hit:
     caught: Numbers | None = None
     moved: Numbers | None = None
     shared: tuple[int, int] = (0, 0)
+    shared_bounced: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True)
@@ -284,6 +286,7 @@ class Explainer:
             if paths.depth == 0 and stage.scene.neighbours is not None
             else None,
             shared=(stage.lighting.marks, stage.shared_samples),
+            shared_bounced=stage.shared_bounced,
         )
 
     # --- lights
@@ -340,7 +343,7 @@ class Explainer:
         sample: LightSample,
         j: int,
     ) -> LightTerm:
-        n_dot_l = float(dot(surface.n, sample.direction)[0])
+        n_dot_l = float(sample.cosine(surface.n)[0])
         intensity = sample.light_of(source)[:, 0]
         reached = sample.reaches(surface.g, surface.n) & self.stage.lighting.lights(source, surface)
         lit = reached[0] and intensity.any()
@@ -385,16 +388,16 @@ class Explainer:
         shadow = shadows.towards(surface, np.zeros(1, np.intp), sample)[0]
         if (shadow == 1).all():
             return shadow, "", np.inf
-        start = (
-            surface.start
-            + np.where(dot(surface.g, sample.direction) < 0, -1.0, 1.0) * surface.offset * surface.g
-        )
+        towards = sample.direction if sample.end is None else sample.end - surface.start
+        beside = np.where(dot(surface.g, towards) < 0, -1.0, 1.0)
+        start = surface.start + beside * surface.offset * surface.g
         far = (
             np.array([np.inf])
             if sample.end is None
             else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
         )
-        found = shadows.first_met(Bundle.of(start, sample.direction, np.zeros(1), far))
+        direction = sample.direction if sample.end is None else unit(sample.end - start)
+        found = shadows.first_met(Bundle.of(start, direction, np.zeros(1), far))
         if found.primitive[0] == NOTHING:
             return shadow, "", np.inf
         row = self.stage.geometry.row[found.primitive[0]]

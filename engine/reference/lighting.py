@@ -4,7 +4,7 @@ times the shadow, summed over lights.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -42,10 +42,23 @@ class DirectLight:
 
 
 @dataclass(frozen=True, eq=False)
+class _Sharing:
+    """Lights that share so many shadow rays of a point and sample. sources: gives them, the same
+    each time, with what points get of those that they see in clusters.  matt: the sum to which what
+    matt surfaces throw back is added.
+    """
+
+    sources: Callable[[], Iterable[tuple[Source, FarLight | None]]]
+    marks: int
+    matt: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
     of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
+    bounced_marks: how many the points of bounced light share.
     catchers_alone: lights are as if shadow catchers were the only things there.
     """
 
@@ -56,11 +69,22 @@ class Lighting:
     pulse: Pulse
     sets: Array
     marks: int = 0
+    bounced_marks: int = 1
     catchers_alone: bool = False
 
     @cached_property
     def _clusters(self) -> LampClusters:
         return LampClusters(self.sources, self.light_samples)
+
+    @cached_property
+    def scattered_sources(self) -> tuple[Source, ...]:
+        """Those that light media: each point has a ray of its own there, so bounced light has
+        fewer.
+        """
+        return tuple(
+            source.fewer(self.bounced_marks) if isinstance(source, BouncedSource) else source
+            for source in self.sources
+        )
 
     def lights(self, source: Source, surface: Surface) -> Array:
         """(n,) bool: points of instances that a light is for."""
@@ -131,15 +155,28 @@ class Lighting:
                 rest = pick(coefficients.diffuse, open_) * rest
                 add_at(total.diffuse, open_, rest)
                 add_at(total.lit_diffuse, open_, rest)
-        if self.marks and given.any():
-            self._share(surface, coefficients, weight, sample, given, on_reach, total)
+        for group in self._groups(surface, coefficients, given, total) if given.any() else ():
+            self._share(group, surface, coefficients, weight, sample, given, on_reach, total)
         return total
 
     def _shares(self, source: Source) -> bool:
-        return self.marks > 0 and may_share(source.light)
+        return isinstance(source, BouncedSource) or (self.marks > 0 and may_share(source.light))
+
+    def _groups(
+        self, surface: Surface, coefficients: Coefficients, given: Array, total: DirectLight
+    ) -> Iterator[_Sharing]:
+        """Lamps that share shadow rays, and bounced light, the points of which do."""
+        if self.marks:
+            yield _Sharing(
+                lambda: self._lamps(surface, coefficients, given), self.marks, total.lit_diffuse
+            )
+        bounced = [(x, None) for x in self.sources if isinstance(x, BouncedSource)]
+        if bounced:
+            yield _Sharing(lambda: bounced, self.bounced_marks, total.lit_bounced)
 
     def _share(
         self,
+        group: _Sharing,
         surface: Surface,
         coefficients: Coefficients,
         weight: Array,
@@ -148,11 +185,11 @@ class Lighting:
         on_reach: Callable[[Source, Array, bool], None],
         total: DirectLight,
     ) -> None:
-        """Adds the lamps that share shadow rays."""
+        """Adds lights that share shadow rays."""
         current: list[Source] = []
 
         def samples() -> Iterator[Given]:
-            for source, far in self._sharing(surface, coefficients, given):
+            for source, far in group.sources():
                 current[:] = [source]
                 lit = given & self.lights(source, surface)
                 for narrow, light_sample, diffuse in self.samples(
@@ -169,25 +206,25 @@ class Lighting:
                     )
 
         diffuse, specular, passed = share_shadows(
-            samples, weight, self.marks, sample, lambda points: on_reach(current[0], points, True)
+            samples, weight, group.marks, sample, lambda points: on_reach(current[0], points, True)
         )
         for sums, light in (
             (total.diffuse, diffuse),
             (total.specular, specular),
             (total.shadow, (passed - 1) * (diffuse + specular)),
-            (total.lit_diffuse, passed * diffuse),
+            (group.matt, passed * diffuse),
             (total.lit_specular, passed * specular),
         ):
             sums += light
 
-    def _sharing(
+    def _lamps(
         self, surface: Surface, coefficients: Coefficients, given: Array
     ) -> Iterator[tuple[Source, FarLight | None]]:
         """The lamps that share shadow rays, and what points get of those that they see in
         clusters.
         """
         for number, source in enumerate(self.sources):
-            if self._shares(source) and number not in self._clusters.holds:
+            if may_share(source.light) and number not in self._clusters.holds:
                 yield source, None
 
         def lobes(seen: Array, direction: Array) -> tuple[Array, Array]:
@@ -235,12 +272,13 @@ class Lighting:
             return
         terms = coefficients.highlights if source.has_highlights else []
         narrow = Narrow(surface, terms, weight, source)
+        seen = source.seen_from(surface.x, surface.n, sample, n)
         for number in source.numbers(sample, n):
             is_left_out = self.catchers_alone and isinstance(source, BouncedSource)
             if is_left_out and not source.is_caught(number):
                 continue
             point = points[number]
-            yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
+            yield narrow, seen(point), coefficients.diffuse
             place = source.drawn_at(number, point)
             if narrow and place is not None:
                 direction, drawn, _ = narrow.draw(place)
@@ -278,8 +316,7 @@ class Lighting:
             lost = (passed - 1.0) * (given.diffuse + given.specular)
             add_at(total.shadow, seen, lost)
             dimmed = lost.any(0)
-        is_bounced = isinstance(source, BouncedSource)
-        add_at(total.lit_bounced if is_bounced else total.lit_diffuse, seen, passed * given.diffuse)
+        add_at(total.lit_diffuse, seen, passed * given.diffuse)
         add_at(total.lit_specular, seen, passed * given.specular)
         return seen, dimmed
 
@@ -297,7 +334,7 @@ class Lighting:
         between.
         """
         self.pulse.beat()
-        cosine = dot(surface.n, sample.direction)
+        cosine = sample.cosine(surface.n)
         seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n))
         if not source.color.any():
             seen = seen[:0]
@@ -361,7 +398,8 @@ def sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -
     """The same of SHEEN lobes."""
 
     def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
-        return sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
+        given = sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
+        return np.where(dot(n, l) > 0, given, 0.0)
 
     return _summed(lobe, surface, terms, seen, direction)
 

@@ -7,7 +7,7 @@ d distance, z cosine at the light, n samples per light.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,8 @@ HUGE = 1e100
 """Intensities saturate here, far beyond any float32, so that products stay finite."""
 
 
+CUT_OFF = 4 - 32 / (3 * np.pi)
+"""16 times by how much (1 + c)² / 4 is more than the exact 2 / 3π at c = 0."""
 NEAR = 4.0
 """Half diagonals of a rectangle within which it is seen large."""
 
@@ -49,7 +51,8 @@ class LightSample:
     light of no extent.  color: (3, 1) or (3, n) instead of the light's, None for that.  inner:
     (n,) bool where it is the inner side of a surface; such light does not reach faces that turn
     away from it, as the outside of the same body. None for nowhere.  short: by how much of the
-    end's coordinates the segments are shorter, for what the light is part of.
+    end's coordinates the segments are shorter, for what the light is part of.  round: (n,) of what
+    the horizon may cut in part, sin² of the half angle of a ball that gives as much light.
     """
 
     direction: Array
@@ -59,10 +62,16 @@ class LightSample:
     color: Array | None = None
     inner: Array | None = None
     short: float = ULPS
+    round: Array | None = None
+
+    def cosine(self, n: Array) -> Array:
+        """(k,) what points with the normals n (3, k) get of light from straight above."""
+        cosine = dot(n, self.direction)
+        return cosine if self.round is None else above_horizon(cosine, self.round)
 
     def reaches(self, g: Array, n: Array) -> Array:
         """(k,) bool: points with the normals g, n (3, k), whatever stands between."""
-        reached = (dot(n, self.direction) > 0) & (self.intensity != 0)
+        reached = (self.cosine(n) > 0) & (self.intensity != 0)
         return (
             reached
             if self.inner is None
@@ -83,12 +92,27 @@ class LightSample:
             spread=self.spread[index],
             color=some(self.color),
             inner=None if self.inner is None else self.inner[index],
+            round=None if self.round is None else self.round[index],
         )
 
     def light_of(self, source: Source) -> Array:
         """(3, n) intensity times colour."""
         color = source.color[:, None] if self.color is None else self.color
         return color * self.intensity
+
+
+def above_horizon(cosine: Array, sine2: Array) -> Array:
+    """(k,) the mean cosine to a ball of which the horizon cuts a part off: exact where it cuts
+    nothing and for one that fills half of the view, within 0.03 between. cosine: to its middle.
+    sine2: of its half angle.
+    """
+    sine = np.sqrt(sine2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = np.maximum(0.5 + 0.5 * (cosine / sine), 0.0)
+    rest = 1 - part
+    small = part * part * (1 - CUT_OFF * rest * rest)
+    wide = 1 - np.sqrt(np.maximum(1 - sine2 * sine2, 0.0))
+    return np.where(cosine >= sine, cosine, sine * (small + wide * (part - small)))
 
 
 class Source:
@@ -161,6 +185,14 @@ class Source:
     def place(self, point: LightPoint) -> Array | None:
         """(3, 1) where it, or its point, is; None where it is all around or endlessly far."""
         return None if self.light.kind in ("SUN", "DOME") else self.position
+
+    def seen_from(
+        self, x: Array, n: Array, sample: int, count: int
+    ) -> Callable[[LightPoint], LightSample]:
+        """How points x (3, k) of surfaces with the normals n (3, k) see each of the points of a
+        sample of a pixel, which are so many.
+        """
+        return lambda point: self.sample(x, point, count)
 
     def sample(self, x: Array, point: LightPoint, n: int) -> LightSample:
         """How the points x (3, k) see the sample at `point`, one of n; n = 1 is the light's centre,

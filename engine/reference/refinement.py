@@ -13,14 +13,10 @@ Array = np.ndarray
 
 _LIGHT_POINTS = 16
 """Of each soft light, that a pixel has looked at before it may stop."""
-_NOTED = 16
-"""Samples in which bounced light is noted."""
 _LENS_SAMPLES = 16
 """The same of a lens, or of a camera that moves."""
 _DIM_POINTS = 32
-"""The same where it is black so far, or where its horizon cuts the light."""
-_BOUNCED_POINTS = 64
-"""The same where bounced light is met: single points of it may matter most."""
+"""The same where it is black so far, its horizon cuts the light, or bounced light is met."""
 _MOST = 1e30
 """Squared levels of what is not finite."""
 
@@ -80,7 +76,6 @@ class Refinement:
         if self._samples < FIRST_ESTIMATE:
             self._softly_lit[pixel] |= softly_lit
             self._cut[pixel] |= cut
-        if self._samples < _NOTED:
             self._bounced[pixel] |= bounced
         self._low[:, pixel] = np.minimum(self._low[:, pixel], values)
         self._high[:, pixel] = np.maximum(self._high[:, pixel], values)
@@ -104,9 +99,8 @@ class Refinement:
                 samples * self._light_samples,
             )
             met = self._softly_lit | self._cut | self._bounced
-            dim = black | self._cut
+            dim = black | self._cut | self._bounced
             least = np.where(dim, _DIM_POINTS, _LIGHT_POINTS)
-            least = np.where(self._bounced, _BOUNCED_POINTS, least)
             waits = met & (points < least) | black & self._cut
             self.active &= waits | ~(
                 np.maximum(self._range, self._around) / samples**0.75 <= self._threshold

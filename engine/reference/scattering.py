@@ -190,7 +190,7 @@ def scattered(stage, rays: Rays, spans: Spans, far: Array, sample: int) -> Itera
     rays, spans, far = rays.take(chosen), spans.take(chosen), far[chosen]
     pieces = media.pieces(spans, rays.near, media.reach(spans, rays.near, far, DARK))
     ladder = Ladder.of(pieces, rays)
-    for source in stage.sources:
+    for source in stage.lighting.scattered_sources:
         if not source.color.any():
             continue
         for point, share, n, count in _points(stage, source, sample):

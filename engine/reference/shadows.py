@@ -80,10 +80,11 @@ class Shadows:
 
     def _start(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
         """(3, m) clear of the surface, on the light's side."""
-        g, offset, end = pick(surface.g, seen), surface.offset[seen], sample.end
-        beside = np.where(dot(g, sample.direction) < 0, -1.0, 1.0)
+        start, g, offset = pick(surface.start, seen), pick(surface.g, seen), surface.offset[seen]
+        end = sample.end
+        beside = np.where(dot(g, sample.direction if end is None else end - start) < 0, -1.0, 1.0)
         reach = offset if end is None else offset + ULPS * np.abs(end).max(0)
-        return pick(surface.start, seen) + (beside * reach) * g
+        return start + (beside * reach) * g
 
     def _through_media(self, start: Array, sample: LightSample) -> Array:
         """(m, 3) what media on the way to the light let through."""

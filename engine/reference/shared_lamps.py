@@ -59,6 +59,8 @@ def share_shadows(
         row = np.zeros(weight.shape[1])
         row[each.seen] = np.abs(pick(weight, each.seen) * (each.diffuse + each.specular)).sum(0)
         rows.append(row)
+    if not rows:
+        return diffuse, specular, np.ones_like(weight)
     given = np.stack(rows)
     times = choose(given, marks, sample)
     for each, row, count in zip(samples(), given, times, strict=True):

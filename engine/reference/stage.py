@@ -55,6 +55,9 @@ class Stage:
         self.rays: Counter[str] = Counter()
         self.sources = tuple(self._source(light) for light in scene.lights)
         self.shared_samples = shared_samples(scene.lights, settings)
+        bounced = any(light.kind == "BOUNCED" for light in scene.lights)
+        asked = min(settings.bounced_shadows, settings.bounced_samples)
+        self.shared_bounced = (asked, settings.bounced_samples) if bounced else (0, 0)
         self.media = Media(scene, self.attributes, self.visibility)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
         self.shadows = shadows
@@ -66,6 +69,7 @@ class Stage:
             pulse,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
             shared_rays(scene.lights, settings),
+            asked,
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())

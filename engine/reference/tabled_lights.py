@@ -5,6 +5,7 @@ Letters: x shaded point, q point on the light, d distance, z cosine at the light
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..lights.dome import DomeTable
 from ..lights.mesh_lights import MERGED, MeshTable, merged
 from ..scene import Light
 from .lights import HUGE, LightSample, Source
-from .vectors import cross, dot, unit
+from .vectors import cross, dot, length, unit
 
 Array = np.ndarray
 
@@ -24,6 +25,8 @@ SKY_DRAWS = 1 / 8
 """Directions that highlights draw for each of the sky's."""
 MOST_PAIRS = 1 << 21
 """Of rays and triangles that are tested at once."""
+SMALLEST = 1 / 16
+"""Of their area discs of bounced light keep."""
 ROUNDED = 8 * 2.0**-24
 """Of coordinates: what single precision may move things by."""
 
@@ -104,6 +107,7 @@ class MeshSource(Source):
 
     def __init__(self, light: Light, eye: Array, table: MeshTable):
         super().__init__(light, eye, physical=True)
+        self._eye = eye
         self._table, self._emitters = table, light.emitters
         self._axes = np.asarray(light.world_from_light, np.float64)[:, :3]
         self.draws = 1 / table.each
@@ -186,6 +190,67 @@ class BouncedSource(MeshSource):
     def is_cut(self, x: Array, n: Array) -> Array:
         """Never, as of a dome."""
         return np.zeros(x.shape[1], bool)
+
+    def fewer(self, count: int) -> BouncedSource:
+        """The first so many of the points of each sample, in place of them all."""
+        return BouncedSource(self.light, self._eye, self._table.first(count))
+
+    def seen_from(
+        self, x: Array, n: Array, sample: int, count: int
+    ) -> Callable[[MeshPoint], LightSample]:
+        """As discs, which are smaller where others of the sample stand nearer."""
+        spacing2 = np.full(x.shape[1], np.inf)
+        for number in self.numbers(sample, count):
+            to, facing = self._disc(x, n, number)
+            nearest = np.maximum(dot(to, to), self._radius2(number))
+            spacing2 = np.where(facing, np.minimum(spacing2, nearest), spacing2)
+        return lambda point: self.seen_disc(x, n, point.number, spacing2)
+
+    def _radius2(self, number: int) -> float:
+        return float(merged(self._table.spread[number], self._table.each, self.merged))
+
+    def _disc(self, x: Array, n: Array, number: int) -> tuple[Array, Array]:
+        """The way (3, k) to a point, and whether it and the points x with the normals n face each
+        other.
+        """
+        q, m = self._placed(number)
+        to, least = q - x, 4 * ROUNDED * (np.abs(q).max() + self._table.reach[number])
+        return to, (dot(to, m) < -least) & (dot(n, to) > least)
+
+    def _placed(self, number: int) -> tuple[Array, Array]:
+        """(3, 1) each: a point and its normal."""
+        at, normal = self._table.point[number], self._table.normal[number]
+        return self._axes @ at[:, None] + self.position, unit(self._axes @ normal[:, None])
+
+    def seen_disc(self, x: Array, n: Array, number: int, spacing2: Array) -> LightSample:
+        """By its vector form factor, that of a ball in its direction."""
+        q, m = self._placed(number)
+        to, facing = self._disc(x, n, number)
+        whole = self._radius2(number)
+        r2 = np.clip(spacing2, whole * SMALLEST, whole)
+        h, d2 = -dot(to, m), dot(to, to)
+        outside = d2 - r2
+        apart = np.hypot(outside, 2 * np.sqrt(r2) * h)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = np.where(
+                outside > 0,
+                2 * r2 * h * h / (apart * (apart + outside)),
+                (apart - outside) / (2 * apart),
+            )
+            form = (2 * r2 * h / (apart * (apart + d2 + r2))) * (to + h * m) - along * m
+        form = np.where(facing, form, 0.0)
+        size = length(form)
+        share = self._table.spread[number] / (np.pi * self._table.each)
+        return LightSample(
+            unit(form),
+            np.where(facing, share / r2 * size, 0.0),
+            q,
+            size,
+            np.clip(self._table.front[number], -HUGE, HUGE)[:, None],
+            None,
+            ROUNDED,
+            size,
+        )
 
     def is_caught(self, number: int) -> bool:
         """Whether a point of the table is on a shadow catcher."""

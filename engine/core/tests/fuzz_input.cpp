@@ -629,6 +629,7 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
   s.bounced_samples = uint32_t(1 + dice.below(5));
+  s.bounced_shadows = uint32_t(dice.below(6));
   s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));
   s.bounced_table = arena.fill<double>(17 * s.bounced_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.bounced_count = 0;

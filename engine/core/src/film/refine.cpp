@@ -43,7 +43,7 @@ Refinement::Refinement(double threshold, uint32_t light_samples, Region region, 
       around_(size_t(width_) * height_) {}
 
 uint8_t* Refinement::softly_lit(const Tile& tile, uint32_t sample) {
-  return stops_pixels() && sample < kNoted ? softly_lit_.data() + tile.first_row : nullptr;
+  return stops_pixels() && sample < kFirst ? softly_lit_.data() + tile.first_row : nullptr;
 }
 
 void Refinement::list_active(const Tile& tile, std::vector<uint32_t>& slots) const {
@@ -101,7 +101,7 @@ bool Refinement::may_stop(size_t row, uint64_t light_points) const {
   const uint8_t met = softly_lit_.data()[row];
   if (!met) return true;
   const bool black = is_black(row), cut = met & kCut;
-  const uint32_t least = met & kBounced ? kBouncedPoints : black || cut ? kDimPoints : kLightPoints;
+  const uint32_t least = black || cut || met & kBounced ? kDimPoints : kLightPoints;
   return light_points >= least && !(black && cut);
 }
 

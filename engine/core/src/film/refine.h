@@ -38,19 +38,16 @@ class Refinement {
  public:
   static constexpr uint32_t kFirst =
       4;  // samples of the first estimate: everywhere, and what neighbours look at
-  static constexpr uint32_t kNoted = 16;  // samples in which bounced light is noted
   static constexpr uint32_t kLightPoints =
       16;  // of each soft light that a pixel has looked at before it may stop
   static constexpr uint32_t kDimPoints =
-      32;  // where it is black so far, or the horizon cuts the light
-  static constexpr uint32_t kBouncedPoints =
-      64;  // where bounced light is met: single points of it may matter most
+      32;  // where it is black so far, the horizon cuts the light, or bounced light is met
   static constexpr uint32_t kLensSamples = 16;  // the same of a lens
   enum SoftLight : uint8_t {
     kReached = 1,
     kCut = 2,
     kBounced = 4
-  };  // by one sample, whatever stands between; by the horizon; by one of bounced light
+  };  // by one sample, whatever stands between; by the horizon; by bounced light
   static constexpr float kUnknown =
       256;  // the error of a pixel with fewer samples: beyond all levels
 
@@ -86,8 +83,6 @@ class Refinement {
   /// Where to note what each slot of the tile has met of `SoftLight` in that sample; null where
   /// nobody asks.
   uint8_t* softly_lit(const Tile& tile, uint32_t sample);
-  /// What of it counts in that sample.
-  static uint8_t noted(uint32_t sample) { return sample < kFirst ? 0xff : kBounced; }
   /// The tile's slots that take further samples.
   void list_active(const Tile& tile, std::vector<uint32_t>& slots) const;
   /// Between which values the samples lie of each slot of the tile: in a channel of colour, or in

@@ -80,21 +80,19 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   for (const Light& light : scene_.lights) {
     const uint32_t count = plan_.samples_of(light);
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
-    const bool shares = shared_.on && shared_.takes_part[size_t(&light - scene_.lights.data())],
+    const size_t own = size_t(&light - scene_.lights.data());
+    const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[own]),
                notes = batch.softly_lit && count > 1 && sample < Refinement::kFirst;
     if (!shares || notes) find_lit(batch, light);
     if (notes) find_cut(batch, light);
     if (shares) {
-      number += count;
+      if (!light.is_bounced()) number += count;
       continue;
     }
     if (light.is_dome()) balance_.assign(batch.size(), 0);
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       const LightPoint point = plan_.light_point(light, sample, j);
-      if (alone_ && light.is_bounced() && !point.on_catcher) continue;
-      stage_.sheen_alone = light.is_bounced();
-      stage_.max_specular = stage_.sheen_alone && !scene_.has_sheen ? 0 : scene_.max_specular;
       light.set(stage_, point, count, plan_.physical);
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
@@ -112,11 +110,9 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     }
     if (light.is_dome()) add_rest(batch, light, sample);
   }
-  if (shared_.on && !cancel_) share_lamps(batch, sample, counts);
-  stage_.max_specular = scene_.max_specular;  // for reflections
-  stage_.lit = batch.lit.data();
-  stage_.first = 0;
-  stage_.count = batch.size();
+  for (SharedLight* shared : {&lamps_, &bounced_})
+    if (shared->on && !cancel_) share(*shared, batch, sample, counts);
+  stage_.lit = batch.lit.data();  // for reflections
 }
 
 /// Which points the light may reach.
@@ -204,8 +200,7 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   if (count == 0) return;
   if (light.program) apply_program(light, count);
   const bool soft = batch.softly_lit && stage_.share > 1 && !light.is_dome();
-  const uint8_t met = Refinement::kReached | (light.is_bounced() ? Refinement::kBounced : 0);
-  for (size_t k = 0; soft && k < count; ++k) batch.mark_softly_lit(point_[k], met);
+  for (size_t k = 0; soft && k < count; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {

@@ -13,8 +13,9 @@
 
 namespace glint {
 
-/// Many lamps that share the shadow rays of a sample, and what points get of them all.
-struct SharedLamps {
+/// Many samples of lamps or of bounced light that share the shadow rays of a pixel's sample, and
+/// what points get of them all.
+struct SharedLight {
   bool on = false;
   std::vector<uint8_t> takes_part;  // of the scene's lights
   uint32_t rays = 0;                // of a point and sample
@@ -25,10 +26,11 @@ struct SharedLamps {
   std::vector<double> color_sums;              // as ShareStage has them
   std::vector<int64_t> near;                   // mask of points
   std::vector<std::vector<int64_t>> receives;  // masks, of lamps that light but some
-  Columns columns{14};
+  Columns columns{15};
   double *diffuse[3] = {}, *specular[3] = {}, *total = nullptr;  // as ShareStage has them
   double *asked[3] = {}, *passed[3] = {};  // of the samples asked: light, and what got through
   double* ones = nullptr;
+  double* spacing2 = nullptr;
   std::vector<double> given;
   std::vector<uint32_t> reaching;
   std::vector<AskedLamp> chosen, sorted;  // sorted: by sample
@@ -57,7 +59,7 @@ class DirectLight {
   /// Whether rough surfaces may reflect others.
   bool reflects() const;
   /// Whether lamps are so many that they share the shadow rays of a sample.
-  bool shares() const { return shared_.on; }
+  bool shares() const { return lamps_.on; }
   /// What nothing hides within reach of an even sky over each of these points that `illuminate` was
   /// told last: a row of `open` for each, less what things on the way take of it.
   void look_around(const Batch& batch, const std::vector<uint32_t>& points, uint32_t sample,
@@ -93,18 +95,16 @@ class DirectLight {
   void add(const Batch& batch, const Light& light, size_t count) const;
   void split(const Batch& batch, const Light& light, size_t count) const;
   void find_sharing();
-  void share_lamps(const Batch& batch, uint32_t sample, RayCounts& counts);
-  void list_samples(const Batch& batch, uint32_t sample);
-  void list_samples_of(const Light& light, uint32_t sample, const int64_t* lit);
+  void share(SharedLight& shared, const Batch& batch, uint32_t sample, RayCounts& counts);
+  void list_samples(SharedLight& shared, const Batch& batch, uint32_t sample);
+  void list_samples_of(SharedLight& shared, const Light& light, uint32_t sample,
+                       const int64_t* lit);
   bool is_clustered(const Light& light) const;
-  void find_clusters();
-  const int64_t* receivers(const Batch& batch, const Light& light);
-  void place_sums(size_t points);
-  void choose(const Batch& batch, uint32_t sample);
-  void sort_chosen(size_t count);
-  void ask(const Batch& batch, size_t number, const AskedLamp* begin, const AskedLamp* end,
-           RayCounts& counts);
-  void add_shared(const Batch& batch) const;
+  const int64_t* receivers(SharedLight& shared, const Batch& batch, const Light& light);
+  void choose(SharedLight& shared, const Batch& batch, uint32_t sample);
+  void ask(SharedLight& shared, const Batch& batch, size_t number, const AskedLamp* begin,
+           const AskedLamp* end, RayCounts& counts);
+  void add_shared(const SharedLight& shared, const Batch& batch) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -129,7 +129,7 @@ class DirectLight {
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
   MediaSpans media_;
-  SharedLamps shared_;
+  SharedLight lamps_, bounced_;
   // Of light that media scatter: where each ray's points lie, their weights, and which there are.
   ScatterDepths depths_;
   Columns scattered_;

@@ -75,7 +75,8 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
 
 void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                                 const Light& light, uint32_t sample, RayCounts& counts) {
-  const uint32_t count = plan_.samples_of(light), each = (plan_.volume_samples + count - 1) / count;
+  const uint32_t count = light.is_bounced() ? plan_.bounced_shadows : plan_.samples_of(light),
+                 each = (plan_.volume_samples + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
     light.set(stage_, plan_.light_point(light, sample, j), count, plan_.physical);
     stage_.casts_shadow = true;  // so that the ways to it are known

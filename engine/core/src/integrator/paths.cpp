@@ -120,8 +120,7 @@ void Paths::add_to(Film& film, const Tile& tile, const Stages& stages) {
   double* const sums = film.sums(tile, GLINT_PASS_COMBINED);
   const size_t noted = film.refinement().on() ? 4 : 0;
   uint8_t* const softly_lit = film.refinement().softly_lit(tile, first_);
-  for (size_t k = 0; softly_lit && k < size(); ++k)
-    softly_lit[slot(k)] |= softly_lit_[k] & Refinement::noted(first_);
+  for (size_t k = 0; softly_lit && k < size(); ++k) softly_lit[slot(k)] |= softly_lit_[k];
   for (size_t c = 0; c < columns_; ++c) {
     double* const to = sums + c * tile.stride();
     if (c < noted)

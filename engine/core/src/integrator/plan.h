@@ -18,8 +18,8 @@ struct RenderPlan {
                          // their neighbours are looked at
   double error_threshold = 0, cutoff = 0;
   uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, mesh_samples = 1,
-           mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, volume_samples = 1,
-           lamp_shadows = 0, max_bounces = 0, crypto_ids = 0;
+           mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, bounced_shadows = 1,
+           volume_samples = 1, lamp_shadows = 0, max_bounces = 0, crypto_ids = 0;
   Passes passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
@@ -64,8 +64,8 @@ struct RenderPlan {
   bool is_spread() const { return lens_points || camera_frames; }
 
   /// Where in the lobes of rough surfaces a sample is reflected that was so often before.
-  const double* lobe_point(uint32_t sample, uint32_t reflections) const {
-    return lobe_points + 2 * (reflections % lobe_levels * lobe_tabled + sample % lobe_tabled);
+  const double* lobe_point(uint32_t sample, uint32_t reflected) const {
+    return lobe_points + 2 * (reflected % lobe_levels * lobe_tabled + sample % lobe_tabled);
   }
 
   /// The first sample of a pixel of the frame in the tables of the camera.

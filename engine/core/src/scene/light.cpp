@@ -17,7 +17,7 @@ constexpr double kLeastWide =
 
 /// The share of a mesh light's point, of `count` a sample of a pixel, over the square of the least
 /// distance from which it is seen (MERGED of engine/lights/mesh_lights.py and of bounced_light.py).
-double merged(uint32_t count, bool bounced = false) { return (bounced ? 16 : 64) * kPi * count; }
+double merged(uint32_t count, bool bounced = false) { return (bounced ? 2 : 64) * kPi * count; }
 
 constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large
 
@@ -141,7 +141,7 @@ void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) con
   const double* const row = p.drawn;
   const Vec3d q = point(placed, {row[0], row[1], row[2]}),
               n = unit(direction(placed, {row[3], row[4], row[5]}));
-  stage.shape = kMeshSource;
+  stage.shape = is_bounced() ? kBouncedSource : kMeshSource;
   stage.factor = 1 / kPi;
   stage.spread = scale2 * row[12];
   stage.near2 = stage.spread / merged(count, is_bounced());

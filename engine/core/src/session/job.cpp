@@ -56,6 +56,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.bounced_samples = std::max(g.bounced_samples, 1u);
   plan.bounced_tabled = uint32_t(std::max(g.bounced_count / plan.bounced_samples, uint64_t(1)));
   plan.bounced_table = g.bounced_table;
+  plan.bounced_shadows = std::clamp(g.bounced_shadows, 1u, plan.bounced_samples);
   plan.lobe_points = g.lobe_points;
   plan.lobe_levels = std::max(g.lobe_levels, 1u);
   plan.lobe_tabled = std::max(size_t(g.lobe_count) / plan.lobe_levels, size_t(1));

@@ -173,7 +173,9 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
   const Three origin = load3(s.origin, k), g = load3(s.g, k);
   const Doubles offset = load(s.offset + k);
   constexpr bool endless = Shape == kDirection || Shape == kSky;
-  const Three end = Shape == kMeshSource ? before_mesh(s, k, sample, origin) : sample.end;
+  const Three end = Shape == kMeshSource || Shape == kBouncedSource
+                        ? before_mesh(s, k, sample, origin)
+                        : sample.end;
   const Three towards = endless ? sample.l : end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free,
   // whatever stands on the surface.
@@ -215,7 +217,7 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
 
 template <int Shape>
 inline Three color_of(const LightStage& s, const Sample& at) {
-  if constexpr (Shape != kMeshSource) return splat3(s.color);
+  if constexpr (Shape != kMeshSource && Shape != kBouncedSource) return splat3(s.color);
   const Mask front = dot(at.l, splat3(s.axis)) < 0;
   return {choose(front, splat(s.color[0]), splat(s.back[0])),
           choose(front, splat(s.color[1]), splat(s.back[1])),
@@ -244,8 +246,10 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   const Mask lit = load(s.lit + k);
   if (!any(lit)) return false;
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
-  const Sample at = given.at = sample<Shape>(s, x);
-  const Doubles cosine = dot(n, at.l);
+  const Sample at = given.at =
+      Shape == kBouncedSource ? sample_bounced(s, k, x, n) : sample<Shape>(s, x);
+  const Doubles middle = dot(n, at.l),
+                cosine = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle;
   const Mask reached = given.reached = lit & at.good & (cosine > 0) & ~within<Shape>(s, k, at);
   if (!any(reached)) return false;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
@@ -253,9 +257,9 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   given.specular = Three{};
   if (s.max_specular > 0) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
-    const Highlights seen = highlights(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
+    const Highlights seen = highlights(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
     given.specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-    if (s.has_sheen) given.diffuse = given.diffuse + I * seen.sheen;
+    if (s.has_sheen) given.diffuse = given.diffuse + where(middle > 0, I * seen.sheen);
   }
   return true;
 }
@@ -400,6 +404,8 @@ size_t light(const LightStage& s) {
   switch (s.shape) {
     case kMeshSource:
       return light_from<kMeshSource>(s);
+    case kBouncedSource:
+      return light_from<kBouncedSource>(s);
     case kDirection:
       return light_from<kDirection>(s);
     case kSky:
@@ -421,6 +427,8 @@ size_t scatter(const LightStage& s) {
   switch (s.shape) {
     case kMeshSource:
       return scatter_from<kMeshSource>(s);
+    case kBouncedSource:
+      return scatter_from<kBouncedSource>(s);
     case kDirection:
       return scatter_from<kDirection>(s);
     case kSky:

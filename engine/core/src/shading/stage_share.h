@@ -46,6 +46,8 @@ void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size
   switch (sample.stage.shape) {
     case kDirection:
       return add_lamp<kDirection>(to, sample, first, end, given);
+    case kBouncedSource:
+      return add_sample<false, kBouncedSource>(to, sample.stage, first, end, given);
     case kPointSource:
       return add_lamp<kPointSource>(to, sample, first, end, given);
     case kSphereSource:
@@ -127,7 +129,8 @@ inline bool may_be_above(const BlockBounds& b, const double* to, double reach) {
 bool may_reach(const LampSample& sample, const BlockBounds& b) {
   const LightStage& s = sample.stage;
   if (s.shape == kDirection) return sample.drawn || may_be_above(b, s.l, 0);
-  const bool is_flat = s.shape == kPlaneSource || s.shape == kRectangleSource;
+  const bool is_flat =
+      s.shape == kPlaneSource || s.shape == kRectangleSource || s.shape == kBouncedSource;
   double to[3];
   for (size_t c = 0; c < 3; ++c) to[c] = s.center[c] - b.center[c];
   const double slack = 1e-9 * __builtin_sqrt(dot3(to, to));
@@ -259,6 +262,22 @@ void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, 
   }
 }
 
+/// How near the samples stand that the points [first, end) face, and that face them.
+void find_spacing(const ShareStage& to, size_t first, size_t end) {
+  if (to.sample_count == 0 || to.samples[0].stage.shape != kBouncedSource) return;
+  for (size_t k = first; k < end; k += kLanes) {
+    const Three x = load3(to.x, k), n = load3(to.n, k);
+    Doubles nearest = splat(__builtin_inf());
+    for (size_t i = 0; i < to.sample_count; ++i) {
+      const LightStage& s = to.samples[i].stage;
+      const Three way = splat3(s.end) - x;
+      const Doubles here = smaller(nearest, larger(dot(way, way), splat(s.near2)));
+      nearest = choose(faces(s, way, n), here, nearest);
+    }
+    store(to.spacing2 + k, nearest);
+  }
+}
+
 size_t share(const ShareStage& s) {
   size_t found = 0;
   for (size_t first = 0; first < s.count; first += kShareBlock) {
@@ -270,6 +289,7 @@ size_t share(const ShareStage& s) {
     }
     BlockBounds bounds;
     if (!bound_block(s, first, end, bounds)) continue;
+    find_spacing(s, first, end);
     Reached reached;
     for (size_t i = 0; i < s.clustered; ++i)
       if (may_reach(s.samples[i], bounds))
