@@ -111,6 +111,8 @@ BOUNCED_SHARE = 16
 """The same of a BOUNCED light: all that is lit."""
 BOUNCED_SHADOWS = 4
 """So many shadow rays these share."""
+MOST_BOUNCED = 256
+"""Light samples from which on they are no more: there are some 2¹³ points in all."""
 BUILDS = ACCELERATIONS[1:]
 """Ways to build the core's trees, in the order of their time."""
 MOST_LIGHT_POINTS = 1 << 23
@@ -345,12 +347,12 @@ class Settings:
     @property
     def bounced_samples(self) -> int:
         """Points of a BOUNCED light for each sample of a pixel."""
-        return BOUNCED_SHARE * self.light_samples
+        return BOUNCED_SHARE * min(self.light_samples, MOST_BOUNCED)
 
     @property
     def bounced_shadows(self) -> int:
         """Shadow rays that the points of a BOUNCED light share for each sample of a pixel."""
-        return BOUNCED_SHADOWS * self.light_samples
+        return BOUNCED_SHADOWS * min(self.light_samples, MOST_BOUNCED)
 
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""

@@ -272,11 +272,14 @@ class Lighting:
             return
         terms = coefficients.highlights if source.has_highlights else []
         narrow = Narrow(surface, terms, weight, source)
-        seen = source.seen_from(surface.x, surface.n, sample, n)
-        for number in source.numbers(sample, n):
-            is_left_out = self.catchers_alone and isinstance(source, BouncedSource)
-            if is_left_out and not source.is_caught(number):
-                continue
+        numbers = [
+            number
+            for number in source.numbers(sample, n)
+            if not (self.catchers_alone and isinstance(source, BouncedSource))
+            or source.is_caught(number)
+        ]
+        seen = source.seen_from(surface.x, surface.n, numbers, n)
+        for number in numbers:
             point = points[number]
             yield narrow, seen(point), coefficients.diffuse
             place = source.drawn_at(number, point)

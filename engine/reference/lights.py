@@ -187,10 +187,10 @@ class Source:
         return None if self.light.kind in ("SUN", "DOME") else self.position
 
     def seen_from(
-        self, x: Array, n: Array, sample: int, count: int
+        self, x: Array, n: Array, numbers: Sequence[int], count: int
     ) -> Callable[[LightPoint], LightSample]:
-        """How points x (3, k) of surfaces with the normals n (3, k) see each of the points of a
-        sample of a pixel, which are so many.
+        """How points x (3, k) of surfaces with the normals n (3, k) see each of the points with
+        these numbers, of `count` in a sample of a pixel.
         """
         return lambda point: self.sample(x, point, count)
 

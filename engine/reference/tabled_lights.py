@@ -5,7 +5,7 @@ Letters: x shaded point, q point on the light, d distance, z cosine at the light
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -196,11 +196,11 @@ class BouncedSource(MeshSource):
         return BouncedSource(self.light, self._eye, self._table.first(count))
 
     def seen_from(
-        self, x: Array, n: Array, sample: int, count: int
+        self, x: Array, n: Array, numbers: Sequence[int], count: int
     ) -> Callable[[MeshPoint], LightSample]:
         """As discs, which are smaller where others of the sample stand nearer."""
         spacing2 = np.full(x.shape[1], np.inf)
-        for number in self.numbers(sample, count):
+        for number in numbers:
             to, facing = self._disc(x, n, number)
             nearest = np.maximum(dot(to, to), self._radius2(number))
             spacing2 = np.where(facing, np.minimum(spacing2, nearest), spacing2)

@@ -537,6 +537,12 @@ def test_a_sample_asks_for_few_shadows() -> None:
     assert bounced_table(bounced_light(room(lamp()), 1), 4, settings.bounced_samples).each == 48
 
 
+def test_many_light_samples_take_no_more_points_than_there_are_walks_for() -> None:
+    few, many = Settings(light_samples=256), Settings(light_samples=1 << 16)
+    assert (many.bounced_samples, many.bounced_shadows) == (4096, 1024)
+    assert (few.bounced_samples, few.bounced_shadows) == (4096, 1024)
+
+
 def test_explain_tells_how_many_shadows_are_asked_for() -> None:
     settings = Settings(light_samples=2, diffuse_bounces=1)
     lines = explanation_lines(PixelExplainer(room(lamp()), settings).pixel(3, 3))
