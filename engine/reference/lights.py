@@ -65,7 +65,9 @@ class LightSample:
     round: Array | None = None
 
     def cosine(self, n: Array) -> Array:
-        """(k,) what points with the normals n (3, k) get of light from straight above."""
+        """(k,) n·l of points with the normals n (3, k), or what stands for it: how much of this
+        light they get, over what they would get from straight above.
+        """
         cosine = dot(n, self.direction)
         return cosine if self.round is None else above_horizon(cosine, self.round)
 

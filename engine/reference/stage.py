@@ -55,9 +55,9 @@ class Stage:
         self.rays: Counter[str] = Counter()
         self.sources = tuple(self._source(light) for light in scene.lights)
         self.shared_samples = shared_samples(scene.lights, settings)
+        asked, points = settings.bounced_shadows, settings.bounced_samples
         bounced = any(light.kind == "BOUNCED" for light in scene.lights)
-        asked = min(settings.bounced_shadows, settings.bounced_samples)
-        self.shared_bounced = (asked, settings.bounced_samples) if bounced else (0, 0)
+        self.shared_bounced = (asked, points) if bounced else (0, 0)
         self.media = Media(scene, self.attributes, self.visibility)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
         self.shadows = shadows

@@ -198,7 +198,7 @@ class BouncedSource(MeshSource):
     def seen_from(
         self, x: Array, n: Array, numbers: Sequence[int], count: int
     ) -> Callable[[MeshPoint], LightSample]:
-        """As discs, which are smaller where others of the sample stand nearer."""
+        """As discs, which are smaller where others of these points stand nearer."""
         spacing2 = np.full(x.shape[1], np.inf)
         for number in numbers:
             to, facing = self._disc(x, n, number)
@@ -223,7 +223,10 @@ class BouncedSource(MeshSource):
         return self._axes @ at[:, None] + self.position, unit(self._axes @ normal[:, None])
 
     def seen_disc(self, x: Array, n: Array, number: int, spacing2: Array) -> LightSample:
-        """By its vector form factor, that of a ball in its direction."""
+        """The disc of a point as x (3, k) with the normals n (3, k) see it, whose others are
+        spacing2 (k,) world units squared away: by its vector form factor, that of a ball in its
+        direction.
+        """
         q, m = self._placed(number)
         to, facing = self._disc(x, n, number)
         whole = self._radius2(number)

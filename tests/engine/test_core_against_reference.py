@@ -18,6 +18,8 @@ from engine_scenes import (
 )
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.reference import occlusion
+from glint.engine.sampling import occlusion_points
 
 pytestmark = pytest.mark.skipif(
     "NATIVE" not in engine.available_backends(), reason="the core's library is not built"
@@ -26,10 +28,8 @@ pytestmark = pytest.mark.skipif(
 ALL_PASSES = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
 SETTINGS = engine.Settings(samples=1, light_samples=3, max_bounces=4, passes=ALL_PASSES)
 
-GRAZED = {"Ambient Occlusion": 1}
-"""Pixels of a picture in which one of 24 directions may graze a strand: single precision meets it,
-double precision does not.
-"""
+TURNED = 8 * 2.0**-24 * 10
+"""By so much single precision may turn a ray that looks a unit far in a scene ten units wide."""
 
 
 def both(name: str, settings: engine.Settings) -> tuple[engine.Film, engine.Film]:
@@ -56,6 +56,27 @@ def conditioned(key: str, values: np.ndarray) -> np.ndarray:
     return values.astype(float) ** 2 if key == "Gap" else values
 
 
+def grazes_alone(name: str, core: engine.Film, error: np.ndarray) -> bool:
+    """Whether the core's occlusion is what the reference has with directions turned by a rounding,
+    wherever it is not what it has without: a direction of many may graze a strand.
+    """
+    passes = frozenset({"Ambient Occlusion"})
+    settings = replace(SETTINGS, passes=passes, backend="NUMPY")
+    near = []
+    for turn in np.vstack([TURNED * np.eye(2), -TURNED * np.eye(2)]):
+
+        def turned(samples: int, each: int, turn: np.ndarray = turn) -> np.ndarray:
+            return occlusion_points(samples, each) + turn
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(occlusion, "occlusion_points", turned)
+            film = engine.render(SCENES[name](), settings)
+        near.append(
+            relative_error(core.passes["Ambient Occlusion"], film.passes["Ambient Occlusion"])
+        )
+    return bool((np.minimum.reduce(near)[error > 1e-4] < 1e-4).all())
+
+
 @pytest.mark.parametrize("illumination", engine.settings.ILLUMINATIONS)
 @pytest.mark.parametrize("name", SCENES)
 def test_same_picture(name: str, illumination: str) -> None:
@@ -67,8 +88,10 @@ def test_same_picture(name: str, illumination: str) -> None:
     worst = {
         key: (float(error.max()), int((error > 1e-4).sum()))
         for key, error in errors.items()
-        if (error > 1e-4).sum() > GRAZED.get(key, 0)
+        if error.max() > 1e-4
     }
+    if "Ambient Occlusion" in worst and grazes_alone(name, core, errors["Ambient Occlusion"]):
+        del worst["Ambient Occlusion"]
     assert not worst, f"{name}: pass -> (largest relative error, pixels beyond 1e-4): {worst}"
 
 

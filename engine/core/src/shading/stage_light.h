@@ -173,9 +173,8 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
   const Three origin = load3(s.origin, k), g = load3(s.g, k);
   const Doubles offset = load(s.offset + k);
   constexpr bool endless = Shape == kDirection || Shape == kSky;
-  const Three end = Shape == kMeshSource || Shape == kBouncedSource
-                        ? before_mesh(s, k, sample, origin)
-                        : sample.end;
+  constexpr bool on_mesh = Shape == kMeshSource || Shape == kBouncedSource;
+  const Three end = on_mesh ? before_mesh(s, k, sample, origin) : sample.end;
   const Three towards = endless ? sample.l : end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free,
   // whatever stands on the surface.
@@ -217,7 +216,7 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
 
 template <int Shape>
 inline Three color_of(const LightStage& s, const Sample& at) {
-  if constexpr (Shape != kMeshSource && Shape != kBouncedSource) return splat3(s.color);
+  if constexpr (Shape != kMeshSource) return splat3(s.color);
   const Mask front = dot(at.l, splat3(s.axis)) < 0;
   return {choose(front, splat(s.color[0]), splat(s.back[0])),
           choose(front, splat(s.color[1]), splat(s.back[1])),
@@ -426,9 +425,8 @@ size_t light(const LightStage& s) {
 size_t scatter(const LightStage& s) {
   switch (s.shape) {
     case kMeshSource:
-      return scatter_from<kMeshSource>(s);
     case kBouncedSource:
-      return scatter_from<kBouncedSource>(s);
+      return scatter_from<kMeshSource>(s);
     case kDirection:
       return scatter_from<kDirection>(s);
     case kSky:

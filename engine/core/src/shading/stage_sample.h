@@ -233,13 +233,13 @@ inline Doubles above_horizon(const Doubles& cosine, const Doubles& sine2) {
 
 template <int Shape>
 inline Sample sample(const LightStage& s, const Three& x) {
-  Sample sample = Shape == kDirection || Shape == kSky              ? sample_direction(s, x)
-                  : Shape == kMeshSource || Shape == kBouncedSource ? sample_mesh(s, x)
-                  : Shape == kPointSource                           ? sample_point(s, x)
-                  : Shape == kSphereSource                          ? sample_sphere(s, x)
-                  : Shape == kDiscSource                            ? sample_disc(s, x)
-                  : Shape == kRectangleSource                       ? sample_rectangle(s, x)
-                                                                    : sample_plane(s, x);
+  Sample sample = Shape == kDirection || Shape == kSky ? sample_direction(s, x)
+                  : Shape == kMeshSource               ? sample_mesh(s, x)
+                  : Shape == kPointSource              ? sample_point(s, x)
+                  : Shape == kSphereSource             ? sample_sphere(s, x)
+                  : Shape == kDiscSource               ? sample_disc(s, x)
+                  : Shape == kRectangleSource          ? sample_rectangle(s, x)
+                                                       : sample_plane(s, x);
   share(s, sample);
   return sample;
 }
