@@ -380,10 +380,11 @@ typedef struct GlintNeighbour {
  * where one is asked for, two numbers each. lamp_shadows: where more than twice as many lamps cast
  * shadows and have no program, a point sends so many of its rays to them, times the samples of a
  * soft one; 0: one to each, up to 1024. bounced_shadows: how many rays of a point and sample the
- * points of a GLINT_BOUNCED_LIGHT share, 1 to bounced_samples. neighbours: null where nothing moves, else two, of the
- * frame before and of the one after. occlusion_points: (occlusion_count, 2) of the unit disc, below
- * the directions of GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as
- * divide it, after which they begin again; null only where nobody asks for it. */
+ * points of a GLINT_BOUNCED_LIGHT share, 1 to bounced_samples. neighbours: null where nothing
+ * moves, else two, of the frame before and of the one after. occlusion_points: (occlusion_count, 2)
+ * of the unit disc, below the directions of GLINT_PASS_AMBIENT_OCCLUSION, of as many samples,
+ * occlusion_samples each, as divide it, after which they begin again; null only where nobody asks
+ * for it. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
