@@ -20,7 +20,7 @@ from .native import load_error, programs
 from .program.program import Program
 from .reference.program import run as run_reference
 from .reference.textures import Image
-from .reference.vectors import cross, length, pick, transform, unit
+from .reference.vectors import cross, transform, unit
 from .scene import CORNER, FACE, POINT, Attribute, Mesh, Texture
 
 Array = np.ndarray
@@ -143,9 +143,14 @@ def _first_corners(triangles: Array, moves: Array, count: int) -> Array:
     return first
 
 
+def _columns(values: Array, rows: Array) -> Array:
+    """(c, n) float64 of the rows (n,) of values (k, c)."""
+    return np.ascontiguousarray(values.take(rows, 0).T, np.float64)
+
+
 def _face_normals(vertices: Array, triangles: Array) -> Array:
     """(3, n) unit."""
-    a, b, c = (pick(vertices.astype(np.float64).T, triangles[:, k]) for k in range(3))
+    a, b, c = (_columns(vertices, corners) for corners in triangles.T)
     return unit(cross(b - a, c - a))
 
 
@@ -163,9 +168,9 @@ def _offsets(
     """(3, n) float64 in object space, of the vertices at these corners (n,)."""
     placed = _Placed.of(place if displacement.is_placed else Place())
     if displacement.program is None:
-        return placed.to_object(
-            np.repeat(np.array(displacement.constant)[:, None], len(corners), 1)
-        )
+        constant = np.array(displacement.constant)[:, None]
+        with np.errstate(all="ignore"):
+            return placed.to_object(np.repeat(constant, len(corners), 1))
     is_native = load_error() is None
     power = programs.power if is_native else np.power
     images = [Image(texture, power) for texture in displacement.textures]
@@ -180,8 +185,9 @@ def _offsets(
 
 def _some_offsets(program, mesh, normals, images, placed, run, corners: Array) -> Array:
     points = VertexPoints(mesh, normals, corners, placed, images)
-    (offset,) = run(program, points, len(corners))
-    return placed.to_object(offset)
+    with np.errstate(all="ignore"):
+        (offset,) = run(program, points, len(corners))
+        return placed.to_object(offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +231,7 @@ class VertexPoints:
         self._mesh, self._placed, self._images = mesh, placed, images
         self._triangle, self._corner = corners // 3, corners % 3
         self._vertex = mesh.triangles[self._triangle, self._corner]
-        self._own = unit(pick(normals.T.astype(np.float64), self._vertex))
+        self._own = unit(_columns(normals, self._vertex))
         self._rows = {POINT: self._vertex, FACE: self._triangle}
         if mesh.corners is not None:
             self._rows[CORNER] = mesh.corners[self._triangle, self._corner]
@@ -256,7 +262,7 @@ class VertexPoints:
         return transform(self._placed.matrix, self.object_position(0)) + self._origin
 
     def object_position(self, shift: int) -> Array:
-        return pick(self._mesh.vertices.T.astype(np.float64), self._vertex)
+        return _columns(self._mesh.vertices, self._vertex)
 
     @cached_property
     def _normal(self) -> Array:
@@ -294,9 +300,6 @@ class VertexPoints:
     def to_object(self, vector: Array, is_point: bool) -> Array:
         return self._placed.to_object(vector - self._origin if is_point else vector)
 
-    def object_stretch(self) -> Array:
-        return length(transform(self._placed.matrix, self._own))
-
     def object_location(self) -> Array:
         return np.repeat(self._origin, len(self._vertex), 1)
 
@@ -326,7 +329,7 @@ class VertexPoints:
 
     def _values(self, attribute: Attribute) -> Array:
         """(c, n), what is not finite as 0."""
-        values = attribute.values[self._rows[attribute.domain]].T.astype(np.float64)
+        values = _columns(attribute.values, self._rows[attribute.domain])
         return np.where(np.isfinite(values), values, 0.0)
 
 

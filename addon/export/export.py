@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.displacement import Displacement, Place
-from ...engine.scene import Geometry, Instances, Scene, Strands
+from ...engine.scene import Geometry, Instances, Scene, Spheres, Strands
 from .camera import border, export_camera, resolution
 from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
@@ -38,7 +38,7 @@ from .placing import (
 from .properties import Value, sound, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
-from .unheard import note_layer, note_scene
+from .unheard import note_layer, note_scene, note_subdivision
 from .world import Sky, export_world, with_pass_settings
 
 
@@ -341,7 +341,12 @@ class Collector:
         """Index of a mesh's geometry, which is a sphere where it is marked as one, read when first
         met; None without faces.
         """
-        return self._met(mesh_key(data), lambda report: read_shape(data, owner, report), owner)
+
+        def read(report: Report) -> MeshSource | Spheres | None:
+            note_subdivision(owner.name, owner, report)
+            return read_shape(data, owner, report)
+
+        return self._met(mesh_key(data), read, owner)
 
     def _met(
         self, key: tuple, read: Callable[[Report], MeshSource | Geometry | None], owner: Any

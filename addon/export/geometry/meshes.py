@@ -23,6 +23,7 @@ from ..shader_nodes.reader import (
     TANGENT,
     UNDISPLACED,
     UNDISPLACED_NORMAL,
+    UNDISPLACED_TANGENT,
 )
 from .islands import as_four, islands, pointiness
 from .tangents import tangents
@@ -338,7 +339,7 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
     """
     if name == GENERATED:
         return Attribute(name, POINT, _generated(mesh))
-    if name.startswith(TANGENT):
+    if name.startswith((TANGENT, UNDISPLACED_TANGENT)):
         return _tangents(mesh, source, name, report)
     if name == ISLAND:
         return Attribute(name, FACE, as_four(islands(mesh, source.mesh.triangles)))
@@ -391,13 +392,14 @@ def _generated(mesh: Any) -> np.ndarray:
 
 def _tangents(mesh: Any, source: MeshSource, name: str, report: Report) -> Attribute | None:
     """(k, 4) tangents of a UV map on the corners; None without the map."""
-    plain = name.removeprefix(TANGENT)
+    plain = name.removeprefix(TANGENT).removeprefix(UNDISPLACED_TANGENT)
     if plain not in source.uv_maps:
         _read_uv_map(mesh, source, plain, report)
     uv = source.uv_maps.get(plain)
     if uv is None or uv.domain != CORNER or uv.values.shape[1] != 2:
         return None
-    shape = source.mesh
+    is_before = source.rest is not None and name.startswith(UNDISPLACED_TANGENT)
+    shape = source.rest if is_before else source.mesh
     normals = _corner_normals(shape, source.corners)
     values = tangents(shape.vertices, shape.triangles, source.corners, normals, uv.values)
     return Attribute(name, CORNER, values)

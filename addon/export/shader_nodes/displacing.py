@@ -10,11 +10,18 @@ from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.operations_vector import VectorMeasure, VectorOperation
 from ..materials.graph import Place, kind_of, trail
-from .reader import UNDISPLACED, UNDISPLACED_NORMAL, Outputs, TreeReader
+from .reader import (
+    TANGENT,
+    UNDISPLACED,
+    UNDISPLACED_NORMAL,
+    UNDISPLACED_TANGENT,
+    Outputs,
+    TreeReader,
+)
 
 _DISPLACERS = ("ShaderNodeDisplacement", "ShaderNodeVectorDisplacement")
 _IN_WORLD = frozenset(
-    ("position", "object_location", "instance_value", "object_stretch", "transform_vector")
+    ("position", "object_location", "instance_value", "transform_vector")
     + ("normal", "face_normal", "incoming", "reflection", "normal_to_world", "normal_map")
 )
 """Operations whose results turn with the object, or are its own."""
@@ -74,8 +81,12 @@ class UndisplacedReader(TreeReader):
             return (self._before(settings["shift"]),)
         if name == "position":
             return (self._placed(self._before(settings["shift"])),)
+        if name == "attribute" and settings["attribute"].startswith(TANGENT):
+            map_name = settings["attribute"].removeprefix(TANGENT)
+            settings = {**settings, "attribute": UNDISPLACED_TANGENT + map_name}
         if name == "object_normal":
-            return super().apply("vector_normalized", self._outward())
+            outward = super().apply("vector_normalized", self._outward())[0]
+            return (self._turned(outward),)
         if name == "normal":
             return (self._facing(),)
         return super().apply(name, *arguments, **settings)
@@ -114,8 +125,12 @@ class UndisplacedReader(TreeReader):
 
     def _facing(self) -> Value:
         """The unit normal in the world, turned to the viewer."""
-        outward = super().apply("normal_to_world", self._outward())[0]
-        return super().apply("scaled_sum", outward, self._side(1.0), self.graph.constant(ZERO))[0]
+        return self._turned(super().apply("normal_to_world", self._outward())[0])
+
+    def _turned(self, outward: Value) -> Value:
+        """An outward normal, to the viewer."""
+        zero = self.graph.constant(ZERO)
+        return super().apply("scaled_sum", outward, self._side(1.0), zero)[0]
 
     def _side(self, sign: float) -> Value:
         """The sign where the outer side is seen, else the other."""

@@ -49,8 +49,9 @@ ISLAND, POINTINESS = "(island)", "(pointiness)"
 """Attribute names that stand for what Blender's meshes tell of their shape."""
 
 UNDISPLACED, UNDISPLACED_NORMAL = "(undisplaced)", "(undisplaced normal)"
+UNDISPLACED_TANGENT = "(undisplaced tangent) "
 """Attribute names that stand for where a mesh's vertices were, and their shading normals, before
-its materials displaced them.
+its materials displaced them; as `TANGENT`, of that mesh.
 """
 
 FARTHEST = 3.4028234663852886e38
