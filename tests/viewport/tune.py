@@ -25,9 +25,28 @@ def scenario():
         bpy.ops.glint.measure_scene("INVOKE_DEFAULT")
     image = sys.modules[window.package + ".operators.measure_scene"].IMAGE_NAME
     yield lambda: bpy.data.images.get(image) is not None
-    in_window.answer(
-        {"processor": time.process_time() - before, "seconds": time.perf_counter() - began}
-    )
+    told = {"processor": time.process_time() - before, "seconds": time.perf_counter() - began}
+    yield 1.0
+    windows = bpy.context.window_manager.windows
+    told["windows"] = len(windows)
+    with bpy.context.temp_override(window=windows[-1]):
+        area = windows[-1].screen.areas[0]
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        space = area.spaces.active
+        told["plot"] = [
+            zoom * size / room
+            for zoom, size, room in zip(
+                space.zoom, space.image.size, (region.width, region.height), strict=True
+            )
+        ]
+        bpy.ops.wm.window_close()
+    shown = sys.modules[window.package + ".operators.measure_scene"].last_measurement
+    name, first = bpy.context.scene.name, shown(bpy.context.scene.name)
+    yield lambda: shown(name) is not first
+    yield 0.5
+    told["until news"] = time.perf_counter() - began
+    told["windows after closing it"] = len(bpy.context.window_manager.windows)
+    in_window.answer(told)
 
 
 in_window.play(scenario, window)
