@@ -154,7 +154,9 @@ class GLINT_RENDER_PT_simplify_render(_SimplifyPanel, bpy.types.Panel):
     suffix = "_render"
 
 
-class GLINT_RENDER_PT_simplify_grease_pencil(EnginePanel, GreasePencilSimplifyPanel, bpy.types.Panel):
+class GLINT_RENDER_PT_simplify_grease_pencil(
+    EnginePanel, GreasePencilSimplifyPanel, bpy.types.Panel
+):
     bl_label = "Grease Pencil"
     bl_parent_id = "GLINT_RENDER_PT_simplify"
     bl_options = {"DEFAULT_CLOSED"}

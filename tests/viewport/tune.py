@@ -16,6 +16,18 @@ in_window.LONGEST = 500.0  # a busy machine; processor seconds are what is asked
 window = in_window.load(*sys.argv[sys.argv.index("--") + 2 :][:1])
 
 
+def share(window):
+    """Of an image editor's longer side, that its picture takes."""
+    return share_of_zoom(window, window.screen.areas[0].spaces.active.zoom_percentage / 100)
+
+
+def share_of_zoom(window, zoom):
+    area = window.screen.areas[0]
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    size = area.spaces.active.image.size
+    return zoom * max(size[0] / region.width, size[1] / region.height)
+
+
 def scenario():
     with window.context():
         bpy.ops.glint.add_demo_scene()
@@ -26,19 +38,11 @@ def scenario():
     image = sys.modules[window.package + ".operators.measure_scene"].IMAGE_NAME
     yield lambda: bpy.data.images.get(image) is not None
     told = {"processor": time.process_time() - before, "seconds": time.perf_counter() - began}
-    yield 1.0
     windows = bpy.context.window_manager.windows
     told["windows"] = len(windows)
+    yield lambda: share(windows[-1]) != share_of_zoom(windows[-1], 1.0)
+    told["plot"] = share(windows[-1])
     with bpy.context.temp_override(window=windows[-1]):
-        area = windows[-1].screen.areas[0]
-        region = next(region for region in area.regions if region.type == "WINDOW")
-        space = area.spaces.active
-        told["plot"] = [
-            zoom * size / room
-            for zoom, size, room in zip(
-                space.zoom, space.image.size, (region.width, region.height), strict=True
-            )
-        ]
         bpy.ops.wm.window_close()
     shown = sys.modules[window.package + ".operators.measure_scene"].last_measurement
     name, first = bpy.context.scene.name, shown(bpy.context.scene.name)
