@@ -32,7 +32,7 @@ def scenario():
     with window.context():
         bpy.ops.glint.add_demo_scene()
     yield 0.5
-    percent = 50
+    percent = 25
     bpy.context.scene.render.resolution_percentage = percent
     before = time.process_time()
     with window.context():
