@@ -42,7 +42,9 @@ _REPLACED_OR_WITHOUT_EFFECT = {
 }
 _BORROWED_FROM_EEVEE = {
     "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_displacement",
     "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_NEXT_MATERIAL_PT_displacement",
     "EEVEE_WORLD_PT_surface",
     "MATERIAL_PT_preview",
 }
@@ -390,6 +392,22 @@ def _shape_of(light: bpy.types.Light) -> tuple[tuple[str, str], ...]:
     }[light.type]
 
 
+class GLINT_MATERIAL_PT_settings(_Panel, bpy.types.Panel):
+    bl_label = "Settings"
+    bl_context = "material"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        material = context.material
+        return material is not None and not material.grease_pencil and super().poll(context)
+
+    def draw(self, context):
+        column = self.column
+        column.prop(context.material, "pass_index")
+        column.prop(context.material, "displacement_method", text="Displacement")
+
+
 class GLINT_OBJECT_PT_ray_visibility(_Panel, bpy.types.Panel):
     bl_label = "Ray Visibility"
     bl_context = "object"
@@ -506,6 +524,7 @@ _CLASSES = (
     GLINT_VIEWLAYER_PT_filter,
     GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,
+    GLINT_MATERIAL_PT_settings,
     GLINT_OBJECT_PT_ray_visibility,
     GLINT_OBJECT_PT_motion_blur,
     GLINT_VIEW3D_PT_shading_lighting,

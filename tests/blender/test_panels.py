@@ -69,6 +69,8 @@ answer({
     "override": offered(panels.GLINT_VIEWLAYER_PT_override, context),
     "simplify": offered(panels.GLINT_RENDER_PT_simplify_render, context),
     "light": offered(panels.GLINT_LIGHT_PT_light, context),
+    "material": offered(panels.GLINT_MATERIAL_PT_settings,
+                        SimpleNamespace(material=bpy.data.materials["Material"])),
     "lighting": offered(panels.GLINT_VIEW3D_PT_shading_lighting, SimpleNamespace(space_data=SimpleNamespace(shading=SimpleNamespace(
         use_scene_lights_render=True, use_scene_world_render=True)))),
     "pass": offered(panels.GLINT_VIEW3D_PT_shading_render_pass, context),
@@ -110,6 +112,7 @@ def test_what_works_is_offered(told):
         ["simplify_subdivision_render", False],
         ["simplify_child_particles_render", False],
     ]
+    assert told["material"] == [["pass_index", False], ["displacement_method", False]]
     assert told["lighting"] == [["use_scene_lights_render", True], ["use_scene_world_render", True]]
     assert [name for name, _ in told["pass"]] == ["viewport_pass"]
 
