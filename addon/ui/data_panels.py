@@ -137,7 +137,9 @@ class GLINT_MATERIAL_PT_settings(EnginePanel, bpy.types.Panel):
         return super().poll(context) and material and not material.grease_pencil
 
     def draw(self, context):
-        self.animated_column.prop(context.material, "pass_index")
+        column = self.animated_column
+        column.prop(context.material, "pass_index")
+        column.prop(context.material, "displacement_method", text="Displacement")
 
 
 class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):

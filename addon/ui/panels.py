@@ -54,6 +54,7 @@ _BORROWED_FROM_EEVEE = {
     "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_volume",
     "EEVEE_WORLD_PT_mist",
+    "EEVEE_NEXT_MATERIAL_PT_displacement",
     "EEVEE_WORLD_PT_surface",
     "EEVEE_WORLD_PT_volume",
     "MATERIAL_PT_preview",

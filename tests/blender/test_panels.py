@@ -79,12 +79,13 @@ answer({
     "override": offered(panels.GLINT_VIEWLAYER_PT_override, context),
     "simplify": offered(panels.GLINT_RENDER_PT_simplify_render, context),
     "light": offered(panels.GLINT_LIGHT_PT_light, context),
+    "material": offered(panels.GLINT_MATERIAL_PT_settings,
+                        SimpleNamespace(material=bpy.data.materials["Material"])),
     "lighting": offered(panels.GLINT_VIEW3D_PT_shading_lighting, SimpleNamespace(space_data=SimpleNamespace(shading=SimpleNamespace(
         use_scene_lights_render=True, use_scene_world_render=True)))),
     "pass": offered(panels.GLINT_VIEW3D_PT_shading_render_pass, context),
     "tabs": {tab: all_of(tab) for tab in ("data", "material", "world")},
     "light nodes": offered(panels.GLINT_LIGHT_PT_nodes, context),
-    "material settings": offered(panels.GLINT_MATERIAL_PT_settings, context),
     "world rays": offered(panels.GLINT_WORLD_PT_ray_visibility, context),
     "lines": lines,
     "names": {name: prop.name for name, prop in properties.items()},
@@ -124,6 +125,7 @@ def test_what_works_is_offered(told):
         ["simplify_subdivision_render", False],
         ["simplify_child_particles_render", False],
     ]
+    assert told["material"] == [["pass_index", True], ["displacement_method", True]]
     assert told["lighting"] == [["use_scene_lights_render", True], ["use_scene_world_render", True]]
     assert [name for name, _ in told["pass"]] == ["viewport_pass"]
 
@@ -134,7 +136,6 @@ def test_what_is_read_can_be_set(told):
     assert {"Surface", "Volume", "Displacement", "Settings"} <= set(told["tabs"]["material"])
     assert {"Surface", "Volume", "Mist Pass", "Ray Visibility"} <= set(told["tabs"]["world"])
     assert told["light nodes"] == [["Surface", False]]
-    assert [name for name, _ in told["material settings"]] == ["pass_index"]
     assert [name for name, _ in told["world rays"]] == [
         "camera",
         "diffuse",
