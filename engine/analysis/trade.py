@@ -20,7 +20,7 @@ from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
 from ..lights.lamps import is_soft, shared_samples
 from ..scene import Scene
-from ..settings import Settings
+from ..settings import DECLARED, Settings
 from . import metrics
 from .flip import displayed, flip
 from .trade_crops import Crop, CropRenderer, Rendered, Squares, StoppedError, area, pick_squares
@@ -355,7 +355,9 @@ def advice(trade: Trade) -> str:
         return "The current settings lie on the front: nothing measured is both faster and better"
     better = next(row for row in trade.front if row.relative_rmse <= current.relative_rmse)
     change = ", ".join(
-        f"{name} {value}" for name, value in better.knobs.items() if current.knobs[name] != value
+        f"{DECLARED[name].label} {value:g}"
+        for name, value in better.knobs.items()
+        if current.knobs[name] != value
     )
     share = better.frame_seconds / current.frame_seconds
     return f"{change} would be as good in {share:.0%} of the time"

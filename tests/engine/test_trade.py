@@ -117,7 +117,7 @@ def test_advice_names_the_faster_setting_that_is_as_good():
     )
     assert (
         trade.advice(trade.Trade(rows, "", (), (1, 1), 1, True))
-        == "samples 16 would be as good in 50% of the time"
+        == "Samples 16 would be as good in 50% of the time"
     )
     flat = trade.Trade(
         trade.with_front([row(1, 0.0), row(2, 0.0, current=True)]), "", (), (1, 1), 1, True
