@@ -2,7 +2,7 @@
 // precision is asked only when intervals overlap, and once for the nearest hit of each ray in the
 // end (kernel_resolve.h).
 #pragma once
-#include "bvh/traverse/kernel_resolve.h"
+#include "bvh/traverse/kernel_opacity.h"
 #include "bvh/traverse/kernel_shapes.h"
 
 namespace glint {
