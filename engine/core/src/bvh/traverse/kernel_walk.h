@@ -19,8 +19,11 @@ inline bool visible(const Tile& tile, uint32_t ordinal) {
 }
 
 /// The exact hit of one triangle, in double. o, shear: of a ray, in its order; close: Tile::close.
-inline Exact<double> exact_hit(const Triangles& triangles, int place, const Order& order,
-                               const double (&o)[3], const double (&shear)[2], double close) {
+__attribute__((always_inline)) inline Exact<double> exact_hit(const Triangles& triangles, int place,
+                                                              const Order& order,
+                                                              const double (&o)[3],
+                                                              const double (&shear)[2],
+                                                              double close) {
   double corner[3][3];
   for (int j = 0; j < 3; ++j)
     for (int k = 0; k < 3; ++k) corner[j][k] = double(triangles.at(j, order.axes[k])[place]);
