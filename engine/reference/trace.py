@@ -53,7 +53,7 @@ class Tracer:
         if refines and settings.samples >= FIRST_ESTIMATE:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
-        self.picture = Picture(x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs)
+        self.picture = Picture(x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs, scene.light_groups)
         is_spread = (
             scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)
         )
@@ -148,6 +148,7 @@ class Tracer:
                 len(rays),
                 self._settings.passes.intersection(DATA) if sample == 0 else frozenset(),
                 len(self._scene.aovs),
+                len(self._scene.light_groups),
             )
             if len(rays):
                 Generations(stage, tile, sample).run(rays, strips)
