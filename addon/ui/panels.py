@@ -10,10 +10,14 @@ slots, the node view of material and world, and the preview: they show data that
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
-from bl_ui.properties_view_layer import VIEWLAYER_PT_layer_passes_aov
+from bl_ui.properties_view_layer import (
+    VIEWLAYER_PT_layer_passes_aov,
+    VIEWLAYER_PT_layer_passes_lightgroups,
+)
 
 from ... import engine
 from ..render import result, statistics
@@ -307,6 +311,51 @@ class GLINT_VIEWLAYER_PT_aov(_Panel, bpy.types.Panel):
     draw = VIEWLAYER_PT_layer_passes_aov.draw
 
 
+class GLINT_VIEWLAYER_PT_light_groups(_Panel, bpy.types.Panel):
+    bl_label = "Light Groups"
+    bl_context = "view_layer"
+    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
+    draw = VIEWLAYER_PT_layer_passes_lightgroups.draw
+
+
+def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.ViewLayer) -> None:
+    """Which light group an object's or a world's light is in, and a button for one that the layer
+    has not.
+    """
+    layout.use_property_split = True
+    row = layout.row(align=True)
+    row.use_property_decorate = False
+    row.column(align=True).prop_search(
+        owner, "lightgroup", layer, "lightgroups", text="Light Group", results_are_suggestions=True
+    )
+    more = row.column(align=True)
+    more.enabled = bool(owner.lightgroup) and owner.lightgroup not in layer.lightgroups
+    more.operator("scene.view_layer_add_lightgroup", icon="ADD", text="").name = owner.lightgroup
+
+
+class GLINT_OBJECT_PT_light_group(_Panel, bpy.types.Panel):
+    bl_label = "Light Group"
+    bl_context = "object"
+    bl_parent_id = "OBJECT_PT_shading"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        _draw_light_group(self.layout, context.object, context.view_layer)
+
+
+class GLINT_WORLD_PT_light_group(_Panel, bpy.types.Panel):
+    bl_label = "Light Group"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.world
+
+    def draw(self, context):
+        _draw_light_group(self.layout, context.world, context.view_layer)
+
+
 class GLINT_VIEWLAYER_PT_filter(_Panel, bpy.types.Panel):
     bl_label = "Filter"
     bl_context = "view_layer"
@@ -503,11 +552,14 @@ _CLASSES = (
     GLINT_VIEWLAYER_PT_passes,
     GLINT_VIEWLAYER_PT_cryptomatte,
     GLINT_VIEWLAYER_PT_aov,
+    GLINT_VIEWLAYER_PT_light_groups,
     GLINT_VIEWLAYER_PT_filter,
     GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,
+    GLINT_OBJECT_PT_light_group,
     GLINT_OBJECT_PT_ray_visibility,
     GLINT_OBJECT_PT_motion_blur,
+    GLINT_WORLD_PT_light_group,
     GLINT_VIEW3D_PT_shading_lighting,
     GLINT_VIEW3D_PT_shading_render_pass,
 )

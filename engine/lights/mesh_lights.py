@@ -336,8 +336,8 @@ class MeshTable:
 
     point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
     their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
-    unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.  light_group:
-    (k,) int, -1 for none.
+    unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
+    light_group: (k,) int, -1 for none.
     """
 
     point: Array

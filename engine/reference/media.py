@@ -140,7 +140,9 @@ class Media:
             for name in ("extinction", "scattering", "emission")
         }
         self._anisotropy = np.array([medium.anisotropy for medium in self._media])
-        own = [block.light_group for block, some in zip(scene.instances, found, strict=True) if some]
+        own = [
+            block.light_group for block, some in zip(scene.instances, found, strict=True) if some
+        ]
         self._groups = np.array([scene.world.light_group] * number + own, np.intp)
 
     def __bool__(self) -> bool:

@@ -39,8 +39,8 @@ class Tile:
     clear: (n,) what is seen and no mist before it. caught: (3, n) what shadows on catchers take
     away.  open: (3, n) what is open over what is seen. aovs: (4 each, n) colours and what of the
     sample has them. wants_aovs: (n,) bool, pixels whose ray has met nothing that hides what is
-    behind. groups: (3 each, n) light of light groups. met: of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was
-    met.
+    behind. groups: (3 each, n) light of light groups. met: of each Cryptomatte pass, pixels, bits
+    of ids and coverages, (m,) each, of what was met.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0, groups: int = 0):

@@ -52,8 +52,9 @@ def share_shadows(
     light_groups: int = 0,
 ) -> tuple[Array, Array, Array, Array]:
     """(3, n) each: diffuse and specular light of all the samples at n points before shadows, and
-    the share of it that arrives; and (3 light_groups, n) what of it is of each. samples: gives them, the same each time.  weight: (3, n) T of the
-    rays that see the points.  on_ask: told the points that ask a sample.
+    the share of it that arrives; and (3 light_groups, n) what of it is of each. samples: gives
+    them, the same each time.  weight: (3, n) T of the rays that see the points.  on_ask: told the
+    points that ask a sample.
     """
     diffuse, specular, asked, passed = (np.zeros_like(weight) for _ in range(4))
     groups = SharedGroups(light_groups, weight.shape[1])

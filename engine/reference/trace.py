@@ -53,7 +53,9 @@ class Tracer:
         if refines and settings.samples >= FIRST_ESTIMATE:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
-        self.picture = Picture(x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs, scene.light_groups)
+        self.picture = Picture(
+            x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs, scene.light_groups
+        )
         is_spread = (
             scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)
         )

@@ -110,7 +110,13 @@ def scene_problems(scene: Scene) -> list[str]:
         for thing in things
         for text in check(thing)
     ]
-    return [*found, *_aovs(scene), *_light_groups(scene), *_domes(scene.lights), *_neighbours(scene)]
+    return [
+        *found,
+        *_aovs(scene),
+        *_light_groups(scene),
+        *_domes(scene.lights),
+        *_neighbours(scene),
+    ]
 
 
 def _light_groups(scene: Scene) -> Found:

@@ -38,9 +38,7 @@ def fog() -> s.Scene:
 def sky(scene: s.Scene) -> s.Scene:
     """With a sky that lights, and lamps that are seen."""
     rng = np.random.default_rng(1)
-    dome = s.Light(
-        "sky", "DOME", np.eye(3, 4), radiance=rng.random((8, 16, 3)).astype(np.float32)
-    )
+    dome = s.Light("sky", "DOME", np.eye(3, 4), radiance=rng.random((8, 16, 3)).astype(np.float32))
     lights = tuple(replace(x, visible_camera=True, visible_mirror=True) for x in scene.lights)
     world = replace(scene.world, ambient=(0.3, 0.2, 0.1), background=(0.3, 0.2, 0.1))
     return replace(scene, lights=(*lights, dome), world=world)
@@ -149,9 +147,7 @@ def alone(scene: s.Scene, group: int) -> s.Scene:
         for m in scene.materials
     ]
     instances = tuple(
-        x
-        if x.light_group == group
-        else replace(x, materials=tuple(count + k for k in x.materials))
+        x if x.light_group == group else replace(x, materials=tuple(count + k for k in x.materials))
         for x in scene.instances
     )
     world = scene.world

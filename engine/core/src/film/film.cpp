@@ -55,8 +55,7 @@ void SlotTable::set(uint32_t width, uint32_t height) {
 }
 
 Film::Film(Region region, Region shown, Passes passes, double error_threshold,
-           uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count,
-           uint32_t light_groups)
+           uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count, uint32_t light_groups)
     : region_(region),
       shown_(shown),
       passes_(passes | pass_bit(GLINT_PASS_COMBINED)),

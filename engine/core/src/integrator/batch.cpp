@@ -18,10 +18,10 @@ Batch::Batch(const Scene& scene, Passes passes)
       passes_(passes),
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.bends_normals),
       splits_(passes & kLightingPasses),
-      columns_(
-          kFixed + (smooth_ ? kSmooth : 0) + size_t(scene.specular_columns * scene.max_specular) +
-          size_t(scene.passing_columns * scene.max_passing) + kParts + (splits_ ? kSplit : 0) +
-          3 + group_columns_of(scene, passes)),
+      columns_(kFixed + (smooth_ ? kSmooth : 0) +
+               size_t(scene.specular_columns * scene.max_specular) +
+               size_t(scene.passing_columns * scene.max_passing) + kParts + (splits_ ? kSplit : 0) +
+               3 + group_columns_of(scene, passes)),
       groups_(group_columns_of(scene, passes)) {}
 
 void Batch::begin(const Queue& rays) {

@@ -130,9 +130,9 @@ class DirectLight {
   std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
   std::vector<int64_t> linked_;  // mask: points that a light that lights but some may reach
-  int group_ = -1;                             // of lights, of the present sample
-  bool met_ = false;                           // the present points have met_group_
-  std::vector<int> met_group_;                 // of what drawn rays meet
+  int group_ = -1;               // of lights, of the present sample
+  bool met_ = false;             // the present points have met_group_
+  std::vector<int> met_group_;   // of what drawn rays meet
   std::vector<uint32_t> emitter_, placement_;  // that drawn rays meet, and their weights there
   std::vector<float> u_, v_;
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden

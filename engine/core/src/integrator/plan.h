@@ -84,8 +84,15 @@ struct RenderPlan {
     if (light.is_dome()) {
       const size_t number = size_t(sample % dome_tabled) * dome_samples + j;
       const double* const place = dome_table + 9 * (number / kSkyDraws) + 7;
-      return {0, 0, place[0], place[1], dome_table + 9 * number, &dome, number % kSkyDraws == 0,
-              false, light.group};
+      return {0,
+              0,
+              place[0],
+              place[1],
+              dome_table + 9 * number,
+              &dome,
+              number % kSkyDraws == 0,
+              false,
+              light.group};
     }
     if (light.is_mesh()) {
       const double* const row =
@@ -95,8 +102,7 @@ struct RenderPlan {
     if (light.is_bounced()) {
       const size_t number = size_t(sample % bounced_tabled) * bounced_samples + j;
       const double* const row = bounced_table + kPointColumns * number;
-      return {0, 0, 0, 0, row, nullptr, false, row[16] != 0,
-              group_of_row(row)};
+      return {0, 0, 0, 0, row, nullptr, false, row[16] != 0, group_of_row(row)};
     }
     LightPoint point;
     point.group = light.group;

@@ -262,7 +262,8 @@ void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, 
   }
 }
 
-/// Adds what was given to the points [first, end) to the groups of lights. Clusters are of one group.
+/// Adds what was given to the points [first, end) to the groups of lights. Clusters are of one
+/// each.
 void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, size_t end) {
   const double* given = s.given;
   for (size_t i = 0; i < reached.count; ++i, given += 3 * kShareBlock) {
