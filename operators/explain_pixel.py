@@ -162,8 +162,9 @@ class GLINT_OT_explanation_as_text(bpy.types.Operator):
     def execute(self, context):
         text = bpy.data.texts.get(TEXT) or bpy.data.texts.new(TEXT)
         text.from_string("\n".join([*_explained, ""]))
-        editor = editor_of("TEXT_EDITOR", context)
-        if editor is not None:
+        area = editor_of("TEXT_EDITOR", context)
+        if area is not None:
+            editor = area.spaces.active
             editor.text, editor.top, editor.show_word_wrap = text, 0, True
         return {"FINISHED"}
 

@@ -242,8 +242,8 @@ The list sharpens while you watch; Esc stops and keeps it"""
         trade = self._background.trade
         if trade is None or trade is self._shown or not trade.rows:
             return
+        show(IMAGE_NAME, draw_trade(trade, self._scene_name), context, opens=self._shown is None)
         self._shown = _measured[self._scene_name] = trade
-        show(IMAGE_NAME, draw_trade(trade, self._scene_name), context)
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "PROPERTIES":
@@ -271,7 +271,8 @@ The list sharpens while you watch; Esc stops and keeps it"""
             write(trade, name, json_path, plot_path)
         except OSError as error:
             return self._fail(error)
-        show(IMAGE_NAME, draw_trade(trade, name), context)
+        seen = getattr(self, "_shown", None) is not None
+        show(IMAGE_NAME, draw_trade(trade, name), context, opens=not seen)
         self.report(
             {"INFO"}, f"{advice(trade)}. The plot is the image '{IMAGE_NAME}' and {plot_path}"
         )
@@ -340,22 +341,66 @@ class GLINT_RENDER_PT_trade(bpy.types.Panel):
             return
         if not trade.complete or trade.repeats == 0:
             column.label(text="Measured so far:")
-        table = column.box().grid_flow(row_major=True, columns=5, align=True)
-        for heading in ("Time", "Error", "Settings", "What Changes", ""):
-            table.label(text=heading)
-        for number, row in enumerate(trade.shown):
-            table.label(
-                text=seconds_text(row.frame_seconds),
-                icon="RADIOBUT_ON" if row.current else "RADIOBUT_OFF",
-            )
-            table.label(text=error_text(row))
-            table.label(text=settings_text(trade, row))
-            table.label(text=change_text(trade, row))
-            if row.current:
-                table.label(text="")
-            else:
-                table.operator(GLINT_OT_use_measured.bl_idname).row = number
+        if context.region.width >= _TABLE * context.preferences.system.ui_scale:
+            _draw_table(column.box().column(align=True), trade)
+        else:
+            _draw_list(column, trade, context.region)
         draw_text(column.column(align=True), [advice(trade)], context.region)
+
+
+_COLUMNS = (("Time", 0.1), ("Error", 0.3), ("Settings", 0.29), ("What Changes", 0.21), ("", 0.1))
+"""Headings of the table, and their shares of its width."""
+_TABLE = 900
+"""Pixels on a screen of scale 1 from which on the table has room for its texts."""
+
+
+def _draw_table(column: bpy.types.UILayout, trade: Trade) -> None:
+    """A line for each choice under headings."""
+    for (heading, _), cell in zip(_COLUMNS, _cells(column), strict=True):
+        cell.label(text=heading)
+    for number, row in enumerate(trade.shown):
+        cells = _cells(column)
+        cells[0].label(text=seconds_text(row.frame_seconds), icon=_mark(row))
+        for cell, text in zip(cells[1:], (text for _, text in _told(trade, row)), strict=False):
+            cell.label(text=text)
+        _draw_choice(cells[-1], row, number)
+
+
+def _cells(column: bpy.types.UILayout) -> list[bpy.types.UILayout]:
+    """Of a new line, as wide as `_COLUMNS` says."""
+    cells, rest, left = [], column, 1.0
+    for _, share in _COLUMNS[:-1]:
+        split = rest.split(factor=share / left)
+        cells.append(split.row())
+        rest, left = split.row(), left - share
+    return [*cells, rest]
+
+
+def _draw_list(column: bpy.types.UILayout, trade: Trade, region: bpy.types.Region) -> None:
+    """A box for each choice, for editors in which the table would be cut."""
+    for number, row in enumerate(trade.shown):
+        box = column.box().column(align=True)
+        head = box.row()
+        head.label(text=seconds_text(row.frame_seconds), icon=_mark(row))
+        _draw_choice(head, row, number)
+        draw_text(box, [f"{name}: {text}" for name, text in _told(trade, row) if text], region)
+
+
+def _told(trade: Trade, row: Row) -> list[tuple[str, str]]:
+    """Heading and text of what is said of a choice beside its time."""
+    texts = (error_text(row), settings_text(trade, row), change_text(trade, row))
+    return [(name, text) for (name, _), text in zip(_COLUMNS[1:], texts, strict=False)]
+
+
+def _mark(row: Row) -> str:
+    return "RADIOBUT_ON" if row.current else "RADIOBUT_OFF"
+
+
+def _draw_choice(layout: bpy.types.UILayout, row: Row, number: int) -> None:
+    if row.current:
+        layout.label(text="")
+    else:
+        layout.operator(GLINT_OT_use_measured.bl_idname).row = number
 
 
 _NAMES = {

@@ -5,12 +5,15 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from .editors import editor_of
+from .editors import editor_of, fit_picture
 
 
-def show(name: str, picture: np.ndarray, context: bpy.types.Context) -> bpy.types.Image:
+def show(
+    name: str, picture: np.ndarray, context: bpy.types.Context, opens: bool = True
+) -> bpy.types.Image:
     """Put a canvas, (h, w, 3) of what a screen shows with row 0 on top, into the image `name`, and
-    that into an image editor: an open one, else one in a new window where there are windows.
+    if it `opens` that into an image editor: an open one, else one in a new window where there are
+    windows.
     """
     height, width = picture.shape[:2]
     image = bpy.data.images.get(name)
@@ -22,7 +25,8 @@ def show(name: str, picture: np.ndarray, context: bpy.types.Context) -> bpy.type
     pixels[..., :3] = np.flipud(picture)
     image.pixels.foreach_set(pixels.ravel())
     image.update()
-    editor = editor_of("IMAGE_EDITOR", context)
-    if editor is not None:
-        editor.image = image
+    area = editor_of("IMAGE_EDITOR", context) if opens else None
+    if area is not None:
+        area.spaces.active.image = image
+        fit_picture(area)
     return image

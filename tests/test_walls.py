@@ -27,6 +27,7 @@ BLENDER = {
 }
 ENGINES_DOOR = {
     "engine",
+    "engine.displacement",
     "engine.lights.dome",
     "engine.program.graph",
     "engine.program.operations",

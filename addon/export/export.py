@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,8 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...engine.scene import Geometry, Instances, Scene, Strands
+from ...engine.displacement import Displacement, Place
+from ...engine.scene import Geometry, Instances, Scene, Spheres, Strands
 from .camera import border, export_camera, resolution
+from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
 from .geometry.shapes import export_points, read_shape
 from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_attributes
@@ -23,14 +25,21 @@ from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
 from .light_groups import LightGroups
 from .lights import Lights, Seen
 from .materials.aovs import Aov, note_world
-from .materials.materials import Materials, Wanted, without_unused
+from .materials.materials import Materials, without_unused
+from .materials.wanted import Wanted
 from .missing import note_missing
 from .panorama import Looker
-from .placing import note_catchers, note_empty_view, note_media, without_collapsed
+from .placing import (
+    note_catchers,
+    note_empty_view,
+    note_media,
+    without_collapsed,
+    without_unplaced,
+)
 from .properties import Value, sound, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
-from .unheard import note_scene
+from .unheard import note_scene, note_subdivision
 from .world import Sky, export_world, with_light_group, with_pass_settings
 
 
@@ -42,13 +51,15 @@ class Export:
     notes: what could not be rendered as it is, each said once.
     stats: seconds per stage ("objects", "finish", "export") and counts ("meshes", "instances",
     "triangles", "lights", "materials", "textures", "bytes"). region: the render border as (x0, y0,
-    x1, y1) pixels of the full frame, origin bottom left, or None.
+    x1, y1) pixels of the full frame, origin bottom left, or None. displaced: how meshes were, by
+    their numbers among the scene's geometries.
     """
 
     scene: Scene
     notes: tuple[str, ...] = ()
     stats: dict[str, float] = field(default_factory=dict)
     region: tuple[int, int, int, int] | None = None
+    displaced: dict[int, Displaced] = field(default_factory=dict)
 
 
 @contextmanager
@@ -113,7 +124,7 @@ def export_scene(
         "export": end - start,
         **counts(exported),
     }
-    return Export(exported, report.notes(), stats, region)
+    return Export(exported, report.notes(), stats, region, collector.displaced)
 
 
 def seen_by(
@@ -143,7 +154,7 @@ def _world(depsgraph: Any, scene: Any) -> Any:
 class _Placed(NamedTuple):
     """A geometry with what its instances need. values: what programs read of it;
     of_each: names of what they read of each instance by itself. asset, light_group: as
-    `Instances` has it.
+    `Instances` has it. is_bound: its geometry depends on where it stands.
     """
 
     geometry: int
@@ -153,6 +164,7 @@ class _Placed(NamedTuple):
     values: tuple[tuple[str, Value], ...] = ()
     of_each: tuple[str, ...] = ()
     asset: str = ""
+    is_bound: bool = False
     light_group: int = -1
 
 
@@ -182,6 +194,7 @@ class Collector:
         self._geometries: list[MeshSource | StrandSource | Geometry] = []
         self._known: dict[tuple, int | None] = {}
         self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
+        self.displaced: dict[int, Displaced] = {}
 
     def meet(self, instance: Any, flags: Flags) -> _Placed | _Lamp | None:
         """What an object is to the scene; None for what has no shape of its own (curves come again
@@ -217,6 +230,15 @@ class Collector:
             return None
         thing = instance.object
         slots = self._slots(thing, self._used_slots(geometry))
+        wanted = self._wanted(slots).objects
+        of_each = values = ()
+        if wanted:
+            of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
+            values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
+        moves = self.materials.displacements(slots)
+        is_bound = any(one is not None and one.is_placed for one in moves)
+        if moves:
+            geometry = self._displaced(instance, geometry, moves, values if is_bound else None)
         if isinstance(self._geometry(geometry), MeshSource | StrandSource):
             owner = instance.instance_object or thing
             self._add_attributes(geometry, thing.data, owner, self._wanted(slots))
@@ -226,14 +248,38 @@ class Collector:
                 "as meshes",
                 thing.name,
             )
-        wanted = self._wanted(slots).objects
-        of_each = values = ()
-        if wanted:
-            of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
-            values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
         return _Placed(
-            geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing),
+            geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing), is_bound,
             self.light_groups.number(thing),
+        )  # fmt: skip
+
+    def _displaced(
+        self,
+        instance: Any,
+        number: int,
+        moves: tuple[Displacement | None, ...],
+        values: tuple[tuple[str, Value], ...] | None,
+    ) -> int:
+        """Index of a geometry as materials displace it. values: of the placement on which that
+        depends, None where it does not.
+        """
+        thing, source = instance.object, self._geometry(number)
+        if not isinstance(source, MeshSource):
+            if not isinstance(source, StrandSource):
+                self.report.note(
+                    "True spheres are not displaced: {}; render them as meshes", thing.name
+                )
+            return number
+        owner = instance.instance_object or thing
+        place, key = Place(), ("displaced", mesh_key(thing.data), moves)
+        if values is not None:
+            matrix = np.array(instance.matrix_world, np.float64)[:3]
+            place, key = Place(matrix, dict(values)), (*key, matrix.tobytes(), values)
+            if not np.isfinite(matrix).all():
+                return number
+        return self._met(
+            key, lambda report: displaced_source(thing.data, owner, source, moves, place, report),
+            owner,
         )  # fmt: skip
 
     def _value(self, name: str, instance: Any) -> Value:
@@ -302,9 +348,21 @@ class Collector:
         """Index of a mesh's geometry, which is a sphere where it is marked as one, read when first
         met; None without faces.
         """
-        key = mesh_key(data)
+
+        def read(report: Report) -> MeshSource | Spheres | None:
+            note_subdivision(owner.name, owner, report)
+            return read_shape(data, owner, report)
+
+        return self._met(mesh_key(data), read, owner)
+
+    def _met(
+        self, key: tuple, read: Callable[[Report], MeshSource | Geometry | None], owner: Any
+    ) -> int | None:
+        """Index of the geometry with this key, read when first met; None where it has nothing.
+        owner: an object that has it.
+        """
         if key not in self._known:
-            self._known[key] = self._append(read_shape(data, owner, self.report))
+            self._known[key] = self._append(read(self.report))
         return self._known[key]
 
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
@@ -365,6 +423,11 @@ class Collector:
         instances = tuple(
             self.instances(thing) for thing in things if isinstance(thing.content, _Placed)
         )
+        how = {k: g.displaced for k, g in enumerate(self._geometries) if is_displaced(g)}
+        if how:
+            instances, kept = without_unplaced(instances, len(geometries))
+            geometries = tuple(geometries[k] for k in kept)
+            self.displaced = {n: how[k] for n, k in enumerate(kept) if k in how}
         instances = without_collapsed(instances, self.report)
         note_empty_view(
             camera, geometries, instances, self.report, self.depsgraph.scene_eval.camera.name
@@ -381,6 +444,11 @@ class Collector:
             camera, geometries, instances, materials, textures, lights, sky.world, names,
             light_groups=self.light_groups.names,
         )  # fmt: skip
+
+
+def is_displaced(geometry: Any) -> bool:
+    """Whether it is a mesh that its materials displace."""
+    return getattr(geometry, "displaced", None) is not None
 
 
 def _asset(thing: Any) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...engine.scene import Instances, Light, Mesh, Scene
+from .geometry.displacing import Displaced
 from .geometry.meshes import mesh_key, normals_of, vertices_of
 from .instances import Flags, Thing, walk
 from .lights import light_frame
@@ -150,11 +152,13 @@ def moved(
     keys: list[Pose],
     report: Report,
     sentences: Sentences = WHILE_OPEN,
+    displaced: Mapping[int, Displaced] = MappingProxyType({}),
 ) -> Scene:
     """The scene with the motion of what moves from one key to the next.
 
     frame: when the scene was exported.  keys: at even times while the shutter is open, 2 to some
-    power and one of them.
+    power and one of them. displaced: of geometries, by their numbers, which are displaced at all
+    times as at that of the frame.
     """
     matcher = _Matcher(frame, keys, report, sentences)
     geometries = list(scene.geometries)
@@ -163,7 +167,8 @@ def moved(
         block = instances[number]
         instances[number] = replace(block, motion=matcher.placements(thing))
         if isinstance(geometries[block.geometry], Mesh):
-            geometries[block.geometry] = matcher.shape(thing, geometries[block.geometry])
+            how = displaced.get(block.geometry)
+            geometries[block.geometry] = matcher.shape(thing, geometries[block.geometry], how)
     lights = tuple(matcher.light(light) for light in scene.lights)
     return replace(scene, geometries=tuple(geometries), instances=tuple(instances), lights=lights)
 
@@ -237,8 +242,8 @@ class _Matcher:
         rows = [row_of.get(one.tobytes(), -1) for one in now]
         return None if -1 in rows else there.matrices[rows]
 
-    def shape(self, thing: Thing, mesh: Mesh) -> Mesh:
-        """The mesh with what it is at the keys, where its shape changes."""
+    def shape(self, thing: Thing, mesh: Mesh, how: Displaced | None = None) -> Mesh:
+        """The mesh with what it is at the keys, where its shape changes. how: it is displaced."""
         if thing.content.shape_keys == 1 or thing.content.shape is None or mesh.motion is not None:
             return mesh
         here = self._frame.shapes[thing.content.shape]
@@ -248,13 +253,15 @@ class _Matcher:
         if any(s.faces != here.faces or s.vertices.shape != here.vertices.shape for s in shapes):
             self._report.note(self._sentences.remade, thing.name)
             return mesh
-        if all(np.array_equal(s.vertices, mesh.vertices, equal_nan=True) for s in shapes):
+        if all(np.array_equal(s.vertices, here.vertices, equal_nan=True) for s in shapes):
             return mesh
-        return replace(
-            mesh,
-            motion=np.stack([s.vertices for s in shapes]),
-            normal_motion=_normals(mesh, shapes),
-        )
+        normals, vertices = _normals(mesh, shapes), [s.vertices for s in shapes]
+        if how is not None:
+            given = [None] * len(shapes) if normals is None else normals
+            moved = [how.at(mesh, *pair) for pair in zip(vertices, given, strict=True)]
+            vertices, turned = zip(*moved, strict=True)
+            normals = None if normals is None else np.stack(turned)
+        return replace(mesh, motion=np.stack(vertices), normal_motion=normals)
 
     def _shape_at(self, thing: Thing, k: int) -> Shape | None:
         there = self._there[k].get(self._names[thing])

@@ -54,6 +54,19 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
     return tuple(kept)
 
 
+def without_unplaced(
+    instances: tuple[Instances, ...], count: int
+) -> tuple[tuple[Instances, ...], list[int]]:
+    """The instances with their geometries numbered anew, without those of `count` that none of
+    them has, and the old numbers of those that are left.
+    """
+    kept = sorted({block.geometry for block in instances})
+    if len(kept) == count:
+        return instances, kept
+    numbers = {old: new for new, old in enumerate(kept)}
+    return tuple(replace(b, geometry=numbers[b.geometry]) for b in instances), kept
+
+
 def note_catchers(
     instances: tuple[Instances, ...], materials: Sequence[Material], report: Report
 ) -> None:

@@ -65,6 +65,21 @@ def note_object(name: str, owner: Any, report: Report) -> None:
         )
 
 
+def note_subdivision(name: str, thing: Any, report: Report) -> None:
+    """Of an object, evaluated: meshes are as their modifiers leave them. A setting of the modifier
+    from 5.0 on, before of the object.
+    """
+    own = getattr(thing, "cycles", None)
+    if getattr(own, "use_adaptive_subdivision", False) or any(
+        getattr(modifier, "use_adaptive_subdivision", False) for modifier in thing.modifiers
+    ):
+        report.note(
+            "Adaptive subdivision is not rendered: {} have the levels of their modifier; raise "
+            "its Levels Render",
+            name,
+        )
+
+
 def note_material(material: Any, is_see_through: bool, is_bent: bool, report: Report) -> None:
     """is_see_through: it has a transparent lobe. is_bent: nodes bend its normal."""
     if is_see_through and not getattr(material, "use_transparent_shadow", True):

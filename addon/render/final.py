@@ -123,9 +123,11 @@ def prepare(
     skipped = {} if render_engine.is_preview else skipped_things(depsgraph, export.scene)
     aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(asking)
     seen = [export.scene, *(scene for scene, _ in others)]
-    moving, motion_notes = with_motion(seen, render_engine, depsgraph, names)
+    moving, motion_notes = with_motion(seen, render_engine, depsgraph, names, export.displaced)
     if "Vector" in passes:
-        moving, vector_notes = with_neighbours(moving, render_engine, depsgraph, names)
+        moving, vector_notes = with_neighbours(
+            moving, render_engine, depsgraph, names, export.displaced
+        )
         motion_notes += vector_notes
     seconds = time.perf_counter() - start
     told = [*notes, *aim_notes, *export.notes, *(note for _, own in others for note in own)]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import bpy
 import numpy as np
 
 from ...engine.scene import Scene
 from ..export.camera import camera_frame
+from ..export.geometry.displacing import Displaced
 from ..export.keys import Pose, moved, read_pose
 from ..export.report import Report
 from .views import looker_of
@@ -28,10 +30,11 @@ def with_motion(
     render_engine: bpy.types.RenderEngine,
     depsgraph: bpy.types.Depsgraph,
     views: Sequence[str] = ("",),
+    displaced: Mapping[int, Displaced] = MappingProxyType({}),
 ) -> tuple[tuple[Scene, ...], tuple[str, ...]]:
     """Scenes that are the same but for their cameras, those of `views`, with the movement of the
     camera and of what is in it, where Blender's scene has motion blur, and notes. The frame changes
-    on the way, so that nothing evaluated may be kept over this call.
+    on the way, so that nothing evaluated may be kept over this call. displaced: as `Export` has it.
     """
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
     if render_engine.is_preview or not blurs(depsgraph) or render.motion_blur_shutter <= 0:
@@ -58,7 +61,7 @@ def with_motion(
             "camera instead",
             camera.name,
         )
-    scene = moved(scenes[0], still, poses, report)
+    scene = moved(scenes[0], still, poses, report, displaced=displaced)
     opening = _shutter(render.motion_blur_shutter_curve, report)
     seen = (replace(scene, camera=some.camera) for some in scenes)
     moving = zip(seen, zip(*frames, strict=True), strict=True)

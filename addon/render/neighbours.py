@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import bpy
 
 from ...engine.scene import Camera, Scene
 from ..export.camera import export_camera
+from ..export.geometry.displacing import Displaced
 from ..export.keys import FROM_FRAME_TO_FRAME, at_key, moved, read_pose
 from ..export.report import Report
 from .motion import blurs, go_to
@@ -20,10 +22,11 @@ def with_neighbours(
     render_engine: bpy.types.RenderEngine,
     depsgraph: bpy.types.Depsgraph,
     views: Sequence[str] = ("",),
+    displaced: Mapping[int, Displaced] = MappingProxyType({}),
 ) -> tuple[tuple[Scene, ...], tuple[str, ...]]:
     """Scenes that are the same but for their cameras, those of `views`, with the frames before and
     after, and notes. With motion blur they stay as they are, as in Cycles. The frame changes on the
-    way, so that nothing evaluated may be kept over this call.
+    way, so that nothing evaluated may be kept over this call. displaced: as `Export` has it.
     """
     if blurs(depsgraph):
         note = "The pass Vector is empty with Motion Blur in {}: turn it off, or the pass"
@@ -43,7 +46,8 @@ def with_neighbours(
             )
     finally:
         go_to(frame, render_engine)
-    moving = moved(scenes[0], here, [poses[0], here, poses[1]], report, FROM_FRAME_TO_FRAME)
+    times = [poses[0], here, poses[1]]
+    moving = moved(scenes[0], here, times, report, FROM_FRAME_TO_FRAME, displaced)
     both = [at_key(moving, scenes[0], k) for k in (0, 2)]
     return tuple(
         replace(

@@ -13,8 +13,11 @@ STAGES = ("sync", "build", "trace", "write")
 Blender's passes (→ files).
 """
 
+_DIGITS = 24
+"""Of a hash, which the panel shows."""
 _COUNTS = ("meshes", "instances", "triangles", "segments", "lights", "materials", "textures")
 _FEATURE = "feature: "
+_TRACERS = {"NATIVE": "the native core", "NUMPY": "Python (reference)"}
 _READ = tuple((name, f"anew: {name}") for name in ("meshes", "materials", "worlds", "walks"))
 """What `LiveExport.work` counts, of frames of which only the changes are read."""
 
@@ -62,9 +65,8 @@ class Statistics:
             anew = [_count(number, name) for name, number in read.items() if number]
             parts.append(f"read anew: {' + '.join(anew) or 'nothing'}")
         rays = self.traced.get("rays")
-        return ", ".join(
-            [*parts, *([_count(rays, "rays")] if rays else []), f"traced by {self.backend}"]
-        )
+        tracer = f"traced by {_TRACERS[self.backend]}"
+        return ", ".join([*parts, *([_count(rays, "rays")] if rays else []), tracer])
 
     @property
     def skipped_line(self) -> str:
@@ -80,7 +82,7 @@ class Statistics:
             "Required": self.scene_line.split(", "),
             "Not needed, not read": [f"{kind}: {names}" for kind, names in self.skipped.items()],
             "Stamp": [
-                f"{name}: {text[:24]}"
+                f"{name}: {text if name == 'tracer' else text[:_DIGITS]}"
                 for name, text in self.stamp.items()
                 if name in ("pixels", "geometry", "tracer")
             ],

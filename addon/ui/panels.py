@@ -4,13 +4,13 @@ visibility and statistics.
 Blender marks the panels that any renderer needs (output, dimensions, camera, scene, view layers,
 colour management, …) with the engine BLENDER_RENDER; we join those, as Blender's own engine add-ons
 do, except the ones that we replace or that would change nothing. From Eevee we borrow the material
-slots, the node view of material and world, and the preview: they show data that Glint reads too.
+slots, the node views of material and world, the preview, depth of field and mist: they show data
+that Glint reads too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
@@ -21,13 +21,20 @@ from bl_ui.properties_view_layer import (
 
 from ... import engine
 from ..render import result, statistics
-from ..render.render_engine import GlintRenderEngine
+from .data_panels import (
+    GLINT_LIGHT_PT_light,
+    GLINT_LIGHT_PT_nodes,
+    GLINT_MATERIAL_PT_settings,
+    GLINT_OBJECT_PT_light_group,
+    GLINT_OBJECT_PT_motion_blur,
+    GLINT_OBJECT_PT_ray_visibility,
+    GLINT_WORLD_PT_light_group,
+    GLINT_WORLD_PT_ray_visibility,
+)
 from .lines import draw_text
-
-ENGINE = GlintRenderEngine.bl_idname
+from .panel import ENGINE, EnginePanel, draw_if_known
 
 _REPLACED_OR_WITHOUT_EFFECT = {
-    "DATA_PT_camera_dof",
     "DATA_PT_falloff_curve",
     "DATA_PT_light",
     "DATA_PT_lightprobe",
@@ -45,9 +52,16 @@ _REPLACED_OR_WITHOUT_EFFECT = {
     "VIEWLAYER_PT_layer_passes",
 }
 _BORROWED_FROM_EEVEE = {
+    "DATA_PT_camera_dof",
+    "DATA_PT_camera_dof_aperture",
     "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_displacement",
     "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_MATERIAL_PT_volume",
+    "EEVEE_WORLD_PT_mist",
+    "EEVEE_NEXT_MATERIAL_PT_displacement",
     "EEVEE_WORLD_PT_surface",
+    "EEVEE_WORLD_PT_volume",
     "MATERIAL_PT_preview",
 }
 _WITHOUT_EFFECT = {
@@ -57,37 +71,8 @@ _WITHOUT_EFFECT = {
 }
 """Blender's panels that a file's settings are looked for in, and what each says on top."""
 
-_DEFORMS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
-_MOVES = {*_DEFORMS, "EMPTY", "LIGHT", "POINTCLOUD"}
-"""Objects that motion blur has settings of."""
 
-
-class _Panel:
-    """What all our panels share."""
-
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "render"
-    COMPAT_ENGINES = {ENGINE}
-
-    @classmethod
-    def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES
-
-    @property
-    def column(self) -> bpy.types.UILayout:
-        """A column in which names stand left and values right."""
-        self.layout.use_property_decorate = False
-        return self.animated_column
-
-    @property
-    def animated_column(self) -> bpy.types.UILayout:
-        """The same with a dot for keyframes beside each value."""
-        self.layout.use_property_split = True
-        return self.layout.column()
-
-
-class GLINT_RENDER_PT_sampling(_Panel, bpy.types.Panel):
+class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
     bl_label = "Sampling"
 
     def draw(self, context):
@@ -106,7 +91,7 @@ class GLINT_RENDER_PT_sampling(_Panel, bpy.types.Panel):
             column.prop(settings, "target_levels" if settings.target == "LEVELS" else "target_rmse")
 
 
-class _SamplingPanel(_Panel):
+class _SamplingPanel(EnginePanel):
     bl_parent_id = "GLINT_RENDER_PT_sampling"
     names = (
         "samples",
@@ -143,7 +128,7 @@ class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):
         self.column.prop(context.scene.glint, "viewport_pass")
 
 
-class GLINT_RENDER_PT_simplify(_Panel, bpy.types.Panel):
+class GLINT_RENDER_PT_simplify(EnginePanel, bpy.types.Panel):
     bl_label = "Simplify"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -154,7 +139,7 @@ class GLINT_RENDER_PT_simplify(_Panel, bpy.types.Panel):
         pass
 
 
-class _SimplifyPanel(_Panel):
+class _SimplifyPanel(EnginePanel):
     bl_parent_id = "GLINT_RENDER_PT_simplify"
 
     def draw(self, context):
@@ -175,13 +160,15 @@ class GLINT_RENDER_PT_simplify_render(_SimplifyPanel, bpy.types.Panel):
     suffix = "_render"
 
 
-class GLINT_RENDER_PT_simplify_grease_pencil(_Panel, GreasePencilSimplifyPanel, bpy.types.Panel):
+class GLINT_RENDER_PT_simplify_grease_pencil(
+    EnginePanel, GreasePencilSimplifyPanel, bpy.types.Panel
+):
     bl_label = "Grease Pencil"
     bl_parent_id = "GLINT_RENDER_PT_simplify"
     bl_options = {"DEFAULT_CLOSED"}
 
 
-class GLINT_RENDER_PT_motion_blur(_Panel, bpy.types.Panel):
+class GLINT_RENDER_PT_motion_blur(EnginePanel, bpy.types.Panel):
     bl_label = "Motion Blur"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -196,7 +183,7 @@ class GLINT_RENDER_PT_motion_blur(_Panel, bpy.types.Panel):
         column.template_curve_mapping(render, "motion_blur_shutter_curve")
 
 
-class GLINT_RENDER_PT_film(_Panel, bpy.types.Panel):
+class GLINT_RENDER_PT_film(EnginePanel, bpy.types.Panel):
     bl_label = "Film"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -204,7 +191,7 @@ class GLINT_RENDER_PT_film(_Panel, bpy.types.Panel):
         self.column.prop(context.scene.render, "film_transparent", text="Transparent")
 
 
-class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
+class GLINT_RENDER_PT_performance(EnginePanel, bpy.types.Panel):
     bl_label = "Performance"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -220,7 +207,7 @@ class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
         column.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
 
 
-class GLINT_RENDER_PT_statistics(_Panel, bpy.types.Panel):
+class GLINT_RENDER_PT_statistics(EnginePanel, bpy.types.Panel):
     bl_label = "Statistics"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -251,7 +238,7 @@ class GLINT_RENDER_PT_statistics(_Panel, bpy.types.Panel):
             draw_text(column, lines, context.region)
 
 
-class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
+class GLINT_VIEWLAYER_PT_passes(EnginePanel, bpy.types.Panel):
     bl_label = "Passes"
     bl_context = "view_layer"
 
@@ -288,7 +275,7 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
             data.prop(cycles, result.DENOISING, text="Denoising Data")
 
 
-class GLINT_VIEWLAYER_PT_cryptomatte(_Panel, bpy.types.Panel):
+class GLINT_VIEWLAYER_PT_cryptomatte(EnginePanel, bpy.types.Panel):
     bl_label = "Cryptomatte"
     bl_context = "view_layer"
     bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
@@ -304,59 +291,21 @@ class GLINT_VIEWLAYER_PT_cryptomatte(_Panel, bpy.types.Panel):
         levels.prop(layer, "pass_cryptomatte_depth", text="Levels")
 
 
-class GLINT_VIEWLAYER_PT_aov(_Panel, bpy.types.Panel):
+class GLINT_VIEWLAYER_PT_aov(EnginePanel, bpy.types.Panel):
     bl_label = "Shader AOV"
     bl_context = "view_layer"
     bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
     draw = VIEWLAYER_PT_layer_passes_aov.draw
 
 
-class GLINT_VIEWLAYER_PT_light_groups(_Panel, bpy.types.Panel):
+class GLINT_VIEWLAYER_PT_light_groups(EnginePanel, bpy.types.Panel):
     bl_label = "Light Groups"
     bl_context = "view_layer"
     bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
     draw = VIEWLAYER_PT_layer_passes_lightgroups.draw
 
 
-def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.ViewLayer) -> None:
-    """Which light group an object's or a world's light is in, and a button for one that the layer
-    has not.
-    """
-    layout.use_property_split = True
-    row = layout.row(align=True)
-    row.use_property_decorate = False
-    row.column(align=True).prop_search(
-        owner, "lightgroup", layer, "lightgroups", text="Light Group", results_are_suggestions=True
-    )
-    more = row.column(align=True)
-    more.enabled = bool(owner.lightgroup) and owner.lightgroup not in layer.lightgroups
-    more.operator("scene.view_layer_add_lightgroup", icon="ADD", text="").name = owner.lightgroup
-
-
-class GLINT_OBJECT_PT_light_group(_Panel, bpy.types.Panel):
-    bl_label = "Light Group"
-    bl_context = "object"
-    bl_parent_id = "OBJECT_PT_shading"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context):
-        _draw_light_group(self.layout, context.object, context.view_layer)
-
-
-class GLINT_WORLD_PT_light_group(_Panel, bpy.types.Panel):
-    bl_label = "Light Group"
-    bl_context = "world"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.world
-
-    def draw(self, context):
-        _draw_light_group(self.layout, context.world, context.view_layer)
-
-
-class GLINT_VIEWLAYER_PT_filter(_Panel, bpy.types.Panel):
+class GLINT_VIEWLAYER_PT_filter(EnginePanel, bpy.types.Panel):
     bl_label = "Filter"
     bl_context = "view_layer"
     bl_options = {"DEFAULT_CLOSED"}
@@ -365,7 +314,7 @@ class GLINT_VIEWLAYER_PT_filter(_Panel, bpy.types.Panel):
         self.column.prop(context.view_layer, "use_sky", text="Environment")
 
 
-class GLINT_VIEWLAYER_PT_override(_Panel, bpy.types.Panel):
+class GLINT_VIEWLAYER_PT_override(EnginePanel, bpy.types.Panel):
     bl_label = "Override"
     bl_context = "view_layer"
     bl_options = {"DEFAULT_CLOSED"}
@@ -373,105 +322,7 @@ class GLINT_VIEWLAYER_PT_override(_Panel, bpy.types.Panel):
     def draw(self, context):
         column = self.column
         for name in ("material_override", "world_override", "samples"):
-            _draw_if_known(column, context.view_layer, name)
-
-
-class GLINT_LIGHT_PT_light(_Panel, bpy.types.Panel):
-    bl_label = "Light"
-    bl_context = "data"
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.light
-
-    def draw(self, context):
-        light = context.light
-        self.layout.row().prop(light, "type", expand=True)
-        column = self.animated_column
-        _draw_color(column, light)
-        column.separator()
-        for name in ("energy", "exposure", "normalize"):
-            _draw_if_known(column, light, name)
-        column.separator()
-        for name, text in _shape_of(light):
-            column.prop(light, name, text=text)
-        column.separator()
-        column.prop(light, "use_shadow", text="Cast Shadow")
-
-
-def _draw_color(column: bpy.types.UILayout, light: bpy.types.Light) -> None:
-    if not hasattr(light, "use_temperature"):
-        column.prop(light, "color")
-        return
-    column.prop(light, "use_temperature", text="Use Temperature")
-    if light.use_temperature:
-        column.prop(light, "temperature")
-    column.prop(light, "color", text="Tint" if light.use_temperature else "Color")
-
-
-def _draw_if_known(column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str) -> None:
-    """A light's exposure and normalize came with Blender 4.5, a view layer's world_override with
-    4.3.
-    """
-    if hasattr(owner, name):
-        column.prop(owner, name)
-
-
-def _shape_of(light: bpy.types.Light) -> tuple[tuple[str, str], ...]:
-    """(property, label) pairs that say how large the light is and where it shines."""
-    if light.type == "AREA":
-        one_size = light.shape in {"SQUARE", "DISK"}
-        return (
-            ("shape", "Shape"),
-            *((("size", "Size"),) if one_size else (("size", "Size X"), ("size_y", "Y"))),
-        )
-    radius = (("shadow_soft_size", "Radius"),)
-    return {
-        "POINT": (*radius, ("use_soft_falloff", "Soft Falloff")),
-        "SPOT": (
-            *radius,
-            ("use_soft_falloff", "Soft Falloff"),
-            ("spot_size", "Beam Angle"),
-            ("spot_blend", "Blend"),
-            ("show_cone", "Show Cone"),
-        ),
-        "SUN": (("angle", "Angle"),),
-    }[light.type]
-
-
-class GLINT_OBJECT_PT_ray_visibility(_Panel, bpy.types.Panel):
-    bl_label = "Ray Visibility"
-    bl_context = "object"
-    bl_parent_id = "OBJECT_PT_visibility"
-
-    def draw(self, context):
-        column = self.animated_column
-        column.prop(context.object, "visible_camera", text="Camera")
-        column.prop(context.object, "visible_glossy", text="Reflections")
-        column.prop(context.object, "visible_shadow", text="Shadow")
-        mask = self.column.column(heading="Mask")
-        mask.prop(context.object, "is_shadow_catcher")
-
-
-class GLINT_OBJECT_PT_motion_blur(_Panel, bpy.types.Panel):
-    bl_label = "Motion Blur"
-    bl_context = "object"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        moves = context.object is not None and context.object.type in _MOVES
-        return moves and hasattr(context.object, "cycles") and super().poll(context)
-
-    def draw_header(self, context):
-        self.layout.prop(context.object.cycles, "use_motion_blur", text="")
-
-    def draw(self, context):
-        settings, column = context.object.cycles, self.animated_column
-        column.active = settings.use_motion_blur
-        column.prop(settings, "motion_steps", text="Steps")
-        if context.object.type in _DEFORMS:
-            column.prop(settings, "use_deform_motion", text="Deformation")
+            draw_if_known(column, context.view_layer, name)
 
 
 class _ShadingPanel:
@@ -556,7 +407,10 @@ _CLASSES = (
     GLINT_VIEWLAYER_PT_filter,
     GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,
+    GLINT_LIGHT_PT_nodes,
+    GLINT_MATERIAL_PT_settings,
     GLINT_OBJECT_PT_light_group,
+    GLINT_WORLD_PT_ray_visibility,
     GLINT_OBJECT_PT_ray_visibility,
     GLINT_OBJECT_PT_motion_blur,
     GLINT_WORLD_PT_light_group,

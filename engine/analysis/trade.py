@@ -20,7 +20,7 @@ from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
 from ..lights.lamps import is_soft, shared_samples
 from ..scene import Scene
-from ..settings import Settings
+from ..settings import DECLARED, Settings
 from . import metrics
 from .flip import displayed, flip
 from .trade_crops import Crop, CropRenderer, Rendered, Squares, StoppedError, area, pick_squares
@@ -51,6 +51,8 @@ _GLANCE_MARGIN = 4
 """The first points take at most so many times fewer samples than that, and the full reference at
 least so many times more: else it is quick enough by itself.
 """
+_LOOK, _LONGEST_STRIDE = 2**17, 4
+"""Pixels of a first look, and how many of the frame stand across one of them at most."""
 _PAUSE = 2.0
 """Seconds between two tellings of what is known so far."""
 
@@ -353,7 +355,9 @@ def advice(trade: Trade) -> str:
         return "The current settings lie on the front: nothing measured is both faster and better"
     better = next(row for row in trade.front if row.relative_rmse <= current.relative_rmse)
     change = ", ".join(
-        f"{name} {value}" for name, value in better.knobs.items() if current.knobs[name] != value
+        f"{DECLARED[name].label} {value:g}"
+        for name, value in better.knobs.items()
+        if current.knobs[name] != value
     )
     share = better.frame_seconds / current.frame_seconds
     return f"{change} would be as good in {share:.0%} of the time"
@@ -388,8 +392,8 @@ class _Work:
 
     def look(self, count: int, side: int) -> None:
         """Pick the squares by where few samples, and settings that leave out much, differ from a
-        little more. What a render of a square takes beyond its pixels is told from the first of
-        these pictures, once whole and once in squares.
+        little more, in a smaller picture of a large frame. What a render of a square takes beyond
+        its pixels is told from the first of these pictures, once whole and once in squares.
         """
         few = replace(
             self._base,
@@ -399,22 +403,26 @@ class _Work:
             light_samples=min(self._base.light_samples, 2),
         )
         least = replace(few, samples=1, light_samples=1, max_bounces=0)
-        whole, *others = (
-            self._renderer.render(settings) for settings in (few, replace(few, samples=1), least)
-        )
-        picture = whole.pictures[0].astype(float)
-        apart = [
-            np.nan_to_num(((picture - other.pictures[0]) ** 2).sum(-1), posinf=0.0)
-            for other in others
-        ]
-        picked = pick_squares(sum(image / max(image.sum(), 1e-300) for image in apart), count, side)
-        self._size = metrics.root_mean_square(np.nan_to_num(picture, posinf=0.0, neginf=0.0))
-        self._squares, self._others = picked.halves()
-        if self._others is not self._squares:
-            seconds = np.dot(
-                self._renderer.render(few, crops=self._squares.crops).each, self._squares.weights
+        width, height = self._renderer.scene.camera.resolution
+        stride = _stride(width * height, count * side**2)
+        with self._renderer.smaller(stride):
+            whole, *others = (
+                self._renderer.render(settings)
+                for settings in (few, replace(few, samples=1), least)
             )
-            self._overhead = max(0.0, seconds - whole.seconds) / self._squares.weights.sum()
+            picture = whole.pictures[0].astype(float)
+            apart = [
+                np.nan_to_num(((picture - other.pictures[0]) ** 2).sum(-1), posinf=0.0)
+                for other in others
+            ]
+            work = sum(image / max(image.sum(), 1e-300) for image in apart)
+            timed, others = pick_squares(work, count, side).halves()
+            if others is not timed:
+                seconds = np.dot(self._renderer.render(few, crops=timed.crops).each, timed.weights)
+                self._overhead = max(0.0, seconds - whole.seconds) / timed.weights.sum()
+        self._size = metrics.root_mean_square(np.nan_to_num(picture, posinf=0.0, neginf=0.0))
+        work = np.repeat(np.repeat(work, stride, 0), stride, 1)[:height, :width]
+        self._squares, self._others = pick_squares(work, count, side).halves()
 
     def fill(self, repeats: int, samples: int, seconds: float) -> None:
         """The grid against a reference of the core's, and against the float64 tracer's where that
@@ -575,6 +583,14 @@ class _Work:
         pilot_seconds = time.perf_counter() - start
         lights = (1 + settings.light_samples) / 2
         return pilot_seconds * settings.samples * lights * len(crops) > allowed
+
+
+def _stride(pixels: int, picked: int) -> int:
+    """How many pixels of a frame stand across one of a first look: that has some four times the
+    pixels that are picked of it, so that the picks' time can be told from it.
+    """
+    looked = max(_LOOK, 4 * picked)
+    return min(math.ceil(math.sqrt(max(pixels / looked, 1.0))), _LONGEST_STRIDE)
 
 
 def reference_settings(

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -137,6 +138,19 @@ class CropRenderer:
     def __exit__(self, *_: object) -> None:
         if self._held is not None:
             self._held.close()
+
+    @contextmanager
+    def smaller(self, stride: int) -> Iterator[None]:
+        """The frame has so many times fewer pixels each way meanwhile, and is one crop."""
+        whole = self.scene, self.crops
+        camera = self.scene.camera
+        size = tuple(-(-side // stride) for side in camera.resolution)
+        self.scene = replace(self.scene, camera=replace(camera, resolution=size))
+        self.crops = ((0, 0, *size),)
+        try:
+            yield
+        finally:
+            self.scene, self.crops = whole
 
     def render(
         self,

@@ -94,11 +94,6 @@ INPUTS = (
             ),
             ("object_location", {"vector": "vector"}, "the object's origin in the world"),
             (
-                "object_stretch",
-                {"value": "number"},
-                "length in the world of the object's unit normal",
-            ),
-            (
                 "reflection",
                 {"vector": "vector"},
                 "the direction of view mirrored at the shading normal",

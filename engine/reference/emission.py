@@ -65,10 +65,6 @@ class EmissionPoints:
         """(3, n) unit, along the light's axes."""
         return self._frame[:, :3].T @ self._n
 
-    def object_stretch(self) -> Array:
-        """(n,) ones: the light's axes have the world's lengths."""
-        return np.ones(self._x.shape[1])
-
     def incoming(self) -> Array:
         """(3, n) unit, back along the rays."""
         return -self._d

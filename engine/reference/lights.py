@@ -218,7 +218,8 @@ class Source:
                 sample = self._spotted(
                     self._disc(x, point, n)
                     if self.light.soft_falloff
-                    else self._sphere(x, point, n)
+                    else self._sphere(x, point, n),
+                    x,
                 )
         return self._colored(x, sample)
 
@@ -247,7 +248,7 @@ class Source:
                     if self.light.soft_falloff
                     else self._sphere_at(x, direction, n)
                 )
-                sample = self._spotted(sample)
+                sample = self._spotted(sample, x)
         hit = replace(sample, intensity=np.where(missed, 0.0, sample.intensity))
         return self._colored(x, hit)
 
@@ -297,11 +298,14 @@ class Source:
         return self._sphere_at(x, in_cone(axis, versine, point), n)[0]
 
     def _cone(self, x: Array) -> tuple[Array, Array]:
-        """Axis and 1 − cos of the half angle of the cone that the sphere subtends."""
+        """Axis and 1 − cos of the half angle of the cone that the sphere subtends: from inside, all
+        directions.
+        """
         to, r = self.position - x, self.light.radius
         d = length(to)
         sine2 = np.where(d > r, (r / d) ** 2, 1.0)
-        return unit(to), sine2 / (1 + np.sqrt(1 - sine2))
+        axis = np.where(d > 0, unit(to), np.array([[0.0], [0.0], [1.0]]))
+        return axis, np.where(d > r, sine2 / (1 + np.sqrt(1 - sine2)), 2.0)
 
     def _sphere_at(self, x: Array, direction: Array, n: int) -> tuple[LightSample, Array]:
         to, r, (axis, versine) = self.position - x, self.light.radius, self._cone(x)
@@ -309,8 +313,12 @@ class Source:
         off = to - middle * direction
         root = np.sqrt(np.maximum(0.0, r * r - dot(off, off)))
         end = x + np.where(d > r, middle - root, middle + root) * direction
-        share = 2 / (2 - versine) if self.physical else 1.0
-        sample = LightSample(direction, self.fall_off(d, n) * share, end, 2 * np.pi * versine)
+        if self.physical:
+            outside = self.fall_off(d, n) * 2 / (2 - versine)
+            intensity = np.where(d > r, outside, 4 * self.fall_off(np.full_like(d, r), n))
+        else:
+            intensity = np.full_like(d, 1 / n)
+        sample = LightSample(direction, intensity, end, 2 * np.pi * versine)
         return sample, _half_square(direction - axis) > versine
 
     def _disc(self, x: Array, point: LightPoint, n: int) -> LightSample:
@@ -337,12 +345,21 @@ class Source:
             (t > 0) & (dot(off, off) <= self.light.radius**2)
         )
 
-    def _spotted(self, sample: LightSample) -> LightSample:
+    def _spotted(self, sample: LightSample, x: Array | None = None) -> LightSample:
+        """With the share of a spotlight's cone. x: of points that may be inside its ball."""
         if self.light.kind != "SPOT":
             return sample
-        return replace(
-            sample, intensity=sample.intensity * self.spot(-dot(sample.direction, self.axis))
-        )
+        share = self.spot(-dot(sample.direction, self.axis))
+        if x is not None:
+            share = np.where(self.is_around(x), 1.0, share)
+        return replace(sample, intensity=sample.intensity * share)
+
+    def is_around(self, x: Array) -> Array:
+        """(k,) bool: the points are inside a ball of light, which shines on them from all sides,
+        whatever way a spotlight shines.
+        """
+        inside = length(self.position - x) <= self.light.radius
+        return np.zeros_like(inside) if self.light.soft_falloff else inside
 
     def spot(self, z: Array) -> Array:
         """The spot's share at the cosine z from its axis: a smoothstep, or a step when it has no

@@ -138,11 +138,6 @@ class SurfacePoints:
     def _matrices(self) -> Array:
         return self._around.placements.world_from_object[self._row()]
 
-    def object_stretch(self) -> Array:
-        """(m,) length in the world of the unit normal of the object's space."""
-        matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
-        return np.sqrt((transform_each(matrices, self.object_normal()) ** 2).sum(0))
-
     def barycentric(self, shift: int) -> Array:
         """(3, m) weights of the triangles' corners; zeros off triangles."""
         is_flat = self._surface.primitive[self._index] < self._around.geometry.triangle_count

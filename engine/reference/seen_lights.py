@@ -20,7 +20,11 @@ def seen_radiance(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         t = _MEETS[light.kind](source, o, d)
         reached = (t > near) & ((t < depth) | (np.isinf(t) & np.isinf(depth)))
-        share = source.spot(-dot(d, source.axis) / length(d)) if light.kind == "SPOT" else 1.0
+        share = (
+            np.where(source.is_around(o), 1.0, source.spot(-dot(d, source.axis) / length(d)))
+            if light.kind == "SPOT"
+            else 1.0
+        )
     radiance = np.where(reached, share, 0.0) * _radiance(source)[:, None]
     if source.emission is None:
         return radiance

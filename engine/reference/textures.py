@@ -4,6 +4,8 @@ row.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..scene import Texture
@@ -16,8 +18,9 @@ class Image:
     and the curve is undone afterwards, as in Cycles.
     """
 
-    def __init__(self, texture: Texture):
-        self._texture = texture
+    def __init__(self, texture: Texture, power: Callable[[Array, float], Array] = np.power):
+        """power: by which the curve is undone."""
+        self._texture, self._power = texture, power
         self._pixels = texture.pixels.reshape(-1, 4)
         self._scale = 255.0 if texture.pixels.dtype == np.uint8 else 1.0
         self._curved = texture.encoding == "SRGB" and texture.pixels.dtype == np.uint8
@@ -50,7 +53,8 @@ class Image:
             return rgba
         code = rgba[:3]
         # the sRGB curve (IEC 61966-2-1); alpha has none
-        color = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+        steep = self._power((code + 0.055) / 1.055, 2.4)
+        color = np.where(code <= 0.04045, code / 12.92, steep)
         return np.concatenate([color, rgba[3:]])
 
     def texels(self) -> Array:

@@ -43,8 +43,10 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodePointInfo": "zeros, as of what is no point cloud",
     "ShaderNodeBump": "Filter Width is a tenth of a pixel; at the edges of patterns 1 % of the "
     "pixels differ",
-    "ShaderNodeDisplacement": "as a bump",
-    "ShaderNodeVectorDisplacement": "as a bump",
+    **dict.fromkeys(
+        ("ShaderNodeDisplacement", "ShaderNodeVectorDisplacement"),
+        "Displacement and Bump shows the slopes of the surface, in Cycles times the object's scale",
+    ),
     "ShaderNodeLightPath": "scattered light comes from points, so no ray is a diffuse one; rough "
     "reflections count as singular; in worlds and lights depths are constants",
     "ShaderNodeTexSky": "Hosek/Wilkie as Preetham's at its brightness, within 6 % of each channel",
@@ -56,7 +58,7 @@ APPROXIMATED: dict[str, str] = {
 
 INSIDE = "Blender takes it out of the tree before it is read"
 STRUCTURE: dict[str, str] = {
-    "ShaderNodeOutputMaterial": "true displacement as a bump",
+    "ShaderNodeOutputMaterial": "exact",
     "ShaderNodeOutputWorld": "exact",
     "ShaderNodeOutputLight": "exact",
     "ShaderNodeOutputAOV": "exact",

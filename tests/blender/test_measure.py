@@ -27,6 +27,44 @@ def state():
 SMALL = "repeats=1, squares=96, side=12, reference_samples=16"
 
 
+PANEL = """
+from types import SimpleNamespace
+from glint.addon.ui import lines
+from glint.operators import measure_scene
+
+preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # it is 0 without a window
+lines.bpy = SimpleNamespace(context=SimpleNamespace(preferences=preferences))
+
+class Layout:
+    def __init__(self, texts, share=1.0):
+        self.texts, self.share = texts, share
+    def __call__(self, **options):
+        return Layout(self.texts, self.share)
+    column = row = box = __call__
+    def split(self, factor):
+        self.rest = 1 - factor
+        return Split(self.texts, self.share, factor)
+    def label(self, text="", **options):
+        self.texts.append([text, self.share])
+    def operator(self, name, **options):
+        return SimpleNamespace()
+
+class Split(Layout):
+    def __init__(self, texts, share, factor):
+        super().__init__(texts, share)
+        self.parts = iter((factor, 1 - factor))
+    def row(self):
+        return Layout(self.texts, self.share * next(self.parts))
+
+def drawn_in(width):
+    texts = []
+    panel = SimpleNamespace(layout=Layout(texts))
+    context = SimpleNamespace(scene=scene, region=SimpleNamespace(width=width), preferences=preferences)
+    measure_scene.GLINT_RENDER_PT_trade.draw(panel, context)
+    return texts
+"""  # noqa: E501 - a script for another Blender
+
+
 def test_the_operator_measures_draws_and_changes_nothing(tmp_path):
     run = Blender(tmp_path).run(
         SCENE
@@ -38,7 +76,9 @@ from glint.operators.measure_scene import IMAGE_NAME, last_measurement
 trade = last_measurement(scene.name)
 pixels = bpy.data.images[IMAGE_NAME].pixels[:]
 bpy.ops.glint.use_measured(row=0)
+{PANEL}
 answer({{
+    "panel": {{width: drawn_in(width) for width in (277, 1300)}},
     "unchanged": before[:-1] == state()[:-1],
     "front": [row.knobs for row in trade.front],
     "used": [scene.glint.final.samples, scene.glint.final.light_samples, scene.glint.final.max_bounces],
@@ -54,6 +94,13 @@ answer({{
     assert answer["used"] == [first["samples"], first["light_samples"], first["max_bounces"]]
     assert answer["current"] == first
     assert answer["levels"] > 10
+    for width, drawn in answer["panel"].items():
+        told = " ".join(text.strip() for text, _ in drawn)
+        for word in ("levels", " s ", "sample", "present settings"):
+            assert word in told, (width, word, told)
+        # six pixels a letter, and a label has two of margin at each end at least
+        cut = [text for text, share in drawn if 6 * len(text) + 4 > share * int(width)]
+        assert cut == [], f"cut in an editor of {width} pixels"
     table = json.loads((tmp_path / "out.json").read_text())
     assert table["complete"] and "16 samples" in table["reference"]
     assert [row["current"] for row in table["rows"]].count(True) == 1

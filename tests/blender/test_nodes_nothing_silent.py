@@ -17,7 +17,7 @@ STEPS = {"SIGN", "FLOOR", "CEIL", "TRUNC", "ROUND", "SNAP"}
 """Operations by which different constants become the same, as they do where Math clamps them."""
 
 WITHOUT_EFFECT = {("ShaderNodeNormalMap", "base")}
-"""Settings that count with true displacement alone, which is told by itself."""
+"""Settings that count with true displacement alone."""
 UNTURNED = {frozenset(pair) for pair in (("OBJECT", "WORLD"), ("BLENDER_OBJECT", "BLENDER_WORLD"))}
 """Spaces of normal maps that are the same where no object turns them."""
 EVERYWHERE_ALIKE = (

@@ -23,6 +23,8 @@ class Layout:
     def prop(self, owner, name, **options):
         getattr(owner, name)
         self.drawn.append([name, self.use_property_decorate])
+    def template_node_view(self, tree, node, socket):
+        self.drawn.append([socket.name, False])
     def label(self, text="", **options):
         self.drawn.append([text, False])
     def separator(self):
@@ -45,9 +47,17 @@ def roots(tab):
     found = [panel for panel in (*blenders, *ours) if not getattr(panel, "bl_parent_id", "")]
     return [panel.bl_label for panel in sorted(found, key=lambda panel: getattr(panel, "bl_order", 0))]
 
+def all_of(tab):
+    # children too
+    every = (*panels._blender_panels(), *panels._CLASSES)
+    return sorted({panel.bl_label for panel in every if getattr(panel, "bl_context", "") == tab})
+
 scene = bpy.context.scene
 scene.render.engine = "GLINT"
-context = SimpleNamespace(scene=scene, engine="GLINT", view_layer=bpy.context.view_layer, light=bpy.data.lights["Light"],
+light = bpy.data.lights["Light"]
+light.use_nodes = True
+context = SimpleNamespace(scene=scene, engine="GLINT", view_layer=bpy.context.view_layer, light=light,
+                          material=bpy.data.materials["Material"], world=scene.world,
                           object=bpy.data.objects["Cube"])
 lines = {}
 for name in panels._WITHOUT_EFFECT:
@@ -69,9 +79,14 @@ answer({
     "override": offered(panels.GLINT_VIEWLAYER_PT_override, context),
     "simplify": offered(panels.GLINT_RENDER_PT_simplify_render, context),
     "light": offered(panels.GLINT_LIGHT_PT_light, context),
+    "material": offered(panels.GLINT_MATERIAL_PT_settings,
+                        SimpleNamespace(material=bpy.data.materials["Material"])),
     "lighting": offered(panels.GLINT_VIEW3D_PT_shading_lighting, SimpleNamespace(space_data=SimpleNamespace(shading=SimpleNamespace(
         use_scene_lights_render=True, use_scene_world_render=True)))),
     "pass": offered(panels.GLINT_VIEW3D_PT_shading_render_pass, context),
+    "tabs": {tab: all_of(tab) for tab in ("data", "material", "world")},
+    "light nodes": offered(panels.GLINT_LIGHT_PT_nodes, context),
+    "world rays": offered(panels.GLINT_WORLD_PT_ray_visibility, context),
     "lines": lines,
     "names": {name: prop.name for name, prop in properties.items()},
     "tracers": {item.identifier: item.name for item in properties["backend"].enum_items},
@@ -110,8 +125,23 @@ def test_what_works_is_offered(told):
         ["simplify_subdivision_render", False],
         ["simplify_child_particles_render", False],
     ]
+    assert told["material"] == [["pass_index", True], ["displacement_method", True]]
     assert told["lighting"] == [["use_scene_lights_render", True], ["use_scene_world_render", True]]
     assert [name for name, _ in told["pass"]] == ["viewport_pass"]
+
+
+def test_what_is_read_can_be_set(told):
+    """The lens, a light's nodes, volumes, bumps, mist, indices and what sees the world."""
+    assert {"Depth of Field", "Aperture", "Nodes"} <= set(told["tabs"]["data"])
+    assert {"Surface", "Volume", "Displacement", "Settings"} <= set(told["tabs"]["material"])
+    assert {"Surface", "Volume", "Mist Pass", "Ray Visibility"} <= set(told["tabs"]["world"])
+    assert told["light nodes"] == [["Surface", False]]
+    assert [name for name, _ in told["world rays"]] == [
+        "camera",
+        "diffuse",
+        "glossy",
+        "transmission",
+    ]
 
 
 def test_light_settings_have_dots_for_keyframes(told):

@@ -59,11 +59,12 @@ scene.collection.objects.link(hidden)
 hidden.hide_render = True
 more = render()
 tree.links.new(picture("Read").outputs["Color"], principled.inputs["Base Color"])
-answer([plain, more, render()])
+native = statistics.Statistics(1, "NATIVE", {}, stamp={"tracer": "Glint 0.1.0, core interface 73"})
+answer([plain, more, render(), native.sections])
 """
     )
     assert run.returncode == 0, run.output
-    plain, more, textured = run.answer
+    plain, more, textured, native = run.answer
     assert plain["skipped"] == {"UV maps": "'UVMap'"}
     assert more["skipped"] == {
         "UV maps": "'UVMap', 'Lightmap'",
@@ -80,6 +81,8 @@ answer([plain, more, render()])
         "Required" in more["sections"]
         and more["sections"]["Not needed, not read"][0] == "UV maps: 'UVMap', 'Lightmap'"
     )
+    assert more["sections"]["Required"][-1] == "traced by Python (reference)"
+    assert native["Stamp"] == ["tracer: Glint 0.1.0, core interface 73"]
     one_line = [line for line in more["log"] if "12 triangles" in line]
     assert (
         len(one_line) == 1

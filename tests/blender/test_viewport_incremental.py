@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from export_support import Shader, link, mesh_object, quad, scene, use_nodes  # noqa: F401
+from glint.addon.export import export as walked
 from glint.addon.export import export_scene
 from glint.addon.export.geometry.shapes import mark_sphere
 from glint.addon.export.sync import incremental
@@ -468,7 +469,7 @@ def test_what_is_no_geometry_reads_no_mesh(world, edit, monkeypatch):
     with Follower() as follower:
         follower.check()
         before = {id(geometry) for geometry in follower.scene.geometries}
-        monkeypatch.setattr(incremental, "read_shape", lambda *_: pytest.fail("a mesh was read"))
+        monkeypatch.setattr(walked, "read_shape", lambda *_: pytest.fail("a mesh was read"))
         monkeypatch.setattr(
             "glint.addon.export.export.read_attributes",
             lambda *_: pytest.fail("an attribute was read"),
@@ -597,7 +598,7 @@ def test_data_that_several_objects_share_outlive_each_of_them(scene, kind, monke
     and if Blender puts what was edited at the same address again.
     """
     if kind == "MESH":  # each curve object has a temporary mesh of its own
-        monkeypatch.setattr(incremental, "mesh_key", lambda mesh: (mesh.name,))
+        monkeypatch.setattr(walked, "mesh_key", lambda mesh: (mesh.name,))
     data = bpy.data.curves.new("Shared", "CURVE") if kind == "CURVE" else quad("Model").data
     if kind == "CURVE":
         data.splines.new("POLY").points.add(2)

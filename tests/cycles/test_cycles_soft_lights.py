@@ -34,6 +34,10 @@ SOFT_LIGHTS = {
     ),
     "spot_sphere": ("SPOT", SPOT | {"use_soft_falloff": False}),
     "spot_falloff": ("SPOT", SPOT | {"use_soft_falloff": True}),
+    "point_around": (
+        "POINT",
+        {"energy": 150.0, "shadow_soft_size": 9.0, "use_soft_falloff": False},
+    ),
     "sun": ("SUN", {"energy": 2.0, "angle": radians(12)}),
     "sun_wide": ("SUN", {"energy": 2.0, "angle": radians(35)}),
     "area_square": ("AREA", {"energy": 80.0, "shape": "SQUARE", "size": 1.2}),

@@ -30,7 +30,7 @@ from test_core_against_reference import relative_error
 BACKENDS = engine.available_backends()
 PLACES = ("position", "object_position", "camera_position", "window")
 DIRECTIONS = ("normal", "face_normal", "object_normal", "incoming", "reflection", "object_location")
-NUMBERS = ("ray_length", "backfacing", "light_path", "object_stretch")
+NUMBERS = ("ray_length", "backfacing", "light_path")
 KINDS = ("POINT", "SPOT", "AREA")
 
 

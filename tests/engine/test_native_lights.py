@@ -288,6 +288,20 @@ def test_soft_point_sphere() -> None:
     agree(picture[..., 0], truth)
 
 
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+@pytest.mark.parametrize("height", [0.5, 0.0, -1.0])
+@pytest.mark.parametrize("spot", [False, True])
+def test_the_inside_of_a_ball_of_light_is_even(backend: str, height: float, spot: bool) -> None:
+    """Half of the view at the ball's radiance, wherever in it the surface is, and whatever way a
+    spotlight shines.
+    """
+    kind, shape = ("SPOT", {"spot_size": 1.0, "spot_blend": 0.5}) if spot else ("POINT", {})
+    light = lamp(kind, (0, 0, height), strength=80.0, radius=50.0, **shape)
+    picture = color(plane(light), light_samples=1024, backend=backend)[..., 0]
+    truth = 80 / (4 * np.pi**2 * 50**2)
+    assert np.abs(picture / truth - 1).max() < 0.01
+
+
 def test_soft_point_disc() -> None:
     c, radius, n = np.array([0.3, -0.2, 1.2]), 0.4, 5
     picture = color(

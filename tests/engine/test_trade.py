@@ -117,7 +117,7 @@ def test_advice_names_the_faster_setting_that_is_as_good():
     )
     assert (
         trade.advice(trade.Trade(rows, "", (), (1, 1), 1, True))
-        == "samples 16 would be as good in 50% of the time"
+        == "Samples 16 would be as good in 50% of the time"
     )
     flat = trade.Trade(
         trade.with_front([row(1, 0.0), row(2, 0.0, current=True)]), "", (), (1, 1), 1, True
@@ -262,10 +262,39 @@ def test_a_small_frame_is_one_square():
     assert squares.crops == ((0, 0, 60, 200),) and squares.weights.tolist() == [1.0]
 
 
-def test_the_front_tells_the_errors_of_the_whole_frame():
+@pytest.mark.parametrize(
+    ("size", "shrunk"),
+    [((300, 400), (300, 400)), ((641, 481), (321, 241)), ((1920, 1080), (480, 270))],
+)
+def test_a_first_look_draws_few_pixels_of_a_large_frame(monkeypatch, size, shrunk):
+    """What it picks lies in the frame itself, and stands for all of it."""
+    drawn = []
+    render = trade.CropRenderer.render
+
+    def watched(renderer, *given, **more):
+        drawn.append((renderer.scene.camera.resolution, renderer.crops))
+        return render(renderer, *given, **more)
+
+    monkeypatch.setattr(trade.CropRenderer, "render", watched)
+    scene = replace(soft_scene(), camera=scenes.camera(size=size), lights=())
+    with trade.CropRenderer(scene, ((0, 0, *size),), lambda: False) as renderer:
+        work = trade._Work(renderer, Settings(backend=BACKEND), [], print, print)
+        work.look(96, 12)
+        assert (renderer.scene, renderer.crops) == (scene, ((0, 0, *size),))
+    assert set(drawn) == {(shrunk, ((0, 0, *shrunk),))}
+    boxes = np.array(work._squares.crops + work._others.crops)
+    assert (boxes >= 0).all() and (boxes[:, 2:] <= size).all()
+    assert len(boxes) == 96 and boxes[:, 2:].max(0).min() > max(shrunk) * (shrunk != size)
+    for half in (work._squares, work._others):
+        assert half.pixel_weights.sum() == pytest.approx(size[0] * size[1], rel=0.25)
+
+
+@pytest.mark.parametrize(("looked", "side"), [(2**17, 12), (2**13, 6)])
+def test_the_front_tells_the_errors_of_the_whole_frame(monkeypatch, looked, side):
     """A box before a large, even floor: all that samples change lies along a few edges, which
-    evenly spread squares miss.
+    evenly spread squares miss; also where a first look has a quarter of the frame's pixels.
     """
+    monkeypatch.setattr(trade, "_LOOK", looked)
     scene = replace(
         soft_scene(), camera=scenes.camera(size=(160, 120)), lights=(scenes.light("POINT"),)
     )
@@ -277,6 +306,7 @@ def test_the_front_tells_the_errors_of_the_whole_frame():
         reference_samples=64,
         repeats=1,
         reference_seconds=0.0,
+        side=side,
     )
     assert len(found.crops) == 96 and found.front[-1].relative_rmse == 0
     truth = engine.render(scene, replace(base, samples=64)).combined[..., :3]

@@ -12,11 +12,19 @@ from typing import Any
 import numpy as np
 
 from ....engine.scene import CORNER, FACE, POINT, Attribute, Mesh
-from ..materials.materials import Wanted
 from ..materials.terms import GREY
+from ..materials.wanted import Wanted
 from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
-from ..shader_nodes.reader import GENERATED, ISLAND, POINTINESS, TANGENT
+from ..shader_nodes.reader import (
+    GENERATED,
+    ISLAND,
+    POINTINESS,
+    TANGENT,
+    UNDISPLACED,
+    UNDISPLACED_NORMAL,
+    UNDISPLACED_TANGENT,
+)
 from .islands import as_four, islands, pointiness
 from .tangents import tangents
 
@@ -50,7 +58,8 @@ class MeshSource:
 
     kept: (n,) bool, the triangles of Blender's that are left, None for all.  faces, corners: of the
     kept ones, once something reads them. used_slots: the material slots that some triangle names,
-    ascending.
+    ascending. rest, displaced: the mesh before its materials displaced it, and how they did; None
+    where they do not.
     """
 
     mesh: Mesh
@@ -60,6 +69,8 @@ class MeshSource:
     used_slots: tuple[int, ...] = (0,)
     uv_maps: dict[str, Attribute] = field(default_factory=dict)
     attributes: dict[str, Attribute] = field(default_factory=dict)
+    rest: Mesh | None = None
+    displaced: Any = None
 
     def finished(self) -> Mesh:
         """The mesh with the attributes it was asked for, each once, the active UV map first."""
@@ -260,6 +271,20 @@ def normals_of(mesh: Any) -> tuple[str, np.ndarray] | None:
     return domain, _finite(_array(normals, "vector", count, 3))
 
 
+def vertex_normals_of(mesh: Any) -> np.ndarray:
+    """(v, 3) float32."""
+    return _finite(_array(mesh.vertex_normals, "vector", len(mesh.vertices), 3))
+
+
+def sharp_triangles(mesh: Any, source: MeshSource) -> np.ndarray | None:
+    """(n,) bool: which of the kept triangles are shaded flat; None where none is."""
+    mark = mesh.attributes.get("sharp_face")
+    if mark is None or (mark.data_type, mark.domain) != ("BOOLEAN", "FACE"):
+        return None
+    faces = _array(mark.data, "value", len(mesh.polygons), 1, np.bool_)[:, 0]
+    return faces[_triangle_faces(mesh, source)]
+
+
 def _all_finite(values: np.ndarray, farthest: float = _LARGEST) -> bool:
     """By the extremes, which carry any NaN or infinity: a fifth of the time of a sum, and no copy
     as for isfinite.
@@ -314,12 +339,14 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
     """
     if name == GENERATED:
         return Attribute(name, POINT, _generated(mesh))
-    if name.startswith(TANGENT):
+    if name.startswith((TANGENT, UNDISPLACED_TANGENT)):
         return _tangents(mesh, source, name, report)
     if name == ISLAND:
         return Attribute(name, FACE, as_four(islands(mesh, source.mesh.triangles)))
     if name == POINTINESS:
         return Attribute(name, POINT, as_four(pointiness(mesh)))
+    if name in (UNDISPLACED, UNDISPLACED_NORMAL):
+        return _undisplaced(mesh, source, name)
     plain = name.removeprefix(GREY)
     if plain == ACTIVE_COLOR:
         index = mesh.color_attributes.render_color_index
@@ -341,6 +368,18 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
     )
 
 
+def _undisplaced(mesh: Any, source: MeshSource, name: str) -> Attribute:
+    """Vertices of the mesh before it was displaced, or normals: of hard edges as they are at
+    corners, else of the vertices, of flat meshes too, as in Cycles.
+    """
+    rest = source.rest or source.mesh
+    if name == UNDISPLACED:
+        return Attribute(name, POINT, values_as_color(rest.vertices, grey=False))
+    if rest.normals is not None:
+        return Attribute(name, rest.normals.domain, values_as_color(rest.normals.values, False))
+    return Attribute(name, POINT, values_as_color(vertex_normals_of(mesh), grey=False))
+
+
 def _generated(mesh: Any) -> np.ndarray:
     """(v, 4) undeformed coordinates of the vertices from 0 to 1 in the mesh's texture space."""
     vertices = _array(mesh.vertices, "undeformed_co", len(mesh.vertices), 3)
@@ -353,13 +392,14 @@ def _generated(mesh: Any) -> np.ndarray:
 
 def _tangents(mesh: Any, source: MeshSource, name: str, report: Report) -> Attribute | None:
     """(k, 4) tangents of a UV map on the corners; None without the map."""
-    plain = name.removeprefix(TANGENT)
+    plain = name.removeprefix(TANGENT).removeprefix(UNDISPLACED_TANGENT)
     if plain not in source.uv_maps:
         _read_uv_map(mesh, source, plain, report)
     uv = source.uv_maps.get(plain)
     if uv is None or uv.domain != CORNER or uv.values.shape[1] != 2:
         return None
-    shape = source.mesh
+    is_before = source.rest is not None and name.startswith(UNDISPLACED_TANGENT)
+    shape = source.rest if is_before else source.mesh
     normals = _corner_normals(shape, source.corners)
     values = tangents(shape.vertices, shape.triangles, source.corners, normals, uv.values)
     return Attribute(name, CORNER, values)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....engine.scene import FACE, POINT, Attribute, Strands
-from ..materials.materials import Wanted
+from ..materials.wanted import Wanted
 from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
 from ..shader_nodes.reader import FIBRE, GENERATED, HAIR

@@ -19,6 +19,7 @@ from ....engine.program.graph import Graph, Value
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
+from ..shader_nodes.displacing import UndisplacedReader
 from .clamps import clamped
 from .expressions import Expressions, has_output
 from .graph import (
@@ -189,6 +190,13 @@ class Evaluator:
         """Bump all shading normals by the displacement that a socket gets."""
         if self._trees.is_fed(place):
             self._trees.displacement = self._trees.value(place)
+
+    def bump_displaced(self, place: Place) -> None:
+        """The same where the surface is displaced by it too: as the surface was before."""
+        if self._trees.is_fed(place):
+            reader = UndisplacedReader(self.expressions.graph, self.images, self.note)
+            reader.material_index = self._trees.material_index
+            self._trees.normal_below = reader.bent(reader.value(Place(place.socket)))
 
     def bend(self, place: Place | None) -> Value:
         """The same as `normal_at`, which is that of the shader's lobes from here on."""

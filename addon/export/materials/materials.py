@@ -6,11 +6,9 @@ from __future__ import annotations
 
 import functools
 import operator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-from ....engine.program.operations import Reference
-from ....engine.program.program import instructions
 from ....engine.scene import LOBES, Lobe, Material, Medium, Texture
 from ..images.images import Images
 from ..report import Report
@@ -18,6 +16,7 @@ from ..shader_nodes import TreeReader
 from ..unheard import note_material
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
+from .displacing import Displacement, compile_displacement, method_of, wanted_objects
 from .evaluator import (
     NOT_FINITE,
     Closure,
@@ -34,27 +33,7 @@ from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import VOLUMES, medium_of
 from .terms import complement, constant, constant_value, factors_of
 from .varying import Ior, Roughness
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """Names of the UV maps ("" the active one) and colour attributes that something reads.
-    objects: of what is read of objects, not of their meshes, which no truth value counts.
-    """
-
-    uv_maps: frozenset[str] = frozenset()
-    attributes: frozenset[str] = frozenset()
-    objects: frozenset[str] = frozenset()
-
-    def __or__(self, other: Wanted) -> Wanted:
-        return Wanted(
-            self.uv_maps | other.uv_maps,
-            self.attributes | other.attributes,
-            self.objects | other.objects,
-        )
-
-    def __bool__(self) -> bool:
-        return bool(self.uv_maps or self.attributes)
+from .wanted import Wanted, read_by
 
 
 class Materials:
@@ -66,6 +45,7 @@ class Materials:
         self.images, self.report = images, report
         self._indices: dict[int, int] = {}
         self._wanted: list[Wanted] = []
+        self._displacements: list[Displacement | None] = []
 
     def index(self, material: Any) -> int:
         """Index of an evaluated Blender material; of Blender's default surface for None."""
@@ -81,12 +61,19 @@ class Materials:
                 given = aov_material(material, self.aovs, self.images, self.report)
                 compiled = replace(compiled, aovs=given)
             self.materials.append(compiled)
-            self._wanted.append(wanted_by(compiled))
+            moves = compile_displacement(material, self.images, self.report)
+            self._wanted.append(wanted_by(compiled) | wanted_objects(moves))
+            self._displacements.append(moves)
         return self._indices[key]
 
     def wanted(self, indices: tuple[int, ...]) -> Wanted:
         """What the materials with these indices read from a mesh."""
         return functools.reduce(operator.or_, (self._wanted[index] for index in indices), Wanted())
+
+    def displacements(self, indices: tuple[int, ...]) -> tuple[Displacement | None, ...]:
+        """How the materials with these indices move vertices; empty where none does."""
+        found = tuple(self._displacements[index] for index in indices)
+        return found if any(found) else ()
 
 
 def default_material() -> Material:
@@ -110,10 +97,10 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     evaluator = Evaluator(material.name, images, report, reader)
     read = read_tree(material)
     tree = read.tree
-    if getattr(material, "displacement_method", "BUMP") != "BUMP" and _is_displaced(tree):
-        report.note("True displacement is rendered as a bump in {}", material.name)
     closure = (
-        _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
+        _surface(tree, evaluator, method_of(material))
+        if tree is not None
+        else _viewport_surface(material, evaluator)
     )
     normal = evaluator.normal(closure)
     lobes = lobes_of(evaluator.settled(without_normals(closure)))
@@ -124,13 +111,6 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     )
 
 
-def _is_displaced(tree: Any) -> bool:
-    return tree is not None and any(
-        node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Displacement"].is_linked
-        for node in tree.nodes
-    )
-
-
 def _inside(tree: Any, evaluator: Evaluator) -> Medium | None:
     """What its volume is."""
     output = output_of(tree) if tree is not None else None
@@ -138,16 +118,20 @@ def _inside(tree: Any, evaluator: Evaluator) -> Medium | None:
     return medium_of(place, evaluator) if place and place.socket.is_linked else None
 
 
-def _surface(tree: Any, evaluator: Evaluator) -> Closure:
+def _surface(tree: Any, evaluator: Evaluator, method: str) -> Closure:
     """What the active output shows, as in Cycles: black without one; what is but the bounds of a
-    volume lets everything through.
+    volume lets everything through. method: of its displacement.
     """
     output = output_of(tree)
     if output is None:
         evaluator.note("Materials without an output node are black: {}; add a Material Output")
         return {}
     socket, volume = (socket_named(output.inputs, name) for name in ("Surface", "Volume"))
-    evaluator.displace(Place(socket_named(output.inputs, "Displacement")))
+    displacement = Place(socket_named(output.inputs, "Displacement"))
+    if method == "BUMP":
+        evaluator.displace(displacement)
+    elif method == "BOTH":
+        evaluator.bump_displaced(displacement)
     if volume.is_linked and not socket.is_linked:
         return {LobeKey("TRANSPARENT"): constant(1.0)}
     if not socket.is_linked:
@@ -215,17 +199,9 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
 def wanted_by(material: Material) -> Wanted:
     """The attributes that a material's inputs name."""
     inputs = [factor for lobe in material.lobes for factor in lobe.factors]
-    uv_maps = {factor.uv for factor in inputs if factor.texture >= 0}
-    attributes = {factor.attribute for factor in inputs if factor.attribute}
-    objects: set[str] = set()
-    named = {"uv": uv_maps, "instance_value": objects}
-    program = material.program
-    for step in instructions(program) if program else ():
-        for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True):
-            if choices is Reference.ATTRIBUTE:
-                names = named.get(step.operation.name, attributes)
-                names.add(program.attributes[setting])
-    own = Wanted(frozenset(uv_maps), frozenset(attributes - {""}), frozenset(objects))
+    uv_maps = frozenset(factor.uv for factor in inputs if factor.texture >= 0)
+    attributes = frozenset(factor.attribute for factor in inputs if factor.attribute)
+    own = Wanted(uv_maps, attributes) | read_by(material.program)
     return own | wanted_by(material.aovs) if material.aovs is not None else own
 
 

@@ -63,11 +63,27 @@ def _displacement(view: NodeInputs) -> Outputs:
     level = view.vector_of(view.value("Midlevel"))
     height = view.apply("scaled_sum", level, minus, view.vector_of(view.value("Height")))[0]
     size = view.apply("scaled_sum", one, view.value("Scale"), graph.constant((0.0, 0.0, 0.0)))[0]
-    if view.node.space == "OBJECT":
-        stretch = view.vector_of(view.apply("object_stretch")[0])
-        size = view.apply("product", size, stretch)[0]
     length = view.apply("product", height, size)[0]
-    return {"Displacement": view.apply("product", length, _normal(view))[0]}
+    if view.node.space == "WORLD" or not view.reader.is_surface:
+        return {"Displacement": view.apply("product", length, _normal(view))[0]}
+    return {"Displacement": _to_world(view, view.apply("product", length, _object_normal(view))[0])}
+
+
+def _object_normal(view: NodeInputs) -> Value:
+    """The same as `_normal` in the object's space."""
+    if not view.is_linked("Normal"):
+        return view.apply("object_normal")[0]
+    settings = {"convert_from": Space.WORLD, "convert_to": Space.OBJECT}
+    turned = view.apply(
+        "transform_vector", view.value("Normal"), vector_type=VectorType.NORMAL, **settings
+    )
+    return turned[0]
+
+
+def _to_world(view: NodeInputs, vector: Value) -> Value:
+    """Of a vector of the object's space."""
+    settings = {"convert_from": Space.OBJECT, "convert_to": Space.WORLD}
+    return view.apply("transform_vector", vector, vector_type=VectorType.VECTOR, **settings)[0]
 
 
 def _vector_displacement(view: NodeInputs) -> Outputs:
@@ -81,9 +97,7 @@ def _vector_displacement(view: NodeInputs) -> Outputs:
         return {"Displacement": offset}
     if view.node.space == "TANGENT":
         offset = _along_tangent(view, offset)
-    settings = {"convert_from": Space.OBJECT, "convert_to": Space.WORLD}
-    moved = view.apply("transform_vector", offset, vector_type=VectorType.VECTOR, **settings)
-    return {"Displacement": moved[0]}
+    return {"Displacement": _to_world(view, offset)}
 
 
 def _along_tangent(view: NodeInputs, offset: Value) -> Value:

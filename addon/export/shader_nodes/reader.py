@@ -48,6 +48,12 @@ number and 1; the tangent and the thickness.
 ISLAND, POINTINESS = "(island)", "(pointiness)"
 """Attribute names that stand for what Blender's meshes tell of their shape."""
 
+UNDISPLACED, UNDISPLACED_NORMAL = "(undisplaced)", "(undisplaced normal)"
+UNDISPLACED_TANGENT = "(undisplaced tangent) "
+"""Attribute names that stand for where a mesh's vertices were, and their shading normals, before
+its materials displaced them; as `TANGENT`, of that mesh.
+"""
+
 FARTHEST = 3.4028234663852886e38
 """The largest float32: what has no distance is so far."""
 
@@ -100,6 +106,7 @@ class TreeReader:
         self.material_index = material_index
         self.graph, self.images, self.operations, self.note = graph, images, operations, note
         self.displacement: Value | None = None
+        self.normal_below: Value | None = None  # the normal of a surface that is displaced as well
         self.reading = ""  # the label of the node that is read just now
         self.tables: dict[int, tuple[float, ...]] = {}  # of ramps and curves, by their node
         self._read: dict[Key, Outputs | None] = {}
@@ -129,6 +136,8 @@ class TreeReader:
 
     def normal(self) -> Value:
         """The shading normal where no node gives one: the mesh's, bumped by the displacement."""
+        if self.normal_below is not None:
+            return self.normal_below
         own = self.apply("normal")[0]
         if self.displacement is None:
             return own

@@ -50,8 +50,6 @@ class SkyReader(BareReader):
                 "Texture Coordinate's Generated"
             )
             return (self.graph.constant(ZERO),)
-        if name == "object_stretch":
-            return (self.graph.constant(1.0),)
         if name == "object_location":
             self.tell("instance_value")
             return (self.graph.constant(ZERO),)

@@ -19,24 +19,25 @@ import bpy
 import numpy as np
 
 from ....engine.scene import Camera, Geometry, Material, Mesh, Scene, Strands, Texture
-from ..export import Collector, _Lamp, _Placed, _world
-from ..geometry.meshes import MeshSource, mesh_key
-from ..geometry.shapes import export_points, read_shape
+from ..export import Collector, _Lamp, _Placed, _world, is_displaced
+from ..geometry.meshes import MeshSource
+from ..geometry.shapes import export_points
 from ..geometry.strands import StrandSource, read_curves, read_hair
 from ..images.images import Images
 from ..instances import Census, Thing, walk
+from ..materials.displacing import Displacement, compile_displacement, wanted_objects
 from ..materials.graph import node_tree
 from ..materials.materials import (
     Materials,
-    Wanted,
     compile_material,
     default_material,
     wanted_by,
     with_textures,
     without_unused,
 )
+from ..materials.wanted import Wanted
 from ..missing import note_missing
-from ..placing import without_collapsed
+from ..placing import without_collapsed, without_unplaced
 from ..report import Report
 from ..unheard import note_scene
 from ..world import Sky, export_world, with_pass_settings
@@ -102,7 +103,7 @@ class _Compiled:
     compiling met them.
 
     tree: address of the material's own node tree, 0 without one.  in_memory: reads an image whose
-    pixels only Blender has. report: of compiling it.
+    pixels only Blender has. displacement: how it moves vertices. report: of compiling it.
     """
 
     material: Material
@@ -110,7 +111,12 @@ class _Compiled:
     in_memory: bool
     textures: tuple[tuple[tuple, Texture], ...]
     wanted: Wanted
+    displacement: Displacement | None
     report: Report
+
+    def asks_as(self, other: _Compiled) -> bool:
+        """Whether it reads the same of meshes, and moves them alike."""
+        return (self.wanted, self.displacement) == (other.wanted, other.displacement)
 
 
 class Store:
@@ -236,10 +242,10 @@ class LiveExport:
         of meshes than before.
         """
         materials = _KeepingMaterials(self._store, Report())
-        if not all(
-            materials.wear(uid, painted.get(uid)) == before.wanted for uid, before in stage.worn
-        ):
-            return False
+        for uid, before in stage.worn:
+            now = materials.wear(uid, painted.get(uid))
+            if now is None or not now.asks_as(before):
+                return False
         new, textures = materials.joined()
         stage.scene, stage.worn = (
             replace(stage.scene, materials=new, textures=textures),
@@ -404,13 +410,11 @@ class _KeepingMaterials(Materials):
     def index(self, material: Any) -> int:
         return self._number(material.original.session_uid if material is not None else 0, material)
 
-    def wear(self, uid: int, material: Any) -> Wanted | None:
-        """Number a material after those before it; what it reads of meshes. None where it is
-        neither kept nor given.
-        """
+    def wear(self, uid: int, material: Any) -> _Compiled | None:
+        """Number a material after those before it; None where it is neither kept nor given."""
         if uid not in self._store.compiled and material is None:
             return None
-        return self.used[self._number(uid, material)].wanted
+        return self.used[self._number(uid, material)]
 
     @property
     def worn(self) -> tuple[tuple[int, _Compiled], ...]:
@@ -424,6 +428,7 @@ class _KeepingMaterials(Materials):
             self._indices[key] = len(self.used)
             self.used.append(compiled)
             self._wanted.append(compiled.wanted)
+            self._displacements.append(compiled.displacement)
         return self._indices[key]
 
     def _compile(self, material: Any) -> _Compiled:
@@ -435,18 +440,23 @@ class _KeepingMaterials(Materials):
             if material is not None
             else default_material()
         )
+        moves = compile_displacement(material, images, report)
         keys = sorted(images._indices, key=images._indices.__getitem__)
         textures = tuple(
             (key, self._store.textures.setdefault(key, images.textures[k]))
             for k, key in enumerate(keys)
         )
+        if moves is not None:  # the same as before where its images are
+            kept = {id(images.textures[k]): texture for k, (_, texture) in enumerate(textures)}
+            moves = replace(moves, textures=tuple(kept[id(texture)] for texture in moves.textures))
         tree = node_tree(material.original) if material is not None else None
         return _Compiled(
             result,
             tree.as_pointer() if tree is not None else 0,
             images.in_memory,
             textures,
-            wanted_by(result),
+            wanted_by(result) | wanted_objects(moves),
+            moves,
             report,
         )
 
@@ -480,6 +490,12 @@ def _renumbered(material: Material, numbers: list[int]) -> Material:
     return with_textures(material, {-1: -1, **dict(enumerate(numbers))})
 
 
+def _read(read: Callable[[Report], Any]) -> _Shape:
+    """What is read, with what is told of it."""
+    report = Report()
+    return _Shape(read(report), set(), report=report)
+
+
 class _KeepingCollector(Collector):
     """Gathers geometries and materials, most of them from the store."""
 
@@ -490,10 +506,9 @@ class _KeepingCollector(Collector):
         self._wishes: list[tuple[Wanted, ...]] = []
         self.met: dict[tuple, _Shape] = {}
 
-    def _mesh(self, data: Any, owner: Any) -> int | None:
-        key = mesh_key(data)
+    def _met(self, key: tuple, read: Callable[[Report], Any], owner: Any) -> int | None:
         if key not in self._known:
-            self._known[key] = self._keep(key, lambda: self._new_mesh(data, owner))
+            self._known[key] = self._keep(key, lambda: _read(read))
         self.met[key].about.add(owner.original.session_uid)
         return self._known[key]
 
@@ -538,10 +553,6 @@ class _KeepingCollector(Collector):
         """How Cycles' settings say that curves go between keys."""
         return getattr(getattr(self.depsgraph.scene_eval, "cycles_curves", None), "shape", "")
 
-    def _new_mesh(self, data: Any, owner: Any) -> _Shape:
-        report = Report()
-        return _Shape(read_shape(data, owner, report), set(), report=report)
-
     def _keep(self, key: tuple, read: Any) -> int | None:
         """The number of the shape with this key, read if the store has none."""
         shape = self._store.shape(key)
@@ -577,10 +588,15 @@ class _KeepingCollector(Collector):
 
     def stage(self, things: list[Thing], sky: Sky, census: Census) -> Stage:
         """The scene, without a camera, and where its things are."""
-        geometries = tuple(self._finished(number) for number in range(len(self._geometries)))
         placed = [
             (thing, self.instances(thing)) for thing in things if isinstance(thing.content, _Placed)
         ]
+        kept: Iterable[int] = range(len(self._geometries))
+        if any(is_displaced(shape.geometry) for shape in self._geometries):
+            blocks = tuple(block for _, block in placed)
+            blocks, kept = without_unplaced(blocks, len(self._geometries))
+            placed = [(thing, block) for (thing, _), block in zip(placed, blocks, strict=True)]
+        geometries = tuple(self._finished(number) for number in kept)
         instances = without_collapsed(tuple(block for _, block in placed), self.report)
         lamps = [
             (thing, self._light(thing)) for thing in things if isinstance(thing.content, _Lamp)
@@ -602,7 +618,8 @@ class _KeepingCollector(Collector):
             {id(block): number for number, block in enumerate(instances)},
         )
         for thing, block in placed:
-            stage.place_instances(thing, numbers.get(id(block)))
+            number = None if thing.content.is_bound else numbers.get(id(block))
+            stage.place_instances(thing, number)
         for thing, number in lamps:
             stage.place_light(thing, number)
         return stage

@@ -74,17 +74,18 @@ def run(program: Program, points: Points, count: int) -> list[Array]:
     """The program's outputs at `count` points, each (3, count): a number is the first row."""
     columns = np.zeros((program.slots + 2, count))
     for instruction in instructions(program):
-        _step(columns, instruction, program, points)
+        step(columns, instruction, program, points)
     return [columns[slot : slot + 3] for slot in program.outputs]
 
 
-def _step(columns: Array, step: Instruction, program: Program, points: Points) -> None:
-    operation = step.operation
+def step(columns: Array, instruction: Instruction, program: Program, points: Points) -> None:
+    """Run one instruction on the program's slots (slots + 2, n)."""
+    operation = instruction.operation
     arguments: list[Any] = [points] if operation.reads_point else []
-    for place, (_, kind) in zip(step.arguments, operation.arguments, strict=True):
+    for place, (_, kind) in zip(instruction.arguments, operation.arguments, strict=True):
         arguments.append(_argument(columns, place, kind, program))
-    values = apply(operation, arguments, _meant(step, program))
-    for slot, value, (_, kind) in zip(step.outputs, values, operation.outputs, strict=True):
+    values = apply(operation, arguments, _meant(instruction, program))
+    for slot, value, (_, kind) in zip(instruction.outputs, values, operation.outputs, strict=True):
         if slot != UNREAD:
             columns[slot : slot + kind] = value
 

@@ -138,10 +138,6 @@ def ray_depth(points) -> tuple[np.ndarray, ...]:
     return points.ray_depth()
 
 
-def object_stretch(points) -> np.ndarray:
-    return points.object_stretch()
-
-
 def normal_map(
     points, color: np.ndarray, strength: np.ndarray, *, space: int, attribute: str
 ) -> np.ndarray:

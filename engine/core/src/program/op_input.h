@@ -393,16 +393,6 @@ inline void barycentric(const Machine& m, const Operands& at) {
   });
 }
 
-inline void object_stretch(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) {
-    const Three n = object_normal_of(m, k);
-    at.put(0, k,
-           length(n.x * matrix_column(m, k, 0) + n.y * matrix_column(m, k, 3) +
-                  n.z * matrix_column(m, k, 6)) /
-               m.tables.view->scale);
-  });
-}
-
 /// A colour, brought to -1 to 1, as a normal along the tangent that the attribute is.
 inline Three along_tangent(const Machine& m, const Operands& at, size_t k, const Three& c,
                            Doubles strength) {

@@ -304,9 +304,11 @@ Vec3d Light::seen_point(Vec3d o, Vec3d d, double meets) const {
   return o + (disc ? dot(to, to) / dot(d, to) : meets) * d;
 }
 
-Vec3d Light::radiance(Vec3d d, bool physical) const {
+Vec3d Light::radiance(Vec3d o, Vec3d d, bool physical) const {
   if (kind == GLINT_AREA && !(dot(d, axis) < 0)) return {};
-  return spot(-dot(d, axis)) * (physical ? seen : color);
+  const Vec3d to = center - o;
+  const bool inside = dot(to, to) <= radius * radius && !(flags & GLINT_SOFT_FALLOFF);
+  return (inside ? 1.0 : spot(-dot(d, axis))) * (physical ? seen : color);
 }
 
 }  // namespace glint

@@ -100,7 +100,7 @@ struct Light {
   /// Where its program is asked what such a ray sees: a light of soft falloff is a disc there.
   Vec3d seen_point(Vec3d o, Vec3d d, double meets) const;
   /// What a ray along the unit vector d sees there; 0 behind an area light.
-  Vec3d radiance(Vec3d d, bool physical) const;
+  Vec3d radiance(Vec3d o, Vec3d d, bool physical) const;
 
  private:
   void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;

@@ -75,14 +75,17 @@ inline Sample sample_point(const LightStage& s, const Three& x) {
           ~Mask{}};
 }
 
-/// The cone that a sphere subtends.
+/// The cone that a sphere subtends: from inside all directions, whatever way a spotlight shines.
 struct SphereCone {
   Three to, axis;
   Doubles d2, versine;
-  SphereCone(const LightStage& s, const Three& x)
-      : to(splat3(s.center) - x), axis(unit(to)), d2(dot(to, to)) {
-    const Doubles sine2 = choose(d2 > s.radius * s.radius, s.radius * s.radius / d2, splat(1));
-    versine = sine2 / (1 + root(1 - sine2));
+  Mask outside;
+  SphereCone(const LightStage& s, const Three& x) : to(splat3(s.center) - x), d2(dot(to, to)) {
+    const double r2 = s.radius * s.radius;
+    axis = choose(d2 > 0, unit(to), Three{Doubles{}, Doubles{}, splat(1)});
+    outside = d2 > r2;
+    const Doubles sine2 = choose(outside, r2 / d2, splat(1));
+    versine = choose(outside, sine2 / (1 + root(1 - sine2)), splat(2));
   }
 };
 
@@ -90,10 +93,12 @@ inline Sample sphere_at(const LightStage& s, const Three& x, const SphereCone& c
                         const Three& l) {
   const double r2 = s.radius * s.radius;
   const Doubles b = dot(cone.to, l), half = root(larger(r2 - (cone.d2 - b * b), splat(0)));
-  const Three end = x + choose(root(cone.d2) > s.radius, b - half, b + half) * l;
-  const Doubles factor =
-      s.physical ? inverse_square(s, cone.d2) * 2 / (2 - cone.versine) : splat(1);
-  return {l, end, factor, (2 * kCircle) * cone.versine, nonzero(cone.axis)};
+  const Three end = x + choose(cone.outside, b - half, b + half) * l;
+  const Doubles factor = choose(cone.outside, inverse_square(s, cone.d2) * 2 / (2 - cone.versine),
+                                4 * inverse_square(s, splat(r2)));
+  const Doubles even = s.physical ? factor : splat(1);
+  return {l, end, s.spot ? choose(cone.outside, even * spot(s, l), even) : even,
+          (2 * kCircle) * cone.versine, ~Mask{}};
 }
 
 inline Sample sample_sphere(const LightStage& s, const Three& x) {
@@ -192,7 +197,7 @@ inline Sample rectangle_at(const LightStage& s, const Three& p, const Three& l) 
 }
 
 inline void share(const LightStage& s, Sample& sample) {
-  if (s.spot) sample.factor = sample.factor * spot(s, sample.l);
+  if (s.spot && s.shape != kSphereSource) sample.factor = sample.factor * spot(s, sample.l);
   if (s.share > 1) sample.factor = sample.factor / s.share;
   sample.good &= sample.factor != 0;
 }

@@ -1,0 +1,41 @@
+"""What materials and passes read of meshes and objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ....engine.program.operations import Reference
+from ....engine.program.program import Program, instructions
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Names of the UV maps ("" the active one) and colour attributes that something reads.
+    objects: of what is read of objects, not of their meshes, which no truth value counts.
+    """
+
+    uv_maps: frozenset[str] = frozenset()
+    attributes: frozenset[str] = frozenset()
+    objects: frozenset[str] = frozenset()
+
+    def __or__(self, other: Wanted) -> Wanted:
+        return Wanted(
+            self.uv_maps | other.uv_maps,
+            self.attributes | other.attributes,
+            self.objects | other.objects,
+        )
+
+    def __bool__(self) -> bool:
+        return bool(self.uv_maps or self.attributes)
+
+
+def read_by(program: Program | None) -> Wanted:
+    """What a program names."""
+    uv_maps, attributes, objects = set[str](), set[str](), set[str]()
+    named = {"uv": uv_maps, "instance_value": objects}
+    for step in instructions(program) if program else ():
+        for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True):
+            if choices is Reference.ATTRIBUTE:
+                names = named.get(step.operation.name, attributes)
+                names.add(program.attributes[setting])
+    return Wanted(frozenset(uv_maps), frozenset(attributes - {""}), frozenset(objects))

@@ -1,0 +1,197 @@
+"""Panels of the tabs of a scene's things: lights, objects, materials, the world."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy_extras.node_utils import find_node_input
+
+from ..export.materials.graph import node_tree, output_of
+from .panel import EnginePanel, draw_if_known
+
+_DEFORMS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+_MOVES = {*_DEFORMS, "EMPTY", "LIGHT", "POINTCLOUD"}
+"""Objects that motion blur has settings of."""
+
+
+class GLINT_LIGHT_PT_light(EnginePanel, bpy.types.Panel):
+    bl_label = "Light"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.light
+
+    def draw(self, context):
+        light = context.light
+        self.layout.row().prop(light, "type", expand=True)
+        column = self.animated_column
+        _draw_color(column, light)
+        column.separator()
+        for name in ("energy", "exposure", "normalize"):
+            draw_if_known(column, light, name)
+        column.separator()
+        for name, text in _shape_of(light):
+            column.prop(light, name, text=text)
+        column.separator()
+        column.prop(light, "use_shadow", text="Cast Shadow")
+
+
+def _draw_color(column: bpy.types.UILayout, light: bpy.types.Light) -> None:
+    if not hasattr(light, "use_temperature"):
+        column.prop(light, "color")
+        return
+    column.prop(light, "use_temperature", text="Use Temperature")
+    if light.use_temperature:
+        column.prop(light, "temperature")
+    column.prop(light, "color", text="Tint" if light.use_temperature else "Color")
+
+
+def _shape_of(light: bpy.types.Light) -> tuple[tuple[str, str], ...]:
+    """(property, label) pairs that say how large the light is and where it shines."""
+    if light.type == "AREA":
+        one_size = light.shape in {"SQUARE", "DISK"}
+        return (
+            ("shape", "Shape"),
+            *((("size", "Size"),) if one_size else (("size", "Size X"), ("size_y", "Y"))),
+        )
+    radius = (("shadow_soft_size", "Radius"),)
+    return {
+        "POINT": (*radius, ("use_soft_falloff", "Soft Falloff")),
+        "SPOT": (
+            *radius,
+            ("use_soft_falloff", "Soft Falloff"),
+            ("spot_size", "Beam Angle"),
+            ("spot_blend", "Blend"),
+            ("show_cone", "Show Cone"),
+        ),
+        "SUN": (("angle", "Angle"),),
+    }[light.type]
+
+
+class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
+    bl_label = "Ray Visibility"
+    bl_context = "object"
+    bl_parent_id = "OBJECT_PT_visibility"
+
+    def draw(self, context):
+        column = self.animated_column
+        column.prop(context.object, "visible_camera", text="Camera")
+        column.prop(context.object, "visible_glossy", text="Reflections")
+        column.prop(context.object, "visible_shadow", text="Shadow")
+        mask = self.column.column(heading="Mask")
+        mask.prop(context.object, "is_shadow_catcher")
+
+
+class GLINT_OBJECT_PT_motion_blur(EnginePanel, bpy.types.Panel):
+    bl_label = "Motion Blur"
+    bl_context = "object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        moves = context.object is not None and context.object.type in _MOVES
+        return moves and hasattr(context.object, "cycles") and super().poll(context)
+
+    def draw_header(self, context):
+        self.layout.prop(context.object.cycles, "use_motion_blur", text="")
+
+    def draw(self, context):
+        settings, column = context.object.cycles, self.animated_column
+        column.active = settings.use_motion_blur
+        column.prop(settings, "motion_steps", text="Steps")
+        if context.object.type in _DEFORMS:
+            column.prop(settings, "use_deform_motion", text="Deformation")
+
+
+class GLINT_LIGHT_PT_nodes(EnginePanel, bpy.types.Panel):
+    bl_label = "Nodes"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.light
+
+    def draw(self, context):
+        layout, light = self.layout, context.light
+        tree = node_tree(light)
+        if tree is None:
+            layout.prop(light, "use_nodes", icon="NODETREE")
+            return
+        layout.use_property_split = True
+        output = output_of(tree)
+        socket = find_node_input(output, "Surface") if output is not None else None
+        if socket is None:
+            layout.label(text="No output node")
+        else:
+            layout.template_node_view(tree, output, socket)
+
+
+class GLINT_MATERIAL_PT_settings(EnginePanel, bpy.types.Panel):
+    bl_label = "Settings"
+    bl_context = "material"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        material = context.material
+        return super().poll(context) and material and not material.grease_pencil
+
+    def draw(self, context):
+        column = self.animated_column
+        column.prop(context.material, "pass_index")
+        column.prop(context.material, "displacement_method", text="Displacement")
+
+
+class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):
+    bl_label = "Ray Visibility"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and hasattr(context.world, "cycles_visibility")
+
+    def draw(self, context):
+        column = self.column
+        for name in ("camera", "diffuse", "glossy", "transmission"):
+            column.prop(context.world.cycles_visibility, name)
+
+
+def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.ViewLayer) -> None:
+    """Which light group an object's or a world's light is in, and a button for one that the layer
+    has not.
+    """
+    layout.use_property_split = True
+    row = layout.row(align=True)
+    row.use_property_decorate = False
+    row.column(align=True).prop_search(
+        owner, "lightgroup", layer, "lightgroups", text="Light Group", results_are_suggestions=True
+    )
+    more = row.column(align=True)
+    more.enabled = bool(owner.lightgroup) and owner.lightgroup not in layer.lightgroups
+    more.operator("scene.view_layer_add_lightgroup", icon="ADD", text="").name = owner.lightgroup
+
+
+class GLINT_OBJECT_PT_light_group(EnginePanel, bpy.types.Panel):
+    bl_label = "Light Group"
+    bl_context = "object"
+    bl_parent_id = "OBJECT_PT_shading"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        _draw_light_group(self.layout, context.object, context.view_layer)
+
+
+class GLINT_WORLD_PT_light_group(EnginePanel, bpy.types.Panel):
+    bl_label = "Light Group"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.world
+
+    def draw(self, context):
+        _draw_light_group(self.layout, context.world, context.view_layer)

@@ -1,0 +1,42 @@
+"""What all our panels share."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..render.render_engine import GlintRenderEngine
+
+ENGINE = GlintRenderEngine.bl_idname
+
+
+class EnginePanel:
+    """A panel of the Properties editor that is there with Glint alone."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+    @property
+    def column(self) -> bpy.types.UILayout:
+        """A column in which names stand left and values right."""
+        self.layout.use_property_decorate = False
+        return self.animated_column
+
+    @property
+    def animated_column(self) -> bpy.types.UILayout:
+        """The same with a dot for keyframes beside each value."""
+        self.layout.use_property_split = True
+        return self.layout.column()
+
+
+def draw_if_known(column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str) -> None:
+    """A light's exposure and normalize came with Blender 4.5, a view layer's world_override with
+    4.3.
+    """
+    if hasattr(owner, name):
+        column.prop(owner, name)
