@@ -100,6 +100,12 @@ def sharing_stats(lights: Sequence[Light], settings: Settings) -> dict[str, floa
     return {"feature: shared lamp shadows": 1.0} if shared_samples(lights, settings) else {}
 
 
+def group_stats(light_groups: Sequence[str]) -> dict[str, float]:
+    """For `Film.stats`: a feature where light is told apart by groups."""
+    count = len(light_groups)
+    return {f"feature: {count} light group{'s' if count > 1 else ''}": 1.0} if count else {}
+
+
 def first_mark(sample: int) -> float:
     """Where in [0, 1) between two marks the first one of a pixel's sample is: of n samples each in
     another of n places (van der Corput's sequence).

@@ -31,7 +31,7 @@ import numpy as np
 
 from ..errors import NO_THREAD, SceneError
 from ..film import Film, aov_pass, channels_of, empty_value, light_group_pass
-from ..lights.lamps import sharing_stats
+from ..lights.lamps import group_stats, sharing_stats
 from ..sampling.motion import is_moving
 from ..scene import Scene, left_out
 from ..scene.view_axes import ViewAxes, narrow_view_axes
@@ -332,7 +332,9 @@ class _Render:
             self._axes.world_passes(passes) if self._axes else passes,
             samples,
             complete,
-            _stats(data) | sharing_stats(self._lights, self._settings),
+            _stats(data)
+            | sharing_stats(self._lights, self._settings)
+            | group_stats(self._light_groups),
         )
 
     def _pass(self, name: str, samples: int, ended: bool) -> np.ndarray:

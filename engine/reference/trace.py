@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
-from ..lights.lamps import sharing_stats
+from ..lights.lamps import group_stats, sharing_stats
 from ..sampling import pixel_offsets
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
@@ -117,7 +117,10 @@ class Tracer:
             self.picture.images(passes, shown),
             self._finished,
             complete,
-            stats | self._seconds | sharing_stats(self._scene.lights, self._settings),
+            stats
+            | self._seconds
+            | sharing_stats(self._scene.lights, self._settings)
+            | group_stats(self._scene.light_groups),
             notes,
         )
 

@@ -14,6 +14,7 @@ from engine_scenes import SCENES as PLAIN
 from engine_scenes import gloss
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from native_tools import constant, draw, lamp, material, needs_core, placed, square, view_from_above
 
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
@@ -221,3 +222,12 @@ def test_bad_groups_are_refused_by_name() -> None:
     assert any("light_group is -2" in text for text in worse.problems())
     many = replace(scene, light_groups=tuple(map(str, range(65))))
     assert any("65 light groups" in text for text in many.problems())
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_statistics_and_explanations_name_them(backend: str) -> None:
+    scene = grouped(PLAIN["hard_lights"]())
+    assert "feature: 3 light groups" in draw(scene, backend=backend).stats
+    ray = PixelExplainer(scene, engine.Settings(backend=backend)).pixel(24, 16)
+    text = "\n".join(explanation_lines(ray))
+    assert f"'{scene.lights[0].name}' in the light group 'Key'" in text
