@@ -295,6 +295,12 @@ class Collector:
     def instances(self, thing: Thing) -> Instances:
         """Where a thing stands and as what it is seen."""
         placed, flags = thing.content, thing.content.flags
+        if placed.is_bound and len(thing.matrices) > 1:
+            self.report.note(
+                "Instances are displaced as the first of them, although that depends on where they "
+                "stand: {}; use object space, or objects of their own",
+                thing.name,
+            )
         count = len(thing.matrices)
         values = {
             name: np.tile(np.array(value, np.float32), (count, 1)) for name, value in placed.values
