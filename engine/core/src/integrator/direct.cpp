@@ -189,10 +189,9 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stages_.dome(stage);
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!stage_.lit[k] || balance_[k] < 0) continue;
+    batch.add_to_group(light.group, k, row(sky_, k));
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
-      if (batch.has_groups() && light.group >= 0)
-        batch.group_column(3 * size_t(light.group) + c)[k] += sky_[c][k];
       if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
       if (batch.splits()) batch.lit_diffuse[c][k] += sky_[c][k];
     }
@@ -350,6 +349,7 @@ void DirectLight::add(const Batch& batch, const Light& light, size_t count) cons
 
 /// The same after shadows, to the light's group.
 void DirectLight::add_to_groups(const Batch& batch, size_t count) const {
+  if (!met_ && group_ < 0) return;
   for (size_t k = 0; k < count; ++k) {
     const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
     Vec3d given = row(stage_.diffuse_out, k);
