@@ -59,11 +59,16 @@ class Batch {
   bool gives(size_t group) const { return given_[group]; }
   /// The three columns of a group's light, of which Combined has all of it.
   double* const* group(size_t group) const { return &groups_[3 * group]; }
+  /// The same, to be added to.
+  double* const* opened_group(size_t group) const {
+    if (!given_[group]) clear_group(group);
+    return this->group(group);
+  }
   /// Adds to a group's; to none where it is -1, or nobody asks.
   void add_to_group(int group, size_t k, Vec3d c) const {
     if (size_t(group) >= given_.size() || !any(c)) return;
-    if (!given_[size_t(group)]) clear_group(size_t(group));
-    for (int i = 0; i < 3; ++i) groups_[3 * size_t(group) + size_t(i)][k] += c[i];
+    double* const* const columns = opened_group(size_t(group));
+    for (int i = 0; i < 3; ++i) columns[i][k] += c[i];
   }
   /// Whether lights' light is told apart there.
   bool splits() const { return splits_ && queue->visibility == kCamera; }
