@@ -14,6 +14,8 @@ import pytest
 from documents import relative_links
 from packed import pack
 
+import core_version
+
 DEVELOPMENT = (
     "tests/",
     "packaging/",
@@ -80,6 +82,21 @@ def test_only_the_full_zip_has_the_core():
     assert len(wheels["full"]) == 1
     assert "py3-none-" in wheels["full"][0], "one wheel must serve every Python"
     assert wheels["python"] == []
+
+
+def test_a_core_that_changed_has_another_version(tmp_path, monkeypatch):
+    """Blender keeps the installed wheel of a version, whatever the new one holds."""
+    [name] = [name for name in _open("full").namelist() if name.endswith(".whl")]
+    version = core_version.dynamic_metadata("version", {})
+    assert f"/glint_core-{version}-py3-" in name
+    shutil.copytree(core_version.ROOT / "engine" / "core", tmp_path / "engine" / "core")
+    shutil.copy(core_version.ROOT / "blender_manifest.toml", tmp_path)
+    monkeypatch.setattr(core_version, "ROOT", tmp_path)
+    assert core_version.dynamic_metadata("version", {}) == version
+    source = next((tmp_path / "engine" / "core" / "src").rglob("*.cpp"))
+    source.write_text(source.read_text() + "// changed\n")
+    changed = core_version.dynamic_metadata("version", {})
+    assert changed != version and changed.split("+")[0] == version.split("+")[0]
 
 
 @pytest.mark.skipif(
