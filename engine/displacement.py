@@ -72,15 +72,15 @@ def displaced(
     mesh: Mesh,
     displacements: Sequence[Displacement | None],
     vertex_normals: Array,
-    is_flat: Array | None,
+    polygons: Array | None,
     place: Place,
 ) -> Moved:
     """A mesh as the materials in its slots displace it.
 
     displacements: of each slot; slots beyond the end have that of the last. vertex_normals: (v, 3)
-    unit, along which a Displacement node moves. is_flat: (n,) bool, the triangles of a mesh with
-    CORNER normals that are shaded flat, None for none. mesh: brings the attributes that programs
-    read. place: where programs that ask find the mesh.
+    unit, along which a Displacement node moves. polygons: (n,) of a mesh with CORNER normals, the
+    number of the polygon of each triangle that is shaded flat, -1 of others; None for none. mesh:
+    brings the attributes that programs read. place: where programs that ask find the mesh.
     """
     slots = np.minimum(_slots(mesh), len(displacements) - 1)
     moves = np.array([d is not None for d in displacements])[slots]
@@ -95,17 +95,18 @@ def displaced(
     offsets[~sound] = 0.0
     turned = moves & ~np.array([d is not None and d.keeps_normals for d in displacements])[slots]
     moved = replace(mesh, vertices=(mesh.vertices + offsets).astype(np.float32))
-    normals = normals_after(mesh, moved.vertices, mesh.normals, turned, is_flat)
+    normals = normals_after(mesh, moved.vertices, mesh.normals, turned, polygons)
     return Moved(replace(moved, normals=normals), offsets, turned, int((~sound).sum()))
 
 
 def normals_after(
-    mesh: Mesh, vertices: Array, normals: Attribute | None, turned: Array, is_flat: Array | None
+    mesh: Mesh, vertices: Array, normals: Attribute | None, turned: Array, polygons: Array | None
 ) -> Attribute | None:
     """Shading normals once the vertices of `mesh` are at `vertices` (v, 3).
 
     Those at vertices are the sums of the unit normals of the triangles that are `turned`. Those at
-    corners turn as much as these do from the mesh's own; those of flat triangles are the face's.
+    corners turn as much as these do from the mesh's own; those of flat triangles are their
+    polygon's.
     """
     if normals is None or not turned.any():
         return normals
@@ -119,9 +120,9 @@ def normals_after(
     rows = mesh.corners[turned]
     bent = values[rows] + (after - _vertex_normals(mesh.vertices, triangles))[triangles]
     bent = unit(bent.reshape(-1, 3).T).T.reshape(bent.shape)
-    if is_flat is not None:
-        flat = is_flat[turned]
-        bent[flat] = _face_normals(vertices, triangles[flat]).T[:, None]
+    if polygons is not None:
+        flat = polygons[turned] >= 0
+        bent[flat] = _flat_normals(vertices, triangles[flat], polygons[turned][flat])[:, None]
     values[rows] = bent
     return replace(normals, values=values.astype(np.float32))
 
@@ -143,6 +144,13 @@ def _first_corners(triangles: Array, moves: Array, count: int) -> Array:
     return first
 
 
+def _flat_normals(vertices: Array, triangles: Array, polygons: Array) -> Array:
+    """(n, 3) unit: that of each triangle's polygon, by Newell."""
+    numbers = np.unique(polygons, return_inverse=True)[1].reshape(-1)
+    sums = np.stack([np.bincount(numbers, part) for part in _areas(vertices, triangles)])
+    return unit(sums).T[numbers]
+
+
 def _columns(values: Array, rows: Array) -> Array:
     """(c, n) float64 of the rows (n,) of values (k, c)."""
     return np.ascontiguousarray(values.take(rows, 0).T, np.float64)
@@ -150,8 +158,13 @@ def _columns(values: Array, rows: Array) -> Array:
 
 def _face_normals(vertices: Array, triangles: Array) -> Array:
     """(3, n) unit."""
+    return unit(_areas(vertices, triangles))
+
+
+def _areas(vertices: Array, triangles: Array) -> Array:
+    """(3, n) normals, twice as long as the triangles are large."""
     a, b, c = (_columns(vertices, corners) for corners in triangles.T)
-    return unit(cross(b - a, c - a))
+    return cross(b - a, c - a)
 
 
 def _vertex_normals(vertices: Array, triangles: Array) -> Array:

@@ -22,6 +22,7 @@ from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_
 from .images.decoded import Decoded
 from .images.images import Images
 from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
+from .light_groups import LightGroups
 from .lights import Lights, Seen
 from .materials.aovs import Aov, note_world
 from .materials.materials import Materials, without_unused
@@ -38,8 +39,8 @@ from .placing import (
 from .properties import Value, sound, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
-from .unheard import note_layer, note_scene, note_subdivision
-from .world import Sky, export_world, with_pass_settings
+from .unheard import note_scene, note_subdivision
+from .world import Sky, export_world, with_light_group, with_pass_settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,7 @@ def export_scene(
     passes: frozenset[str] = frozenset(),
     decoded: Decoded | None = None,
     aovs: tuple[Aov, ...] = (),
+    has_light_groups: bool = False,
     looker: Looker | None = None,
 ) -> Export:
     """The scene that an evaluated depsgraph shows, for its own view layer and frame.
@@ -91,6 +93,7 @@ def export_scene(
     width, height: pixels of the full frame instead of the scene's. passes: names from
     `film.PASSES`; "UV" makes all meshes bring their active map. decoded: images of the export
     before; this one's take their place. aovs: passes of the view layer's own that are wanted.
+    has_light_groups: whether those of its light groups are.
     looker: where to look from, None for the scene's camera.
     Only on Blender's thread. Raises ExportError where there is no usable camera or border.
     """
@@ -100,17 +103,16 @@ def export_scene(
     region = border(scene.render, size)
     through = evaluated(scene.camera, depsgraph) if looker is None else looker.camera
     camera = export_camera(through, scene.render, size, report, looker)
-    collector = Collector(
-        depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded, aovs
-    )
+    groups = LightGroups.of(depsgraph.view_layer, report) if has_light_groups else LightGroups()
+    wanted = Wanted(frozenset({""}) if "UV" in passes else frozenset())
+    collector = Collector(depsgraph, wanted, report, decoded, aovs, groups)
     things = walk(depsgraph, collector.meet, report, make_hair=collector.meet_hair)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
-    sky = with_pass_settings(sky, scene.world)
+    sky = with_light_group(with_pass_settings(sky, scene.world), groups.number(world))
     note_scene(scene, report)
     note_missing(depsgraph, report)
-    note_layer(depsgraph.view_layer, report)
     note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)
     if decoded is not None:
@@ -151,8 +153,8 @@ def _world(depsgraph: Any, scene: Any) -> Any:
 
 class _Placed(NamedTuple):
     """A geometry with what its instances need. values: what programs read of it;
-    of_each: names of what they read of each instance by itself. asset: as `Instances` has it.
-    is_bound: its geometry depends on where it stands.
+    of_each: names of what they read of each instance by itself. asset, light_group: as
+    `Instances` has it. is_bound: its geometry depends on where it stands.
     """
 
     geometry: int
@@ -163,6 +165,7 @@ class _Placed(NamedTuple):
     of_each: tuple[str, ...] = ()
     asset: str = ""
     is_bound: bool = False
+    light_group: int = -1
 
 
 class _Lamp(NamedTuple):
@@ -180,7 +183,9 @@ class Collector:
         report: Report,
         decoded: Decoded | None = None,
         aovs: tuple[Aov, ...] = (),
+        light_groups: LightGroups | None = None,
     ) -> None:
+        self.light_groups = light_groups or LightGroups()
         self.depsgraph, self.wanted, self.report = depsgraph, wanted, report
         self.images = Images(report, decoded)
         self.materials = Materials(self.images, report, aovs)
@@ -199,7 +204,8 @@ class Collector:
         owner = instance.instance_object or thing  # the one that is not temporary
         data = thing.data
         if thing.type == "LIGHT":
-            seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers)
+            group = self.light_groups.number(thing)
+            seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers, group)
             return _Lamp(data, seen)
         match type(data).__name__:
             case "Mesh" if self.depsgraph.view_layer.use_solid:
@@ -243,8 +249,9 @@ class Collector:
                 thing.name,
             )
         return _Placed(
-            geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing), is_bound
-        )
+            geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing), is_bound,
+            self.light_groups.number(thing),
+        )  # fmt: skip
 
     def _displaced(
         self,
@@ -288,6 +295,12 @@ class Collector:
     def instances(self, thing: Thing) -> Instances:
         """Where a thing stands and as what it is seen."""
         placed, flags = thing.content, thing.content.flags
+        if placed.is_bound and len(thing.matrices) > 1:
+            self.report.note(
+                "Instances are displaced as the first of them, although that depends on where they "
+                "stand: {}; use object space, or objects of their own",
+                thing.name,
+            )
         count = len(thing.matrices)
         values = {
             name: np.tile(np.array(value, np.float32), (count, 1)) for name, value in placed.values
@@ -297,7 +310,7 @@ class Collector:
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
-            asset=placed.asset, catcher=flags.catcher,
+            asset=placed.asset, catcher=flags.catcher, light_group=placed.light_group,
         )  # fmt: skip
 
     @cached_property
@@ -433,7 +446,10 @@ class Collector:
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
         names = tuple(aov.name for aov in self.materials.aovs)
-        return Scene(camera, geometries, instances, materials, textures, lights, sky.world, names)
+        return Scene(
+            camera, geometries, instances, materials, textures, lights, sky.world, names,
+            light_groups=self.light_groups.names,
+        )  # fmt: skip
 
 
 def is_displaced(geometry: Any) -> bool:

@@ -98,7 +98,9 @@ def prepare(
     lookers = [looker_of(render_engine, name, depsgraph) for name in names]
     options = {"width": width, "height": height, "passes": passes, "looker": lookers[0]}
     export = (
-        export_scene(depsgraph, decoded=_decoded, aovs=aovs_of(layer), **options)
+        export_scene(
+            depsgraph, decoded=_decoded, aovs=aovs_of(layer), has_light_groups=True, **options
+        )
         if kept is None
         else kept.export(depsgraph, **options)
     )
@@ -235,7 +237,7 @@ def _trace(
         passes={
             name: values
             for name, values in film.passes.items()
-            if name in passes | {"Combined"} or name.startswith(engine.AOV)
+            if name in passes | {"Combined"} or name.startswith((engine.AOV, engine.LIGHT_GROUP))
         },
     )
     job.statistics.seconds["engine"] = time.perf_counter() - start

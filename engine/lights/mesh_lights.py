@@ -115,12 +115,12 @@ def _found(scene: Scene, origin: Array) -> Emitters | None:
     parts = list(_Surfaces(replace(scene, camera=_at(origin)), origin).parts())
     if not parts:
         return None
-    columns = ((p.corners, p.front, p.back, p.weight) for p in parts)
-    corners, front, back, weight = map(np.concatenate, zip(*columns, strict=True))
+    columns = ((p.corners, p.front, p.back, p.weight, p.light_group) for p in parts)
+    corners, front, back, weight, group = map(np.concatenate, zip(*columns, strict=True))
     with np.errstate(over="ignore", invalid="ignore"):
         front, back = (np.clip(side, -LARGEST, LARGEST) for side in (front, back))
         weight = weight * (np.abs(front) + np.abs(back)).mean(1)
-        found = Emitters(corners, front, back, weight)
+        found = Emitters(corners, front, back, weight, group)
         given = weight * found.areas
     good = np.flatnonzero((given > 0) & np.isfinite(given))
     return found.take(good) if len(good) else None
@@ -198,7 +198,10 @@ class _Surfaces:
         mirrored = g.placements.mirror[g.row[primitive]] < 0
         pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
         sides = (self._radiance(primitive, weights, pieces, sign) for sign in (1.0, -1.0))
-        return Emitters(pieces, *sides, np.ones(len(pieces)))
+        blocks = g.placements.instances
+        groups = np.array([block.light_group for block in blocks], np.intp)
+        group = groups[g.placements.block[g.row[primitive]]]
+        return Emitters(pieces, *sides, np.ones(len(pieces)), group)
 
     def _radiance(self, primitive: Array, weights: Array, pieces: Array, sign: float) -> Array:
         """(n, 3) in the middle of the pieces, seen straight, from outside where sign is 1."""
@@ -206,7 +209,7 @@ class _Surfaces:
 
         geometry, x = self._geometry, pieces.mean(1).T
         row = geometry.row[primitive]
-        g = sign * Emitters(pieces, x, x, x).normals.T
+        g = sign * Emitters(pieces, x, x, x, x).normals.T
         surface = Surface(
             primitive,
             geometry.placements.geometry[row],
@@ -334,6 +337,7 @@ class MeshTable:
     point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
     their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
     unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
+    light_group: (k,) int, -1 for none.
     """
 
     point: Array
@@ -345,6 +349,7 @@ class MeshTable:
     disc: Array
     each: int
     caught: Array
+    light_group: Array
 
     def first(self, count: int) -> MeshTable:
         """The first `count` of the points of each sample."""
@@ -382,6 +387,7 @@ def mesh_table(light: Light, samples: int, each: int) -> MeshTable:
         concentric_disc(2 * u - 1),
         each,
         np.zeros(count, bool),
+        emitters.light_group[index],
     )
 
 

@@ -79,6 +79,8 @@ class ScenePacker:
         data.mist_start, data.mist_depth = mist.start, mist.depth
         data.occlusion_distance = scene.world.occlusion_distance
         data.aov_count = len(scene.aovs)
+        data.light_group_count = len(scene.light_groups)
+        data.world_light_group = 1 + scene.world.light_group
         data.mist_falloff = number(mist.falloff, core_types.Mist, "mist falloff")
         data.world_axes[:] = np.asarray(scene.world.axes, np.float64).T.reshape(9)
         parts = {
@@ -289,6 +291,7 @@ def _emitters(emitters: tuple[Emitters, ...], before: _Part | None, changed: lis
             table[name] = getattr(light, name)
         table["normal"], table["spread"] = light.normals, light.spreads
         table["reach"] = light.reaches
+        table["light_group"] = 1 + light.light_group
         corners[:] = light.corners.reshape(-1, 9)
     return _Part(emitters, {"emitters": table, "emitter_corners": corners}, [])
 
@@ -538,6 +541,8 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         group.light_set,
         id_bits(group.name),
         id_bits(group.asset or group.name),
+        1 + group.light_group,
+        0,
     )
 
 
@@ -583,7 +588,7 @@ def _light(light: Light, level: int) -> tuple:
         0,
         light.program.outputs[0] if light.program is not None else 0,
         level,
-        0,
+        1 + light.light_group,
         EVERYTHING ^ light.receivers,
         EVERYTHING ^ light.blockers,
     )

@@ -62,6 +62,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         setattr(data, name, getattr(settings, name))
     data.passes = sum(1 << PASS_NUMBERS[name] for name in passes_of(settings))
     data.passes |= (1 << core_types.Pass.AOV) if scene.aovs else 0
+    data.passes |= (1 << core_types.Pass.LIGHT_GROUPS) if scene.light_groups else 0
     data.illumination = number(settings.illumination, core_types.Illumination, "illumination")
     build = "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
     data.acceleration = number(build, core_types.Build, "acceleration")
@@ -148,7 +149,8 @@ def _add_bounced(
 
 def _surface_points(packer: Packer, t: MeshTable, name: str) -> np.ndarray:
     columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc, t.caught)
-    return packer.lend(np.column_stack(columns), np.float64, (None, 17), name)
+    columns = (*columns, 1 + t.light_group)
+    return packer.lend(np.column_stack(columns), np.float64, (None, 18), name)
 
 
 def _add_motion(

@@ -79,6 +79,7 @@ stay well within.
 
 
 MOST_AOVS = 256
+MOST_LIGHT_GROUPS = 64
 MOST_DISTANCE = 1e30
 """That occlusion looks: ends of its rays stay finite."""
 
@@ -109,7 +110,25 @@ def scene_problems(scene: Scene) -> list[str]:
         for thing in things
         for text in check(thing)
     ]
-    return [*found, *_aovs(scene), *_domes(scene.lights), *_neighbours(scene)]
+    return [
+        *found,
+        *_aovs(scene),
+        *_light_groups(scene),
+        *_domes(scene.lights),
+        *_neighbours(scene),
+    ]
+
+
+def _light_groups(scene: Scene) -> Found:
+    """Groups that the scene does not have, and too many of them."""
+    count = len(scene.light_groups)
+    if count > MOST_LIGHT_GROUPS:
+        yield f"scene has {count} light groups: use at most {MOST_LIGHT_GROUPS}"
+    for thing in (*scene.lights, *scene.instances, scene.world):
+        wrong = [*whole("light_group", thing.light_group)]
+        if not wrong and not -1 <= thing.light_group < count:
+            wrong = [f"light_group is {thing.light_group}: use one of the {count}, or -1 for none"]
+        yield from (f"{_label(thing)}: {text}" for text in wrong)
 
 
 def _aovs(scene: Scene) -> Found:

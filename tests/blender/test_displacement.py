@@ -109,21 +109,25 @@ def test_new_normals_are_sums_of_faces_and_those_of_both_stay(scene):  # noqa: F
 
 
 def test_hard_edges_stay_hard_and_flat_faces_flat(scene):  # noqa: F811
-    """The top is flat, and its rim hard, as some faces are smooth: normals are on corners."""
-    cube = box("Box", Moving(0.3, space="OBJECT").material)
+    """The top is flat, and its rim hard, as other faces are smooth: normals are on corners."""
+    moving = Moving()
+    moving.height("ShaderNodeAttribute", "Fac").attribute_name = "lift"
+    cube = box("Box", moving.material)
     cube.data.polygons[5].use_smooth = False
+    lift = cube.data.attributes.new("lift", "FLOAT", "POINT")
+    lift.data.foreach_set("value", np.arange(8, dtype=np.float32) / 8)
     mesh = mesh_of(export())
     assert mesh.normals.domain == CORNER
-    np.testing.assert_allclose(mesh.vertices, CORNERS * (1 + 0.3 * OUT), atol=1e-6)
-    top = np.isclose(mesh.vertices[mesh.triangles][:, :, 2], 1 + 0.3 * OUT, atol=1e-6).all(1)
     np.testing.assert_allclose(
-        mesh.normals.values[mesh.corners[top]], np.broadcast_to((0, 0, 1), (2, 3, 3)), atol=1e-6
+        mesh.vertices, CORNERS * (1 + np.arange(8)[:, None] / 8 * OUT), atol=1e-6
     )
-    below = mesh.normals.values[mesh.corners[~top]]
-    assert (
-        np.abs(below[..., 2]).min() < 0.2
-        and np.abs(np.linalg.norm(below, axis=-1) - 1).max() < 1e-6
-    )
+    a, b, c, d = mesh.vertices[list(FACES[5])].astype(float)
+    newell = np.cross(c - a, d - b)
+    newell /= np.linalg.norm(newell)
+    off = np.abs(mesh.normals.values[mesh.corners] - newell).max((1, 2))
+    top = (CORNERS[mesh.triangles][:, :, 2] > 0).all(1)
+    assert top.sum() == 2 and off[top].max() <= 1e-6 and off[~top].min() > 0.3
+    assert np.abs(np.linalg.norm(mesh.normals.values, axis=1) - 1).max() <= 1e-6
 
 
 def test_slots_of_one_mesh_move_their_own_faces(scene):  # noqa: F811
@@ -169,6 +173,19 @@ def test_what_depends_on_the_place_is_worked_out_for_each(scene):  # noqa: F811
     np.testing.assert_allclose(
         mesh_of(result, "Two").vertices, CORNERS * (1 + 0.15 * OUT), atol=1e-6
     )
+
+
+def test_instances_are_displaced_as_the_first_of_them(scene):  # noqa: F811
+    """Which is told where it matters."""
+    moving = Moving(0.3)
+    leaf = box("Leaf", moving.material)
+    parent = box("Parent", bpy.data.materials.new("Still"))
+    parent.instance_type, leaf.parent = "VERTS", parent
+    result = export()
+    assert len(result.scene.geometries) == 2 and not result.notes
+    moving.node.space = "WORLD"
+    (note,) = export().notes
+    assert "displaced as the first of them" in note and "Leaf" in note
 
 
 def test_vectors_linked_straight_to_the_output_are_of_the_world(scene):  # noqa: F811
@@ -285,10 +302,12 @@ def test_a_mesh_that_bends_stays_displaced(scene):  # noqa: F811
     np.testing.assert_allclose(before, out + (0, 0, 0.3), atol=1e-6)
 
 
-def test_the_viewport_follows_every_edit(scene):  # noqa: F811
+def test_the_viewport_follows_every_edit(scene, tmp_path):  # noqa: F811
     moving, placed = Moving(), Moving(space="WORLD", name="Placed")
     noise = moving.height("ShaderNodeTexNoise")
     image = bpy.data.images.new("Height", 2, 2)
+    image.filepath_raw, image.file_format = str(tmp_path / "height.png"), "PNG"
+    image.save()
     texture = placed.height("ShaderNodeTexImage")
     texture.image = image
     cube, other = box("Box", moving.material), box("Other", placed.material)
@@ -307,6 +326,7 @@ def test_the_viewport_follows_every_edit(scene):  # noqa: F811
         assert not edited(lambda: setattr(cube, "location", (1, 2, 3)))
         assert edited(lambda: setattr(other, "scale", (2, 1, 1)))
         assert not edited(lambda: setattr(moving.shader.inputs[0], "default_value", (1, 0.5, 0, 1)))
+        assert not edited(lambda: setattr(placed.shader.inputs[0], "default_value", (1, 0.5, 0, 1)))
         assert edited(
             lambda: (setattr(cube.data.vertices[0], "co", (-2, -1, -1)), cube.data.update())
         )

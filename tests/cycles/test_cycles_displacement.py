@@ -103,19 +103,19 @@ def test_both_bends_normals_as_in_cycles(case):
     assert np.median(differences) <= 1e-3 and np.percentile(differences, 95) <= 1e-2
 
 
-def wavy(method: str, smooth: bool, cells: int):
-    """A square from -1 to 1 whose z is sin(3 x) / 2."""
-    tree = Moving(method, "OBJECT", scale=0.5)
+def wavy(smooth: bool, node: str, output: str, size: float):
+    """A square from -1 to 1 of 8 by 8 cells whose z is sin(3 x) / 2, by coordinates that are size
+    times those of the object. They are read where it is flat: z counts as much as x.
+    """
+    tree = Moving("BOTH", "OBJECT", scale=0.5)
     tree.displacer.inputs["Midlevel"].default_value = 0.0
-    place, apart = tree.node(COORDINATES), tree.node("ShaderNodeSeparateXYZ")
-    three, sine = tree.node("ShaderNodeMath"), tree.node("ShaderNodeMath")
-    three.operation, sine.operation = "MULTIPLY", "SINE"
-    three.inputs[1].default_value = 3.0
-    tree.link(place.outputs["Object"], apart.inputs[0])
-    tree.link(apart.outputs[0], three.inputs[0])
-    tree.link(three.outputs[0], sine.inputs[0])
+    place, along, sine = (tree.node(kind) for kind in (node, *2 * ["ShaderNodeVectorMath"]))
+    along.operation, sine.operation = "DOT_PRODUCT", "SINE"
+    along.inputs[1].default_value = (3.0 / size, 0.0, 3.0 / size)
+    tree.link(place.outputs[output], along.inputs[0])
+    tree.link(along.outputs["Value"], sine.inputs[0])
     tree.link(sine.outputs[0], tree.displacer.inputs["Height"])
-    across = np.linspace(-1, 1, cells + 1)
+    across = np.linspace(-1, 1, 9)
     x, y = np.meshgrid(across, across)
     at = np.arange(x.size).reshape(x.shape)
     faces = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]], -1).reshape(-1, 4)
@@ -124,20 +124,30 @@ def wavy(method: str, smooth: bool, cells: int):
 
 
 @pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
-@pytest.mark.parametrize("smooth", [True, False])
-def test_both_shows_the_slopes_that_vertices_leave_out(smooth, backend):
-    """Those of the wave itself, whatever the object's size and the mesh's: here an eighth of it;
-    Cycles' are as much too steep as the object is large. Heights are compared a tenth of a pixel
-    apart, here at most 0.006, over which a slope changes by 9 / 2 of that.
+@pytest.mark.parametrize("height", [4.4, -4.4])
+@pytest.mark.parametrize(
+    ("smooth", "node", "output", "size"),
+    [
+        (True, COORDINATES, "Object", 1.0),
+        (False, COORDINATES, "Object", 1.0),
+        (True, GEOMETRY, "Position", 2.0),
+    ],
+)
+def test_both_shows_the_slopes_that_vertices_leave_out(smooth, node, output, size, height, backend):
+    """Those of the wave itself, from above and below, whatever the object's size and the mesh's:
+    here an eighth of it; Cycles' are as much too steep as the object is large. Heights are compared
+    a tenth of a pixel apart, here at most 0.006, over which a slope changes by 9 / 2 of that.
     """
     scene = cycles.empty_scene(64, 64)
-    add(scene, "wavy", wavy("BOTH", smooth, 8), moved(0, 0, 0, 2, 2, 2))
-    add_camera(scene)
+    data = wavy(smooth, node, output, size)
+    add(scene, "wavy", data, moved(0, 0, 0, 2, 2, 2))
+    add_camera(scene, (4.2, -5.6, height))
     seen = {name: np.squeeze(v) for name, v in render_glint(scene, backend).passes.items()}
     there = np.abs(seen["Normal"]).max(-1) > 0
     x = seen["Position"][there][:, 0] / 2
     slope = np.stack([-1.5 * np.cos(3 * x), 0 * x, np.ones_like(x)], -1)
-    slope /= np.linalg.norm(slope, axis=1)[:, None]
-    facing = np.sign((slope * seen["Normal"][there]).sum(1, keepdims=True))
-    assert there.sum() > 500
-    assert np.abs(facing * seen["Normal"][there] - slope).max() <= 0.006 * 4.5 / 2
+    slope *= np.sign(height) / np.linalg.norm(slope, axis=1)[:, None]
+    facing = np.abs(seen["Normal"][there] - slope).max(1)
+    below = np.abs(seen["Normal"][there] + slope).max(1)  # faces turned away by the wave
+    assert there.sum() > 500 and (facing < below).mean() > 0.8
+    assert np.minimum(facing, below).max() <= 0.006 * 4.5 / 2

@@ -187,8 +187,8 @@ def test_normals_at_corners_turn_with_those_of_vertices():
     mesh = replace(mesh, normals=corners)
     risen = mesh.vertices.copy()
     risen[:, 2] = risen[:, 0]  # all normals turn from z to (-1, 0, 1) / √2
-    is_flat, turned = np.array([True, False]), np.array([True, True])
-    found = normals_after(mesh, risen, corners, turned, is_flat).values
+    polygons, turned = np.array([7, -1]), np.array([True, True])
+    found = normals_after(mesh, risen, corners, turned, polygons).values
     face = np.array([-1, 0, 1]) / np.sqrt(2)
     bent = tilted + face - (0, 0, 1)
     np.testing.assert_allclose(found[:3], [face] * 3, atol=1e-6)

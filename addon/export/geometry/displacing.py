@@ -11,7 +11,7 @@ from ....engine.displacement import Displacement, Place, displaced, normals_afte
 from ....engine.scene import CORNER, Mesh
 from ..materials.displacing import wanted_of
 from ..report import Report
-from .meshes import MeshSource, read_attributes, readable, sharp_triangles, vertex_normals_of
+from .meshes import MeshSource, flat_polygons, read_attributes, readable, vertex_normals_of
 
 ODD = (
     "Displacements that are not finite, or go beyond 1e19, count as 0 ({}): look at the material's "
@@ -22,12 +22,12 @@ ODD = (
 @dataclass(frozen=True, eq=False)
 class Displaced:
     """How a mesh was displaced, for what it is at other times. offsets, turned: as
-    `engine.displacement.Moved` has them; is_flat: as `engine.displacement.displaced` takes it.
+    `engine.displacement.Moved` has them; polygons: as `engine.displacement.displaced` takes them.
     """
 
     offsets: np.ndarray
     turned: np.ndarray
-    is_flat: np.ndarray | None
+    polygons: np.ndarray | None
 
     def at(
         self, mesh: Mesh, vertices: np.ndarray, normals: np.ndarray | None
@@ -40,7 +40,7 @@ class Displaced:
             return moved, None
         then = replace(mesh, vertices=vertices)
         found = replace(mesh.normals, values=normals)
-        return moved, normals_after(then, moved, found, self.turned, self.is_flat).values
+        return moved, normals_after(then, moved, found, self.turned, self.polygons).values
 
 
 def displaced_source(
@@ -58,8 +58,8 @@ def displaced_source(
         along = vertex_normals_of(mesh)
         normals = source.mesh.normals
         at_corners = normals is not None and normals.domain == CORNER
-        is_flat = sharp_triangles(mesh, asking) if at_corners else None
-    moved = displaced(asking.finished(), displacements, along, is_flat, place)
+        polygons = flat_polygons(mesh, asking) if at_corners else None
+    moved = displaced(asking.finished(), displacements, along, polygons, place)
     if moved.odd:
         report.note(ODD, data.name)
     return replace(
@@ -68,5 +68,5 @@ def displaced_source(
         uv_maps={},
         attributes={},
         rest=source.mesh,
-        displaced=Displaced(moved.offsets, moved.turned, is_flat),
+        displaced=Displaced(moved.offsets, moved.turned, polygons),
     )

@@ -276,13 +276,16 @@ def vertex_normals_of(mesh: Any) -> np.ndarray:
     return _finite(_array(mesh.vertex_normals, "vector", len(mesh.vertices), 3))
 
 
-def sharp_triangles(mesh: Any, source: MeshSource) -> np.ndarray | None:
-    """(n,) bool: which of the kept triangles are shaded flat; None where none is."""
+def flat_polygons(mesh: Any, source: MeshSource) -> np.ndarray | None:
+    """(n,) the polygon of each kept triangle that is shaded flat, -1 of others; None where none
+    is.
+    """
     mark = mesh.attributes.get("sharp_face")
     if mark is None or (mark.data_type, mark.domain) != ("BOOLEAN", "FACE"):
         return None
-    faces = _array(mark.data, "value", len(mesh.polygons), 1, np.bool_)[:, 0]
-    return faces[_triangle_faces(mesh, source)]
+    is_flat = _array(mark.data, "value", len(mesh.polygons), 1, np.bool_)[:, 0]
+    faces = _triangle_faces(mesh, source)
+    return np.where(is_flat[faces], faces, -1)
 
 
 def _all_finite(values: np.ndarray, farthest: float = _LARGEST) -> bool:

@@ -77,13 +77,14 @@ enum GlintInstanceFlags {
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
  * numbers from first_material on. light_set: below 64, see
  * GlintLight. crypto_object, crypto_asset: what Cryptomatte passes tell of it, the bits of floats.
- */
+ * light_group: of what glows, 0, or 1 plus the number of one of the scene's. */
 typedef struct GlintInstances {
   uint64_t first_row, row_count;
   uint32_t geometry, flags, first_material, material_count;
   int32_t object_index;
   uint32_t light_set;
   uint32_t crypto_object, crypto_asset;
+  int32_t light_group, reserved;
 } GlintInstances;
 
 enum GlintTextureType { GLINT_UINT8, GLINT_FLOAT32 };
@@ -188,7 +189,9 @@ enum GlintLightFlags {
  * BOUNCED light, one at most too, has no highlights. excluded_sets: a bit for each light_set of
  * the instances that it does not light, passed_sets: of those that its shadow rays pass. level: of
  * a POINT lamp that far points see in clusters with others, where in their tree it is parted from
- * the one before it, 0 to 127 (engine/lights/lamps.py, cluster_levels); -1 for all others. */
+ * the one before it, 0 to 127 (engine/lights/lamps.py, cluster_levels); -1 for all others.
+ * light_group: as of GlintInstances; of MESH and BOUNCED lights their triangles and points have one
+ * each. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -196,14 +199,16 @@ typedef struct GlintLight {
   int32_t kind;
   uint32_t flags;
   int32_t program, program_slot;
-  int32_t level, reserved;
+  int32_t level, light_group;
   uint64_t excluded_sets, passed_sets;
 } GlintLight;
 
 /* A triangle of the MESH light: what comes from its outer side and its inner one, its unit normal,
- * one over how densely, by area, points lie on it, and the length of its longest side. */
+ * one over how densely, by area, points lie on it, and the length of its longest side. light_group:
+ * as of GlintInstances. */
 typedef struct GlintEmitter {
   double front[3], back[3], normal[3], spread, reach;
+  int32_t light_group, reserved;
 } GlintEmitter;
 
 enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC, GLINT_PANORAMA };
@@ -248,11 +253,13 @@ enum GlintMist { GLINT_MIST_QUADRATIC, GLINT_MIST_LINEAR, GLINT_MIST_INVERSE_QUA
  * read surfaces. world_axes: the program's axes in the scene, column by column. Mist grows from
  * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist.
  * occlusion_distance: 0 to 1e30, how far the pass Ambient Occlusion looks. aov_count: up to 256
- * AOVs. world_medium: 0, or 1 plus the number of the medium that is everywhere. */
+ * AOVs. world_medium: 0, or 1 plus the number of the medium that is everywhere. light_group_count:
+ * up to 64 groups of lights. world_light_group: as of GlintInstances, of the surroundings. */
 typedef struct GlintSceneData {
   GlintCamera camera;
   double ambient[3], background[3], world_axes[9], mist_start, mist_depth, occlusion_distance;
   int32_t transparent, world_program, world_slot, mist_falloff, aov_count, world_medium;
+  int32_t light_group_count, world_light_group;
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInstances* instances;
@@ -328,6 +335,7 @@ enum GlintPass {
   GLINT_PASS_VOLUME_INDIRECT,
   GLINT_PASS_VECTOR,
   GLINT_PASS_AMBIENT_OCCLUSION,
+  GLINT_PASS_LIGHT_GROUPS, /* three channels for each light group of the scene */
   GLINT_PASS_COUNT
 };
 
@@ -357,10 +365,11 @@ typedef struct GlintNeighbour {
  * (dome_axes, column by column) over the density and one over that, equirectangular, from below
  * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
  * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
- * pole and once round. mesh_table: (mesh_count, 17), of as many samples, mesh_samples points each,
+ * pole and once round. mesh_table: (mesh_count, 18), of as many samples, mesh_samples points each,
  * as divide it, after which they begin again, of a GLINT_MESH_LIGHT: the point and its unit normal
- * in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit disc, and 0.
- * bounced_table: the same of a GLINT_BOUNCED_LIGHT, and 1 for points on catchers at the end.
+ * in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit disc, 0, and
+ * its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for points on catchers
+ * in place of the 0.
  * Tables may be null where the scene has no such light. lobe_points: (lobe_count, 2) of the unit
  * disc, as many for each of lobe_levels reflections of a path, where in the lobes of rough surfaces
  * its rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least

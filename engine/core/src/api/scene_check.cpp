@@ -168,6 +168,23 @@ void check_placements(const GlintInstances* groups, uint64_t count, uint64_t geo
   }
 }
 
+/// 0, or 1 plus the number of a group.
+bool is_light_group(const GlintSceneData& d, int32_t group) {
+  return within(group, d.light_group_count);
+}
+
+void check_light_groups(const GlintSceneData& d, Report& report) {
+  report.add(within(d.light_group_count, 64), "scene: %d light groups, not 0 to 64",
+             d.light_group_count);
+  report.add(is_light_group(d, d.world_light_group), "world: no such light group");
+  for (uint64_t i = 0; report.good() && i < d.light_count; ++i)
+    report.add(is_light_group(d, d.lights[i].light_group), "light %llu: no such light group",
+               ull(i));
+  for (uint64_t i = 0; report.good() && i < d.emitter_count; ++i)
+    report.add(is_light_group(d, d.emitters[i].light_group), "emitter %llu: no such light group",
+               ull(i));
+}
+
 void check_instances(const GlintSceneData& d, Report& report) {
   check_placements(d.instances, d.instances_count, d.geometry_count, d.row_count, report);
   for (uint64_t i = 0; i < d.instances_count && report.good(); ++i)
@@ -179,6 +196,8 @@ void check_instances(const GlintSceneData& d, Report& report) {
                "instances %llu: an id of Cryptomatte is not finite", ull(i));
     report.add(d.instances[i].light_set < 64, "instances %llu: light set %u of 64", ull(i),
                d.instances[i].light_set);
+    report.add(is_light_group(d, d.instances[i].light_group), "instances %llu: no such light group",
+               ull(i));
   }
   report.add(d.instance_value_count == 0 || (d.instance_value_names && d.instance_values) ||
                  d.row_count == 0,
@@ -503,6 +522,7 @@ Report check_all_else(const GlintSceneData& data) {
   check_tables(data, report);
   if (!report.good()) return report;
   check_surroundings(data, report);
+  check_light_groups(data, report);
   check_textures(data, report);
   check_media(data, report);
   check_materials(data, report);

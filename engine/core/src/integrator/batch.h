@@ -52,6 +52,16 @@ class Batch {
   }
   /// Notes what of a soft light point k has met: Refinement::SoftLight.
   void mark_softly_lit(size_t k, uint8_t met) const { softly_lit[queue->slot(k)] |= met; }
+  /// Whether light is told apart by groups of lights.
+  bool has_groups() const { return !groups_.empty(); }
+  size_t group_columns() const { return groups_.size(); }
+  /// Column c % 3 of the light of group c / 3, of which Combined has all of it.
+  double* group_column(size_t c) const { return groups_[c]; }
+  /// Adds to a group's; to none where it is -1, or nobody asks.
+  void add_to_group(int group, size_t k, Vec3d c) const {
+    if (group < 0 || 3 * size_t(group) >= groups_.size()) return;
+    for (int i = 0; i < 3; ++i) groups_[3 * size_t(group) + size_t(i)][k] += c[i];
+  }
   /// Whether lights' light is told apart there.
   bool splits() const { return splits_ && queue->visibility == kCamera; }
   /// Adds what `hits` counted of float tests that could not decide.
@@ -82,6 +92,7 @@ class Batch {
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
   double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {}, *lit_volume[3] = {},
          *lit_volume_bounced[3] = {};
+  double* glow[3] = {};               // of surfaces; null where no light groups are asked for
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it
   double* passing_columns = nullptr;  // as EvaluateStage has it
@@ -108,6 +119,7 @@ class Batch {
   Columns columns_;
   std::vector<uint8_t> doubts_;
   SumColumns parts_{};
+  std::vector<double*> groups_;  // three for each light group, none where nobody asks
 };
 
 inline Vec3d row(const double* const (&columns)[3], size_t k) {

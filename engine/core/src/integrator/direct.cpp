@@ -52,6 +52,7 @@ void DirectLight::prepare(const Batch& batch) {
     stage_.density_out = columns_[next++];
     distance_ = columns_[next++];
     for (auto* column : {&emitter_, &placement_}) column->resize(columns_.rows());
+    met_group_.resize(columns_.rows());
     for (auto* column : {&u_, &v_}) column->resize(columns_.rows());
   }
   const PointColumns& p = batch.points;
@@ -94,6 +95,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       const LightPoint point = plan_.light_point(light, sample, j);
       light.set(stage_, point, count, plan_.physical);
+      group_ = point.group;
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
       uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_
@@ -104,8 +106,9 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       if (light.is_dome()) note_hidden(reached);
       if (stage_.draws && point.draws) {
         const size_t drawn = stages_.gloss(stage_);
-        add_lit(batch, light, light.is_mesh() ? meet_emitters(light, drawn) : drawn, nullptr,
-                counts);
+        met_ = light.is_mesh();
+        add_lit(batch, light, met_ ? meet_emitters(light, drawn) : drawn, nullptr, counts);
+        met_ = false;
       }
     }
     if (light.is_dome()) add_rest(batch, light, sample);
@@ -188,6 +191,8 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
     if (!stage_.lit[k] || balance_[k] < 0) continue;
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
+      if (batch.has_groups() && light.group >= 0)
+        batch.group_column(3 * size_t(light.group) + c)[k] += sky_[c][k];
       if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
       if (batch.splits()) batch.lit_diffuse[c][k] += sky_[c][k];
     }
@@ -246,6 +251,7 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
     if (!any(given) || (!met.front && dot(row(stage_.g, point_[k]), l) <= 0)) continue;
     const Vec3d start = shadow_start(point_[k], met.end), to = met.end - start;
     point_[kept] = point_[k];
+    met_group_[kept] = emitter.light_group - 1;
     set_row(stage_.o, kept, start);
     set_row(stage_.to, kept, unit(to));
     stage_.t_max[kept] = length(to) - rounding(std::max(max_abs(met.end), max_abs(start)));
@@ -323,6 +329,7 @@ void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
 
 void DirectLight::add(const Batch& batch, const Light& light, size_t count) const {
   const SumColumns& sums = batch.sums;
+  if (batch.has_groups()) add_to_groups(batch, count);
   if (!glassy_ && !sums.diffuse[0]) {
     LightSum sum{count, point_.data(), blocked_.data(), {}, {}};
     for (int c = 0; c < 3; ++c) {
@@ -339,6 +346,16 @@ void DirectLight::add(const Batch& batch, const Light& light, size_t count) cons
   }
   stages_.sum_parts(parts);
   if (batch.splits()) split(batch, light, count);
+}
+
+/// The same after shadows, to the light's group.
+void DirectLight::add_to_groups(const Batch& batch, size_t count) const {
+  for (size_t k = 0; k < count; ++k) {
+    const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
+    Vec3d given = row(stage_.diffuse_out, k);
+    if (stage_.specular_out[0]) given += row(stage_.specular_out, k);
+    batch.add_to_group(met_ ? met_group_[k] : group_, point_[k], S * given);
+  }
 }
 
 /// The same after shadows, by the kind of light and surface.

@@ -20,6 +20,7 @@ struct LightPoint {
   const DomeCells* dome = nullptr;
   bool draws = true;        // highlights draw a direction there
   bool on_catcher = false;  // it is one of a shadow catcher
+  int group = -1;           // of lights that its own is in; -1 for none
 };
 
 /// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how
@@ -46,6 +47,7 @@ struct Light {
   double versine = 0;  // 1 - cos of the sun's half angle
   double spot_cosine = -1, spot_sine = 0, spot_blend = 0;
   Vec3d seen;                             // radiance of the visible shape
+  int group = -1;                         // of lights, but of those on surfaces; -1 for none
   int level = -1;                         // in the tree of clusters, as GlintLight has it
   bool extended = false;                  // has more than one sample when the settings want them
   const ProgramShape* program = nullptr;  // what color is times at each sample; null: 1

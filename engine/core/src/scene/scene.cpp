@@ -187,6 +187,8 @@ void Scene::copy_tables(const GlintSceneData& data) {
   background = finite_color(data.background);
   transparent_film = data.transparent != 0;
   aov_count = uint32_t(data.aov_count);
+  light_group_count = uint32_t(data.light_group_count);
+  world_light_group = data.world_light_group - 1;
   occlusion_distance = data.occlusion_distance;
   mist = {data.mist_start, data.mist_depth > 0 ? 1 / data.mist_depth : 0, data.mist_falloff};
   copy(geometries, data.geometries, data.geometry_count);

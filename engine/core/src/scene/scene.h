@@ -133,7 +133,8 @@ class Scene {
   bool transparent_film = false;
   Mist mist;
   double occlusion_distance = 0;  // in world units
-  uint32_t aov_count = 0;
+  uint32_t aov_count = 0, light_group_count = 0;
+  int world_light_group = -1;  // of the surroundings; -1 for none
   std::vector<GlintGeometry> geometries;
   std::vector<GlintAttribute> attributes;
   std::vector<GlintInstances> groups;

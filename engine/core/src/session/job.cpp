@@ -192,6 +192,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
       "settings: not 1 to 64 ids of Cryptomatte");
   add(!(g.passes >> GLINT_PASS_AOV & 1) || scene.aov_count > 0, "settings: there are no AOVs");
+  add(!(g.passes >> GLINT_PASS_LIGHT_GROUPS & 1) || scene.light_group_count > 0,
+      "settings: there are no light groups");
   add(sound_region(g.region, scene.camera),
       "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
@@ -213,7 +215,7 @@ Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
       plan_(plan_of(settings, scene.camera)),
       film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
-            plan_.crypto_ids, scene.aov_count),
+            plan_.crypto_ids, scene.aov_count, scene.light_group_count),
       thread_([this] { work(); }) {}
 
 Job::~Job() {
