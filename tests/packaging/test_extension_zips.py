@@ -14,8 +14,6 @@ import pytest
 from documents import relative_links
 from packed import pack
 
-import core_version
-
 DEVELOPMENT = (
     "tests/",
     "packaging/",
@@ -86,6 +84,8 @@ def test_only_the_full_zip_has_the_core():
 
 def test_a_core_that_changed_has_another_version(tmp_path, monkeypatch):
     """Blender keeps the installed wheel of a version, whatever the new one holds."""
+    import core_version  # `packed` knows where
+
     [name] = [name for name in _open("full").namelist() if name.endswith(".whl")]
     version = core_version.dynamic_metadata("version", {})
     assert f"/glint_core-{version}-py3-" in name
