@@ -14,7 +14,7 @@ import bpy
 
 from ... import engine
 from ..export import Decoded, aovs_of, export_scene, seen_by
-from ..ui.properties import settings_from
+from ..ui.properties import settings_from, tracer_notes
 from .aim import Aim, aim_from
 from .kept import Kept
 from .motion import with_motion
@@ -31,12 +31,6 @@ log = logging.getLogger(__name__)
 NOTES_SHOWN = 12
 """More notes than this go to the log only."""
 _PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 4, "diffuse_bounces": 1}
-_FALLBACK = (
-    "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, "
-    "much slower. "
-    "Install the edition of Glint for this platform, or set the tracer to Python (reference) to "
-    "silence this"
-)
 
 
 @dataclass
@@ -276,11 +270,10 @@ def _layer_samples(layer: bpy.types.ViewLayer, scene: bpy.types.Scene, samples: 
     return min(layer.samples, samples) if how == "BOUNDED" else layer.samples
 
 
-def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]]:
+def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, tuple[str, ...]]:
     """The settings with a tracer that can run here, and what there is to say about it."""
-    if settings.backend in engine.available_backends():
-        return settings, []
-    return replace(settings, backend="NUMPY"), [_FALLBACK.format(engine.native_error())]
+    notes = tracer_notes(settings.backend)
+    return (replace(settings, backend="NUMPY") if notes else settings), notes
 
 
 def _emptiness(scene: engine.Scene) -> list[str]:
