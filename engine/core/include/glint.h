@@ -367,10 +367,10 @@ typedef struct GlintNeighbour {
  * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
  * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
  * pole and once round. mesh_table: (mesh_count, 18), of as many samples, mesh_samples points each,
- * as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the point and its unit
- * normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit disc,
- * 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for points on
- * catchers in place of the 0. Tables may be null where the scene has no such light. lobe_points:
+ * as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the point and its
+ * unit normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit
+ * disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for points
+ * on catchers in place of the 0. Tables may be null where the scene has no such light. lobe_points:
  * (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a path, where in
  * the lobes of rough surfaces its rays are reflected; null only where none are. error_threshold: in
  * 8-bit levels, at least 0 and below 256; pixels whose estimated error it covers take no further
