@@ -233,8 +233,8 @@ def panels(*links: dict) -> Scene:
 @pytest.mark.parametrize("bounces", [0, 2])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_what_glows_lights_what_it_is_for(backend: str, bounces: int) -> None:
-    """Two panels, one of them for nothing: as the other alone, but that half of the walks of bounced
-    light are its.
+    """Two panels, one of them for nothing: as the other alone, but that half of the walks of
+    bounced light are its.
     """
     one, none, all_ = (
         drawn(panels(*links), bounces, backend, **GLOWING)
