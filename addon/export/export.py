@@ -32,6 +32,7 @@ from .panorama import Looker
 from .placing import (
     note_catchers,
     note_empty_view,
+    note_linked_glow,
     note_media,
     without_collapsed,
     without_unplaced,
@@ -311,6 +312,7 @@ class Collector:
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
             asset=placed.asset, catcher=flags.catcher, light_group=placed.light_group,
+            receivers=flags.receivers, blockers=flags.blockers,
         )  # fmt: skip
 
     @cached_property
@@ -442,6 +444,7 @@ class Collector:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         note_catchers(instances, self.materials.materials, self.report)
+        note_linked_glow(instances, self.materials.materials, self.report)
         note_media(instances, self.materials.materials, self.report)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
