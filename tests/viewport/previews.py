@@ -109,7 +109,7 @@ def beside_a_render(alone):
 
 
 def in_the_statistics():
-    """The properties editor shows the numbers of the last frame as soon as an animation has ended."""
+    """The properties editor shows the last frame's numbers as soon as an animation has ended."""
     area = next(
         area
         for area in bpy.context.window_manager.windows[0].screen.areas
