@@ -166,13 +166,13 @@ def test_a_view_says_that_the_slow_tracer_draws_it(watcher, monkeypatch):
 
 
 def test_a_view_without_light_says_so(watcher):
-    scene, shading = bpy.context.scene, watcher.view.space_data.shading
-    scene.world = None
+    shown, shading = bpy.context.scene, watcher.view.space_data.shading
+    shown.world = None
     watcher.edit(lambda: setattr(shading, "use_scene_lights_render", False))
-    [note] = statistics.of_views(scene.name)
+    [note] = statistics.of_views(shown.name)
     assert "no light" in note and "1 warning" in watcher.told[-1]
     watcher.edit(lambda: setattr(shading, "use_scene_lights_render", True))
-    assert statistics.of_views(scene.name) == ()
+    assert statistics.of_views(shown.name) == ()
 
 
 def test_what_a_camera_does_not_do_is_told_where_a_view_looks_through_it(watcher):
