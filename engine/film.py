@@ -116,6 +116,17 @@ def aov_pass(name: str) -> str:
     return AOV + name
 
 
+LIGHT_GROUP = "Light Group "
+"""What names of light groups' passes begin with."""
+
+
+def light_group_pass(name: str) -> str:
+    """The pass of a light group: what of Combined its lights, glowing surfaces and surroundings
+    give.
+    """
+    return LIGHT_GROUP + name
+
+
 def channels_of(name: str, crypto_ids: int) -> int:
     """Of a pass in a picture whose Cryptomatte passes tell so many ids of a pixel."""
     return 2 * crypto_ids if name in CRYPTOMATTES else PASSES[name]

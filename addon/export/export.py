@@ -22,6 +22,7 @@ from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_
 from .images.decoded import Decoded
 from .images.images import Images
 from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
+from .light_groups import LightGroups
 from .lights import Lights, Seen
 from .materials.aovs import Aov, note_world
 from .materials.materials import Materials, without_unused
@@ -31,6 +32,7 @@ from .panorama import Looker
 from .placing import (
     note_catchers,
     note_empty_view,
+    note_linked_glow,
     note_media,
     without_collapsed,
     without_unplaced,
@@ -38,8 +40,8 @@ from .placing import (
 from .properties import Value, sound, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
-from .unheard import note_layer, note_scene, note_subdivision
-from .world import Sky, export_world, with_pass_settings
+from .unheard import note_scene, note_subdivision
+from .world import Sky, export_world, with_light_group, with_pass_settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,7 @@ def export_scene(
     passes: frozenset[str] = frozenset(),
     decoded: Decoded | None = None,
     aovs: tuple[Aov, ...] = (),
+    has_light_groups: bool = False,
     looker: Looker | None = None,
 ) -> Export:
     """The scene that an evaluated depsgraph shows, for its own view layer and frame.
@@ -91,6 +94,7 @@ def export_scene(
     width, height: pixels of the full frame instead of the scene's. passes: names from
     `film.PASSES`; "UV" makes all meshes bring their active map. decoded: images of the export
     before; this one's take their place. aovs: passes of the view layer's own that are wanted.
+    has_light_groups: whether those of its light groups are.
     looker: where to look from, None for the scene's camera.
     Only on Blender's thread. Raises ExportError where there is no usable camera or border.
     """
@@ -100,17 +104,16 @@ def export_scene(
     region = border(scene.render, size)
     through = evaluated(scene.camera, depsgraph) if looker is None else looker.camera
     camera = export_camera(through, scene.render, size, report, looker)
-    collector = Collector(
-        depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded, aovs
-    )
+    groups = LightGroups.of(depsgraph.view_layer, report) if has_light_groups else LightGroups()
+    wanted = Wanted(frozenset({""}) if "UV" in passes else frozenset())
+    collector = Collector(depsgraph, wanted, report, decoded, aovs, groups)
     things = walk(depsgraph, collector.meet, report, make_hair=collector.meet_hair)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
-    sky = with_pass_settings(sky, scene.world)
+    sky = with_light_group(with_pass_settings(sky, scene.world), groups.number(world))
     note_scene(scene, report)
     note_missing(depsgraph, report)
-    note_layer(depsgraph.view_layer, report)
     note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)
     if decoded is not None:
@@ -151,8 +154,8 @@ def _world(depsgraph: Any, scene: Any) -> Any:
 
 class _Placed(NamedTuple):
     """A geometry with what its instances need. values: what programs read of it;
-    of_each: names of what they read of each instance by itself. asset: as `Instances` has it.
-    is_bound: its geometry depends on where it stands.
+    of_each: names of what they read of each instance by itself. asset, light_group: as
+    `Instances` has it. is_bound: its geometry depends on where it stands.
     """
 
     geometry: int
@@ -163,6 +166,7 @@ class _Placed(NamedTuple):
     of_each: tuple[str, ...] = ()
     asset: str = ""
     is_bound: bool = False
+    light_group: int = -1
 
 
 class _Lamp(NamedTuple):
@@ -180,7 +184,9 @@ class Collector:
         report: Report,
         decoded: Decoded | None = None,
         aovs: tuple[Aov, ...] = (),
+        light_groups: LightGroups | None = None,
     ) -> None:
+        self.light_groups = light_groups or LightGroups()
         self.depsgraph, self.wanted, self.report = depsgraph, wanted, report
         self.images = Images(report, decoded)
         self.materials = Materials(self.images, report, aovs)
@@ -199,7 +205,8 @@ class Collector:
         owner = instance.instance_object or thing  # the one that is not temporary
         data = thing.data
         if thing.type == "LIGHT":
-            seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers)
+            group = self.light_groups.number(thing)
+            seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers, group)
             return _Lamp(data, seen)
         match type(data).__name__:
             case "Mesh" if self.depsgraph.view_layer.use_solid:
@@ -243,8 +250,9 @@ class Collector:
                 thing.name,
             )
         return _Placed(
-            geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing), is_bound
-        )
+            geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing), is_bound,
+            self.light_groups.number(thing),
+        )  # fmt: skip
 
     def _displaced(
         self,
@@ -303,7 +311,8 @@ class Collector:
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
-            asset=placed.asset, catcher=flags.catcher,
+            asset=placed.asset, catcher=flags.catcher, light_group=placed.light_group,
+            receivers=flags.receivers, blockers=flags.blockers,
         )  # fmt: skip
 
     @cached_property
@@ -435,11 +444,15 @@ class Collector:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         note_catchers(instances, self.materials.materials, self.report)
+        note_linked_glow(instances, self.materials.materials, self.report)
         note_media(instances, self.materials.materials, self.report)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
         names = tuple(aov.name for aov in self.materials.aovs)
-        return Scene(camera, geometries, instances, materials, textures, lights, sky.world, names)
+        return Scene(
+            camera, geometries, instances, materials, textures, lights, sky.world, names,
+            light_groups=self.light_groups.names,
+        )  # fmt: skip
 
 
 def is_displaced(geometry: Any) -> bool:

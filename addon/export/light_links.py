@@ -31,8 +31,7 @@ class LightLinks:
     def __init__(self, objects: Iterable[Any], report: Report) -> None:
         """objects: originals."""
         objects = list(objects)
-        lights = [thing for thing in objects if thing.type == "LIGHT"]
-        found = (of(light) for light in lights for of in (receivers_of, blockers_of))
+        found = (of(thing) for thing in objects for of in (receivers_of, blockers_of))
         members = {c.session_uid: _Members(c) for c in found if c is not None}
         self._rows = {uid: row for row, uid in enumerate(members)}
         self._sets: dict[int, int] = {}

@@ -29,13 +29,14 @@ _SAME_LENGTH = 1e-5
 @dataclass(frozen=True)
 class Seen:
     """By which rays the light's own shape is seen, what it lights and what shades it, as
-    `Light.receivers` and `Light.blockers`.
+    `Light.receivers` and `Light.blockers`, and its light group.
     """
 
     camera: bool
     mirror: bool
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
+    light_group: int = -1
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ class Lights:
             visible_mirror=seen.mirror,
             receivers=seen.receivers,
             blockers=seen.blockers,
+            light_group=seen.light_group,
             program=emission.program,
             textures=emission.textures,
             **shape,

@@ -114,13 +114,3 @@ def note_scene(scene: Any, report: Report) -> None:
             "Camera and distance culling is not rendered: all objects are; hide those that are "
             "culled"
         )
-
-
-def note_layer(view_layer: Any, report: Report) -> None:
-    """Passes of a view layer that are not there."""
-    if len(view_layer.lightgroups):
-        report.note(
-            "Light groups are not rendered in {}: render the lights of each in a view layer of its "
-            "own, and add these",
-            view_layer.name,
-        )

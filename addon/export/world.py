@@ -86,6 +86,15 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     )
 
 
+def with_light_group(sky: Sky, group: int) -> Sky:
+    """With all of its light in a light group."""
+    if group < 0:
+        return sky
+    light = sky.light and replace(sky.light, light_group=group)
+    suns = tuple(replace(sun, light_group=group) for sun in sky.suns)
+    return replace(sky, world=replace(sky.world, light_group=group), light=light, suns=suns)
+
+
 def with_pass_settings(sky: Sky, world: Any) -> Sky:
     """With what passes read of the scene's own world, which it keeps where a layer leaves the sky
     out.

@@ -14,7 +14,8 @@ import bpy
 
 from ... import engine
 from ..export import Decoded, aovs_of, export_scene, seen_by
-from ..ui.properties import settings_from
+from ..export.darkness import darkness
+from ..ui.properties import settings_from, tracer_notes
 from .aim import Aim, aim_from
 from .kept import Kept
 from .motion import with_motion
@@ -31,12 +32,6 @@ log = logging.getLogger(__name__)
 NOTES_SHOWN = 12
 """More notes than this go to the log only."""
 _PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 4, "diffuse_bounces": 1}
-_FALLBACK = (
-    "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, "
-    "much slower. "
-    "Install the edition of Glint for this platform, or set the tracer to Python (reference) to "
-    "silence this"
-)
 
 
 @dataclass
@@ -104,7 +99,9 @@ def prepare(
     lookers = [looker_of(render_engine, name, depsgraph) for name in names]
     options = {"width": width, "height": height, "passes": passes, "looker": lookers[0]}
     export = (
-        export_scene(depsgraph, decoded=_decoded, aovs=aovs_of(layer), **options)
+        export_scene(
+            depsgraph, decoded=_decoded, aovs=aovs_of(layer), has_light_groups=True, **options
+        )
         if kept is None
         else kept.export(depsgraph, **options)
     )
@@ -129,7 +126,7 @@ def prepare(
         motion_notes += vector_notes
     seconds = time.perf_counter() - start
     told = [*notes, *aim_notes, *export.notes, *(note for _, own in others for note in own)]
-    told += [*motion_notes, *_emptiness(export.scene), *_darkness(export.scene)]
+    told += [*motion_notes, *_emptiness(export.scene), *darkness(export.scene)]
     return tuple(
         Job(
             scene=scene,
@@ -241,7 +238,7 @@ def _trace(
         passes={
             name: values
             for name, values in film.passes.items()
-            if name in passes | {"Combined"} or name.startswith(engine.AOV)
+            if name in passes | {"Combined"} or name.startswith((engine.AOV, engine.LIGHT_GROUP))
         },
     )
     job.statistics.seconds["engine"] = time.perf_counter() - start
@@ -274,11 +271,10 @@ def _layer_samples(layer: bpy.types.ViewLayer, scene: bpy.types.Scene, samples: 
     return min(layer.samples, samples) if how == "BOUNDED" else layer.samples
 
 
-def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]]:
+def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, tuple[str, ...]]:
     """The settings with a tracer that can run here, and what there is to say about it."""
-    if settings.backend in engine.available_backends():
-        return settings, []
-    return replace(settings, backend="NUMPY"), [_FALLBACK.format(engine.native_error())]
+    notes = tracer_notes(settings.backend)
+    return (replace(settings, backend="NUMPY") if notes else settings), notes
 
 
 def _emptiness(scene: engine.Scene) -> list[str]:
@@ -288,17 +284,6 @@ def _emptiness(scene: engine.Scene) -> list[str]:
     return [
         "No object is there for the camera to see: all are hidden, from renders or from cameras, "
         "or have no faces"
-    ]
-
-
-def _darkness(scene: engine.Scene) -> list[str]:
-    """A note when nothing in the scene sheds or shows light."""
-    glows = any(lobe.kind == "EMISSION" for material in scene.materials for lobe in material.lobes)
-    if scene.lights or glows or any(scene.world.ambient) or any(scene.world.background):
-        return []
-    return [
-        "The scene has no light and a black world: the picture is black; add a light or give the "
-        "world a colour"
     ]
 
 

@@ -31,8 +31,8 @@ class Kept:
 
 def keeps(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether the depsgraph's updates will tell all that changes: Blender keeps one for all view
-    layers, and motion blur and the pass Vector take it to other frames. AOVs are read by whole
-    exports alone.
+    layers, and motion blur and the pass Vector take it to other frames. AOVs and light groups are
+    read by whole exports alone.
     """
     scene, layer = depsgraph.scene, depsgraph.view_layer
     render = scene.render
@@ -45,4 +45,5 @@ def keeps(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
         and not blurs
         and not layer.use_pass_vector
         and not aovs_of(layer)
+        and not layer.lightgroups
     )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ... import engine
-from ..viewport.status import error_of, error_text
+from ..viewport.status import PYTHON, error_of, error_text
 
 _PAUSE = 0.5
 """Seconds between two texts: Blender draws its window for each, which takes processors from the
@@ -68,6 +68,8 @@ class Progress:
         now, samples = self._clock(), settings.samples
         self._move(fraction, now)
         parts = [f"Sample {min(samples, int(fraction * samples))}/{samples}"]
+        if settings.backend == "NUMPY":
+            parts.append(PYTHON)
         if self._error is not None:
             parts.append(f"Error {error_text(self._error)}")
         # else nobody knows what the threshold will save

@@ -11,6 +11,7 @@ import numpy as np
 
 from ... import engine
 from ..export import aovs_of
+from ..export.light_groups import LightGroups
 
 BLENDER_SWITCHES = {
     "Depth": "use_pass_z",
@@ -97,6 +98,9 @@ CYCLES_SWITCHES = {
 }
 """Passes that properties of Cycles' view layers switch on, where its add-on is on."""
 
+_GROUP = "Combined_"
+"""What Cycles' passes of light groups begin with."""
+
 DENOISING = "denoising_store_passes"
 """Cycles' property of view layers that switches on all of `engine.DENOISING`."""
 
@@ -145,6 +149,8 @@ def register_passes(
     for aov in aovs_of(view_layer):
         count, channels = (1, "X") if aov.is_value else (4, "RGBA")
         render_engine.register_pass(scene, view_layer, aov.name, count, channels, _KINDS[channels])
+    for name in LightGroups.of(view_layer).names:
+        render_engine.register_pass(scene, view_layer, _GROUP + name, 3, "RGB", "COLOR")
 
 
 class Picture:
@@ -243,6 +249,9 @@ def _blenders(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]
     """Blender's passes for one of ours."""
     if name.startswith(engine.AOV):
         yield name.removeprefix(engine.AOV), values
+        return
+    if name.startswith(engine.LIGHT_GROUP):
+        yield _GROUP + name.removeprefix(engine.LIGHT_GROUP), values
         return
     if name not in engine.CRYPTOMATTES:
         yield blender_name(name), values

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 from bpy_extras.node_utils import find_node_input
 
@@ -155,3 +157,41 @@ class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):
         column = self.column
         for name in ("camera", "diffuse", "glossy", "transmission"):
             column.prop(context.world.cycles_visibility, name)
+
+
+def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.ViewLayer) -> None:
+    """Which light group an object's or a world's light is in, and a button for one that the layer
+    has not.
+    """
+    layout.use_property_split = True
+    row = layout.row(align=True)
+    row.use_property_decorate = False
+    row.column(align=True).prop_search(
+        owner, "lightgroup", layer, "lightgroups", text="Light Group", results_are_suggestions=True
+    )
+    more = row.column(align=True)
+    more.enabled = bool(owner.lightgroup) and owner.lightgroup not in layer.lightgroups
+    more.operator("scene.view_layer_add_lightgroup", icon="ADD", text="").name = owner.lightgroup
+
+
+class GLINT_OBJECT_PT_light_group(EnginePanel, bpy.types.Panel):
+    bl_label = "Light Group"
+    bl_context = "object"
+    bl_parent_id = "OBJECT_PT_shading"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        _draw_light_group(self.layout, context.object, context.view_layer)
+
+
+class GLINT_WORLD_PT_light_group(EnginePanel, bpy.types.Panel):
+    bl_label = "Light Group"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.world
+
+    def draw(self, context):
+        _draw_light_group(self.layout, context.world, context.view_layer)

@@ -9,9 +9,13 @@ from __future__ import annotations
 import bpy
 
 from ..export.materials.graph import BLINN_PHONG, is_blinn_phong, kind_of, node_tree
-from .nodes import NAME, OUTPUT, add_blinn_phong, blinn_phong_group
+from .nodes import NAME, OUTPUT, WIDTH, add_blinn_phong, blinn_phong_group
 
 _COLORS = ("Base Color", "Color", "Diffuse")
+_HEIGHT = 300
+"""Units of a node editor in which a Blinn-Phong node and some space have room, one above the
+other.
+"""
 
 
 class GLINT_OT_add_blinn_phong(bpy.types.Operator):
@@ -30,12 +34,13 @@ class GLINT_OT_add_blinn_phong(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Under the mouse, which then carries it."""
-        group = {
-            "name": "node_tree",
-            "value": f"bpy.data.node_groups[{blinn_phong_group().name!r}]",
-        }
+        group = f"bpy.data.node_groups[{blinn_phong_group().name!r}]"
+        settings = [
+            {"name": "node_tree", "value": group},
+            {"name": "width", "value": repr(WIDTH)},
+        ]
         return bpy.ops.node.add_node(
-            "INVOKE_DEFAULT", type="ShaderNodeGroup", use_transform=True, settings=[group]
+            "INVOKE_DEFAULT", type="ShaderNodeGroup", use_transform=True, settings=settings
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -75,11 +80,10 @@ def use_blinn_phong(material: bpy.types.Material) -> bpy.types.Node:
     output = tree.get_output_node("ALL") or tree.nodes.new("ShaderNodeOutputMaterial")
     before = _shader_behind(output)
     node = add_blinn_phong(tree)
-    node.location = (
-        output.location - type(output.location)((240, 0)) if before is None else before.location
-    )
-    if before is not None:
-        before.location.y += 40 + before.height
+    if before is None:
+        node.location = output.location.x - 240, output.location.y
+    else:  # nobody knows how tall that one is
+        node.location = before.location.x, before.location.y + _HEIGHT
         _take_over(tree, before, node)
     tree.links.new(node.outputs[OUTPUT], output.inputs["Surface"])
     return node

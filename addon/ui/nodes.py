@@ -16,6 +16,8 @@ from ..export.materials.graph import BLINN_PHONG, MARK, is_blinn_phong
 
 NAME = "Blinn-Phong"
 OUTPUT = "BSDF"
+WIDTH = 180
+"""Of a new node, in which its sockets' names are whole."""
 SOCKETS = (
     (
         "Ambient",
@@ -66,7 +68,7 @@ def _is_whole(tree: bpy.types.NodeTree) -> bool:
 def add_blinn_phong(tree: bpy.types.NodeTree) -> bpy.types.Node:
     """A new Blinn-Phong node in a shader node tree."""
     node = tree.nodes.new("ShaderNodeGroup")
-    node.node_tree, node.width = blinn_phong_group(), 180
+    node.node_tree, node.width = blinn_phong_group(), WIDTH
     return node
 
 

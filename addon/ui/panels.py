@@ -11,10 +11,14 @@ that Glint reads too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
-from bl_ui.properties_view_layer import VIEWLAYER_PT_layer_passes_aov
+from bl_ui.properties_view_layer import (
+    VIEWLAYER_PT_layer_passes_aov,
+    VIEWLAYER_PT_layer_passes_lightgroups,
+)
 
 from ... import engine
 from ..render import result, statistics
@@ -22,8 +26,10 @@ from .data_panels import (
     GLINT_LIGHT_PT_light,
     GLINT_LIGHT_PT_nodes,
     GLINT_MATERIAL_PT_settings,
+    GLINT_OBJECT_PT_light_group,
     GLINT_OBJECT_PT_motion_blur,
     GLINT_OBJECT_PT_ray_visibility,
+    GLINT_WORLD_PT_light_group,
     GLINT_WORLD_PT_ray_visibility,
 )
 from .lines import draw_text
@@ -293,6 +299,13 @@ class GLINT_VIEWLAYER_PT_aov(EnginePanel, bpy.types.Panel):
     draw = VIEWLAYER_PT_layer_passes_aov.draw
 
 
+class GLINT_VIEWLAYER_PT_light_groups(EnginePanel, bpy.types.Panel):
+    bl_label = "Light Groups"
+    bl_context = "view_layer"
+    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
+    draw = VIEWLAYER_PT_layer_passes_lightgroups.draw
+
+
 class GLINT_VIEWLAYER_PT_filter(EnginePanel, bpy.types.Panel):
     bl_label = "Filter"
     bl_context = "view_layer"
@@ -391,20 +404,38 @@ _CLASSES = (
     GLINT_VIEWLAYER_PT_passes,
     GLINT_VIEWLAYER_PT_cryptomatte,
     GLINT_VIEWLAYER_PT_aov,
+    GLINT_VIEWLAYER_PT_light_groups,
     GLINT_VIEWLAYER_PT_filter,
     GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,
     GLINT_LIGHT_PT_nodes,
     GLINT_MATERIAL_PT_settings,
+    GLINT_OBJECT_PT_light_group,
     GLINT_WORLD_PT_ray_visibility,
     GLINT_OBJECT_PT_ray_visibility,
     GLINT_OBJECT_PT_motion_blur,
+    GLINT_WORLD_PT_light_group,
     GLINT_VIEW3D_PT_shading_lighting,
     GLINT_VIEW3D_PT_shading_render_pass,
 )
 
 
+@bpy.app.handlers.persistent
+def _redraw_statistics(*_: Any) -> None:
+    """After an animation Blender draws Properties editors only when the mouse comes by."""
+    for manager in bpy.data.window_managers:
+        for window in manager.windows:
+            for area in window.screen.areas:
+                if area.type == "PROPERTIES":
+                    area.tag_redraw()
+
+
+_ENDS = (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel)
+
+
 def register() -> None:
+    for handlers in _ENDS:
+        handlers.append(_redraw_statistics)
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     for panel in _blender_panels():
@@ -414,6 +445,8 @@ def register() -> None:
 
 
 def unregister() -> None:
+    for handlers in _ENDS:
+        handlers.remove(_redraw_statistics)
     for panel, line in _panels_with_lines():
         panel.remove(line)
     for panel in _blender_panels():

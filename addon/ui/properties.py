@@ -30,6 +30,12 @@ def _property(name: str) -> Any:
     return FloatProperty(**texts, **numbers, precision=declared.digits)
 
 
+_FALLBACK = (
+    "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, "
+    "much slower. "
+    "Install the edition of Glint for this platform, or set the tracer to Python (reference) to "
+    "silence this"
+)
 _OWN = tuple(name for name, declared in DECLARED.items() if declared.label)
 """Settings that are properties of Glint's."""
 
@@ -171,6 +177,13 @@ def settings_from(
     )
 
 
+def tracer_notes(backend: str) -> tuple[str, ...]:
+    """What there is to say where a tracer cannot run here and the other one takes over."""
+    if backend in engine.available_backends():
+        return ()
+    return (_FALLBACK.format(engine.native_error()),)
+
+
 def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str]:
     """The settings of Rendered shading with a tracer that can run here, and the pass that it shows.
 
@@ -179,7 +192,7 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     """
     settings = settings_from(scene.glint.viewport, scene, (scene.glint.viewport_pass,))
     final = settings_from(scene.glint.final, scene)
-    backend = final.backend if final.backend in engine.available_backends() else "NUMPY"
+    backend = "NUMPY" if tracer_notes(final.backend) else final.backend
     names = (
         "illumination",
         "world_light",

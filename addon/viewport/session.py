@@ -20,9 +20,10 @@ import numpy as np
 from ... import engine
 from ...engine.scene import Camera, Scene
 from ..export import ExportError
+from ..export.darkness import darkness
 from ..export.sync.incremental import NO_CAMERA, shown_in
 from ..render import statistics
-from ..ui.properties import viewport_settings_from
+from ..ui.properties import tracer_notes, viewport_settings_from
 from . import bounds, status, timer
 from .bounds import same_content, same_places
 from .draw import Picture, as_colors
@@ -127,11 +128,13 @@ class Session:
             self, depsgraph, NO_CAMERA, passes=wishes.settings.passes, space=context.space_data
         )
         self._scene_name = depsgraph.scene.name
+        content = wishes.surroundings.around(scene)
         self._warn(
             export=self._export.notes(passes=wishes.settings.passes, space=context.space_data),
             camera=camera_notes(context.region_data, depsgraph.scene),
+            core=tracer_notes(depsgraph.scene.glint.final.backend),
+            light=darkness(content),
         )
-        content = wishes.surroundings.around(scene)
         if self._shows(content, wishes):
             return  # another object is selected, or the display transform is another
         self.content, self._wishes = content, wishes
@@ -427,6 +430,8 @@ class Session:
         how_far = status.progress(
             wave, self._settings.samples if self._settings else 0, unfinished, self._error
         )
+        if self._settings is not None and self._settings.backend == "NUMPY":
+            how_far += f", {status.PYTHON}"
         return how_far + status.warned(sum(map(len, self._notes.values())))
 
     def _tell(self, render_engine: bpy.types.RenderEngine) -> None:

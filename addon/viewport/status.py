@@ -7,6 +7,8 @@ import numpy as np
 from ... import engine
 from ...engine.film import FIRST_ESTIMATE
 
+PYTHON = "Python tracer"
+"""Said while the slow one draws."""
 _SHARE = 0.99
 """Of the pixels, whose estimated error the text states."""
 

@@ -213,8 +213,9 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
 def _light_lines(term: LightTerm) -> Iterator[str]:
     number = f" (sample {term.sample + 1})" if term.sample else ""
     cosines = f"n·l = {term.n_dot_l:.6g}, n·h = {term.n_dot_h:.6g}"
+    group = f" in the light group '{term.group}'" if term.group else ""
     yield (
-        f"'{term.light}'{number}: {cosines}, I = {_rgb(term.intensity)}, distance "
+        f"'{term.light}'{number}{group}: {cosines}, I = {_rgb(term.intensity)}, distance "
         f"{term.distance:.6g}"
     )
     if term.n_dot_l <= 0:

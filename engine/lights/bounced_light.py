@@ -119,6 +119,7 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
         concentric_disc(2 * u - 1),
         each,
         b.caught[index],
+        b.light_group[index],
     )
 
 
@@ -210,7 +211,7 @@ class _Walks:
             columns = self._points(surfaces)
         if columns is None:
             return None
-        points, normals, power, weight, reaches, numbers, caught = columns
+        points, normals, power, weight, reaches, numbers, caught, group = columns
         good = along_a_curve(points)
         points, weight = points[good], weight[good]
         spreads = _spreads(points, weight)
@@ -225,6 +226,7 @@ class _Walks:
             reaches[good],
             numbers[good],
             caught[good],
+            group[good],
         )
 
     def _points(self, surfaces: Accelerator) -> list[Array] | None:
@@ -239,8 +241,8 @@ class _Walks:
         return [column[good] for column in columns] if len(good) else None
 
     def _walk(self, surfaces: Accelerator, begun: list[Start]) -> Iterator[tuple[Array, ...]]:
-        """Columns of points, normals, power (radiance times area), weights, reaches, numbers and
-        which are on catchers, a part for each step of the walks.
+        """Columns of points, normals, power (radiance times area), weights, reaches, numbers,
+        which are on catchers and light groups, a part for each step of the walks.
         """
         counts = [start.origin.shape[1] for start in begun]
         totals, n = np.array(counts), sum(counts)
@@ -261,7 +263,8 @@ class _Walks:
             white = steps.carried.copy()
             passed = np.zeros(len(hit), bool)
             ends = np.searchsorted(steps.start, np.arange(len(begun) + 1))
-            for start, first, end in zip(begun, ends[:-1], ends[1:], strict=True):
+            spans = list(zip(begun, ends[:-1], ends[1:], strict=True))
+            for start, first, end in spans:
                 fresh = first + np.flatnonzero(steps.scattered[first:end] == 0)
                 if not len(fresh):
                     continue
@@ -273,7 +276,8 @@ class _Walks:
             weight = steps.weight * np.abs(k.diffuse).mean(0)
             numbers = (steps.number + 0.5) / totals[steps.start] + number * GOLDEN
             parts = surface.x.T, surface.g.T, power.T, weight, surface.offset, numbers % 1.0
-            yield (*parts, caught)
+            group = [start.light_group[steps.number[a:b]] for start, a, b in spans]
+            yield (*parts, caught, np.concatenate(group))
             steps = self._onward(steps, surface, k, power, weight, number)
 
     def _met(

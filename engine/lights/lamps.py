@@ -5,6 +5,7 @@ lamps).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,17 +60,20 @@ def is_clustered(light: Light) -> bool:
 def cluster_levels(lights: Sequence[Light]) -> Array:
     """(n,) int32: for lamps that are seen in clusters, at which level of a tree along Morton's
     curve they are parted from the one before them (the first bit in which their codes and then
-    their numbers differ), 0 for the first; -1 for all lights where these are few, and for others.
+    their numbers differ), 0 for the first of a light group, which has a tree of its own; -1 for all
+    lights where these are few, and for others.
     """
     levels = np.full(len(lights), -1, np.int32)
     numbers = [k for k, light in enumerate(lights) if is_clustered(light)]
     if len(numbers) <= SEEN_EACH:
         return levels
-    places = np.array([lights[k].world_from_light[:, 3] for k in numbers], np.float64)
-    codes = [(int(code) << 32) + k for k, code in enumerate(curve_codes(places))]
-    levels[numbers[0]] = 0
-    for number, before, code in zip(numbers[1:], codes, codes[1:], strict=False):
-        levels[number] = (before ^ code).bit_length()
+    for _, group in groupby(numbers, lambda k: lights[k].light_group):
+        first, *others = lamps = list(group)
+        places = np.array([lights[k].world_from_light[:, 3] for k in lamps], np.float64)
+        codes = [(int(code) << 32) + k for k, code in enumerate(curve_codes(places))]
+        levels[first] = 0
+        for number, before, code in zip(others, codes, codes[1:], strict=False):
+            levels[number] = (before ^ code).bit_length()
     return levels
 
 
@@ -96,6 +100,12 @@ def sharing_stats(lights: Sequence[Light], settings: Settings) -> dict[str, floa
     return {"feature: shared lamp shadows": 1.0} if shared_samples(lights, settings) else {}
 
 
+def group_stats(light_groups: Sequence[str]) -> dict[str, float]:
+    """For `Film.stats`: a feature where light is told apart by groups."""
+    count = len(light_groups)
+    return {f"feature: {count} light group{'s' if count > 1 else ''}": 1.0} if count else {}
+
+
 def first_mark(sample: int) -> float:
     """Where in [0, 1) between two marks the first one of a pixel's sample is: of n samples each in
     another of n places (van der Corput's sequence).
@@ -107,16 +117,22 @@ def first_mark(sample: int) -> float:
 def in_order(lights: tuple[Light, ...]) -> tuple[Light, ...]:
     """The same, but many lamps along a curve through space: what hides one hides its neighbours, so
     that marks even in their row are even in what they see. Those that light from afar are first,
-    those that may be seen in clusters last.
+    those that may be seen in clusters last, light group by light group.
     """
     lamps = [light for light in lights if light.kind in LAMPS]
     if len(lamps) <= SORTED:
         return lights
     near = [light for light in lamps if light.kind != "SUN"]
+    clustered = [light for light in near if is_clustered(light)]
+    if len(clustered) > SEEN_EACH:
+        clustered.sort(key=lambda light: light.light_group)
+        parts = [list(group) for _, group in groupby(clustered, lambda light: light.light_group)]
+    else:
+        parts = [clustered]
     return (
         *(light for light in lamps if light.kind == "SUN"),
         *_along_curve([light for light in near if not is_clustered(light)]),
-        *_along_curve([light for light in near if is_clustered(light)]),
+        *(light for part in parts for light in _along_curve(part)),
         *(light for light in lights if light.kind not in LAMPS),
     )
 

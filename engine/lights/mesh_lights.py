@@ -45,15 +45,17 @@ def _at(eye: Array) -> Camera:
     return Camera("PERSPECTIVE", np.column_stack([np.eye(3), eye]), (-1, 1, -1, 1), (1, 1))
 
 
-def mesh_light(scene: Scene) -> Light | None:
-    """The MESH light of all surfaces of a scene that glow; None without any."""
+def mesh_lights(scene: Scene) -> tuple[Light, ...]:
+    """The MESH lights of all surfaces of a scene that glow, one for those that light the same
+    things, in the shadows of the same.
+    """
     glowing = {k for k, material in enumerate(scene.materials) if _glows(material)}
     blocks = [
         block
         for block in (scene.instances if glowing else ())
         if not (block.holdout or block.catcher or glowing.isdisjoint(block.materials))
     ]
-    return _light(_Same(scene, blocks)) if blocks else None
+    return _lights(_Same(scene, blocks)) if blocks else ()
 
 
 def _glows(material: Material) -> bool:
@@ -61,7 +63,7 @@ def _glows(material: Material) -> bool:
 
 
 class _Same:
-    """Those things of a scene on which its MESH light depends, as a key: equal where they are the
+    """Those things of a scene on which its MESH lights depend, as a key: equal where they are the
     same objects.
     """
 
@@ -91,10 +93,20 @@ class _Same:
 
 
 @functools.lru_cache(maxsize=2)
-def _light(same: _Same) -> Light | None:
+def _lights(same: _Same) -> tuple[Light, ...]:
+    linked: dict[tuple[int, int], list[Instances]] = {}
+    for block in same.scene.instances:
+        linked.setdefault((block.receivers, block.blockers), []).append(block)
+    lights = (_light(replace(same.scene, instances=tuple(some))) for some in linked.values())
+    return tuple(light for light in lights if light is not None)
+
+
+def _light(scene: Scene) -> Light | None:
+    """Of all that glows in a scene; None where nothing does."""
     # near what glows: sums of large and small coordinates lose the small ones' last digits
-    first = np.array(same.scene.instances[0].world_from_object[0, :, 3], np.float64)
-    found = _found(same.scene, first)
+    block = scene.instances[0]
+    first = np.array(block.world_from_object[0, :, 3], np.float64)
+    found = _found(scene, first)
     if found is None:
         return None
     low, high = found.corners.min((0, 1)), found.corners.max((0, 1))
@@ -107,6 +119,8 @@ def _light(same: _Same) -> Light | None:
         size_y=float(size[1]),
         radius=float(size[2]) / 2,
         emitters=replace(found, corners=found.corners - (origin - first)),
+        receivers=block.receivers,
+        blockers=block.blockers,
     )
 
 
@@ -115,12 +129,12 @@ def _found(scene: Scene, origin: Array) -> Emitters | None:
     parts = list(_Surfaces(replace(scene, camera=_at(origin)), origin).parts())
     if not parts:
         return None
-    columns = ((p.corners, p.front, p.back, p.weight) for p in parts)
-    corners, front, back, weight = map(np.concatenate, zip(*columns, strict=True))
+    columns = ((p.corners, p.front, p.back, p.weight, p.light_group) for p in parts)
+    corners, front, back, weight, group = map(np.concatenate, zip(*columns, strict=True))
     with np.errstate(over="ignore", invalid="ignore"):
         front, back = (np.clip(side, -LARGEST, LARGEST) for side in (front, back))
         weight = weight * (np.abs(front) + np.abs(back)).mean(1)
-        found = Emitters(corners, front, back, weight)
+        found = Emitters(corners, front, back, weight, group)
         given = weight * found.areas
     good = np.flatnonzero((given > 0) & np.isfinite(given))
     return found.take(good) if len(good) else None
@@ -198,7 +212,10 @@ class _Surfaces:
         mirrored = g.placements.mirror[g.row[primitive]] < 0
         pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
         sides = (self._radiance(primitive, weights, pieces, sign) for sign in (1.0, -1.0))
-        return Emitters(pieces, *sides, np.ones(len(pieces)))
+        blocks = g.placements.instances
+        groups = np.array([block.light_group for block in blocks], np.intp)
+        group = groups[g.placements.block[g.row[primitive]]]
+        return Emitters(pieces, *sides, np.ones(len(pieces)), group)
 
     def _radiance(self, primitive: Array, weights: Array, pieces: Array, sign: float) -> Array:
         """(n, 3) in the middle of the pieces, seen straight, from outside where sign is 1."""
@@ -206,7 +223,7 @@ class _Surfaces:
 
         geometry, x = self._geometry, pieces.mean(1).T
         row = geometry.row[primitive]
-        g = sign * Emitters(pieces, x, x, x).normals.T
+        g = sign * Emitters(pieces, x, x, x, x).normals.T
         surface = Surface(
             primitive,
             geometry.placements.geometry[row],
@@ -334,6 +351,7 @@ class MeshTable:
     point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
     their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
     unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
+    light_group: (k,) int, -1 for none.
     """
 
     point: Array
@@ -345,6 +363,7 @@ class MeshTable:
     disc: Array
     each: int
     caught: Array
+    light_group: Array
 
     def first(self, count: int) -> MeshTable:
         """The first `count` of the points of each sample."""
@@ -382,6 +401,7 @@ def mesh_table(light: Light, samples: int, each: int) -> MeshTable:
         concentric_disc(2 * u - 1),
         each,
         np.zeros(count, bool),
+        emitters.light_group[index],
     )
 
 

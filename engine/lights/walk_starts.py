@@ -36,12 +36,14 @@ HUGE = 1e100
 class Start:
     """n walks of one light. origin, direction: (3, n), directions unit.  given: of points x (3, m)
     and the numbers (m,) of the walks that meet them, (3, m): the light that goes on from a white
-    surface, radiance times area.  receivers, blockers: as of the light.
+    surface, radiance times area.  light_group: (n,) int, -1 for none.  receivers, blockers: as of
+    the light.
     """
 
     origin: Array
     direction: Array
     given: Callable[[Array, Array], Array]
+    light_group: Array
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
 
@@ -94,7 +96,8 @@ def _start(light: Light, origin: Array, far: _Far, n: int) -> Iterator[Start]:
     elif light.kind == "DOME":
         table = dome_table(light, n, 1)
         given = table.light[:, :3].T
-        yield far.start(-table.along.T, lambda x, number: given[:, number])
+        group = np.full(len(table.along), light.light_group)
+        yield far.start(-table.along.T, lambda x, number: given[:, number], group)
     elif light.kind != "BOUNCED":
         yield _from_lamp(light, origin, far, n)
 
@@ -120,6 +123,7 @@ def _from_mesh(light: Light, origin: Array, n: int) -> Start:
         point + clear * normal,
         cosine_around(normal, *u.T),
         lambda x, number: given[:, number],
+        table.light_group,
     )
 
 
@@ -141,11 +145,11 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
         with np.errstate(over="ignore", invalid="ignore"):
             return np.clip(sample.light_of(source) * (area / n), -HUGE, HUGE)
 
-    u, v = walk_points(n, 254), walk_points(n, 255)
+    u, v, group = walk_points(n, 254), walk_points(n, 255), np.full(n, light.light_group)
     whole = Source(light, origin, True)
     center, axis = whole.position, whole.axis
     if light.kind == "SUN":
-        return far.start(np.repeat(axis, n, 1), lambda x, number: given(center, x, n))
+        return far.start(np.repeat(axis, n, 1), lambda x, number: given(center, x, n), group)
     if light.kind == "AREA":
         square = 2 * u - 1
         a, b = (square if light.shape == "RECTANGLE" else concentric_disc(square)).T
@@ -163,7 +167,7 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
             return given(o[:, number], x, square * np.pi / z)
         return given(o[:, number], x, square * (2 * np.pi * (1 - edge)))
 
-    return Start(o, d, at)
+    return Start(o, d, at, group)
 
 
 def _camera(origin: Array):
@@ -215,8 +219,8 @@ class _Far:
         self._middle, self._reach = middle[:, None], reach
         self._shares = np.array(shares) / sum(shares)
 
-    def start(self, d: Array, given: Callable[[Array, Array], Array]) -> Start:
-        """d: (3, n) unit.  given: as of `Start`, times area and cosine."""
+    def start(self, d: Array, given: Callable[[Array, Array], Array], group: Array) -> Start:
+        """d: (3, n) unit.  given: as of `Start`, times area and cosine.  group: as there."""
         from ..reference.vectors import basis_around, dot
 
         n = d.shape[1]
@@ -233,7 +237,10 @@ class _Far:
         outside = at - (dot(at - self._middle, d) + 1.5 * self._reach) * d
         area = 1 / (n * density)
         return Start(
-            outside, d, lambda x, number: np.clip(given(x, number) * area[number], -HUGE, HUGE)
+            outside,
+            d,
+            lambda x, number: np.clip(given(x, number) * area[number], -HUGE, HUGE),
+            group,
         )
 
 

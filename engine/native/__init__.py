@@ -30,8 +30,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import NO_THREAD, SceneError
-from ..film import Film, aov_pass, channels_of, empty_value
-from ..lights.lamps import sharing_stats
+from ..film import Film, aov_pass, channels_of, empty_value, light_group_pass
+from ..lights.lamps import group_stats, sharing_stats
 from ..sampling.motion import is_moving
 from ..scene import Scene, left_out
 from ..scene.view_axes import ViewAxes, narrow_view_axes
@@ -274,6 +274,7 @@ class _Render:
         self._core, self._handle, self._axes, self._on_moving = core, handle, axes, on_moving
         self._names, self._crypto_ids = passes_of(settings), settings.crypto_ids
         self._aovs, self._lights, self._settings = scene.aovs, scene.lights, settings
+        self._light_groups = scene.light_groups
         x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
         self._shape = (y1 - y0, x1 - x0)
 
@@ -318,18 +319,22 @@ class _Render:
 
     def _film(self, samples: int, complete: bool, ended: bool) -> Film:
         passes = {name: self._pass(name, samples, ended) for name in self._names}
-        if self._aovs:
-            values = self._picture(
-                "AOV", core_types.Pass.AOV, 4 * len(self._aovs), samples, ended, 0.0
-            )
-            for k, name in enumerate(self._aovs):
-                passes[aov_pass(name)] = values[..., 4 * k : 4 * k + 4]
+        for number, names, each, title in (
+            (core_types.Pass.AOV, self._aovs, 4, aov_pass),
+            (core_types.Pass.LIGHT_GROUPS, self._light_groups, 3, light_group_pass),
+        ):
+            if names:
+                values = self._picture(number.name, number, each * len(names), samples, ended, 0.0)
+                for k, name in enumerate(names):
+                    passes[title(name)] = values[..., each * k : each * (k + 1)]
         data = self._core.glint_render_stats(self._handle)
         return Film(
             self._axes.world_passes(passes) if self._axes else passes,
             samples,
             complete,
-            _stats(data) | sharing_stats(self._lights, self._settings),
+            _stats(data)
+            | sharing_stats(self._lights, self._settings)
+            | group_stats(self._light_groups),
         )
 
     def _pass(self, name: str, samples: int, ended: bool) -> np.ndarray:

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 37
+ABI_VERSION = 38
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -189,6 +189,7 @@ class Pass(IntEnum):
     VOLUME_INDIRECT = 39
     VECTOR = 40
     AMBIENT_OCCLUSION = 41
+    LIGHT_GROUPS = 42
 
 
 class State(IntEnum):
@@ -253,6 +254,7 @@ class InstancesData(Structure):
         *_each(c_uint32, "geometry flags first_material material_count"),
         *_each(c_int32, "object_index"),
         *_each(c_uint32, "light_set crypto_object crypto_asset"),
+        *_each(c_int32, "light_group reserved"),
     ]
 
 
@@ -313,8 +315,8 @@ class LightData(Structure):
         *_each(c_double, "strength radius angle spot_size spot_blend size_x size_y"),
         *_each(c_int32, "kind"),
         *_each(c_uint32, "flags"),
-        *_each(c_int32, "program program_slot level reserved"),
-        *_each(c_uint64, "excluded_sets passed_sets"),
+        *_each(c_int32, "program program_slot level light_group"),
+        *_each(c_uint64, "excluded_sets passed_sets first_emitter emitter_count"),
     ]
 
 
@@ -322,6 +324,7 @@ class EmitterData(Structure):
     _fields_ = [
         *_each(c_double * 3, "front back normal"),
         *_each(c_double, "spread reach"),
+        *_each(c_int32, "light_group reserved"),
     ]
 
 
@@ -350,6 +353,7 @@ class SceneData(Structure):
         *_each(c_double * 9, "world_axes"),
         *_each(c_double, "mist_start mist_depth occlusion_distance"),
         *_each(c_int32, "transparent world_program world_slot mist_falloff aov_count world_medium"),
+        *_each(c_int32, "light_group_count world_light_group"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
         *_each(c_size_t, "instance_value_names instance_values textures program_words"),
         *_each(c_size_t, "program_constants program_tables programs inputs lobes materials media"),

@@ -79,6 +79,8 @@ class ScenePacker:
         data.mist_start, data.mist_depth = mist.start, mist.depth
         data.occlusion_distance = scene.world.occlusion_distance
         data.aov_count = len(scene.aovs)
+        data.light_group_count = len(scene.light_groups)
+        data.world_light_group = 1 + scene.world.light_group
         data.mist_falloff = number(mist.falloff, core_types.Mist, "mist falloff")
         data.world_axes[:] = np.asarray(scene.world.axes, np.float64).T.reshape(9)
         parts = {
@@ -263,8 +265,10 @@ def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list
 
 
 def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int]) -> _Part:
+    sizes = [len(light.emitters.corners) if light.emitters else 0 for light in lights]
+    firsts = np.cumsum([0, *sizes]).tolist()
     rows = [
-        _light(light, level) for light, level in zip(lights, cluster_levels(lights), strict=True)
+        _light(*told) for told in zip(lights, cluster_levels(lights), firsts, sizes, strict=False)
     ]
     return _Part(lights, {"lights": _table(core_types.LightData, rows)}, [])
 
@@ -280,16 +284,17 @@ def _all_emitters(scene: Scene) -> tuple[Emitters, ...]:
 
 
 def _emitters(emitters: tuple[Emitters, ...], before: _Part | None, changed: list[int]) -> _Part:
-    """Of the one MESH light, if there is one."""
-    count = sum(len(light.corners) for light in emitters)
-    table = np.zeros(count, np.dtype(core_types.EmitterData))
-    corners = np.zeros((count, 9), np.float32)
-    for light in emitters:
+    """Of the MESH lights, one after the other."""
+    tables = [np.zeros(len(light.corners), np.dtype(core_types.EmitterData)) for light in emitters]
+    for light, table in zip(emitters, tables, strict=True):
         for name in ("front", "back"):
             table[name] = getattr(light, name)
         table["normal"], table["spread"] = light.normals, light.spreads
         table["reach"] = light.reaches
-        corners[:] = light.corners.reshape(-1, 9)
+        table["light_group"] = 1 + light.light_group
+    corners = [light.corners.reshape(-1, 9).astype(np.float32) for light in emitters]
+    table = np.concatenate(tables) if tables else np.zeros(0, np.dtype(core_types.EmitterData))
+    corners = np.concatenate(corners) if corners else np.zeros((0, 9), np.float32)
     return _Part(emitters, {"emitters": table, "emitter_corners": corners}, [])
 
 
@@ -538,6 +543,8 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         group.light_set,
         id_bits(group.name),
         id_bits(group.asset or group.name),
+        1 + group.light_group,
+        0,
     )
 
 
@@ -559,7 +566,7 @@ def _texture(packer: Packer, texture: Texture) -> tuple:
     )
 
 
-def _light(light: Light, level: int) -> tuple:
+def _light(light: Light, level: int, first_emitter: int, emitter_count: int) -> tuple:
     bits = core_types.LightFlags
     flags = (
         bits.CAST_SHADOW * light.cast_shadow
@@ -583,7 +590,9 @@ def _light(light: Light, level: int) -> tuple:
         0,
         light.program.outputs[0] if light.program is not None else 0,
         level,
-        0,
+        1 + light.light_group,
         EVERYTHING ^ light.receivers,
         EVERYTHING ^ light.blockers,
+        first_emitter,
+        emitter_count,
     )

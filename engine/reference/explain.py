@@ -42,7 +42,7 @@ class LightTerm:
     infinite for a sun. shadow: S.  blocker: name of the first thing in between, "" for none;
     blocker_distance: how far it is. diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p,
     before the shadow. Directions drawn from narrow highlights are samples too, without diffuse
-    light; both kinds have a share of the highlight.
+    light; both kinds have a share of the highlight. group: name of its light group, "" for none.
     """
 
     light: str
@@ -57,6 +57,7 @@ class LightTerm:
     blocker_distance: float
     diffuse: Numbers
     specular: Numbers
+    group: str = ""
 
 
 @dataclass(frozen=True)
@@ -332,7 +333,13 @@ class Explainer:
             blocker_distance=np.inf,
             diffuse=_numbers(coefficients.diffuse[:, 0] * rest),
             specular=(0.0, 0.0, 0.0),
+            group=self._group(source.light.light_group),
         )
+
+    def _group(self, numbers: Array | int) -> str:
+        """The name of a light group; numbers: one, or (1,)."""
+        number = int(np.ravel(numbers)[0])
+        return self.stage.scene.light_groups[number] if number >= 0 else ""
 
     def _light(
         self,
@@ -373,6 +380,7 @@ class Explainer:
             blocker_distance=distance,
             diffuse=_numbers(diffuse * intensity if lit else np.zeros(3)),
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
+            group=self._group(sample.group_of(source)),
         )
 
     def _highlight(self, surface: Surface, sample: LightSample, term: Term) -> float:

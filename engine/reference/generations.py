@@ -201,7 +201,9 @@ class Generations:
             self._tile.lose(pixel, shown)
             return
         _, along = paths.rays.lines(hit)
-        self._tile.add("Environment", pixel, shown * stage.background_of(along, paths.kind))
+        behind = shown * stage.background_of(along, paths.kind)
+        self._tile.add("Environment", pixel, behind)
+        self._tile.add_to_groups(stage.scene.world.light_group, pixel, behind)
 
     def _note_rough_glass(self, paths: Paths, hit: Array, coefficients: Coefficients) -> None:
         """More samples may see something else through it."""
@@ -217,6 +219,9 @@ class Generations:
         if media.emits:
             glow = media.pieces(spans, paths.rays.near, depth).glow()
             self._add(paths, "Emission", paths.pixel, paths.weight * glow)
+            for group in range(len(self._stage.scene.light_groups)):
+                part = media.of_group(group).pieces(spans, paths.rays.near, depth).glow()
+                self._tile.add_to_groups(group, paths.pixel, paths.weight * part)
         self._scatter(paths, spans, depth)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
@@ -237,6 +242,7 @@ class Generations:
                     dark = light * (found.shadow.T - 1.0)
                     self._add(paths, "Shadow", here, dark)
                     light = light + dark
+                tile.add_to_groups(found.group, here, light)
                 if stage.splits and paths.depth == 0:
                     is_bounced = found.source.light.kind == "BOUNCED"
                     tile.add(VOLUME[is_bounced], here, light)
@@ -254,7 +260,8 @@ class Generations:
                 seen = seen_radiance(source, o, d, near, depth, paths.kind)
                 if spans is not None:
                     seen = seen * self._stage.media.passed(spans, near, distance_seen(source, o, d))
-                self._add(paths, "Emission", paths.pixel, paths.weight * seen)
+                group = source.light.light_group
+                self._add(paths, "Emission", paths.pixel, paths.weight * seen, group)
 
     def _miss(self, paths: Paths, missed: Array) -> None:
         if paths.glossy:
@@ -266,7 +273,8 @@ class Generations:
         _, along = paths.rays.lines(missed)
         background = self._stage.background_of(along, paths.kind)
         if background.any():
-            self._add(paths, "Environment", pixel, weight * background)
+            group = self._stage.scene.world.light_group
+            self._add(paths, "Environment", pixel, weight * background, group)
 
     def _cut_holdouts(self, paths: Paths, hit: Array, surface: Surface) -> Array:
         """Places of the surfaces that are no holdouts; at those that are the rays end."""
@@ -356,13 +364,15 @@ class Generations:
         """
         stage, weight, pixel = self._stage, pick(paths.weight, hit), paths.pixel[hit]
 
-        def add(part: str, values: Array) -> None:
+        def add(part: str, values: Array, group: Array | int = -1) -> None:
             if values.any():
-                self._add(paths, part, pixel, weight * values)
+                self._add(paths, part, pixel, weight * values, group)
 
-        add("Ambient", coefficients.ambient * self._stage.ambient)
+        world = stage.scene.world.light_group
+        add("Ambient", coefficients.ambient * self._stage.ambient, world)
         if not (paths.reflections and self._stage.is_lit_by_meshes):
-            add("Emission", coefficients.emission)
+            group = stage.per_object("light_group", surface.row)
+            add("Emission", coefficients.emission, group)
         on_reach, on_cut = self._listeners(pixel)
         light = self._stage.lighting.direct(
             surface, coefficients, weight, self._sample, on_reach, on_cut
@@ -370,14 +380,20 @@ class Generations:
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)
+        for group in range(len(stage.scene.light_groups)):
+            given = weight * light.groups[3 * group : 3 * group + 3]
+            self._tile.add_to_groups(group, pixel, given)
         if stage.splits and paths.depth == 0:
             self._split(pixel, weight, surface, coefficients, light)
 
-    def _add(self, paths: Paths, part: str, pixel: Array, values: Array) -> None:
-        """Adds (3, m) to a part of the picture and, where it came by way of mirrors or glass, to
-        what these bring.
+    def _add(
+        self, paths: Paths, part: str, pixel: Array, values: Array, group: Array | int = -1
+    ) -> None:
+        """Adds (3, m) to a part of the picture, to its light group and, where it came by way of
+        mirrors or glass, to what these bring.
         """
         self._tile.add(paths.part(part), pixel, values)
+        self._tile.add_to_groups(group, pixel, values)
         if self._stage.splits and paths.depth > 0:
             is_direct = paths.depth == 1 and part in ("Emission", "Environment")
             surface = "Transmission" if paths.transmitted else "Glossy"

@@ -56,7 +56,7 @@ class Cluster:
 
 
 class LampClusters:
-    """The tree of the lamps among `sources` that may be seen in clusters, if there is one."""
+    """The trees of the lamps among `sources` that may be seen in clusters, one a light group."""
 
     def __init__(self, sources: Sequence[Source], light_samples: int) -> None:
         self._sources = sources
@@ -69,7 +69,8 @@ class LampClusters:
         ]
         lamps = np.flatnonzero(self._levels >= 0)
         self.holds = frozenset(lamps.tolist())
-        self._root = self._cluster(lamps) if len(lamps) else None
+        groups = np.array([source.light.light_group for source in sources], np.intp)[lamps]
+        self._roots = [self._cluster(lamps[groups == group]) for group in np.unique(groups)]
 
     def _cluster(self, lamps: Array) -> Cluster:
         sources = [self._sources[k] for k in lamps]
@@ -100,7 +101,7 @@ class LampClusters:
         self, surface: Surface, terms: list[Term], diffuse: Array, lit: Array, lobes: Lobes
     ) -> Iterator[tuple[Source, FarLight]]:
         """What lit points get of each lamp. terms: highlights.  diffuse: (3, n) k_d."""
-        if self._root is None:
+        if not self._roots:
             return
         far2 = np.full(len(surface), FAR2)
         for term in terms:
@@ -130,7 +131,8 @@ class LampClusters:
             for part in cluster.within:
                 yield from walk(part, open_ & ~ok, far)
 
-        yield from walk(self._root, lit, start)
+        for root in self._roots:
+            yield from walk(root, lit, start)
 
 
 def _with(values: Array, index: Array, some: Array) -> Array:

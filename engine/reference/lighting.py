@@ -14,6 +14,7 @@ from ..lights.lamps import may_share
 from ..scene import EVERYTHING
 from .gloss import Narrow
 from .lamp_clusters import FarLight, LampClusters
+from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, gloss, sheen
@@ -30,7 +31,8 @@ Array = np.ndarray
 @dataclass(frozen=True, eq=False)
 class DirectLight:
     """(3, n) each: light before shadows, and what blockers take away. lit_*: what is left of light
-    from where it is made, and of what surfaces throw on.
+    from where it is made, and of what surfaces throw on.  groups: (3 g, n) what is left of that of
+    light groups.
     """
 
     diffuse: Array
@@ -39,6 +41,7 @@ class DirectLight:
     lit_diffuse: Array
     lit_specular: Array
     lit_bounced: Array
+    groups: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,8 @@ class Lighting:
     of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
     bounced_marks: how many the points of bounced light share.
-    catchers_alone: lights are as if shadow catchers were the only things there.
+    catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
+    many light is told apart by.
     """
 
     sources: tuple[Source, ...]
@@ -71,6 +75,7 @@ class Lighting:
     marks: int = 0
     bounced_marks: int = 1
     catchers_alone: bool = False
+    light_groups: int = 0
 
     @cached_property
     def _clusters(self) -> LampClusters:
@@ -128,7 +133,8 @@ class Lighting:
         light reaches, or which ask for its shadow, and whether its pixels take more samples before
         they may stop.  on_cut: told the points whose horizon cuts a light of more than one sample.
         """
-        total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(6)))
+        rows = (3,) * 6 + (3 * self.light_groups,)
+        total = DirectLight(*(np.zeros((count, len(surface))) for count in rows))
         given = coefficients.diffuse.any(0)
         for term in (*coefficients.highlights, *coefficients.sheens):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
@@ -155,6 +161,7 @@ class Lighting:
                 rest = pick(coefficients.diffuse, open_) * rest
                 add_at(total.diffuse, open_, rest)
                 add_at(total.lit_diffuse, open_, rest)
+                add_to_groups(total.groups, source.light.light_group, open_, rest)
         for group in self._groups(surface, coefficients, given, total) if given.any() else ():
             self._share(group, surface, coefficients, weight, sample, given, on_reach, total)
         return total
@@ -205,8 +212,13 @@ class Lighting:
                         each if far is None else self._from_afar(each, source, far, white, is_drawn)
                     )
 
-        diffuse, specular, passed = share_shadows(
-            samples, weight, group.marks, sample, lambda points: on_reach(current[0], points, True)
+        diffuse, specular, passed, groups = share_shadows(
+            samples,
+            weight,
+            group.marks,
+            sample,
+            lambda points: on_reach(current[0], points, True),
+            self.light_groups,
         )
         for sums, light in (
             (total.diffuse, diffuse),
@@ -214,6 +226,7 @@ class Lighting:
             (total.shadow, (passed - 1) * (diffuse + specular)),
             (group.matt, passed * diffuse),
             (total.lit_specular, passed * specular),
+            (total.groups, groups),
         ):
             sums += light
 
@@ -321,6 +334,7 @@ class Lighting:
             dimmed = lost.any(0)
         add_at(total.lit_diffuse, seen, passed * given.diffuse)
         add_at(total.lit_specular, seen, passed * given.specular)
+        add_to_groups(total.groups, given.group, seen, passed * (given.diffuse + given.specular))
         return seen, dimmed
 
     def _given(
@@ -358,7 +372,7 @@ class Lighting:
             shadows = self.shadows_of(source)
             return shadows.towards(surface, seen[places], chosen.taken(places)).T
 
-        return Given(seen, diffuse, specular, open_, np.ones(len(seen)))
+        return Given(seen, diffuse, specular, open_, np.ones(len(seen)), chosen.group_of(source))
 
 
 def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:

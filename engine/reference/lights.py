@@ -52,7 +52,8 @@ class LightSample:
     (n,) bool where it is the inner side of a surface; such light does not reach faces that turn
     away from it, as the outside of the same body. None for nowhere.  short: by how much of the
     end's coordinates the segments are shorter, for what the light is part of.  round: (n,) of what
-    the horizon may cut in part, sin² of the half angle of a ball that gives as much light.
+    the horizon may cut in part, sin² of the half angle of a ball that gives as much light.  group:
+    (1,) or (n,) light groups instead of the light's, None for that.
     """
 
     direction: Array
@@ -63,6 +64,7 @@ class LightSample:
     inner: Array | None = None
     short: float = ULPS
     round: Array | None = None
+    group: Array | None = None
 
     def cosine(self, n: Array) -> Array:
         """(k,) n·l of points with the normals n (3, k), or what stands for it: how much of this
@@ -95,12 +97,17 @@ class LightSample:
             color=some(self.color),
             inner=None if self.inner is None else self.inner[index],
             round=None if self.round is None else self.round[index],
+            group=some(self.group),
         )
 
     def light_of(self, source: Source) -> Array:
         """(3, n) intensity times colour."""
         color = source.color[:, None] if self.color is None else self.color
         return color * self.intensity
+
+    def group_of(self, source: Source) -> Array | int:
+        """(1,), (n,) or one number: light groups, -1 for none."""
+        return source.light.light_group if self.group is None else self.group
 
 
 def above_horizon(cosine: Array, sine2: Array) -> Array:

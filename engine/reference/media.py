@@ -140,6 +140,10 @@ class Media:
             for name in ("extinction", "scattering", "emission")
         }
         self._anisotropy = np.array([medium.anisotropy for medium in self._media])
+        own = [
+            block.light_group for block, some in zip(scene.instances, found, strict=True) if some
+        ]
+        self._groups = np.array([scene.world.light_group] * number + own, np.intp)
 
     def __bool__(self) -> bool:
         return bool(self._media)
@@ -148,6 +152,13 @@ class Media:
         """Those of some rows of the placements alone, (r,) bool, and of the world."""
         result = copy.copy(self)
         result._of_row = np.where(rows, self._of_row, -1)
+        return result
+
+    def of_group(self, number: int) -> Media:
+        """The same, of which none but those of a light group give light."""
+        result = copy.copy(self)
+        emission = self._colors["emission"] * (self._groups == number)
+        result._colors = self._colors | {"emission": emission}
         return result
 
     def spans(self, rays: Rays, kind: str) -> Spans:

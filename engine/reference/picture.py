@@ -19,6 +19,7 @@ from ..film import (
     VOLUME,
     aov_pass,
     empty_value,
+    light_group_pass,
 )
 
 Array = np.ndarray
@@ -38,11 +39,11 @@ class Tile:
     clear: (n,) what is seen and no mist before it. caught: (3, n) what shadows on catchers take
     away.  open: (3, n) what is open over what is seen. aovs: (4 each, n) colours and what of the
     sample has them. wants_aovs: (n,) bool, pixels whose ray has met nothing that hides what is
-    behind. met: of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was
-    met.
+    behind. groups: (3 each, n) light of light groups. met: of each Cryptomatte pass, pixels, bits
+    of ids and coverages, (m,) each, of what was met.
     """
 
-    def __init__(self, count: int, data: frozenset[str], aovs: int = 0):
+    def __init__(self, count: int, data: frozenset[str], aovs: int = 0, groups: int = 0):
         self._count = count
         self.parts: dict[str, Array] = {}
         self.lost, self.cost = np.zeros(count), np.zeros(count)
@@ -50,6 +51,7 @@ class Tile:
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
+        self.groups = np.zeros((3 * groups, count))
         self.clear, self.caught = np.zeros(count), np.zeros((3, count))
         self.open = np.zeros((3, count))
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
@@ -89,6 +91,16 @@ class Tile:
         for total, value in zip(self.parts[part], values, strict=True):
             total += np.bincount(pixel, value, self._count)
 
+    def add_to_groups(self, group: Array | int, pixel: Array, values: Array) -> None:
+        """Light (3, m) of light groups, (m,) or one number, -1 for none, to pixels (m,)."""
+        if not len(self.groups):
+            return
+        own = np.broadcast_to(group, (len(pixel),))
+        for number in np.unique(own[own >= 0]):
+            some = np.flatnonzero(own == number)
+            for total, value in zip(self.groups[3 * number :][:3], values, strict=True):
+                total += np.bincount(pixel[some], value[some], self._count)
+
     def lose(self, pixel: Array, weight: Array) -> None:
         """Alpha that is lost with the weights (3, m)."""
         self.lost += np.bincount(pixel, (weight[0] + weight[1] + weight[2]) / 3, len(self.lost))
@@ -122,6 +134,7 @@ class Picture:
         passes: frozenset[str],
         crypto_ids: int,
         aovs: tuple[str, ...],
+        light_groups: tuple[str, ...] = (),
     ):
         self._shape, self._passes = (height, width), passes
         count = width * height
@@ -132,6 +145,7 @@ class Picture:
         self._data = {name: np.zeros((PASSES[name], count)) for name in DATA if name in passes}
         self.samples, self._cost = np.zeros(count), np.zeros(count)
         self._aovs, self._aov_names = np.zeros((4 * len(aovs), count)), aovs
+        self._groups, self._group_names = np.zeros((3 * len(light_groups), count)), light_groups
         self._clear, self._crypto_ids = np.zeros(count), crypto_ids
         self._caught = np.zeros((3, count if CATCHER in passes else 0))
         self._open = np.zeros((3, count if OCCLUSION in passes else 0))
@@ -152,6 +166,7 @@ class Picture:
         if OCCLUSION in self._passes:
             self._open[:, here] += tile.open
         self._aovs[:, here] += tile.aovs
+        self._groups[:, here] += tile.groups
         for name, total in self._denoising.items():
             total[:, here] += tile.denoising[name]
         for name, shares in self._shares.items():
@@ -197,6 +212,10 @@ class Picture:
             | {
                 aov_pass(name): self._aovs[4 * k : 4 * k + 4] / samples
                 for k, name in enumerate(self._aov_names)
+            }
+            | {
+                light_group_pass(name): self._groups[3 * k : 3 * k + 3] / samples
+                for k, name in enumerate(self._group_names)
             }
         )
 

@@ -170,13 +170,14 @@ def _within_cone(o: Array, d: Array, axis: Array, cosine2: float) -> tuple[Array
 @dataclass(frozen=True, eq=False)
 class Scattered:
     """What a sample of a light brings along some rays: ray (m,), light (3, m) before shadows and S
-    (m, 3).
+    (m, 3).  group: of lights, as `LightSample.group_of`.
     """
 
     source: Source
     ray: Array
     light: Array
     shadow: Array
+    group: Array | int
 
 
 def scattered(stage, rays: Rays, spans: Spans, far: Array, sample: int) -> Iterator[Scattered]:
@@ -207,7 +208,8 @@ def scattered(stage, rays: Rays, spans: Spans, far: Array, sample: int) -> Itera
             light = seen.light_of(source) * at * passed * (np.pi * spread[found] / count)
             lit = np.flatnonzero(light.any(0) & np.isfinite(light).all(0))
             shadow = _shadow(stage, source, pick(x, lit), _some(seen, lit))
-            yield Scattered(source, chosen[found[lit]], pick(light, lit), shadow)
+            ray, group = chosen[found[lit]], seen.group_of(source)
+            yield Scattered(source, ray, pick(light, lit), shadow, group)
 
 
 def _points(stage, source: Source, sample: int) -> Iterator[tuple[LightPoint, float, int, int]]:

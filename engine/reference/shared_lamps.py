@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..lights.lamps import first_mark
+from .light_groups import SharedGroups, share_open
 from .vectors import add_at, pick
 
 Array = np.ndarray
@@ -20,6 +21,7 @@ class Given:
     """What one sample of a lamp gives to points. seen: (m,) those that it reaches.  diffuse,
     specular: (3, m) before shadows.  open: of places in `seen`, (k,), the share (3, k) of the light
     that arrives.  asked: (m,) what its light is times among that of the samples asked.
+    group: as `LightSample.group_of`.
     """
 
     seen: Array
@@ -27,6 +29,7 @@ class Given:
     specular: Array
     open: Callable[[Array], Array]
     asked: Array
+    group: Array | int
 
 
 def choose(given: Array, marks: int, sample: int) -> Array:
@@ -46,21 +49,25 @@ def share_shadows(
     marks: int,
     sample: int,
     on_ask: Callable[[Array], None],
-) -> tuple[Array, Array, Array]:
+    light_groups: int = 0,
+) -> tuple[Array, Array, Array, Array]:
     """(3, n) each: diffuse and specular light of all the samples at n points before shadows, and
-    the share of it that arrives. samples: gives them, the same each time.  weight: (3, n) T of the
-    rays that see the points.  on_ask: told the points that ask a sample.
+    the share of it that arrives; and (3 light_groups, n) what of it is of each. samples: gives
+    them, the same each time.  weight: (3, n) T of the rays that see the points.  on_ask: told the
+    points that ask a sample.
     """
     diffuse, specular, asked, passed = (np.zeros_like(weight) for _ in range(4))
+    groups = SharedGroups(light_groups, weight.shape[1])
     rows = []
     for each in samples():
         add_at(diffuse, each.seen, each.diffuse)
         add_at(specular, each.seen, each.specular)
+        groups.give(each.group, each.seen, each.diffuse + each.specular)
         row = np.zeros(weight.shape[1])
         row[each.seen] = np.abs(pick(weight, each.seen) * (each.diffuse + each.specular)).sum(0)
         rows.append(row)
     if not rows:
-        return diffuse, specular, np.ones_like(weight)
+        return diffuse, specular, np.ones_like(weight), np.zeros((3 * light_groups, len(weight.T)))
     given = np.stack(rows)
     times = choose(given, marks, sample)
     for each, row, count in zip(samples(), given, times, strict=True):
@@ -72,15 +79,8 @@ def share_shadows(
         light = pick(weight, point) * pick(each.diffuse + each.specular, asking)
         light = light * (each.asked[asking] * count[point] / row[point])
         add_at(asked, point, light)
-        add_at(passed, point, light * each.open(asking))
-    return diffuse, specular, _open(asked, passed)
-
-
-def _open(asked: Array, passed: Array) -> Array:
-    """(3, n) the share of the light that arrives, in each channel; where those that were asked have
-    nothing in it, in all together.
-    """
-    all_ = asked.sum(0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(all_ > 0, passed.sum(0) / all_, 1.0)
-        return np.clip(np.where(asked > 0, passed / asked, mean), 0.0, 1.0)
+        arrived = light * each.open(asking)
+        add_at(passed, point, arrived)
+        groups.ask(each.group, point, light, arrived)
+    open_ = share_open(asked, passed)
+    return diffuse, specular, open_, groups.shared_out(open_ * (diffuse + specular), open_)

@@ -70,6 +70,7 @@ class Stage:
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
             shared_rays(scene.lights, settings),
             asked,
+            light_groups=len(scene.light_groups),
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())

@@ -139,7 +139,11 @@ class MeshSource(Source):
         row = [column[point.number] for column in vars(self._table).values() if np.ndim(column)]
         at, normal, front, back, spread, *_ = (np.atleast_1d(value)[:, None] for value in row)
         q = self._axes @ at + self.position
-        return self._seen(x, q, self._axes @ normal, front, back, spread[0])
+        seen = self._seen(x, q, self._axes @ normal, front, back, spread[0])
+        return replace(seen, group=self._group(point.number))
+
+    def _group(self, number: int) -> Array:
+        return self._table.light_group[number : number + 1]
 
     def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
         local = self._axes.T @ (x - self.position), self._axes.T @ direction
@@ -154,7 +158,8 @@ class MeshSource(Source):
             given.back.T,
             self._emitters.spreads[k],
         )
-        return replace(seen, direction=direction, intensity=np.where(met, seen.intensity, 0.0))
+        intensity = np.where(met, seen.intensity, 0.0)
+        return replace(seen, direction=direction, intensity=intensity, group=given.light_group)
 
     def _seen(
         self, x: Array, q: Array, normal: Array, front: Array, back: Array, spread: Array
@@ -253,6 +258,7 @@ class BouncedSource(MeshSource):
             None,
             ROUNDED,
             size,
+            self._group(number),
         )
 
     def is_caught(self, number: int) -> bool:

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
-from ..lights.lamps import sharing_stats
+from ..lights.lamps import group_stats, sharing_stats
 from ..sampling import pixel_offsets
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
@@ -53,7 +53,9 @@ class Tracer:
         if refines and settings.samples >= FIRST_ESTIMATE:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
-        self.picture = Picture(x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs)
+        self.picture = Picture(
+            x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs, scene.light_groups
+        )
         is_spread = (
             scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)
         )
@@ -115,7 +117,10 @@ class Tracer:
             self.picture.images(passes, shown),
             self._finished,
             complete,
-            stats | self._seconds | sharing_stats(self._scene.lights, self._settings),
+            stats
+            | self._seconds
+            | sharing_stats(self._scene.lights, self._settings)
+            | group_stats(self._scene.light_groups),
             notes,
         )
 
@@ -148,6 +153,7 @@ class Tracer:
                 len(rays),
                 self._settings.passes.intersection(DATA) if sample == 0 else frozenset(),
                 len(self._scene.aovs),
+                len(self._scene.light_groups),
             )
             if len(rays):
                 Generations(stage, tile, sample).run(rays, strips)

@@ -142,7 +142,9 @@ class Instances:
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
     which lights reach it.  motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even
     times while the shutter is open; None for what stands still.  asset: what it is part of, "" for
-    itself alone; this and the name are what Cryptomatte passes tell.
+    itself alone; this and the name are what Cryptomatte passes tell.  light_group: of
+    `Scene.light_groups`, of what it gives by itself; -1 for none.  receivers, blockers: as of
+    `Light`, of what it gives as a light.
     """
 
     name: str
@@ -159,6 +161,9 @@ class Instances:
     motion: Array | None = None
     asset: str = ""
     catcher: bool = False
+    light_group: int = -1
+    receivers: int = EVERYTHING
+    blockers: int = EVERYTHING
 
 
 ENCODINGS = ("LINEAR", "SRGB")
@@ -325,13 +330,14 @@ class Emitters:
 
     corners: (m, 3, 3) float64, in the light's axes, counter-clockwise seen from outside.
     front, back: (m, 3) radiance of the outer side and the inner one.  weight: (m,) how densely, by
-    area, points lie on them, but for a factor.
+    area, points lie on them, but for a factor.  light_group: (m,) int, as of `Instances`.
     """
 
     corners: Array
     front: Array
     back: Array
     weight: Array
+    light_group: Array
 
     @cached_property
     def areas(self) -> Array:
@@ -362,7 +368,7 @@ class Emitters:
 
     def take(self, index: Array) -> Emitters:
         """Those at these places."""
-        columns = self.corners, self.front, self.back, self.weight
+        columns = self.corners, self.front, self.back, self.weight, self.light_group
         return Emitters(*(column[index] for column in columns))
 
 
@@ -374,7 +380,7 @@ class Bounces:
     radiance: (m, 3) of the surface there.  spreads: (m,) one over how densely, by area, points are
     taken there. weights: (m,) how likely each is taken, but for a factor.  reaches: (m,) how far
     the ends of shadow rays stay off it.  numbers: (m,) from 0 to 1, of its own, evenly spread.
-    caught: (m,) bool, on a shadow catcher.
+    caught: (m,) bool, on a shadow catcher.  light_group: (m,) int, of the light that they pass on.
     """
 
     points: Array
@@ -385,6 +391,7 @@ class Bounces:
     reaches: Array
     numbers: Array
     caught: Array
+    light_group: Array
 
 
 LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED")
@@ -411,6 +418,7 @@ class Light:
     receivers: a bit for each light_set of the instances that it lights, blockers: of those that
     cast shadows in it.  motion: (k, 3, 4) float64, k >= 2, world_from_light at even times while the
     shutter is open; None for one that stands still, and of a DOME, MESH or BOUNCED one.
+    light_group: of `Scene.light_groups`, -1 for none; emitters and bounces have their own.
     """
 
     name: str
@@ -437,6 +445,7 @@ class Light:
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
     motion: Array | None = None
+    light_group: int = -1
 
 
 CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC", "PANORAMA")
@@ -513,7 +522,8 @@ class World:
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
     columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
     is everywhere, inside of things too; None for nothing.  occlusion_distance: 0 to 1e30, how far
-    the pass Ambient Occlusion looks, world units.
+    the pass Ambient Occlusion looks, world units.  light_group: of `Scene.light_groups`, of what is
+    seen, of `ambient` and of the medium; -1 for none.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -525,6 +535,7 @@ class World:
     mist: Mist = Mist()
     medium: Medium | None = None
     occlusion_distance: float = 10.0
+    light_group: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -532,7 +543,8 @@ class Scene:
     """All that a picture depends on, besides `Settings`. aovs: names; of each the film has the pass
     `film.aov_pass`.  neighbours: the frame before and the one after, for the pass Vector alone:
     the same geometries and instances, which may stand elsewhere, and meshes have other vertices,
-    seen by a camera of the same kind; None where nothing moves.
+    seen by a camera of the same kind; None where nothing moves.  light_groups: names; of each the
+    film has the pass `film.light_group_pass`.
     """
 
     camera: Camera
@@ -544,6 +556,7 @@ class Scene:
     world: World = field(default_factory=World)
     aovs: tuple[str, ...] = ()
     neighbours: tuple[Scene, Scene] | None = None
+    light_groups: tuple[str, ...] = ()
 
     def as_lit(self, *, by_world: bool, by_meshes: bool, bounces: int) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
@@ -553,7 +566,7 @@ class Scene:
         """
         from ..lights.bounced_light import bounced_light
         from ..lights.lamps import in_order
-        from ..lights.mesh_lights import mesh_light
+        from ..lights.mesh_lights import mesh_lights
 
         lights = in_order(self.lights)
         scene = self if lights is self.lights else replace(self, lights=lights)
@@ -563,8 +576,8 @@ class Scene:
                 scene = replace(scene, world=replace(self.world, ambient=(0.0, 0.0, 0.0)))
             else:
                 scene = replace(scene, lights=lamps)
-        glow = mesh_light(self) if by_meshes else None
-        scene = scene if glow is None else replace(scene, lights=(*scene.lights, glow))
+        glow = mesh_lights(self) if by_meshes else ()
+        scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
 

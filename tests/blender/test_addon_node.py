@@ -227,14 +227,15 @@ with bpy.context.temp_override(material=material):
     again = bpy.ops.material.glint_use_blinn_phong.poll()
 node = next(node for node in tree.nodes if node.type == "GROUP")
 links = sorted(link.to_socket.name for link in tree.links if link.from_node == red)
-seen = [exponents(material), node.inputs["Alpha"].default_value, links, again]
+above = node.location.y - principled.location.y  # the node is some 240 units tall
+seen = [exponents(material), node.inputs["Alpha"].default_value, links, again, above >= 240]
 bpy.ops.ed.undo_push(message="after")
 bpy.ops.ed.undo()
 answer([*seen, len(bpy.data.node_groups), len(bpy.data.materials["Material"].node_tree.nodes)])
 """
     )
     assert run.returncode == 0, run.output
-    assert run.answer == [[32.0], 0.25, ["Ambient", "Base Color", "Diffuse"], False, 0, 3]
+    assert run.answer == [[32.0], 0.25, ["Ambient", "Base Color", "Diffuse"], False, True, 0, 3]
 
 
 def test_a_file_with_the_former_node_outlives_the_extension(tmp_path):

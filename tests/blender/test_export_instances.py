@@ -8,7 +8,7 @@ import pytest
 from mathutils import Matrix
 
 from export_support import Shader, export, link, mesh_object, quad, scene, use_nodes  # noqa: F401
-from glint.engine.scene import Instances
+from glint.engine.scene import EVERYTHING, Instances
 
 
 def _plain_walk(kinds=("MESH",)) -> dict[tuple, np.ndarray]:
@@ -295,11 +295,62 @@ def test_world_override_of_the_view_layer(scene):  # noqa: F811
     np.testing.assert_allclose(export().scene.world.background, (0.25, 0.5, 1.0))
 
 
-def test_light_groups_are_noted(scene):  # noqa: F811
+def test_what_glows_is_linked_as_lamps_are(scene):  # noqa: F811
+    """A panel that lights one thing, and has shadows of another."""
+    panel, lit, dark = (quad(name) for name in ("panel", "lit", "dark"))
+    for thing, of in ((lit, "receiver_collection"), (dark, "blocker_collection")):
+        part = bpy.data.collections.new(of)
+        part.objects.link(thing)
+        setattr(panel.light_linking, of, part)
+    result = export()
+    found = {thing.name: thing for thing in result.scene.instances}
+    sets = {name: 1 << thing.light_set for name, thing in found.items()}
+    assert len(set(sets.values())) == 3
+    for links, name in ((found["panel"].receivers, "lit"), (found["panel"].blockers, "dark")):
+        assert [other for other, own in sets.items() if links & own] == [name]
+    assert found["lit"].receivers == found["lit"].blockers == EVERYTHING
+    assert not result.notes
+    glow, mirror = Shader(shader="ShaderNodeEmission"), Shader(shader="ShaderNodeBsdfAnisotropic")
+    mirror.shader.inputs["Roughness"].default_value = 0.0
+    panel.data.materials.append(glow.material)
+    lit.data.materials.append(mirror.material)
+    assert any("Mirrors and glass" in note and "'panel'" in note for note in export().notes)
+
+
+def test_light_groups_of_lamps_things_and_the_world(scene):  # noqa: F811
+    """By name, of those that the view layer has; what is instanced keeps its own."""
+    layer = bpy.context.view_layer
+    for name in ("Key", "Fill"):
+        layer.lightgroups.add(name=name)
+    quad("glowing").lightgroup = "Fill"
+    for name, group in (("a", "Key"), ("b", "Gone"), ("c", "")):
+        link(bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT"))).lightgroup = group
+    inner = bpy.data.objects.new("inner", bpy.data.objects["glowing"].data)
+    inner.lightgroup = "Key"
+    part = bpy.data.collections.new("part")
+    part.objects.link(inner)
+    carrier = link(bpy.data.objects.new("carrier", None))
+    carrier.instance_type, carrier.instance_collection = "COLLECTION", part
+    carrier.lightgroup = "Fill"
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.lightgroup = "Fill"
+    result = export(has_light_groups=True).scene
+    assert result.light_groups == ("Key", "Fill")
+    found = {thing.name: thing.light_group for thing in (*result.lights, *result.instances)}
+    assert found == {"glowing": 1, "a": 0, "b": -1, "c": -1, "inner": 0, "World": 1}
+    assert result.world.light_group == 1
+    plain = export().scene
+    assert plain.light_groups == () and plain.world.light_group == -1
+    assert {thing.light_group for thing in (*plain.lights, *plain.instances)} == {-1}
+
+
+def test_light_groups_beyond_the_most_are_told(scene):  # noqa: F811
     quad()
-    assert not export().notes
-    bpy.context.view_layer.lightgroups.add(name="Key")
-    assert any(note.startswith("Light groups") for note in export().notes)
+    for number in range(65):
+        bpy.context.view_layer.lightgroups.add(name=f"group {number:02}")
+    result = export(has_light_groups=True)
+    assert len(result.scene.light_groups) == 64
+    assert any("group 64" in note and "at most 64" in note for note in result.notes)
 
 
 @pytest.mark.parametrize("was_on", [True, False])

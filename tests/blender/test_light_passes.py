@@ -43,3 +43,37 @@ bpy.ops.render.render(write_still=True)
     assert image("Plain", "Shadow Catcher").min() < 1
     assert not [key for key in channels if key.startswith("Plain.Diff")]
     assert bpy.app.version < (5, 0, 0) or "ViewLayer.Diffuse Direct.R" in channels
+
+
+def test_light_groups_reach_the_file_under_cycles_names(tmp_path):
+    """Of the view layer that has them, also where frames are kept; they add up to the picture."""
+    blender = Blender(tmp_path)
+    run = blender.run(
+        DRAW
+        + """
+scene.glint.final.samples = 4
+scene.render.use_persistent_data = True
+layer = scene.view_layers[0]
+for name in ("Lamp", "World", "Nothing"):
+    layer.lightgroups.add(name=name)
+next(thing for thing in scene.objects if thing.type == "LIGHT").lightgroup = "Lamp"
+scene.world.lightgroup = "World"
+layer.update_render_passes()
+for k in range(2):
+    scene.render.filepath = str(FOLDER / f"groups{k}.exr")
+    bpy.ops.render.render(write_still=True)
+    bpy.data.objects["Cube"].location.x += 0.1
+"""
+    )
+    assert run.returncode == 0, run.output
+    for k in range(2):
+        channels = read_channels(tmp_path / f"groups{k}.exr")
+
+        def image(name: str, channels=channels) -> np.ndarray:
+            return np.stack([channels[f"ViewLayer.{name}.{c}"] for c in "RGB"], -1)
+
+        lamp, world = image("Combined_Lamp"), image("Combined_World")
+        np.testing.assert_allclose(lamp + world, image("Combined"), atol=1e-5)
+        assert lamp.max() > 0.1 and world.max() > 0.01
+        assert not image("Combined_Nothing").any()
+        assert "ViewLayer.Combined_Lamp.A" not in channels

@@ -73,6 +73,12 @@ def test_the_text_tells_samples_error_and_what_remains():
     assert render.texts[-1].startswith("Sample 10/64"), "no more than two texts a second"
 
 
+def test_the_slow_tracer_is_named():
+    render = Render()
+    render.at(1).trace(0.1, engine.Settings(samples=64, error_threshold=4.0, backend="NUMPY"))
+    assert render.texts == ["Sample 6/64 | Python tracer"]
+
+
 def test_a_program_without_windows_is_told_no_texts():
     render = Render(tells=False)
     render.at(1).trace(0.5, SETTINGS)

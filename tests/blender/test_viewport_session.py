@@ -12,7 +12,7 @@ import pytest
 
 from export_support import Shader, link, quad, scene  # noqa: F401
 from glint import engine
-from glint.addon.export.sync import incremental
+from glint.addon.export import export as walked
 from glint.addon.render import statistics
 from glint.addon.ui import properties
 from glint.addon.viewport import draw, redraws, session, status
@@ -148,6 +148,31 @@ def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher)
     )
     watcher.edit(odd.quad.data.materials.clear)
     assert statistics.of_views(bpy.context.scene.name) == () and "warning" not in watcher.told[-1]
+
+
+def test_a_view_says_that_the_slow_tracer_draws_it(watcher, monkeypatch):
+    assert "Python" not in watcher.told[-1]
+    final = bpy.context.scene.glint.final
+    final.backend = "NUMPY"
+    watcher.edit(lambda: None)
+    assert watcher.told[-1].endswith("s, Python tracer")
+    final.backend = "NATIVE"
+    monkeypatch.setattr(engine, "available_backends", lambda: ("NUMPY",))
+    monkeypatch.setattr(engine, "native_error", lambda: "no library")
+    watcher.edit(lambda: None)
+    assert watcher.told[-1].endswith("Python tracer, 1 warning: Render Properties, Statistics")
+    [note] = statistics.of_views(bpy.context.scene.name)
+    assert "(no library)" in note
+
+
+def test_a_view_without_light_says_so(watcher):
+    shown, shading = bpy.context.scene, watcher.view.space_data.shading
+    shown.world = None
+    watcher.edit(lambda: setattr(shading, "use_scene_lights_render", False))
+    [note] = statistics.of_views(shown.name)
+    assert "no light" in note and "1 warning" in watcher.told[-1]
+    watcher.edit(lambda: setattr(shading, "use_scene_lights_render", True))
+    assert statistics.of_views(shown.name) == ()
 
 
 def test_what_a_camera_does_not_do_is_told_where_a_view_looks_through_it(watcher):
@@ -468,9 +493,9 @@ def test_heat_grows_with_what_it_shows():
 def test_views_of_one_scene_read_it_once(view, monkeypatch):
     """As the four of a quad view: Blender tells each of every evaluation."""
     reads = []
-    read = incremental.read_shape
+    read = walked.read_shape
     monkeypatch.setattr(
-        incremental,
+        walked,
         "read_shape",
         lambda data, *others: reads.append(data.name) or read(data, *others),
     )

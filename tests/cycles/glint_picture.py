@@ -40,7 +40,9 @@ def render_glint(scene, backend: str, edit=None, **settings) -> Film:
     factor = scene.render.resolution_percentage / 100
     width, height = int(scene.render.resolution_x * factor), int(scene.render.resolution_y * factor)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    export = export_scene(depsgraph, width=width, height=height, passes=PASSES)
+    export = export_scene(
+        depsgraph, width=width, height=height, passes=PASSES, has_light_groups=True
+    )
     options = {
         "samples": 1,
         "light_samples": 1,

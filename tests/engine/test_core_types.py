@@ -103,7 +103,11 @@ def test_constants_have_the_headers_values(tmp_path: Path) -> None:
         (settings.ILLUMINATIONS, core_types.Illumination),
         (settings.BUILDS, core_types.Build),
         (
-            [*(name.upper().replace(" ", "_") for name in film.PASSES), film.AOV.strip()],
+            [
+                *(name.upper().replace(" ", "_") for name in film.PASSES),
+                film.AOV.strip(),
+                "LIGHT_GROUPS",
+            ],
             core_types.Pass,
         ),
     ],

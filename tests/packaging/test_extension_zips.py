@@ -82,6 +82,23 @@ def test_only_the_full_zip_has_the_core():
     assert wheels["python"] == []
 
 
+def test_a_core_that_changed_has_another_version(tmp_path, monkeypatch):
+    """Blender keeps the installed wheel of a version, whatever the new one holds."""
+    import core_version  # `packed` knows where
+
+    [name] = [name for name in _open("full").namelist() if name.endswith(".whl")]
+    version = core_version.dynamic_metadata("version", {})
+    assert f"/glint_core-{version}-py3-" in name
+    shutil.copytree(core_version.ROOT / "engine" / "core", tmp_path / "engine" / "core")
+    shutil.copy(core_version.ROOT / "blender_manifest.toml", tmp_path)
+    monkeypatch.setattr(core_version, "ROOT", tmp_path)
+    assert core_version.dynamic_metadata("version", {}) == version
+    source = next((tmp_path / "engine" / "core" / "src").rglob("*.cpp"))
+    source.write_text(source.read_text() + "// changed\n")
+    changed = core_version.dynamic_metadata("version", {})
+    assert changed != version and changed.split("+")[0] == version.split("+")[0]
+
+
 @pytest.mark.skipif(
     not shutil.which("objdump"),
     reason="needs objdump, which says independently what a library asks for",

@@ -101,14 +101,14 @@ class Kept {
   std::vector<float> copy_;
 };
 
-/// Numbers of a pass; of AOVs those of as many as have a picture.
+/// Numbers of a pass; of AOVs and light groups those of as many as have a picture.
 size_t size_of(GlintRender* render, const GlintRenderSettings& s, int pass) {
-  static constexpr size_t channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3, 3, 3, 1, 1,
-                                                        1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 4, 3, 3, 1,
-                                                        3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 4, 3};
+  static constexpr size_t channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3, 3, 3, 1, 1, 1,
+                                                        1, 1, 1, 1, 1, 1, 0, 0, 0, 4, 3, 3, 1, 3, 3,
+                                                        3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 4, 3, 3};
   const bool crypto = pass >= GLINT_PASS_CRYPTO_OBJECT && pass <= GLINT_PASS_CRYPTO_ASSET;
   size_t size = pixels_of(s) * (crypto ? 2 * s.crypto_ids : channels[pass]);
-  if (pass != GLINT_PASS_AOV) return size;
+  if (pass != GLINT_PASS_AOV && pass != GLINT_PASS_LIGHT_GROUPS) return size;
   for (size_t count = 1; count <= 3; ++count)
     if (GlintPicture* const found = glint_render_picture(render, pass, count * size)) {
       glint_picture_free(found);

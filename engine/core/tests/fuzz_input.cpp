@@ -267,6 +267,23 @@ GlintEmitter emitter(Dice& dice) {
 }
 
 /// At times one of them is a mesh light, and another is of bounced light.
+int32_t light_group(Dice& dice, const GlintSceneData& d) {
+  return int32_t(dice.below(size_t(d.light_group_count) + 1 + dice.chance(0.02 * dice.wildness)));
+}
+
+/// Of the last light, which may share them with the first.
+void set_emitters(Dice& dice, std::vector<GlintLight>& lights, size_t count) {
+  lights.back().emitter_count = count;
+  if (lights.size() > 1 && count > 1 && dice.chance(0.5)) {
+    lights.front().kind = GLINT_MESH_LIGHT;
+    lights.front().program = 0;
+    lights.front().emitter_count = 1 + dice.below(count - 1);
+    lights.back().first_emitter = lights.front().emitter_count;
+    lights.back().emitter_count = count - lights.front().emitter_count;
+  }
+  if (dice.chance(0.02 * dice.wildness)) lights.back().first_emitter += dice.below(3);
+}
+
 void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
   std::vector<GlintLight> lights;
   for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
@@ -275,11 +292,14 @@ void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
     lights.back().kind = GLINT_MESH_LIGHT;
     lights.back().program = 0;
     for (size_t k = 1 + dice.below(20); k > 0; --k) emitters.push_back(emitter(dice));
+    set_emitters(dice, lights, emitters.size());
   }
-  if (lights.size() > 1 && dice.chance(0.3)) {
+  if (lights.size() > 1 && lights.front().kind != GLINT_MESH_LIGHT && dice.chance(0.3)) {
     lights.front().kind = GLINT_BOUNCED_LIGHT;
     lights.front().program = 0;
   }
+  for (GlintLight& l : lights) l.light_group = light_group(dice, d);
+  for (GlintEmitter& e : emitters) e.light_group = light_group(dice, d);
   d.emitter_count = d.emitter_corner_count = emitters.size();
   d.emitters = arena.table(emitters);
   d.emitter_corners = arena.fill<float>(9 * emitters.size(), [&] { return float(dice.number()); });
@@ -540,7 +560,10 @@ GlintSceneData scene(Dice& dice, Arena& arena) {
   const size_t slots = dice.below(5);
   d.material_slots = arena.fill<uint32_t>(slots, [&] { return dice.index(4); });
   d.material_slot_count = slots;
-  const Placed p = placed(dice, arena, slots);
+  Placed p = placed(dice, arena, slots);
+  d.light_group_count = int32_t(dice.below(4));
+  d.world_light_group = light_group(dice, d);
+  for (GlintInstances& i : p.instances) i.light_group = light_group(dice, d);
   d.geometries = arena.table(p.geometries);
   d.geometry_count = p.geometries.size();
   d.attributes = arena.table(p.attributes);
@@ -625,13 +648,13 @@ void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
 void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.mesh_samples = uint32_t(1 + dice.below(5));
   s.mesh_count = uint64_t(s.mesh_samples) * (1 + dice.below(s.samples));
-  s.mesh_table = arena.fill<double>(17 * s.mesh_count, [&] { return dice.number(); });
+  s.mesh_table = arena.fill<double>(3 * 18 * s.mesh_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
   s.bounced_samples = uint32_t(1 + dice.below(5));
   s.bounced_shadows = uint32_t(dice.below(6));
   s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));
-  s.bounced_table = arena.fill<double>(17 * s.bounced_count, [&] { return dice.number(); });
+  s.bounced_table = arena.fill<double>(18 * s.bounced_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.bounced_count = 0;
 }
 
@@ -717,6 +740,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   if (dice.chance(0.05 * dice.wildness)) s.occlusion_count = 0;
   s.crypto_ids = uint32_t(1 + dice.below(8));
   if (scene.aov_count == 0) s.passes &= ~(pass_bit(GLINT_PASS_AOV));
+  if (scene.light_group_count == 0) s.passes &= ~pass_bit(GLINT_PASS_LIGHT_GROUPS);
   if (dice.chance(0.05 * dice.wildness)) s.crypto_ids = uint32_t(dice.bits());
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);

@@ -168,6 +168,23 @@ void check_placements(const GlintInstances* groups, uint64_t count, uint64_t geo
   }
 }
 
+/// 0, or 1 plus the number of a group.
+bool is_light_group(const GlintSceneData& d, int32_t group) {
+  return within(group, d.light_group_count);
+}
+
+void check_light_groups(const GlintSceneData& d, Report& report) {
+  report.add(within(d.light_group_count, 64), "scene: %d light groups, not 0 to 64",
+             d.light_group_count);
+  report.add(is_light_group(d, d.world_light_group), "world: no such light group");
+  for (uint64_t i = 0; report.good() && i < d.light_count; ++i)
+    report.add(is_light_group(d, d.lights[i].light_group), "light %llu: no such light group",
+               ull(i));
+  for (uint64_t i = 0; report.good() && i < d.emitter_count; ++i)
+    report.add(is_light_group(d, d.emitters[i].light_group), "emitter %llu: no such light group",
+               ull(i));
+}
+
 void check_instances(const GlintSceneData& d, Report& report) {
   check_placements(d.instances, d.instances_count, d.geometry_count, d.row_count, report);
   for (uint64_t i = 0; i < d.instances_count && report.good(); ++i)
@@ -179,6 +196,8 @@ void check_instances(const GlintSceneData& d, Report& report) {
                "instances %llu: an id of Cryptomatte is not finite", ull(i));
     report.add(d.instances[i].light_set < 64, "instances %llu: light set %u of 64", ull(i),
                d.instances[i].light_set);
+    report.add(is_light_group(d, d.instances[i].light_group), "instances %llu: no such light group",
+               ull(i));
   }
   report.add(d.instance_value_count == 0 || (d.instance_value_names && d.instance_values) ||
                  d.row_count == 0,
@@ -441,14 +460,16 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
              "camera: %d clip planes", c.clip_plane_count);
   bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
   report.add(sized, "camera: resolution %u by %u", c.width, c.height);
-  uint64_t mesh_lights = 0, bounced_lights = 0;
+  uint64_t bounced_lights = 0;
   for (uint64_t i = 0; i < d.light_count; ++i) {
-    mesh_lights += d.lights[i].kind == GLINT_MESH_LIGHT;
-    bounced_lights += d.lights[i].kind == GLINT_BOUNCED_LIGHT;
+    const GlintLight& light = d.lights[i];
+    bounced_lights += light.kind == GLINT_BOUNCED_LIGHT;
+    report.add(light.kind != GLINT_MESH_LIGHT ||
+                   (light.emitter_count > 0 &&
+                    range(light.first_emitter, light.emitter_count, d.emitter_count)),
+               "light %llu: triangles beyond the table, or none", ull(i));
   }
   report.add(bounced_lights <= 1, "%llu bounced lights", ull(bounced_lights));
-  report.add(mesh_lights <= (d.emitter_count > 0 ? 1 : 0), "%llu mesh lights with %llu triangles",
-             ull(mesh_lights), ull(d.emitter_count));
   for (uint64_t i = 0; i < d.light_count; ++i)
     report.add(within(d.lights[i].kind, GLINT_BOUNCED_LIGHT), "light %llu: unknown kind %d", ull(i),
                d.lights[i].kind);
@@ -481,7 +502,7 @@ void check_tables(const GlintSceneData& d, Report& report) {
     report.add(t.table != nullptr || t.count == 0, "a table is null but has %llu rows",
                ull(t.count));
   report.add(d.emitter_count == d.emitter_corner_count && d.emitter_count <= kMaxCount,
-             "the mesh light has %llu triangles and the corners of %llu", ull(d.emitter_count),
+             "the mesh lights have %llu triangles and the corners of %llu", ull(d.emitter_count),
              ull(d.emitter_corner_count));
   report.add(
       d.geometry_count <= kMaxCount && d.lobe_count < kMaxCount && d.material_count < kMaxCount,
@@ -503,6 +524,7 @@ Report check_all_else(const GlintSceneData& data) {
   check_tables(data, report);
   if (!report.good()) return report;
   check_surroundings(data, report);
+  check_light_groups(data, report);
   check_textures(data, report);
   check_media(data, report);
   check_materials(data, report);

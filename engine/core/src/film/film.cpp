@@ -27,10 +27,11 @@ void interleave(const float (&channels)[4][Size], size_t first, size_t count, fl
 size_t Film::channels_of(int pass) const {
   if (pass < 0 || pass >= GLINT_PASS_COUNT) return 0;
   if (pass == GLINT_PASS_COMBINED || pass == GLINT_PASS_VECTOR) return 4;
+  if (pass == GLINT_PASS_AOV) return 4 * size_t(aov_count_);
+  if (pass == GLINT_PASS_LIGHT_GROUPS) return 3 * size_t(light_groups_);
   if (pass == GLINT_PASS_DENOISING_NORMAL || pass == GLINT_PASS_DENOISING_ALBEDO ||
       pass >= GLINT_PASS_SHADOW_CATCHER)
     return 3;
-  if (pass == GLINT_PASS_AOV) return 4 * size_t(aov_count_);
   if (Cryptomatte::kPasses >> pass & 1) return 2 * cryptomatte_.ids();
   return pass == GLINT_PASS_DEPTH || pass >= GLINT_PASS_OBJECT_INDEX ? 1 : 3;
 }
@@ -54,11 +55,12 @@ void SlotTable::set(uint32_t width, uint32_t height) {
 }
 
 Film::Film(Region region, Region shown, Passes passes, double error_threshold,
-           uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count)
+           uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count, uint32_t light_groups)
     : region_(region),
       shown_(shown),
       passes_(passes | pass_bit(GLINT_PASS_COMBINED)),
       aov_count_(aov_count),
+      light_groups_(light_groups),
       cryptomatte_(passes, crypto_ids) {
   std::fill_n(at_, int(GLINT_PASS_COUNT), -1);
   at_[GLINT_PASS_COMBINED] = 0;
@@ -72,6 +74,7 @@ Film::Film(Region region, Region shown, Passes passes, double error_threshold,
   keep_sums(GLINT_PASS_DENOISING_DEPTH, 1);
   keep_sums(GLINT_PASS_SHADOW_CATCHER, 3);
   keep_sums(GLINT_PASS_AMBIENT_OCCLUSION, 3);
+  keep_sums(GLINT_PASS_LIGHT_GROUPS, 3 * int(light_groups));
   for (int pass = kFirstLighting; wants_lighting() && pass <= kLastLighting; ++pass) {
     at_[pass] = int(columns_);  // light is told over its colour: all are known or none
     columns_ += 3;
@@ -160,8 +163,8 @@ void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
     if (wants(pass)) publish_rest(tile, pass, slots, samples);
   for (int pass = GLINT_PASS_AOV; pass <= GLINT_PASS_DENOISING_DEPTH; ++pass)
     if (wants(pass)) publish_seen(tile, pass, slots, samples);
-  if (wants(GLINT_PASS_AMBIENT_OCCLUSION))
-    publish_seen(tile, GLINT_PASS_AMBIENT_OCCLUSION, slots, samples);
+  for (int pass : {GLINT_PASS_AMBIENT_OCCLUSION, GLINT_PASS_LIGHT_GROUPS})
+    if (wants(pass)) publish_seen(tile, pass, slots, samples);
   if (wants_lighting()) publish_lighting(tile, slots, samples);
   if (wants_cryptomatte()) publish_cryptomatte(tile, slots, samples);
   if (passes_ & kHealthPasses) publish_health(tile, slots, samples);

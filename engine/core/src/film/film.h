@@ -84,9 +84,10 @@ class Film {
  public:
   Film(Region region, Passes passes) : Film(region, region, passes, 0, 1) {}
   /// shown: what `picture` gives of the region.  error_threshold, light_samples: see Refinement.
-  /// crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count: AOVs of the scene.
+  /// crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count, light_groups: of the
+  /// scene.
   Film(Region region, Region shown, Passes passes, double error_threshold, uint32_t light_samples,
-       uint32_t crypto_ids = 0, uint32_t aov_count = 0);
+       uint32_t crypto_ids = 0, uint32_t aov_count = 0, uint32_t light_groups = 0);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
@@ -170,7 +171,7 @@ class Film {
 
   Region region_, shown_;
   Passes passes_;
-  uint32_t aov_count_;
+  uint32_t aov_count_, light_groups_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none

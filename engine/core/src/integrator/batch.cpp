@@ -7,6 +7,10 @@ constexpr size_t kFixed = 1 + 3 + 3 + 3 + 2 + 3 + 3;  // t, x, g, offset and wei
 constexpr size_t kSmooth = 3 + 3;                     // n, origin
 constexpr size_t kParts = 6 * 3, kSplit = 5 * 3;
 
+size_t group_columns_of(const Scene& scene, Passes passes) {
+  return passes >> GLINT_PASS_LIGHT_GROUPS & 1 ? 3 * size_t(scene.light_group_count) : 0;
+}
+
 }  // namespace
 
 Batch::Batch(const Scene& scene, Passes passes)
@@ -14,9 +18,12 @@ Batch::Batch(const Scene& scene, Passes passes)
       passes_(passes),
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.bends_normals),
       splits_(passes & kLightingPasses),
-      columns_(
-          kFixed + (smooth_ ? kSmooth : 0) + size_t(scene.specular_columns * scene.max_specular) +
-          size_t(scene.passing_columns * scene.max_passing) + kParts + (splits_ ? kSplit : 0)) {}
+      columns_(kFixed + (smooth_ ? kSmooth : 0) +
+               size_t(scene.specular_columns * scene.max_specular) +
+               size_t(scene.passing_columns * scene.max_passing) + kParts + (splits_ ? kSplit : 0) +
+               3 + group_columns_of(scene, passes)),
+      groups_(group_columns_of(scene, passes)),
+      given_(groups_.size() / 3) {}
 
 void Batch::begin(const Queue& rays) {
   queue = &rays;
@@ -26,14 +33,22 @@ void Batch::begin(const Queue& rays) {
   SumColumns only_total{};
   for (int c = 0; c < 3; ++c) {
     only_total.total[c] = parts_.total[c];
-    if (!splits_) continue;
+    if (has_groups()) only_total.ambient[c] = parts_.ambient[c];
+    if (!splits_ && !has_groups()) continue;
     only_total.emission[c] = parts_.emission[c];
     only_total.environment[c] = parts_.environment[c];
+    if (!splits_) continue;
     for (double* column :
          {lit_diffuse[c], lit_bounced[c], lit_specular[c], lit_volume[c], lit_volume_bounced[c]})
       std::fill_n(column, primary ? count_ : 0, 0.0);
   }
+  std::fill(given_.begin(), given_.end(), uint8_t(0));
   sums = primary ? parts_ : only_total;
+}
+
+void Batch::clear_group(size_t group) const {
+  for (size_t c = 0; c < 3; ++c) std::fill_n(groups_[3 * group + c], count_, 0.0);
+  given_[group] = 1;
 }
 
 void Batch::reserve(size_t rows) {
@@ -61,7 +76,7 @@ void Batch::place_columns() {
     to[2] = one();
   };
   auto part = [&](double*(&to)[3], int pass) {
-    if (splits_ || passes_ >> pass & 1) three(to);
+    if (splits_ || has_groups() || passes_ >> pass & 1) three(to);
   };
   t = one();
   three(points.x);
@@ -94,6 +109,8 @@ void Batch::place_columns() {
   }
   for (auto* to : {&lit_diffuse, &lit_bounced, &lit_specular, &lit_volume, &lit_volume_bounced})
     if (splits_) three(*to);
+  if (has_groups()) three(glow);
+  for (double*& column : groups_) column = one();
   specular = scene_.max_specular > 0 ? columns_[next] : nullptr;
   next += size_t(scene_.specular_columns * scene_.max_specular);
   passing_columns = scene_.max_passing > 0 ? columns_[next] : nullptr;

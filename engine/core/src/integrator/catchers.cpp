@@ -26,21 +26,19 @@ Vec3d Tracer::take_sums(size_t k) {
        {s.total, s.ambient, s.emission, s.environment, s.diffuse, s.specular, s.shadow,
         batch.lit_diffuse, batch.lit_bounced, batch.lit_specular})
     for (size_t c = 0; columns[0] && c < 3; ++c) columns[c][k] = 0;
+  for (size_t group = 0; group < batch.group_count(); ++group)
+    for (size_t c = 0; batch.gives(group) && c < 3; ++c) batch.group(group)[c][k] = 0;
   return total;
 }
 
 /// Finds the points on catchers; what they add without lights is no part of the picture.
 void Tracer::set_aside_caught(const Queue& queue) {
   caught_.clear();
-  const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS;
   for (uint32_t k = 0; k < queue.size(); ++k) {
     if (!is_caught(queue, k)) continue;
     const Vec3d all = take_sums(k);
-    if (sees_lights)
-      shader_.seen_lights(batch_, k, scene_.features & GLINT_FEATURE_MEDIA ? &media_ : nullptr,
-                          clear_.data());
-    const Vec3d seen = take_sums(k);
-    caught_.push_back({k, all - seen, seen, {}});
+    see_lights(k);
+    caught_.push_back({k, all - take_sums(k), {}});
   }
 }
 
@@ -57,7 +55,7 @@ void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
   batch_.lit.swap(lit_);
   for (const Caught& point : caught_) {
     const Vec3d without = point.glow + take_sums(point.row);
-    batch_.add(point.row, batch_.sums.emission, point.seen);
+    see_lights(point.row);
     show_caught(queue, point.row,
                 {ratio_of(point.with.x, without.x), ratio_of(point.with.y, without.y),
                  ratio_of(point.with.z, without.z)});
@@ -91,6 +89,7 @@ void Tracer::show_caught(const Queue& queue, uint32_t k, Vec3d ratio) {
     }
   }
   batch_.add(k, batch_.sums.environment, light * (seen * behind));
+  batch_.add_to_group(scene_.world_light_group, k, light * (seen * behind));
 }
 
 }  // namespace glint

@@ -52,6 +52,7 @@ void DirectLight::prepare(const Batch& batch) {
     stage_.density_out = columns_[next++];
     distance_ = columns_[next++];
     for (auto* column : {&emitter_, &placement_}) column->resize(columns_.rows());
+    met_group_.resize(columns_.rows());
     for (auto* column : {&u_, &v_}) column->resize(columns_.rows());
   }
   const PointColumns& p = batch.points;
@@ -94,6 +95,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       const LightPoint point = plan_.light_point(light, sample, j);
       light.set(stage_, point, count, plan_.physical);
+      group_ = point.group;
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
       uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_
@@ -104,8 +106,9 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       if (light.is_dome()) note_hidden(reached);
       if (stage_.draws && point.draws) {
         const size_t drawn = stages_.gloss(stage_);
-        add_lit(batch, light, light.is_mesh() ? meet_emitters(light, drawn) : drawn, nullptr,
-                counts);
+        met_ = light.is_mesh();
+        add_lit(batch, light, met_ ? meet_emitters(light, drawn) : drawn, nullptr, counts);
+        met_ = false;
       }
     }
     if (light.is_dome()) add_rest(batch, light, sample);
@@ -186,6 +189,7 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stages_.dome(stage);
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!stage_.lit[k] || balance_[k] < 0) continue;
+    batch.add_to_group(light.group, k, row(sky_, k));
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
       if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
@@ -231,12 +235,12 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
-  scene_.emitter_accel().closest(
+  scene_.emitter_accel(light).closest(
       rays, {distance_, placement_.data(), emitter_.data(), u_.data(), v_.data()}, scratch_);
   size_t kept = 0;
   for (size_t k = 0; k < count; ++k) {
     if (placement_[k] == Hit::kNone) continue;
-    const GlintEmitter& emitter = scene_.emitters[emitter_[k]];
+    const GlintEmitter& emitter = scene_.emitters[light.first_emitter + emitter_[k]];
     const Vec3d from = row(stage_.o, k), l = row(stage_.to, k), q = from + distance_[k] * l;
     const LightMeeting met =
         light.meeting(emitter, row(stage_.points_x, point_[k]), row(stage_.origin, point_[k]), q, l,
@@ -246,6 +250,7 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
     if (!any(given) || (!met.front && dot(row(stage_.g, point_[k]), l) <= 0)) continue;
     const Vec3d start = shadow_start(point_[k], met.end), to = met.end - start;
     point_[kept] = point_[k];
+    met_group_[kept] = emitter.light_group - 1;
     set_row(stage_.o, kept, start);
     set_row(stage_.to, kept, unit(to));
     stage_.t_max[kept] = length(to) - rounding(std::max(max_abs(met.end), max_abs(start)));
@@ -323,6 +328,7 @@ void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
 
 void DirectLight::add(const Batch& batch, const Light& light, size_t count) const {
   const SumColumns& sums = batch.sums;
+  if (batch.has_groups()) add_to_groups(batch, count);
   if (!glassy_ && !sums.diffuse[0]) {
     LightSum sum{count, point_.data(), blocked_.data(), {}, {}};
     for (int c = 0; c < 3; ++c) {
@@ -339,6 +345,23 @@ void DirectLight::add(const Batch& batch, const Light& light, size_t count) cons
   }
   stages_.sum_parts(parts);
   if (batch.splits()) split(batch, light, count);
+}
+
+/// The same after shadows, to the light's group.
+void DirectLight::add_to_groups(const Batch& batch, size_t count) const {
+  if (!met_ && size_t(group_) >= batch.group_count()) return;
+  if (!met_ && !shadow_[0] && !stage_.specular_out[0]) {
+    double* const* const to = batch.opened_group(size_t(group_));
+    LightSum sum{count, point_.data(), blocked_.data(), {}, {to[0], to[1], to[2]}};
+    std::copy_n(stage_.diffuse_out, 3, sum.given);
+    return stages_.sum(sum);
+  }
+  for (size_t k = 0; k < count; ++k) {
+    const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
+    Vec3d given = row(stage_.diffuse_out, k);
+    if (stage_.specular_out[0]) given += row(stage_.specular_out, k);
+    batch.add_to_group(met_ ? met_group_[k] : group_, point_[k], S * given);
+  }
 }
 
 /// The same after shadows, by the kind of light and surface.

@@ -21,6 +21,7 @@ struct SharedLight {
   uint32_t rays = 0;                // of a point and sample
   std::vector<LampSample> samples;
   std::vector<const Light*> light;  // of each
+  std::vector<uint32_t> groups;     // and its light group, the number of these for none
   size_t clustered = 0;             // the first of those whose lamps far points see in clusters
   std::vector<LampCluster> clusters;
   std::vector<double> color_sums;              // as ShareStage has them
@@ -37,6 +38,9 @@ struct SharedLight {
   std::vector<uint32_t> ends;             // of each sample's
   std::vector<int64_t> asks;              // mask: points that ask the present sample
   std::vector<uint32_t> place;            // of those among the chosen of the sample
+  size_t group_count = 0;                 // with none; 0 where nobody asks
+  Columns group_columns{0};               // three of each kind for each group:
+  std::vector<double*> group_given, group_asked, group_passed;
 };
 
 class DirectLight {
@@ -94,6 +98,7 @@ class DirectLight {
   bool recall_shadows(const uint8_t* known, size_t count);
   void add(const Batch& batch, const Light& light, size_t count) const;
   void split(const Batch& batch, const Light& light, size_t count) const;
+  void add_to_groups(const Batch& batch, size_t count) const;
   void find_sharing();
   void share(SharedLight& shared, const Batch& batch, uint32_t sample, RayCounts& counts);
   void list_samples(SharedLight& shared, const Batch& batch, uint32_t sample);
@@ -105,6 +110,7 @@ class DirectLight {
   void ask(SharedLight& shared, const Batch& batch, size_t number, const AskedLamp* begin,
            const AskedLamp* end, RayCounts& counts);
   void add_shared(const SharedLight& shared, const Batch& batch) const;
+  void share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -124,6 +130,9 @@ class DirectLight {
   std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
   std::vector<int64_t> linked_;  // mask: points that a light that lights but some may reach
+  int group_ = -1;               // of lights, of the present sample
+  bool met_ = false;             // the present points have met_group_
+  std::vector<int> met_group_;   // of what drawn rays meet
   std::vector<uint32_t> emitter_, placement_;  // that drawn rays meet, and their weights there
   std::vector<float> u_, v_;
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden

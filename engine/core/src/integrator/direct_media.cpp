@@ -36,7 +36,12 @@ void DirectLight::add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* c
   for (size_t k = 0; k < batch.size(); ++k) {
     spans.list_pieces(k, begin[k], ends_of_rays_[k], pieces_);
     const Vec3d glow = glow_of(pieces_);
-    if (any(glow)) batch.add(k, batch.sums.emission, clear[k] * glow);
+    if (!any(glow)) continue;
+    batch.add(k, batch.sums.emission, clear[k] * glow);
+    for (int group = 0; group < int(batch.group_count()); ++group) {
+      spans.list_pieces(k, begin[k], ends_of_rays_[k], pieces_, &group);
+      batch.add_to_group(group, k, clear[k] * glow_of(pieces_));
+    }
   }
 }
 
@@ -78,12 +83,14 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
   const uint32_t count = light.is_bounced() ? plan_.bounced_shadows : plan_.samples_of(light),
                  each = (plan_.volume_samples + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
-    light.set(stage_, plan_.light_point(light, sample, j), count, plan_.physical);
+    const LightPoint point = plan_.light_point(light, sample, j);
+    light.set(stage_, point, count, plan_.physical);
+    group_ = point.group;
     stage_.casts_shadow = true;  // so that the ways to it are known
     stage_.draws = false;
     if (light.is_surface()) {
-      const Vec3d point{stage_.end[0], stage_.end[1], stage_.end[2]};
-      depths_.aim(light, {false, point, 0.5 * std::sqrt(stage_.near2)}, batch.queue->rays());
+      const Vec3d end{stage_.end[0], stage_.end[1], stage_.end[2]};
+      depths_.aim(light, {false, end, 0.5 * std::sqrt(stage_.near2)}, batch.queue->rays());
     } else if (j == 0) {
       depths_.aim(light, {light.endless(), light.center, light.nearness()}, batch.queue->rays());
     }

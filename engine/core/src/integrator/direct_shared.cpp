@@ -27,6 +27,22 @@ double beside_middle(const Light& light, const AskedLamp& chosen, const Vec3d& g
   return (given.x + given.y + given.z) / ((color.x + color.y + color.z) * chosen.middle);
 }
 
+/// Room for what the groups of lights give, and what of those asked gets through.
+void place_groups(SharedLight& shared, size_t points) {
+  const size_t each = 3 * shared.group_count;
+  if (each == 0) return;
+  if (shared.group_given.empty()) shared.group_columns = Columns(3 * each);
+  shared.group_columns.reserve(points);
+  size_t next = 0;
+  for (auto* sums : {&shared.group_given, &shared.group_asked, &shared.group_passed}) {
+    sums->resize(each);
+    for (double*& column : *sums) {
+      column = shared.group_columns[next++];
+      std::fill_n(column, shared.group_columns.rows(), 0.0);
+    }
+  }
+}
+
 void place_sums(SharedLight& shared, size_t points) {
   Columns& columns = shared.columns;
   columns.reserve(points);
@@ -46,6 +62,18 @@ void place_sums(SharedLight& shared, size_t points) {
   shared.chosen.resize(shared.rays * points);
 }
 
+/// The share of light that arrives where so much got through of what was asked for; `else_` where
+/// nothing was.
+Vec3d share_open(Vec3d asked, Vec3d passed, Vec3d else_) {
+  const double all = asked.x + asked.y + asked.z;
+  Vec3d open;
+  for (int c = 0; c < 3; ++c) {
+    const double mean = all > 0 ? (passed.x + passed.y + passed.z) / all : else_[c];
+    open[c] = std::clamp(asked[c] > 0 ? passed[c] / asked[c] : mean, 0.0, 1.0);
+  }
+  return open;
+}
+
 void sort_chosen(SharedLight& shared, size_t count) {
   std::vector<uint32_t>& ends = shared.ends;
   ends.assign(shared.samples.size() + 1, 0);
@@ -56,9 +84,18 @@ void sort_chosen(SharedLight& shared, size_t count) {
     shared.sorted[ends[shared.chosen[k].sample]++] = shared.chosen[k];
 }
 
-/// The same for all batches: which samples there are does not depend on these.
+/// The same for all batches: which samples there are does not depend on these. Each group of lights
+/// has a tree of its own.
 void find_clusters(SharedLight& shared) {
   std::vector<ClusteredLamp> lamps;
+  const auto plant = [&] {
+    const uint32_t first = uint32_t(shared.clusters.size());
+    for (LampCluster cluster : clusters_of(lamps)) {
+      cluster.next += first;
+      shared.clusters.push_back(cluster);
+    }
+    lamps.clear();
+  };
   Vec3d sum{};
   for (size_t k = 0; k < shared.samples.size(); ++k) {
     const LampSample& sample = shared.samples[k];
@@ -66,6 +103,7 @@ void find_clusters(SharedLight& shared) {
     const Light* const light = shared.light[k];
     for (int c = 0; c < 3; ++c) shared.color_sums.push_back(sum[c]);
     if (k < shared.clustered) continue;
+    if (!lamps.empty() && lamps.back().light->group != light->group) plant();
     if (lamps.empty() || lamps.back().light != light)
       lamps.push_back({light, number, number, number, sample.stage.shape == kDiscSource});
     lamps.back().end = number + 1;
@@ -74,7 +112,7 @@ void find_clusters(SharedLight& shared) {
     sum = sum + 1 / sample.stage.share * light->color;
   }
   for (int c = 0; c < 3; ++c) shared.color_sums.push_back(sum[c]);
-  shared.clusters = clusters_of(lamps);
+  plant();
 }
 
 }  // namespace
@@ -90,6 +128,9 @@ void DirectLight::find_sharing() {
     ++lamps;
     samples = std::max(samples, plan_.samples_of(light));
   }
+  for (SharedLight* shared : {&lamps_, &bounced_})
+    if (plan_.passes >> GLINT_PASS_LIGHT_GROUPS & 1)
+      shared->group_count = scene_.light_group_count + 1;
   lamps_.on = plan_.lamp_shadows > 0 && lamps > 2 * uint64_t(plan_.lamp_shadows);
   lamps_.rays = uint32_t(std::min(uint64_t(plan_.lamp_shadows) * samples, kMostRays));
   bounced_.rays = plan_.bounced_shadows;
@@ -102,6 +143,7 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
     return;
   const LightStage before = stage_;
   place_sums(shared, batch.size());
+  place_groups(shared, batch.size());
   list_samples(shared, batch, sample);
   choose(shared, batch, sample);
   const AskedLamp* begin = shared.sorted.data();
@@ -118,6 +160,7 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
 void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t sample) {
   shared.samples.clear();
   shared.light.clear();
+  shared.groups.clear();
   shared.receives.clear();
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
   const bool is_bounced = &shared == &bounced_;
@@ -155,6 +198,7 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
       if (drawn && !stage.draws) continue;
       shared.samples.push_back({stage, drawn});
       shared.light.push_back(&light);
+      shared.groups.push_back(std::min(uint32_t(point.group), scene_.light_group_count));
     }
   }
 }
@@ -194,6 +238,8 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   stage.reaching = shared.reaching.data();
   stage.given = shared.given.data();
   stage.chosen = shared.chosen.data();
+  stage.groups = shared.group_count ? shared.groups.data() : nullptr;
+  stage.group_given = shared.group_given.data();
   const size_t count = stages_.share(stage);
   sort_chosen(shared, count);
 }
@@ -236,6 +282,11 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
     const Vec3d open = shadow_[0] ? row(shadow_, k) : Vec3d{1, 1, 1} * double(!blocked_[k]);
     set_row(shared.asked, point, row(shared.asked, point) + asked);
     set_row(shared.passed, point, row(shared.passed, point) + open * asked);
+    for (size_t c = 0; shared.group_count && c < 3; ++c) {
+      const size_t column = 3 * size_t(shared.groups[number]) + c;
+      shared.group_asked[column][point] += asked[int(c)];
+      shared.group_passed[column][point] += open[int(c)] * asked[int(c)];
+    }
   }
   for (const AskedLamp* p = begin; p != end; ++p) shared.asks[p->point] = 0;
 }
@@ -244,22 +295,44 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
 void DirectLight::add_shared(const SharedLight& shared, const Batch& batch) const {
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!(shared.total[k] > 0)) continue;
-    const Vec3d asked = row(shared.asked, k), passed = row(shared.passed, k),
-                diffuse = row(shared.diffuse, k), specular = row(shared.specular, k),
-                full = diffuse + specular;
-    const double all = asked.x + asked.y + asked.z,
-                 mean = all > 0 ? (passed.x + passed.y + passed.z) / all : 1;
-    Vec3d open;
-    for (int c = 0; c < 3; ++c)
-      open[c] = std::clamp(asked[c] > 0 ? passed[c] / asked[c] : mean, 0.0, 1.0);
+    const Vec3d diffuse = row(shared.diffuse, k), specular = row(shared.specular, k),
+                full = diffuse + specular,
+                open = share_open(row(shared.asked, k), row(shared.passed, k), {1, 1, 1});
     const SumColumns& sums = batch.sums;
     Batch::add_to(sums.total, k, open * full);
     Batch::add_to(sums.diffuse, k, diffuse);
     Batch::add_to(sums.specular, k, specular);
     Batch::add_to(sums.shadow, k, open * full - full);
+    if (batch.has_groups()) share_groups(shared, batch, k, open);
     if (!batch.splits()) continue;
     Batch::add_to(&shared == &bounced_ ? batch.lit_bounced : batch.lit_diffuse, k, open * diffuse);
     Batch::add_to(batch.lit_specular, k, open * specular);
+  }
+}
+
+/// What each group of lights gives, by what got through of those of it that were asked; and what is
+/// left between the sum of these and all is shared out, so that they are all together.
+void DirectLight::share_groups(const SharedLight& shared, const Batch& batch, size_t k,
+                               Vec3d open) const {
+  const auto at = [&](const std::vector<double*>& columns, size_t group) {
+    return Vec3d{columns[3 * group][k], columns[3 * group + 1][k], columns[3 * group + 2][k]};
+  };
+  const auto lit = [&](size_t group) {
+    return share_open(at(shared.group_asked, group), at(shared.group_passed, group), open) *
+           at(shared.group_given, group);
+  };
+  Vec3d sum, size;
+  for (size_t group = 0; group < shared.group_count; ++group) {
+    const Vec3d own = lit(group);
+    sum += own;
+    size += Vec3d{std::fabs(own.x), std::fabs(own.y), std::fabs(own.z)};
+  }
+  const Vec3d left = open * (row(shared.diffuse, k) + row(shared.specular, k)) - sum;
+  for (size_t group = 0; group + 1 < shared.group_count; ++group) {
+    Vec3d own = lit(group);
+    for (int c = 0; c < 3; ++c)
+      if (size[c] > 0) own[c] += left[c] * (std::fabs(own[c]) / size[c]);
+    batch.add_to_group(int(group), k, own);
   }
 }
 

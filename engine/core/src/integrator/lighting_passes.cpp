@@ -1,4 +1,5 @@
-// Passes of light by the kind of surface that gives it back first (SEMANTICS.md, Passes).
+// Passes of light by the kind of surface that gives it back first, and by the group of what makes
+// it (SEMANTICS.md, Passes).
 #include "integrator/tracer.h"
 
 namespace glint {
@@ -46,6 +47,29 @@ void Tracer::keep_lighting(const Queue& queue) {
       const double direct = queue.depth(k) == 1 ? s.emission[c][k] + s.environment[c][k] : 0;
       add(first, c, k, direct);
       add(first + 1, c, k, s.total[c][k] - direct);
+    }
+}
+
+/// What surfaces and the surroundings give of themselves to the rays of the batch.
+void Tracer::note_glow(const Queue& queue) {
+  const SumColumns& s = batch_.sums;
+  for (size_t k = 0; k < queue.size(); ++k) {
+    if (batch_.material[k] < scene_.materials.size() && any(row(batch_.glow, k)))
+      batch_.add_to_group(scene_.group(batch_.instance[k]).light_group - 1, k, row(batch_.glow, k));
+    batch_.add_to_group(scene_.world_light_group, k, row(s.ambient, k) + row(s.environment, k));
+  }
+}
+
+/// The batch's light of each group to the passes of the paths.
+void Tracer::keep_groups(const Queue& queue) {
+  double* const all = paths_.sums(film_, GLINT_PASS_LIGHT_GROUPS);
+  for (size_t group = 0; group < batch_.group_count(); ++group)
+    for (size_t c = 0; batch_.gives(group) && c < 3; ++c) {
+      double* const sums = all + (3 * group + c) * paths_.stride();
+      const double* const from = batch_.group(group)[c];
+      if (&queue == &first_) stages_.add(sums, from, queue.size());
+      else
+        for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += from[k];
     }
 }
 

@@ -206,7 +206,8 @@ Vec3d MediaSpans::passed(size_t k, double from, double to, uint64_t passed_sets,
   return {exponential(-tau.x), exponential(-tau.y), exponential(-tau.z)};
 }
 
-void MediaSpans::list_pieces(size_t k, double from, double to, std::vector<Piece>& pieces) const {
+void MediaSpans::list_pieces(size_t k, double from, double to, std::vector<Piece>& pieces,
+                             const int* emits) const {
   pieces.clear();
   if (!(from < to)) return;
   breaks_.assign({from, to});
@@ -219,15 +220,18 @@ void MediaSpans::list_pieces(size_t k, double from, double to, std::vector<Piece
     Piece piece{breaks_[b], breaks_[b + 1], {}, {}, {}};
     if (!(piece.from < piece.to)) continue;
     const double inside = piece.to < kInfinity ? 0.5 * (piece.from + piece.to) : piece.from + 1;
-    const auto add = [&](const Medium& medium) {
+    const auto add = [&](const Medium& medium, int group) {
       piece.extinction += medium.extinction;
       piece.scattering += medium.scattering;
-      piece.emission += medium.emission;
+      if (!emits || *emits == group) piece.emission += medium.emission;
     };
-    if (scene_.world_medium >= 0) add(scene_.media[size_t(scene_.world_medium)]);
-    for (size_t i = first; i < end_[k]; ++i)
+    if (scene_.world_medium >= 0)
+      add(scene_.media[size_t(scene_.world_medium)], scene_.world_light_group);
+    for (size_t i = first; i < end_[k]; ++i) {
+      const Enclosure& e = scene_.enclosures[spans_[i].enclosure];
       if (inside > spans_[i].from && inside < spans_[i].to)
-        add(scene_.media[scene_.enclosures[spans_[i].enclosure].medium]);
+        add(scene_.media[e.medium], scene_.group(e.instance).light_group - 1);
+    }
     pieces.push_back(piece);
   }
 }

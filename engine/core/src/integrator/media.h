@@ -29,8 +29,10 @@ class MediaSpans {
     double from, to;
     Vec3d extinction, scattering, emission;
   };
-  /// Of ray k, between two places.
-  void list_pieces(size_t k, double from, double to, std::vector<Piece>& pieces) const;
+  /// Of ray k, between two places. emits: the light group whose media alone give light, null for
+  /// all.
+  void list_pieces(size_t k, double from, double to, std::vector<Piece>& pieces,
+                   const int* emits = nullptr) const;
   /// Whether anything between two places of ray k scatters light, on more than what rounding leaves
   /// of a medium behind its end. origin: the largest coordinate of the ray's.
   bool scatters(size_t k, double from, double to, double origin) const;

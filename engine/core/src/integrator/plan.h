@@ -11,7 +11,13 @@
 namespace glint {
 
 /// Numbers of a row of the tables of lights that are surfaces (glint.h).
-constexpr size_t kPointColumns = 17;
+constexpr size_t kPointColumns = 18;
+
+/// The light group of a row of such a table, which may hold anything.
+inline int group_of_row(const double* row) {
+  const double group = row[kPointColumns - 1];
+  return group >= 1 && group <= 64 ? int(group) - 1 : -1;
+}
 
 struct RenderPlan {
   Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
@@ -30,6 +36,7 @@ struct RenderPlan {
   const double* light_disc = nullptr;
   const double* dome_table = nullptr;
   const double* mesh_table = nullptr;
+  size_t mesh_rows = 0;  // of each mesh light
   const double* bounced_table = nullptr;
   const double* lobe_points = nullptr;  // lobe_levels runs of lobe_tabled
   size_t lobe_levels = 1, lobe_tabled = 1;
@@ -78,21 +85,36 @@ struct RenderPlan {
     if (light.is_dome()) {
       const size_t number = size_t(sample % dome_tabled) * dome_samples + j;
       const double* const place = dome_table + 9 * (number / kSkyDraws) + 7;
-      return {0, 0, place[0], place[1], dome_table + 9 * number, &dome, number % kSkyDraws == 0};
+      return {0,
+              0,
+              place[0],
+              place[1],
+              dome_table + 9 * number,
+              &dome,
+              number % kSkyDraws == 0,
+              false,
+              light.group};
     }
     if (light.is_mesh()) {
+      const size_t number = size_t(sample % mesh_tabled) * mesh_samples + j;
       const double* const row =
-          mesh_table + kPointColumns * (size_t(sample % mesh_tabled) * mesh_samples + j);
-      return {0, 0, row[14], row[15], row, nullptr, j == 0};
+          mesh_table + kPointColumns * (light.mesh_number * mesh_rows + number);
+      return {0, 0, row[14], row[15], row, nullptr, j == 0, false, group_of_row(row)};
     }
     if (light.is_bounced()) {
       const size_t number = size_t(sample % bounced_tabled) * bounced_samples + j;
       const double* const row = bounced_table + kPointColumns * number;
-      return {0, 0, 0, 0, row, nullptr, false, row[16] != 0};
+      return {0, 0, 0, 0, row, nullptr, false, row[16] != 0, group_of_row(row)};
     }
-    if (light_samples <= 1 || !light_square) return {};
-    size_t at = 2 * (size_t(sample) * light_samples + j);
-    return {light_square[at], light_square[at + 1], light_disc[at], light_disc[at + 1]};
+    LightPoint point;
+    point.group = light.group;
+    if (light_samples <= 1 || !light_square) return point;
+    const size_t at = 2 * (size_t(sample) * light_samples + j);
+    point.a = light_square[at];
+    point.b = light_square[at + 1];
+    point.x = light_disc[at];
+    point.y = light_disc[at + 1];
+    return point;
   }
 };
 

@@ -237,6 +237,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& boun
   for (size_t c = 0; gives_aovs && scene_.bends_normals && c < 3; ++c)
     mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
   shade(queue, straight, bounced);
+  if (batch_.has_groups()) note_glow(queue);
   if (queue.reflections > 0) widen(queue);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
@@ -353,10 +354,10 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.lit = batch_.lit.data();
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
-  const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.reflections == 0;
-  for (size_t k = 0; sees_lights && k < queue.size(); ++k)
-    shader_.seen_lights(batch_, k, scene_.features & GLINT_FEATURE_MEDIA ? &media_ : nullptr,
-                        clear_.data());
+  const bool sees_lights = queue.reflections == 0;
+  for (size_t c = 0; batch_.has_groups() && c < 3; ++c)
+    std::copy_n(batch_.sums.emission[c], queue.size(), batch_.glow[c]);
+  for (size_t k = 0; sees_lights && k < queue.size(); ++k) see_lights(k);
   double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
        ++k)
@@ -369,6 +370,13 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
     } else if (batch_.material[k] == scene_.surroundings()) i += see_sky(queue, i, others - i);
     else i += vary(queue, i, others - i, {straight, bounced});
   }
+}
+
+/// Adds the lights' own shapes that ray k sees.
+void Tracer::see_lights(size_t k) {
+  if (scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS)
+    shader_.seen_lights(batch_, k, scene_.features & GLINT_FEATURE_MEDIA ? &media_ : nullptr,
+                        clear_.data());
 }
 
 /// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How
@@ -388,6 +396,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
+    if (batch_.has_groups()) stage.sums.emission[c] = batch_.glow[c];
     stage.T[c] = queue.column(Queue::kT + c);
     stage.diffuse[c] = batch_.diffuse[c];
     stage.ambient[c] = scene_.ambient[int(c)];
@@ -415,6 +424,8 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.lit = batch_.lit.data();
   stage.passing_rows = batch_.passing_rows.data();
   pass_on(queue, stages_.vary(stage), next);
+  for (size_t i = 0; batch_.has_groups() && i < stage.count; ++i)
+    Batch::add_to(batch_.sums.emission, rows[i], row(batch_.glow, rows[i]));
   for (size_t i = 0; film_.wants_data() && material.passing > 0 && i < stage.count; ++i)
     if (queue.wants_data(rows[i]))
       shader_.record_veil(batch_, rows[i], film_, pixel(queue, rows[i]));
@@ -669,6 +680,7 @@ void Tracer::keep(const Queue& queue) {
   };
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);
+  if (batch_.has_groups()) keep_groups(queue);
   if (film_.wants_lighting()) keep_lighting(queue);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
   keep_part(GLINT_PASS_AMBIENT, s.ambient);

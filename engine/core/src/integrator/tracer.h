@@ -62,6 +62,8 @@ class Tracer {
   void find_hits(const Queue& queue);
   void dim(Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
+  void see_lights(size_t k);
+  void note_glow(const Queue& queue);
   size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
   size_t see_sky(const Queue& queue, size_t first, size_t count);
   const double* run_sky(const Queue& queue, const uint32_t* rows, size_t count);
@@ -80,6 +82,7 @@ class Tracer {
   void note_colors(const Queue& queue);
   void note_occlusion(const Queue& queue, uint32_t sample);
   void keep_lighting(const Queue& queue);
+  void keep_groups(const Queue& queue);
   void note_aovs(const Queue& queue);
   void note_denoising(size_t k, uint32_t path, double share);
   Vec3d albedo(size_t k) const;
@@ -129,11 +132,10 @@ class Tracer {
   RayCounts counts_;
   std::vector<uint32_t> aov_rows_, occlusion_rows_;
   std::vector<Vec3d> open_;  // of the latter
-  /// A point on a catcher: what it adds without lights, the lights that are seen before it, and
-  /// what it adds with all.
+  /// A point on a catcher: what it adds without lights, and with all.
   struct Caught {
     uint32_t row;
-    Vec3d glow, seen, with;
+    Vec3d glow, with;
   };
   std::vector<Caught> caught_;           // of the batch
   std::vector<int64_t> lit_;             // its `lit` beside them

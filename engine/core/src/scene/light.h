@@ -20,6 +20,7 @@ struct LightPoint {
   const DomeCells* dome = nullptr;
   bool draws = true;        // highlights draw a direction there
   bool on_catcher = false;  // it is one of a shadow catcher
+  int group = -1;           // of lights that its own is in; -1 for none
 };
 
 /// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how
@@ -45,13 +46,16 @@ struct Light {
       1;  // (anchored length / world length)^2: inverse squares are taken in world units
   double versine = 0;  // 1 - cos of the sun's half angle
   double spot_cosine = -1, spot_sine = 0, spot_blend = 0;
-  Vec3d seen;                             // radiance of the visible shape
-  int level = -1;                         // in the tree of clusters, as GlintLight has it
-  bool extended = false;                  // has more than one sample when the settings want them
-  const ProgramShape* program = nullptr;  // what color is times at each sample; null: 1
-  size_t slot = 0;                        // in the block of its slots
-  InstanceShape space{};                  // its axes, as programs read those of an object
-  Affine placed;                          // the same for the points of a mesh light
+  Vec3d seen;                // radiance of the visible shape
+  int group = -1;            // of lights, but of those on surfaces; -1 for none
+  int level = -1;            // in the tree of clusters, as GlintLight has it
+  bool extended = false;     // has more than one sample when the settings want them
+  uint32_t mesh_number = 0;  // of a mesh light, among these
+  size_t first_emitter = 0, emitter_count = 0;  // of the scene's, that are a mesh light
+  const ProgramShape* program = nullptr;        // what color is times at each sample; null: 1
+  size_t slot = 0;                              // in the block of its slots
+  InstanceShape space{};                        // its axes, as programs read those of an object
+  Affine placed;                                // the same for the points of a mesh light
 
   Light(const GlintLight& data, const Anchor& anchor, const ProgramShape* programs);
   bool endless() const { return kind == GLINT_SUN || is_dome(); }

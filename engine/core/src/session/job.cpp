@@ -53,6 +53,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.mesh_samples = std::max(g.mesh_samples, 1u);
   plan.mesh_tabled = uint32_t(std::max(g.mesh_count / plan.mesh_samples, uint64_t(1)));
   plan.mesh_table = g.mesh_table;
+  plan.mesh_rows = size_t(g.mesh_count);
   plan.bounced_samples = std::max(g.bounced_samples, 1u);
   plan.bounced_tabled = uint32_t(std::max(g.bounced_count / plan.bounced_samples, uint64_t(1)));
   plan.bounced_table = g.bounced_table;
@@ -192,6 +193,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
       "settings: not 1 to 64 ids of Cryptomatte");
   add(!(g.passes >> GLINT_PASS_AOV & 1) || scene.aov_count > 0, "settings: there are no AOVs");
+  add(!(g.passes >> GLINT_PASS_LIGHT_GROUPS & 1) || scene.light_group_count > 0,
+      "settings: there are no light groups");
   add(sound_region(g.region, scene.camera),
       "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
@@ -213,7 +216,7 @@ Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
       plan_(plan_of(settings, scene.camera)),
       film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
-            plan_.crypto_ids, scene.aov_count),
+            plan_.crypto_ids, scene.aov_count, scene.light_group_count),
       thread_([this] { work(); }) {}
 
 Job::~Job() {

@@ -168,7 +168,9 @@ void Shader::seen_lights(Batch& batch, size_t k, const MediaSpans* media,
       program.run(light, path.depth > 0 ? RayKind::kBounced : RayKind::kCamera, 1);
       T = T * program.share(light, 0);
     }
-    batch.add(k, batch.sums.emission, T * light.radiance(ray.o, ray.d, plan_.physical));
+    const Vec3d seen = T * light.radiance(ray.o, ray.d, plan_.physical);
+    batch.add(k, batch.sums.emission, seen);
+    batch.add_to_group(light.group, k, seen);
   }
 }
 

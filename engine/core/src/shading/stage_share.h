@@ -262,6 +262,22 @@ void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, 
   }
 }
 
+/// Adds what was given to the points [first, end) to the groups of lights. Clusters are of one
+/// each.
+void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, size_t end) {
+  const double* given = s.given;
+  for (size_t i = 0; i < reached.count; ++i, given += 3 * kShareBlock) {
+    const uint32_t number = s.reaching[i];
+    const uint32_t sample =
+        number < s.sample_count ? number : s.clusters[number - s.sample_count].first;
+    for (size_t c = 0; c < 3; ++c) {
+      double* const sums = s.group_given[3 * size_t(s.groups[sample]) + c];
+      for (size_t k = first; k < end; k += kLanes)
+        store(sums + k, load(sums + k) + load(given + c * kShareBlock + (k - first)));
+    }
+  }
+}
+
 /// How near the samples stand that the points [first, end) face, and that face them.
 void find_spacing(const ShareStage& to, size_t first, size_t end) {
   if (to.sample_count == 0 || to.samples[0].stage.shape != kBouncedSource) return;
@@ -295,6 +311,7 @@ size_t share(const ShareStage& s) {
       if (may_reach(s.samples[i], bounds))
         add_lamp(s, s.samples[i], first, end, reached.give(s, i));
     add_clusters(s, bounds, first, end, reached);
+    if (s.groups) add_to_groups(s, reached, first, end);
     for (size_t k = first; k < end; k += kLanes)
       found += choose_samples(s, k, reached.count, s.given + (k - first), s.chosen + found);
   }

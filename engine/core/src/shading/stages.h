@@ -421,6 +421,8 @@ struct ShareStage {
                        // a cluster as number of samples plus its own
   double* given;       // room for a block of points, three times for each of them
   AskedLamp* chosen;   // room for so many as are asked, for each point
+  const uint32_t* groups;      // of lights, of each sample; null where nobody asks
+  double* const* group_given;  // three columns for each group, to which what it gives is added
 };
 
 /// total[point[k]] += given[k] where the ray is free.

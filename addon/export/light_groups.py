@@ -1,0 +1,39 @@
+"""Light groups of a view layer: names, and which of them a thing's light is of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .report import Report
+
+MOST = 64
+"""Groups that the engine tells apart."""
+
+
+class LightGroups:
+    """Those of one view layer, none where nobody asks."""
+
+    def __init__(self, names: tuple[str, ...] = ()) -> None:
+        self.names = names
+        self._numbers = {name: number for number, name in enumerate(names)}
+
+    @classmethod
+    def of(cls, view_layer: Any, report: Report | None = None) -> LightGroups:
+        """The first groups of a view layer; the others are told."""
+        names = [group.name for group in view_layer.lightgroups]
+        for name in names[MOST:]:
+            if report is not None:
+                report.note(
+                    f"A view layer has the passes of at most {MOST} light groups: "
+                    "{} have none; move them to another view layer",
+                    name,
+                )
+        return cls(tuple(names[:MOST]))
+
+    def number(self, thing: Any) -> int:
+        """Of the group that an object's or a world's own light is in; -1 for none, and for one that
+        the view layer has not.
+        """
+        if not self.names or thing is None:
+            return -1
+        return self._numbers.get(thing.lightgroup, -1)
