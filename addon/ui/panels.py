@@ -11,6 +11,7 @@ that Glint reads too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
@@ -419,7 +420,22 @@ _CLASSES = (
 )
 
 
+@bpy.app.handlers.persistent
+def _redraw_statistics(*_: Any) -> None:
+    """After an animation Blender draws Properties editors only when the mouse comes by."""
+    for manager in bpy.data.window_managers:
+        for window in manager.windows:
+            for area in window.screen.areas:
+                if area.type == "PROPERTIES":
+                    area.tag_redraw()
+
+
+_ENDS = (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel)
+
+
 def register() -> None:
+    for handlers in _ENDS:
+        handlers.append(_redraw_statistics)
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     for panel in _blender_panels():
@@ -429,6 +445,8 @@ def register() -> None:
 
 
 def unregister() -> None:
+    for handlers in _ENDS:
+        handlers.remove(_redraw_statistics)
     for panel, line in _panels_with_lines():
         panel.remove(line)
     for panel in _blender_panels():

@@ -20,6 +20,7 @@ import numpy as np
 from ... import engine
 from ...engine.scene import Camera, Scene
 from ..export import ExportError
+from ..export.darkness import darkness
 from ..export.sync.incremental import NO_CAMERA, shown_in
 from ..render import statistics
 from ..ui.properties import tracer_notes, viewport_settings_from
@@ -127,12 +128,13 @@ class Session:
             self, depsgraph, NO_CAMERA, passes=wishes.settings.passes, space=context.space_data
         )
         self._scene_name = depsgraph.scene.name
+        content = wishes.surroundings.around(scene)
         self._warn(
             export=self._export.notes(passes=wishes.settings.passes, space=context.space_data),
             camera=camera_notes(context.region_data, depsgraph.scene),
             core=tracer_notes(depsgraph.scene.glint.final.backend),
+            light=darkness(content),
         )
-        content = wishes.surroundings.around(scene)
         if self._shows(content, wishes):
             return  # another object is selected, or the display transform is another
         self.content, self._wishes = content, wishes

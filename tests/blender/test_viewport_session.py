@@ -165,6 +165,16 @@ def test_a_view_says_that_the_slow_tracer_draws_it(watcher, monkeypatch):
     assert "(no library)" in note
 
 
+def test_a_view_without_light_says_so(watcher):
+    shown, shading = bpy.context.scene, watcher.view.space_data.shading
+    shown.world = None
+    watcher.edit(lambda: setattr(shading, "use_scene_lights_render", False))
+    [note] = statistics.of_views(shown.name)
+    assert "no light" in note and "1 warning" in watcher.told[-1]
+    watcher.edit(lambda: setattr(shading, "use_scene_lights_render", True))
+    assert statistics.of_views(shown.name) == ()
+
+
 def test_what_a_camera_does_not_do_is_told_where_a_view_looks_through_it(watcher):
     eye = bpy.data.objects["Eye"]
     bpy.context.scene.camera, eye.data.dof.use_dof = eye, True
