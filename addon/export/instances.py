@@ -20,8 +20,6 @@ from .unheard import note_object
 
 _UNSUPPORTED = {
     "VOLUME": "Volume objects are not rendered: {}; convert them to meshes",
-    "GPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
-    "GREASEPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
 }
 
 

@@ -88,6 +88,17 @@ def test_other_microfacets_are_told(scene, distribution):  # noqa: F811
     assert any("rendered as GGX" in note for note in shader.export()[0].notes)
 
 
+def test_grease_pencil_is_blenders(scene):  # noqa: F811
+    """Blender draws it over every engine's picture, so nothing is told."""
+    quad("Thing")
+    before = export()
+    is_old = bpy.app.version < (4, 3, 0)
+    add = bpy.ops.object.gpencil_add if is_old else bpy.ops.object.grease_pencil_add
+    add(type="MONKEY")
+    after = export()
+    assert after.notes == () and len(after.scene.instances) == len(before.scene.instances)
+
+
 def test_ray_visibility_is_told(scene):  # noqa: F811
     lamp = link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
     thing = quad("Thing")

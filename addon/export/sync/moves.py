@@ -208,7 +208,8 @@ def _relight(
         own = Report()
         flags = flags_of(lamp, lamp, view_layer, own)
         made = Lights(images, own)
-        made.add(lamp.name, lamp.data, matrix, Seen(flags.camera, flags.mirror))
+        seen = Seen(flags.camera, flags.mirror, light_group=lights[number].light_group)
+        made.add(lamp.name, lamp.data, matrix, seen)
         if len(made.lights) != 1 or own.notes() or report.mentions(lamp.name):
             return False
         lights[number] = made.lights[0]

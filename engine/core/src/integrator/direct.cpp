@@ -189,7 +189,7 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stages_.dome(stage);
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!stage_.lit[k] || balance_[k] < 0) continue;
-    batch.add_to_group(light.group, k, row(sky_, k));
+    if (batch.has_groups()) batch.add_to_group(light.group, k, row(sky_, k));
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
       if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
