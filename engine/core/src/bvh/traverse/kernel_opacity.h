@@ -46,8 +46,12 @@ __attribute__((noinline)) uint32_t stopped_each(const Walk<Any>& w, int k, uint3
   for (; passing; passing &= passing - 1) {
     const int lane = __builtin_ctz(passing), r = k + lane, s = tile.slot[r];
     const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
-    Hit hit{met.t[lane], id.instance, id.primitive, met.u[lane], met.v[lane]};
-    if (kind[lane] == Opacity::kMapped || !(met.known >> lane & 1)) {
+    Hit hit{0, id.instance, id.primitive};
+    if (met.known & plain & 1u << lane) {
+      hit.t = met.t[lane];
+      hit.u = met.u[lane];
+      hit.v = met.v[lane];
+    } else {
       const Exact<double> e = w.exact(r, leaf, place);
       hit = {e.depth / tile.along[r], id.instance, id.primitive, float(e.u), float(e.v)};
       if (kind[lane] == Opacity::kMapped)
