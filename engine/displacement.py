@@ -46,6 +46,14 @@ class Displacement:
     keeps_normals: bool = False
     is_placed: bool = True
 
+    @cached_property
+    def _hash(self) -> int:
+        return hash((self.program, self.textures, self.constant, self.keeps_normals))
+
+    def __hash__(self) -> int:
+        """Worked out once: exports look for what they displaced before, object by object."""
+        return self._hash
+
 
 @dataclass(frozen=True, eq=False)
 class Place:

@@ -211,7 +211,7 @@ class Settings:
         "makes hard shadows from the light's centre",
         low=1,
         slider=64,
-        typed=4096,
+        typed=1 << 24,  # as of samples
         remedy="at least 1",
     )
     lamp_shadows: int = _setting(

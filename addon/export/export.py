@@ -32,6 +32,7 @@ from .panorama import Looker
 from .placing import (
     note_catchers,
     note_empty_view,
+    note_linked_glow,
     note_media,
     without_collapsed,
     without_unplaced,
@@ -194,6 +195,7 @@ class Collector:
         self._geometries: list[MeshSource | StrandSource | Geometry] = []
         self._known: dict[tuple, int | None] = {}
         self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
+        self._moves_by_slots: dict[tuple[int, ...], tuple[Displacement | None, ...]] = {}
         self.displaced: dict[int, Displaced] = {}
 
     def meet(self, instance: Any, flags: Flags) -> _Placed | _Lamp | None:
@@ -235,9 +237,10 @@ class Collector:
         if wanted:
             of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
             values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
-        moves = self.materials.displacements(slots)
-        is_bound = any(one is not None and one.is_placed for one in moves)
+        moves = self._moves(slots)
+        is_bound = False
         if moves:
+            is_bound = any(one is not None and one.is_placed for one in moves)
             geometry = self._displaced(instance, geometry, moves, values if is_bound else None)
         if isinstance(self._geometry(geometry), MeshSource | StrandSource):
             owner = instance.instance_object or thing
@@ -311,6 +314,7 @@ class Collector:
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
             asset=placed.asset, catcher=flags.catcher, light_group=placed.light_group,
+            receivers=flags.receivers, blockers=flags.blockers,
         )  # fmt: skip
 
     @cached_property
@@ -342,6 +346,12 @@ class Collector:
         if slots not in self._wanted_by_slots:
             self._wanted_by_slots[slots] = self.wanted | self.materials.wanted(slots)
         return self._wanted_by_slots[slots]
+
+    def _moves(self, slots: tuple[int, ...]) -> tuple[Displacement | None, ...]:
+        """How the materials in these slots move vertices; empty where none does."""
+        if slots not in self._moves_by_slots:
+            self._moves_by_slots[slots] = self.materials.displacements(slots)
+        return self._moves_by_slots[slots]
 
     def _geometry(self, number: int) -> MeshSource | StrandSource | Geometry:
         return self._geometries[number]
@@ -442,6 +452,7 @@ class Collector:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         note_catchers(instances, self.materials.materials, self.report)
+        note_linked_glow(instances, self.materials.materials, self.report)
         note_media(instances, self.materials.materials, self.report)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)

@@ -20,8 +20,6 @@ from .unheard import note_object
 
 _UNSUPPORTED = {
     "VOLUME": "Volume objects are not rendered: {}; convert them to meshes",
-    "GPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
-    "GREASEPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
 }
 
 
@@ -217,18 +215,6 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
     """Settings of who is lit by what, and by which rays, that have no counterpart here. owner: the
     thing or its instancer.
     """
-    linking = getattr(owner, "light_linking", None)
-    if linking is not None and thing.type != "LIGHT":
-        if linking.receiver_collection:
-            report.note(
-                "Light linking of what glows is not rendered: {} light everything", thing.name
-            )
-        if linking.blocker_collection:
-            report.note(
-                "Shadow linking of what glows is not rendered: everything casts shadows in the "
-                "light of {}",
-                thing.name,
-            )
     if thing.type == "LIGHT":
         if not (owner.visible_diffuse and owner.visible_glossy):
             report.note(
@@ -295,9 +281,5 @@ def flags_of(
     camera = camera and not indirect_only
     if links is None:
         return Flags(camera, mirror, shadow, holdout, catcher=catcher)
-    lit, shaded = (
-        (links.lit_by(owner), links.shaded_by(owner))
-        if thing.type == "LIGHT"
-        else (EVERYTHING, EVERYTHING)
-    )
+    lit, shaded = links.lit_by(owner), links.shaded_by(owner)
     return Flags(camera, mirror, shadow, holdout, links.set_of(owner), lit, shaded, catcher)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from .report import Report
@@ -30,10 +31,17 @@ class LightGroups:
                 )
         return cls(tuple(names[:MOST]))
 
+    def members(self, scene: Any, things: Iterable[Any]) -> tuple:
+        """Equal as long as the same things, and the scene's world, are in the same groups; no
+        update tells of these.
+        """
+        inside = [(thing.name_full, thing.lightgroup) for thing in things if thing.lightgroup]
+        return self.names, tuple(inside), scene.world.lightgroup if scene.world else ""
+
     def number(self, thing: Any) -> int:
         """Of the group that an object's or a world's own light is in; -1 for none, and for one that
-        the view layer has not.
+        the view layer has not. Evaluated ones are not told of a new group at once.
         """
         if not self.names or thing is None:
             return -1
-        return self._numbers.get(thing.lightgroup, -1)
+        return self._numbers.get(thing.original.lightgroup, -1)

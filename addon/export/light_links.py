@@ -31,8 +31,8 @@ class LightLinks:
     def __init__(self, objects: Iterable[Any], report: Report) -> None:
         """objects: originals."""
         objects = list(objects)
-        lights = [thing for thing in objects if thing.type == "LIGHT"]
-        found = (of(light) for light in lights for of in (receivers_of, blockers_of))
+        self._linked = _linked(objects)
+        found = (collection for pair in self._linked.values() for collection in pair)
         members = {c.session_uid: _Members(c) for c in found if c is not None}
         self._rows = {uid: row for row, uid in enumerate(members)}
         self._sets: dict[int, int] = {}
@@ -53,19 +53,37 @@ class LightLinks:
         """Of an original object, or of the one that places it."""
         return self._sets.get(thing.session_uid, 0) if self._sets else 0
 
-    def lit_by(self, light: Any) -> int:
+    def lit_by(self, thing: Any) -> int:
         """The sets that an original object lights, a bit each."""
-        return self._sets_in(receivers_of(light))
+        return self._sets_in(thing, 0)
 
-    def shaded_by(self, light: Any) -> int:
+    def shaded_by(self, thing: Any) -> int:
         """The sets that cast shadows in an original object's light, a bit each."""
-        return self._sets_in(blockers_of(light))
+        return self._sets_in(thing, 1)
 
-    def _sets_in(self, collection: Any) -> int:
-        if collection is None or collection.session_uid not in self._rows:
+    def _sets_in(self, thing: Any, which: int) -> int:
+        if not self._linked or thing.session_uid not in self._linked:
+            return EVERYTHING
+        collection = self._linked[thing.session_uid][which]
+        if collection is None:
             return EVERYTHING
         row = self._rows[collection.session_uid]
         return sum(1 << number for kind, number in self._kinds.items() if kind[row])
+
+
+def _linked(objects: Iterable[Any]) -> dict[int, tuple[Any, Any]]:
+    """Of those that light but some, or have shadows of some, the two collections by session uid:
+    asked for once each, as there may be many.
+    """
+    linked = {}
+    for thing in objects:
+        linking = getattr(thing, "light_linking", None)
+        if linking is None:
+            continue
+        receivers, blockers = linking.receiver_collection, linking.blocker_collection
+        if receivers is not None or blockers is not None:
+            linked[thing.session_uid] = receivers, blockers
+    return linked
 
 
 class _Members:

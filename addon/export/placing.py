@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 
 from ...engine import affine_inverse, determinant, pixel_bounds_of_box
-from ...engine.scene import Camera, Geometry, Instances, Material, Spheres, Strands
+from ...engine.scene import EVERYTHING, Camera, Geometry, Instances, Material, Spheres, Strands
 from .camera import inverse_axes
 from .report import Report
 
@@ -83,6 +83,25 @@ def note_catchers(
             )
         if "EMISSION" in kinds:
             report.note("Shadow catchers that glow light nothing: {}; put a lamp there", block.name)
+
+
+def note_linked_glow(
+    instances: tuple[Instances, ...], materials: Sequence[Material], report: Report
+) -> None:
+    """Say what of the light links of what glows is not in mirrors and glass."""
+    linked = [block for block in instances if block.receivers != EVERYTHING]
+    if not linked:
+        return
+    kinds = [{lobe.kind for lobe in material.lobes} for material in materials]
+    worn = {k for block in instances for k in block.materials}
+    mirrors = any(not kinds[k].isdisjoint({"MIRROR", "REFRACTION"}) for k in worn)
+    for block in linked if mirrors else ():
+        if block.visible_mirror and any("EMISSION" in kinds[k] for k in block.materials):
+            report.note(
+                "Mirrors and glass show what glows also where its light linking leaves them out: "
+                "{}; turn off its Reflections in Ray Visibility to hide it from all",
+                block.name,
+            )
 
 
 def note_media(

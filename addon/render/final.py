@@ -14,6 +14,7 @@ import bpy
 
 from ... import engine
 from ..export import Decoded, aovs_of, export_scene, seen_by
+from ..export.darkness import darkness
 from ..ui.properties import settings_from, tracer_notes
 from .aim import Aim, aim_from
 from .kept import Kept
@@ -125,7 +126,7 @@ def prepare(
         motion_notes += vector_notes
     seconds = time.perf_counter() - start
     told = [*notes, *aim_notes, *export.notes, *(note for _, own in others for note in own)]
-    told += [*motion_notes, *_emptiness(export.scene), *_darkness(export.scene)]
+    told += [*motion_notes, *_emptiness(export.scene), *darkness(export.scene)]
     return tuple(
         Job(
             scene=scene,
@@ -283,17 +284,6 @@ def _emptiness(scene: engine.Scene) -> list[str]:
     return [
         "No object is there for the camera to see: all are hidden, from renders or from cameras, "
         "or have no faces"
-    ]
-
-
-def _darkness(scene: engine.Scene) -> list[str]:
-    """A note when nothing in the scene sheds or shows light."""
-    glows = any(lobe.kind == "EMISSION" for material in scene.materials for lobe in material.lobes)
-    if scene.lights or glows or any(scene.world.ambient) or any(scene.world.background):
-        return []
-    return [
-        "The scene has no light and a black world: the picture is black; add a light or give the "
-        "world a colour"
     ]
 
 

@@ -177,7 +177,8 @@ def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.V
 class GLINT_OBJECT_PT_light_group(EnginePanel, bpy.types.Panel):
     bl_label = "Light Group"
     bl_context = "object"
-    bl_parent_id = "OBJECT_PT_shading"
+    # before 4.3 the tab has no panel Shading for engines other than Cycles
+    bl_parent_id = "OBJECT_PT_shading" if hasattr(bpy.types, "OBJECT_PT_shading") else ""
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):

@@ -11,6 +11,7 @@ that Glint reads too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
@@ -33,6 +34,7 @@ from .data_panels import (
 )
 from .lines import draw_text
 from .panel import ENGINE, EnginePanel, draw_if_known
+from .properties import LIGHT_GROUP
 
 _REPLACED_OR_WITHOUT_EFFECT = {
     "DATA_PT_falloff_curve",
@@ -70,6 +72,16 @@ _WITHOUT_EFFECT = {
     "RENDER_PT_stereoscopy": "No effect in Glint: every view is the camera's own",
 }
 """Blender's panels that a file's settings are looked for in, and what each says on top."""
+
+
+def _draw_pass(layout: bpy.types.UILayout, context: bpy.types.Context, **look: str) -> None:
+    """What Rendered shading shows."""
+    settings = context.scene.glint
+    layout.prop(settings, "viewport_pass", **look)
+    if settings.viewport_pass == LIGHT_GROUP:
+        layout.prop_search(
+            settings, "viewport_light_group", context.view_layer, "lightgroups", **look
+        )
 
 
 class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
@@ -125,7 +137,7 @@ class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):
 
     def draw(self, context):
         super().draw(context)
-        self.column.prop(context.scene.glint, "viewport_pass")
+        _draw_pass(self.column, context)
 
 
 class GLINT_RENDER_PT_simplify(EnginePanel, bpy.types.Panel):
@@ -358,7 +370,7 @@ class GLINT_VIEW3D_PT_shading_render_pass(_ShadingPanel, bpy.types.Panel):
     bl_label = "Render Pass"
 
     def draw(self, context):
-        self.layout.prop(context.scene.glint, "viewport_pass", text="")
+        _draw_pass(self.layout, context, text="")
 
 
 def _blender_panels() -> Iterator[type]:
@@ -419,7 +431,22 @@ _CLASSES = (
 )
 
 
+@bpy.app.handlers.persistent
+def _redraw_statistics(*_: Any) -> None:
+    """After an animation Blender draws Properties editors only when the mouse comes by."""
+    for manager in bpy.data.window_managers:
+        for window in manager.windows:
+            for area in window.screen.areas:
+                if area.type == "PROPERTIES":
+                    area.tag_redraw()
+
+
+_ENDS = (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel)
+
+
 def register() -> None:
+    for handlers in _ENDS:
+        handlers.append(_redraw_statistics)
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     for panel in _blender_panels():
@@ -429,6 +456,8 @@ def register() -> None:
 
 
 def unregister() -> None:
+    for handlers in _ENDS:
+        handlers.remove(_redraw_statistics)
     for panel, line in _panels_with_lines():
         panel.remove(line)
     for panel in _blender_panels():

@@ -10,10 +10,20 @@ from dataclasses import replace
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ... import engine
 from ...engine.settings import DECLARED, OFFERED
+
+LIGHT_GROUP = "Light Group"
+"""The pass in the choice of those that Rendered shading shows."""
 
 
 def _property(name: str) -> Any:
@@ -106,8 +116,13 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
             (name, name, "")
             for name in engine.PASSES
             if name not in (*engine.CRYPTOMATTES, "Vector")
-        ],
+        ]
+        + [(LIGHT_GROUP, LIGHT_GROUP, "The light of one of the view layer's light groups")],
         default="Combined",
+    )
+    viewport_light_group: StringProperty(
+        name="Light Group",
+        description="The one that Rendered shading shows; all light where none has the name",
     )
 
 
@@ -190,7 +205,9 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     How finely to sample is the viewport's own; what a picture means and who draws it is the final
     render's.
     """
-    settings = settings_from(scene.glint.viewport, scene, (scene.glint.viewport_pass,))
+    shown = scene.glint.viewport_pass
+    passes = (shown,) if shown in engine.PASSES else ()
+    settings = settings_from(scene.glint.viewport, scene, passes)
     final = settings_from(scene.glint.final, scene)
     backend = "NUMPY" if tracer_notes(final.backend) else final.backend
     names = (
@@ -206,7 +223,7 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     acceleration = "FAST" if final.acceleration == "AUTO" else final.acceleration
     return replace(
         settings, backend=backend, acceleration=acceleration, **shared
-    ), scene.glint.viewport_pass
+    ), shown if shown != LIGHT_GROUP else engine.LIGHT_GROUP + scene.glint.viewport_light_group
 
 
 _CLASSES = (GlintRenderSettings, GlintSceneSettings, GlintViewLayerSettings)

@@ -20,6 +20,8 @@ import numpy as np
 from ... import engine
 from ...engine.scene import Camera, Scene
 from ..export import ExportError
+from ..export.darkness import darkness
+from ..export.light_groups import LightGroups
 from ..export.sync.incremental import NO_CAMERA, shown_in
 from ..render import statistics
 from ..ui.properties import tracer_notes, viewport_settings_from
@@ -59,24 +61,39 @@ class _Wishes:
     """What decides on a picture and is no data of the depsgraph's, so that no update tells of its
     changes.
 
-    settings: with the estimated error, which the status line tells.
+    settings: with the estimated error, which the status line tells.  groups: light groups and what
+    is in them, where one is shown.
     """
 
     settings: engine.Settings
     shown_pass: str
     surroundings: Surroundings
     shown: tuple
+    groups: tuple = ()
 
     @classmethod
     def of(cls, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> _Wishes:
         settings, shown_pass = viewport_settings_from(depsgraph.scene)
         settings = replace(settings, passes=settings.passes | {"Error"})
+        groups: tuple = ()
+        if shown_pass.startswith(engine.LIGHT_GROUP):
+            known = LightGroups.of(depsgraph.view_layer)
+            if shown_pass.removeprefix(engine.LIGHT_GROUP) in known.names:
+                groups = known.members(depsgraph.scene, bpy.data.objects)
+            else:
+                shown_pass = "Combined"
         return cls(
             settings,
             shown_pass,
             read_surroundings(context.space_data),
             shown_in(context.space_data),
+            groups,
         )
+
+    @property
+    def export(self) -> dict[str, Any]:
+        """What they want of the export, but for the view itself."""
+        return {"passes": self.settings.passes, "groups": self.groups}
 
 
 class Session:
@@ -123,16 +140,16 @@ class Session:
         """
         self.region = context.region.as_pointer()
         self._export, wishes = export_of(depsgraph), _Wishes.of(context, depsgraph)
-        scene = self._export.update(
-            self, depsgraph, NO_CAMERA, passes=wishes.settings.passes, space=context.space_data
-        )
+        asked = {**wishes.export, "space": context.space_data}
+        scene = self._export.update(self, depsgraph, NO_CAMERA, **asked)
         self._scene_name = depsgraph.scene.name
+        content = wishes.surroundings.around(scene)
         self._warn(
-            export=self._export.notes(passes=wishes.settings.passes, space=context.space_data),
+            export=self._export.notes(**asked),
             camera=camera_notes(context.region_data, depsgraph.scene),
             core=tracer_notes(depsgraph.scene.glint.final.backend),
+            light=darkness(content),
         )
-        content = wishes.surroundings.around(scene)
         if self._shows(content, wishes):
             return  # another object is selected, or the display transform is another
         self.content, self._wishes = content, wishes
@@ -323,7 +340,7 @@ class Session:
             self._settings,
             samples=1,
             error_threshold=0.0,
-            passes=self._settings.passes - {"Error"} | {self._shown_pass},
+            passes=self._settings.passes - {"Error"} | ({self._shown_pass} & engine.PASSES.keys()),
         )
 
     def _full(self, scene: Scene, view: View, keep: bool) -> engine.Task:

@@ -388,7 +388,7 @@ class _Work:
         self._errors: dict[Settings, dict[str, float]] = {}
         self._checked: set[Settings] = set()
         self._first: Trade | None = None
-        self._done, self._expected = 0.0, 1.0
+        self._done, self._expected, self._fraction = 0.0, 1.0, 0.0
 
     def look(self, count: int, side: int) -> None:
         """Pick the squares by where few samples, and settings that leave out much, differ from a
@@ -430,14 +430,12 @@ class _Work:
         busy moment of the machine meets all settings.
         """
         quick = reference_settings(self._renderer.scene, self._base, self._grid, samples)
+        grid = sum(map(_cost, self._grid)) * (repeats + 0.2)
         if samples >= _GLANCE_MARGIN * _GLANCE:
+            self._expected = grid + 2 * _cost(quick)
             self._glance()
         exact = quick if self._is_too_slow(quick, seconds) else replace(quick, backend="NUMPY")
-        self._expected = (
-            sum(_cost(s) for s in self._grid) * (repeats + 0.2)
-            + sum(_cost(s) for s in {quick, exact})
-            + _cost(exact)
-        )
+        self._expected = self._done + grid + sum(map(_cost, {quick, exact})) + _cost(exact)
         for reference in dict.fromkeys((quick, exact)):
             truth = self._render(reference, self._squares).pictures
             self._reference = _in_words(reference)
@@ -558,7 +556,8 @@ class _Work:
     def _render(self, settings: Settings, squares: Squares) -> Rendered:
         rendered = self._renderer.render(settings, crops=squares.crops)
         self._done += _cost(settings)
-        self._tell(min(self._done / self._expected, 1.0))
+        self._fraction = max(self._fraction, min(self._done / self._expected, 1.0))
+        self._tell(self._fraction)
         return rendered
 
     def _publish(self) -> None:

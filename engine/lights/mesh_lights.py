@@ -45,15 +45,17 @@ def _at(eye: Array) -> Camera:
     return Camera("PERSPECTIVE", np.column_stack([np.eye(3), eye]), (-1, 1, -1, 1), (1, 1))
 
 
-def mesh_light(scene: Scene) -> Light | None:
-    """The MESH light of all surfaces of a scene that glow; None without any."""
+def mesh_lights(scene: Scene) -> tuple[Light, ...]:
+    """The MESH lights of all surfaces of a scene that glow, one for those that light the same
+    things, in the shadows of the same.
+    """
     glowing = {k for k, material in enumerate(scene.materials) if _glows(material)}
     blocks = [
         block
         for block in (scene.instances if glowing else ())
         if not (block.holdout or block.catcher or glowing.isdisjoint(block.materials))
     ]
-    return _light(_Same(scene, blocks)) if blocks else None
+    return _lights(_Same(scene, blocks)) if blocks else ()
 
 
 def _glows(material: Material) -> bool:
@@ -61,7 +63,7 @@ def _glows(material: Material) -> bool:
 
 
 class _Same:
-    """Those things of a scene on which its MESH light depends, as a key: equal where they are the
+    """Those things of a scene on which its MESH lights depend, as a key: equal where they are the
     same objects.
     """
 
@@ -91,10 +93,20 @@ class _Same:
 
 
 @functools.lru_cache(maxsize=2)
-def _light(same: _Same) -> Light | None:
+def _lights(same: _Same) -> tuple[Light, ...]:
+    linked: dict[tuple[int, int], list[Instances]] = {}
+    for block in same.scene.instances:
+        linked.setdefault((block.receivers, block.blockers), []).append(block)
+    lights = (_light(replace(same.scene, instances=tuple(some))) for some in linked.values())
+    return tuple(light for light in lights if light is not None)
+
+
+def _light(scene: Scene) -> Light | None:
+    """Of all that glows in a scene; None where nothing does."""
     # near what glows: sums of large and small coordinates lose the small ones' last digits
-    first = np.array(same.scene.instances[0].world_from_object[0, :, 3], np.float64)
-    found = _found(same.scene, first)
+    block = scene.instances[0]
+    first = np.array(block.world_from_object[0, :, 3], np.float64)
+    found = _found(scene, first)
     if found is None:
         return None
     low, high = found.corners.min((0, 1)), found.corners.max((0, 1))
@@ -107,6 +119,8 @@ def _light(same: _Same) -> Light | None:
         size_y=float(size[1]),
         radius=float(size[2]) / 2,
         emitters=replace(found, corners=found.corners - (origin - first)),
+        receivers=block.receivers,
+        blockers=block.blockers,
     )
 
 

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 37
+ABI_VERSION = 38
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -316,7 +316,7 @@ class LightData(Structure):
         *_each(c_int32, "kind"),
         *_each(c_uint32, "flags"),
         *_each(c_int32, "program program_slot level light_group"),
-        *_each(c_uint64, "excluded_sets passed_sets"),
+        *_each(c_uint64, "excluded_sets passed_sets first_emitter emitter_count"),
     ]
 
 

@@ -265,8 +265,10 @@ def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list
 
 
 def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int]) -> _Part:
+    sizes = [len(light.emitters.corners) if light.emitters else 0 for light in lights]
+    firsts = np.cumsum([0, *sizes]).tolist()
     rows = [
-        _light(light, level) for light, level in zip(lights, cluster_levels(lights), strict=True)
+        _light(*told) for told in zip(lights, cluster_levels(lights), firsts, sizes, strict=False)
     ]
     return _Part(lights, {"lights": _table(core_types.LightData, rows)}, [])
 
@@ -282,17 +284,17 @@ def _all_emitters(scene: Scene) -> tuple[Emitters, ...]:
 
 
 def _emitters(emitters: tuple[Emitters, ...], before: _Part | None, changed: list[int]) -> _Part:
-    """Of the one MESH light, if there is one."""
-    count = sum(len(light.corners) for light in emitters)
-    table = np.zeros(count, np.dtype(core_types.EmitterData))
-    corners = np.zeros((count, 9), np.float32)
-    for light in emitters:
+    """Of the MESH lights, one after the other."""
+    tables = [np.zeros(len(light.corners), np.dtype(core_types.EmitterData)) for light in emitters]
+    for light, table in zip(emitters, tables, strict=True):
         for name in ("front", "back"):
             table[name] = getattr(light, name)
         table["normal"], table["spread"] = light.normals, light.spreads
         table["reach"] = light.reaches
         table["light_group"] = 1 + light.light_group
-        corners[:] = light.corners.reshape(-1, 9)
+    corners = [light.corners.reshape(-1, 9).astype(np.float32) for light in emitters]
+    table = np.concatenate(tables) if tables else np.zeros(0, np.dtype(core_types.EmitterData))
+    corners = np.concatenate(corners) if corners else np.zeros((0, 9), np.float32)
     return _Part(emitters, {"emitters": table, "emitter_corners": corners}, [])
 
 
@@ -564,7 +566,7 @@ def _texture(packer: Packer, texture: Texture) -> tuple:
     )
 
 
-def _light(light: Light, level: int) -> tuple:
+def _light(light: Light, level: int, first_emitter: int, emitter_count: int) -> tuple:
     bits = core_types.LightFlags
     flags = (
         bits.CAST_SHADOW * light.cast_shadow
@@ -591,4 +593,6 @@ def _light(light: Light, level: int) -> tuple:
         1 + light.light_group,
         EVERYTHING ^ light.receivers,
         EVERYTHING ^ light.blockers,
+        first_emitter,
+        emitter_count,
     )

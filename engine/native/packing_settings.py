@@ -82,10 +82,9 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     for light in scene.lights:
         if light.kind == "DOME":
             _add_dome(data, packer, light, settings)
-        if light.kind == "MESH":
-            _add_mesh(data, packer, light, settings)
         if light.kind == "BOUNCED":
             _add_bounced(data, packer, light, settings)
+    _add_meshes(data, packer, [x for x in scene.lights if x.kind == "MESH"], settings)
     if scene.camera.lens:
         _add_lens(data, packer, scene.camera.lens, settings)
     data.moving = is_moving(scene)
@@ -124,15 +123,17 @@ def _add_dome(
     data.dome_axes[:] = table.axes.T.reshape(9)
 
 
-def _add_mesh(
-    data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
+def _add_meshes(
+    data: core_types.RenderSettingsData, packer: Packer, lights: list[Light], settings: Settings
 ) -> None:
     from ..lights.mesh_lights import mesh_table
 
-    table = mesh_table(light, settings.samples, settings.mesh_samples)
-    rows = _surface_points(packer, table, "mesh light samples")
-    data.mesh_table = address(rows)
-    data.mesh_count, data.mesh_samples = len(rows), table.each
+    if not lights:
+        return
+    tables = [mesh_table(light, settings.samples, settings.mesh_samples) for light in lights]
+    rows = np.concatenate([_point_rows(table) for table in tables])
+    data.mesh_table = address(packer.lend(rows, np.float64, (None, 18), "mesh light samples"))
+    data.mesh_count, data.mesh_samples = len(rows) // len(lights), tables[0].each
 
 
 def _add_bounced(
@@ -141,16 +142,16 @@ def _add_bounced(
     from ..lights.bounced_light import bounced_table
 
     table = bounced_table(light, settings.samples, settings.bounced_samples)
-    rows = _surface_points(packer, table, "bounced light samples")
+    rows = packer.lend(_point_rows(table), np.float64, (None, 18), "bounced light samples")
     data.bounced_table = address(rows)
     data.bounced_count, data.bounced_samples = len(rows), table.each
     data.bounced_shadows = settings.bounced_shadows
 
 
-def _surface_points(packer: Packer, t: MeshTable, name: str) -> np.ndarray:
+def _point_rows(t: MeshTable) -> np.ndarray:
+    """(k, 18) as glint.h has mesh_table."""
     columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc, t.caught)
-    columns = (*columns, 1 + t.light_group)
-    return packer.lend(np.column_stack(columns), np.float64, (None, 18), name)
+    return np.column_stack((*columns, 1 + t.light_group))
 
 
 def _add_motion(

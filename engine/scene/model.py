@@ -143,7 +143,8 @@ class Instances:
     which lights reach it.  motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even
     times while the shutter is open; None for what stands still.  asset: what it is part of, "" for
     itself alone; this and the name are what Cryptomatte passes tell.  light_group: of
-    `Scene.light_groups`, of what it gives by itself; -1 for none.
+    `Scene.light_groups`, of what it gives by itself; -1 for none.  receivers, blockers: as of
+    `Light`, of what it gives as a light.
     """
 
     name: str
@@ -161,6 +162,8 @@ class Instances:
     asset: str = ""
     catcher: bool = False
     light_group: int = -1
+    receivers: int = EVERYTHING
+    blockers: int = EVERYTHING
 
 
 ENCODINGS = ("LINEAR", "SRGB")
@@ -563,7 +566,7 @@ class Scene:
         """
         from ..lights.bounced_light import bounced_light
         from ..lights.lamps import in_order
-        from ..lights.mesh_lights import mesh_light
+        from ..lights.mesh_lights import mesh_lights
 
         lights = in_order(self.lights)
         scene = self if lights is self.lights else replace(self, lights=lights)
@@ -573,8 +576,8 @@ class Scene:
                 scene = replace(scene, world=replace(self.world, ambient=(0.0, 0.0, 0.0)))
             else:
                 scene = replace(scene, lights=lamps)
-        glow = mesh_light(self) if by_meshes else None
-        scene = scene if glow is None else replace(scene, lights=(*scene.lights, glow))
+        glow = mesh_lights(self) if by_meshes else ()
+        scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
 

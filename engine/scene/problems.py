@@ -125,9 +125,12 @@ def _light_groups(scene: Scene) -> Found:
     if count > MOST_LIGHT_GROUPS:
         yield f"scene has {count} light groups: use at most {MOST_LIGHT_GROUPS}"
     for thing in (*scene.lights, *scene.instances, scene.world):
-        wrong = [*whole("light_group", thing.light_group)]
-        if not wrong and not -1 <= thing.light_group < count:
-            wrong = [f"light_group is {thing.light_group}: use one of the {count}, or -1 for none"]
+        group = thing.light_group
+        if type(group) is int and -1 <= group < count:
+            continue
+        wrong = [*whole("light_group", group)]
+        if not wrong and not -1 <= group < count:
+            wrong = [f"light_group is {group}: use one of the {count}, or -1 for none"]
         yield from (f"{_label(thing)}: {text}" for text in wrong)
 
 
@@ -386,7 +389,8 @@ def _kind(group: Instances) -> tuple:
     """What `_instances` looks at but for the matrices, with the types: 1.0 equals 1 and is no
     index.
     """
-    values = (group.geometry, group.object_index, group.light_set, *group.materials)
+    links = group.receivers, group.blockers
+    values = (group.geometry, group.object_index, group.light_set, *links, *group.materials)
     special = group.values or group.motion is not None
     return values, tuple(map(type, values)), id(group) if special else 0
 
@@ -404,6 +408,7 @@ def _instances(scene: Scene, instances: Instances) -> Found:
         yield from handle("a material", material, len(scene.materials), "materials")
     yield from whole("object_index", instances.object_index)
     yield from handle("light_set", instances.light_set, MOST_SETS, "sets")
+    yield from _links(instances)
     for name, values in instances.values.items():
         found = [*array(f"value {name!r}", values, np.float32, (None, 4))]
         yield from found or finite_array(f"value {name!r}", values)
@@ -510,6 +515,13 @@ def _domes(lights: tuple[Light, ...]) -> Found:
         yield f"scene: the DOME lights {', '.join(map(repr, names))} are several: keep one"
 
 
+def _links(thing: Light | Instances) -> Found:
+    for name in ("receivers", "blockers"):
+        value = getattr(thing, name)
+        if not (isinstance(value, int) and 0 <= value <= EVERYTHING):
+            yield f"{name} is {value!r}: use a whole number of {MOST_SETS} bits"
+
+
 def _light(light: Light) -> Found:
     yield from one_of("kind", light.kind, LIGHTS)
     if light.kind == "DOME":
@@ -521,10 +533,7 @@ def _light(light: Light) -> Found:
     if light.program is not None:
         yield from _light_program(light)
     yield from one_of("shape", light.shape, LIGHT_SHAPES)
-    for name in ("receivers", "blockers"):
-        value = getattr(light, name)
-        if not (isinstance(value, int) and 0 <= value <= EVERYTHING):
-            yield f"{name} is {value!r}: use a whole number of {MOST_SETS} bits"
+    yield from _links(light)
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
     if light.motion is not None:
         yield from _light_motion(light)

@@ -65,11 +65,13 @@ for samples in (100_000, 10**9):
     final.samples = samples
     settings = settings_from(final, bpy.context.scene)
     told.append([settings.samples, settings.problems()])
-answer(told)
+final.samples, final.light_samples = 1, 5000
+settings = settings_from(final, bpy.context.scene)
+answer([*told, [settings.light_samples, settings.problems()]])
 """
     )
-    (many, fine), (most, problems) = run.answer
-    assert (many, fine) == (100_000, [])
+    (many, fine), (most, problems), lights = run.answer
+    assert (many, fine) == (100_000, []) and lights == [5000, []]
     assert len(problems) == 1 and problems[0].startswith(
         f"samples × light_samples is {2 * most}: use at most"
     )

@@ -77,6 +77,13 @@ def test_a_shutter_of_no_time_is_no_motion(moving):
     assert still is None or np.abs(still - still[0]).max() == 0
 
 
+def test_a_shutter_without_a_number_blurs_nothing_and_is_told(moving):
+    moving.render.motion_blur_shutter = float("nan")
+    assert read(moving).camera.motion is None
+    [note] = told(moving)
+    assert "shutter is not a finite number" in note
+
+
 def test_a_camera_bound_to_another_frame_is_not_this_one(moving):
     other = link(bpy.data.objects.new("Other", bpy.data.cameras.new("Other")))
     other.location = (100, 0, 0)

@@ -8,7 +8,7 @@ import pytest
 from mathutils import Matrix
 
 from export_support import Shader, export, link, mesh_object, quad, scene, use_nodes  # noqa: F401
-from glint.engine.scene import Instances
+from glint.engine.scene import EVERYTHING, Instances
 
 
 def _plain_walk(kinds=("MESH",)) -> dict[tuple, np.ndarray]:
@@ -293,6 +293,28 @@ def test_world_override_of_the_view_layer(scene):  # noqa: F811
     shader.inputs["Color"].default_value = (0.25, 0.5, 1.0, 1.0)
     bpy.context.view_layer.world_override = world
     np.testing.assert_allclose(export().scene.world.background, (0.25, 0.5, 1.0))
+
+
+def test_what_glows_is_linked_as_lamps_are(scene):  # noqa: F811
+    """A panel that lights one thing, and has shadows of another."""
+    panel, lit, dark = (quad(name) for name in ("panel", "lit", "dark"))
+    for thing, of in ((lit, "receiver_collection"), (dark, "blocker_collection")):
+        part = bpy.data.collections.new(of)
+        part.objects.link(thing)
+        setattr(panel.light_linking, of, part)
+    result = export()
+    found = {thing.name: thing for thing in result.scene.instances}
+    sets = {name: 1 << thing.light_set for name, thing in found.items()}
+    assert len(set(sets.values())) == 3
+    for links, name in ((found["panel"].receivers, "lit"), (found["panel"].blockers, "dark")):
+        assert [other for other, own in sets.items() if links & own] == [name]
+    assert found["lit"].receivers == found["lit"].blockers == EVERYTHING
+    assert not result.notes
+    glow, mirror = Shader(shader="ShaderNodeEmission"), Shader(shader="ShaderNodeBsdfAnisotropic")
+    mirror.shader.inputs["Roughness"].default_value = 0.0
+    panel.data.materials.append(glow.material)
+    lit.data.materials.append(mirror.material)
+    assert any("Mirrors and glass" in note and "'panel'" in note for note in export().notes)
 
 
 def test_light_groups_of_lamps_things_and_the_world(scene):  # noqa: F811

@@ -88,17 +88,24 @@ def test_other_microfacets_are_told(scene, distribution):  # noqa: F811
     assert any("rendered as GGX" in note for note in shader.export()[0].notes)
 
 
-def test_linking_and_ray_visibility_are_told(scene):  # noqa: F811
+def test_grease_pencil_is_blenders(scene):  # noqa: F811
+    """Blender draws it over every engine's picture, so nothing is told."""
+    quad("Thing")
+    before = export()
+    is_old = bpy.app.version < (4, 3, 0)
+    add = bpy.ops.object.gpencil_add if is_old else bpy.ops.object.grease_pencil_add
+    add(type="MONKEY")
+    after = export()
+    assert after.notes == () and len(after.scene.instances) == len(before.scene.instances)
+
+
+def test_ray_visibility_is_told(scene):  # noqa: F811
     lamp = link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
     thing = quad("Thing")
     assert not export().notes
-    thing.light_linking.blocker_collection = bpy.data.collections.new("Dark")
-    thing.light_linking.receiver_collection = bpy.data.collections.new("Lit")
     lamp.visible_diffuse = False
     thing.visible_transmission = False
     notes = export().notes
-    assert any("Shadow linking" in note and "'Thing'" in note for note in notes)
-    assert any("Light linking" in note and "'Thing'" in note for note in notes)
     assert any("light matt and glossy surfaces" in note and "'Lamp'" in note for note in notes)
     assert any("Refracted rays" in note and "'Thing'" in note for note in notes)
 

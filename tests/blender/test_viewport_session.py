@@ -165,6 +165,16 @@ def test_a_view_says_that_the_slow_tracer_draws_it(watcher, monkeypatch):
     assert "(no library)" in note
 
 
+def test_a_view_without_light_says_so(watcher):
+    shown, shading = bpy.context.scene, watcher.view.space_data.shading
+    shown.world = None
+    watcher.edit(lambda: setattr(shading, "use_scene_lights_render", False))
+    [note] = statistics.of_views(shown.name)
+    assert "no light" in note and "1 warning" in watcher.told[-1]
+    watcher.edit(lambda: setattr(shading, "use_scene_lights_render", True))
+    assert statistics.of_views(shown.name) == ()
+
+
 def test_what_a_camera_does_not_do_is_told_where_a_view_looks_through_it(watcher):
     eye = bpy.data.objects["Eye"]
     bpy.context.scene.camera, eye.data.dof.use_dof = eye, True
@@ -510,3 +520,42 @@ def test_views_of_one_scene_read_it_once(view, monkeypatch):
         bpy.app.handlers.depsgraph_update_post.remove(handler)
         for one in views:
             one.close()
+
+
+def test_a_light_group_is_shown_and_followed(watcher, scene):  # noqa: F811
+    """By name; lamps keep theirs when they move, and who is in it may change without an update."""
+    shown = []
+    original = session.as_colors
+
+    def noted(values, name):
+        shown.append((name, np.array(values)))
+        return original(values, name)
+
+    session.as_colors = noted
+    try:
+        layer, sun = bpy.context.view_layer, bpy.data.objects["SUN"]
+        layer.lightgroups.add(name="Key")
+        scene.glint.viewport_pass, scene.glint.viewport_light_group = "Light Group", "Key"
+        watcher.edit(lambda: None)
+        name, values = shown[-1]
+        assert name == "Light Group Key" and not values.any()
+
+        def join():
+            sun.lightgroup = "Key"
+
+        film = watcher.edit(join, updates=False)
+        _, lit = shown[-1]
+        assert lit.max() > 0 and (lit <= film.passes["Combined"][..., :3] + 1e-6).all()
+
+        def turn():
+            sun.rotation_euler.x += 0.5
+
+        film = watcher.edit(turn)
+        _, turned = shown[-1]
+        assert turned.max() > 0 and (turned != lit).any()
+        assert watcher.session.content.light_groups == ("Key",)
+        scene.glint.viewport_light_group = "Gone"
+        watcher.edit(lambda: None)
+        assert shown[-1][0] == "Combined" and watcher.session.content.light_groups == ()
+    finally:
+        session.as_colors = original

@@ -103,6 +103,26 @@ def test_both_bends_normals_as_in_cycles(case):
     assert np.median(differences) <= 1e-3 and np.percentile(differences, 95) <= 1e-2
 
 
+@pytest.mark.parametrize("method", ["DISPLACEMENT", "BOTH"])
+@pytest.mark.parametrize("strength", [1.0, 0.4])
+def test_normal_maps_lie_on_the_surface_as_it_was(method, strength):
+    """And are mixed with its normal as it is; which stays where the mesh has no such map."""
+    scene = cycles.empty_scene(96, 96)
+    for name, x in (("map", -1.0), ("none", 1.2)):
+        tree = Moving(method, "OBJECT")
+        texture, place = tree.node("ShaderNodeTexNoise", Scale=3.0), tree.node(COORDINATES)
+        tree.link(place.outputs["Generated"], texture.inputs["Vector"])
+        tree.link(texture.outputs[0], tree.displacer.inputs["Height"])
+        mapped = tree.node("ShaderNodeNormalMap", Strength=strength)
+        mapped.uv_map = name
+        tree.link(tree.image.outputs["Color"], mapped.inputs["Color"])
+        tree.link(mapped.outputs[0], tree.shader.inputs["Normal"])
+        add(scene, name, wrapped(tree.material), moved(x, 0.0, 0.4))
+    add_camera(scene)
+    differences = same_places(render_pair(scene, "NATIVE", f"mapped-{method}-{strength}"))
+    assert np.median(differences) <= 1e-3 and np.percentile(differences, 95) <= 1e-2
+
+
 def wavy(smooth: bool, node: str, output: str, size: float):
     """A square from -1 to 1 of 8 by 8 cells whose z is sin(3 x) / 2, by coordinates that are size
     times those of the object. They are read where it is flat: z counts as much as x.

@@ -10,7 +10,8 @@ import pytest
 import cycles_reference as cycles
 from cycles_reference import bpy
 from glint_picture import render_glint
-from small_scenes import add, add_camera, add_light, cube, lambert, moved, plane
+from small_scenes import add, add_camera, add_light, cube, lambert, looking_at, moved, plane
+from test_cycles_mesh_lights import glow
 
 
 def collection(scene, name: str, *objects):
@@ -101,3 +102,22 @@ def test_instances_are_linked_as_what_places_them() -> None:
     reference = cycles.render_cycles(scene)["Combined"][..., :3]
     assert (np.abs(glint - reference).max(2) > 1e-4 * reference.max()).mean() < 0.01
     assert reference.max() > 0
+
+
+@pytest.mark.parametrize("link", [included, shaded, both])
+def test_a_panel_lights_what_it_lights_in_cycles(link: Callable) -> None:
+    scene = cycles.empty_scene(48, 32)
+    things = blocks(scene)
+    add_camera(scene)
+    panel = add(scene, "panel", plane(0.5, glow(strength=30.0)), looking_at((1, -3, 3), (0, 0, 0)))
+    panel.visible_camera = False
+    link(scene, panel, things)
+    bpy.context.view_layer.update()
+    plan = {"samples": 64, "light_samples": 2, "filter_width": 0.0, "mesh_light": "ON"}
+    glint = render_glint(scene, "NATIVE", **plan).passes["Combined"][..., :3]
+    cycles.make_exact(scene, 512)
+    reference = cycles.render_passes(scene)["Combined"][..., :3]
+    off = np.abs(glint - reference).max(2) / reference.max()
+    assert np.median(off) < 0.005
+    assert (off > 0.05).mean() < 0.02
+    assert abs(glint.mean() / reference.mean() - 1) < 0.01

@@ -16,6 +16,7 @@ from glint import engine
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from native_tools import constant, draw, lamp, material, needs_core, placed, square, view_from_above
+from test_light_sets import panels
 
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
 NAMES = ("Key", "Fill", "Rim")
@@ -82,6 +83,7 @@ SCENES = {
     "caught": caught,
     "fog": fog,
     "crowd": crowd,
+    "panels": lambda: panels({}, {}, {"blockers": 1}),
 }
 
 
@@ -176,7 +178,7 @@ def test_each_is_the_picture_with_all_other_light_off(name: str, backend: str) -
 
 
 @needs_core
-@pytest.mark.parametrize("name", ["glow", "sky", "crowd"])
+@pytest.mark.parametrize("name", ["glow", "sky", "crowd", "panels"])
 def test_light_of_tables_is_near_the_picture_with_all_other_light_off(name: str) -> None:
     scene = grouped(SCENES[name]())
     plan = LIT | {"samples": 64, "lamp_shadows": 16}

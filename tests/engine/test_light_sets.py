@@ -203,3 +203,76 @@ def test_walks_pass_what_is_no_blocker() -> None:
 @pytest.mark.parametrize("blockers", [-1, 1 << 64, 1.0])
 def test_blockers_beyond_the_bits_are_told(blockers) -> None:
     assert any("blockers" in text for text in room(lamp(blockers=blockers)).problems())
+
+
+GLOW = Material("glow", (Lobe("EMISSION", (Input((3.0, 2.0, 1.0)),)),))
+GLOWING = {"mesh_light": "ON", "samples": 4}
+
+
+def panels(*links: dict) -> Scene:
+    """Unseen panels that glow over a glossy floor with a ball on it; links: fields of each."""
+    scene = lids(GLOSS, GLOW)
+    floor, _, _, ball_on_it = scene.instances
+    thing = replace(ball_on_it, world_from_object=ball_on_it.world_from_object - [0, 0, 0, 0.7])
+    thing = replace(thing, visible_camera=True, light_set=1)
+    above = [
+        Instances(
+            f"panel {k}",
+            0,
+            np.column_stack([np.diag([0.8, 0.8, -0.8]), (0.8 * k - 0.5, 0.4, 1.5 + k)])[None],
+            (2,),
+            visible_camera=False,
+            visible_mirror=False,
+            **link,
+        )
+        for k, link in enumerate(links)
+    ]
+    return replace(scene, instances=(floor, thing, *above))
+
+
+@pytest.mark.parametrize("bounces", [0, 2])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_glows_lights_what_it_is_for(backend: str, bounces: int) -> None:
+    """Two panels, one of them for nothing: as the other alone, but that half of the walks of
+    bounced light are its.
+    """
+    one, none, all_ = (
+        drawn(panels(*links), bounces, backend, **GLOWING)
+        for links in (({},), ({}, {"receivers": 1 << 9}), ({}, {}))
+    )
+    assert (one == none).all() if bounces == 0 else abs(none.mean() / one.mean() - 1) < 0.02
+    assert (all_ > 1.1 * one).any()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_glows_shines_through_what_is_no_blocker(backend: str) -> None:
+    """The ball casts no shadow in its light, and does in that of the other panel."""
+    free = panels({"blockers": 0b1})
+    floor, thing, panel = free.instances
+    unseen_ball = replace(free, instances=(floor, replace(thing, visible_shadow=False), panel))
+    one, other, dark = (
+        drawn(scene, 0, backend, **GLOWING) for scene in (free, unseen_ball, panels({}))
+    )
+    assert np.abs(one - other).max() <= 1e-7 * other.max()
+    assert (one > dark).any()
+
+
+def test_linked_panels_are_the_same_in_both_tracers_and_add_up() -> None:
+    """Each alone, and together: a table of its own for each, and no walk with bounces."""
+    links = ({"receivers": 0b1}, {"blockers": 0b1}, {"receivers": 0b10, "blockers": 0b10})
+    native, exact = (drawn(panels(*links), 1, backend, **GLOWING) for backend in BACKENDS)
+    off = np.abs(native - exact).max(2) / np.maximum(exact.max(2), 1e-3)
+    assert np.median(off) < 1e-6
+    assert (off > 1e-4).mean() < 0.01
+    nothing = {"receivers": 1 << 9}
+    alone = [
+        drawn(panels(*(link if n == k else nothing for n, link in enumerate(links))), 0, **GLOWING)
+        for k in range(3)
+    ]
+    together = drawn(panels(*links), 0, **GLOWING)
+    assert np.abs(together - sum(alone)).max() < 1e-5 * together.max()
+    assert all(picture.max() > 0 for picture in alone)
+
+
+def test_links_of_instances_are_checked() -> None:
+    assert any("receivers" in text for text in panels({"receivers": -1}).problems())

@@ -9,7 +9,7 @@ import pytest
 
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
-from glint.engine.lights.mesh_lights import mesh_light, mesh_table
+from glint.engine.lights.mesh_lights import mesh_lights, mesh_table
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
@@ -191,7 +191,7 @@ def test_points_follow_the_power():
     dim, bright = panel(1.0), panel(2.0)
     whole = scene(dim, bright)
     placed = (*whole.instances[:2], replace(whole.instances[2], materials=(2,)))
-    light = mesh_light(
+    (light,) = mesh_lights(
         replace(whole, instances=placed, materials=(*whole.materials, glowing(3.0, 3.0, 3.0)))
     )
     table = mesh_table(light, 64, 8)
@@ -204,7 +204,7 @@ def test_points_follow_the_power():
 
 
 def test_all_samples_have_the_same_points_however_many_there_are():
-    light = mesh_light(scene(panel()))
+    (light,) = mesh_lights(scene(panel()))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(patterns, "MOST_TABLED", 64)
         few = mesh_table(light, 1000, 8)
@@ -220,9 +220,9 @@ def test_points_begin_again_in_both_tracers(monkeypatch):
 
 
 def test_what_does_not_glow_makes_no_light():
-    assert mesh_light(scene(panel(), material=WHITE)) is None
-    assert mesh_light(scene(panel(), material=glowing(0.0, 0.0, 0.0))) is None
-    assert mesh_light(scene()) is None
+    assert not mesh_lights(scene(panel(), material=WHITE))
+    assert not mesh_lights(scene(panel(), material=glowing(0.0, 0.0, 0.0)))
+    assert not mesh_lights(scene())
 
 
 @pytest.mark.parametrize("setting", [{"mesh_light": "OFF"}, {"illumination": "CLASSIC"}])

@@ -353,10 +353,16 @@ def test_something_is_told_early_and_the_last_of_it_is_the_result(monkeypatch):
 
 
 def test_the_first_answer_takes_few_samples_and_makes_way_for_the_rest():
-    told = []
+    told, fractions = [], []
     samples = trade._GLANCE * trade._GLANCE_MARGIN
     ladder = {"samples": [1, 4, 16], "error_threshold": [2.0, 0.0], "light_samples": [1, 2]}
-    result = measured(on_trade=told.append, reference_samples=samples, values=ladder)
+    result = measured(
+        on_trade=told.append,
+        on_progress=fractions.append,
+        reference_samples=samples,
+        values=ladder,
+    )
+    assert fractions == sorted(fractions) and fractions[3] < 0.5, "of the first answer"
     first = told[0]
     assert (
         first.reference.startswith("a first look") and f"{trade._GLANCE} samples" in first.reference

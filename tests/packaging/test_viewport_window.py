@@ -109,6 +109,7 @@ def test_preview_icons_are_glints_and_disturb_no_render(blender):
     assert mean["lamp"][0] > mean["lamp"][2]
     assert told["render beside an icon"] and told["icon beside a render"]
     assert any(is_preview for is_preview, *_ in told["panel"])
+    assert told["statistics"], "the properties editor shows those of the render before"
 
 
 def test_disturbances_of_a_view_that_is_being_traced(blender):

@@ -24,6 +24,7 @@ def scenario():
     scene.render.resolution_x, scene.render.resolution_y = 320, 240
     yield 0.3
     alone = yield from rendered()
+    yield from in_the_statistics()
     for name, thing in things().items():
         yield from icon(name, thing)
     yield from beside_a_render(alone)
@@ -105,6 +106,30 @@ def beside_a_render(alone):
     yield lambda: pixels(material).any()
     results["icon beside a render"] = bool(pixels(material)[..., 3].any())
     results["samples"] = scene.glint.final.samples
+
+
+def in_the_statistics():
+    """The properties editor shows the last frame's numbers as soon as an animation has ended."""
+    area = next(
+        area
+        for area in bpy.context.window_manager.windows[0].screen.areas
+        if area.type == "PROPERTIES"
+    )
+    area.spaces.active.context = "RENDER"
+    last = sys.modules[window.package + ".addon.render.statistics"].of_last_render
+    shown, name = [], bpy.context.scene.name
+    panel = bpy.types.GLINT_RENDER_PT_sampling
+    watch = lambda *_: shown.append(last(name))  # noqa: E731
+    panel.append(watch)
+    yield 0.5
+    scene = bpy.context.scene
+    scene.render.filepath, scene.frame_start, scene.frame_end = str(folder / "frame"), 1, 2
+    bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
+    yield 0.2
+    yield lambda: not bpy.app.is_job_running("RENDER")
+    yield 1.0
+    panel.remove(watch)
+    results["statistics"] = bool(shown) and shown[-1] is last(name)
 
 
 def in_the_panel():

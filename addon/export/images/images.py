@@ -162,7 +162,6 @@ class Images:
         self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None
     ) -> Pixels:
         if image is None:
-            self.report.note("An image texture without an image is magenta: choose an image")
             return Pixels(pixels.MAGENTA, "SRGB")
         self._approximations(image)
         try:

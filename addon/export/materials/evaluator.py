@@ -191,9 +191,12 @@ class Evaluator:
         if self._trees.is_fed(place):
             self._trees.displacement = self._trees.value(place)
 
-    def bump_displaced(self, place: Place) -> None:
-        """The same where the surface is displaced by it too: as the surface was before."""
-        if self._trees.is_fed(place):
+    def displace_vertices(self, place: Place, bumps: bool) -> None:
+        """The surface is displaced by it. bumps: normals are bent as by `displace` too, as the
+        surface was before.
+        """
+        self._trees.is_moved = self._trees.is_fed(place)
+        if bumps and self._trees.is_moved:
             reader = UndisplacedReader(self.expressions.graph, self.images, self.note)
             reader.material_index = self._trees.material_index
             self._trees.normal_below = reader.bent(reader.value(Place(place.socket)))

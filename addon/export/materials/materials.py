@@ -168,8 +168,8 @@ def _surface(tree: Any, evaluator: Evaluator, method: str) -> Closure:
     displacement = Place(socket_named(output.inputs, "Displacement"))
     if method == "BUMP":
         evaluator.displace(displacement)
-    elif method == "BOTH":
-        evaluator.bump_displaced(displacement)
+    else:
+        evaluator.displace_vertices(displacement, bumps=method == "BOTH")
     if volume.is_linked and not socket.is_linked:
         return {LobeKey("TRANSPARENT"): constant(1.0)}
     if not socket.is_linked:

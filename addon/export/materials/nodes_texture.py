@@ -25,7 +25,7 @@ def _image_texture(view: NodeView, output: Any) -> Sum | None:
         return None
     return from_input(
         Input(
-            texture=image_texture(view.node, view.evaluator.images),
+            texture=image_texture(view.node, view.evaluator.images, view.note),
             uv=coordinates.uv,
             uv_transform=coordinates.matrix[:2],
             channel="ALPHA" if output.name == "Alpha" else "COLOR",

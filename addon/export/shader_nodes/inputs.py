@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ....engine.program.graph import Value
@@ -16,6 +17,7 @@ from .tangents import radial_tangent
 
 ACTIVE_COLOR = "(active colour)"
 """Attribute name that stands for a mesh's active colour attribute."""
+NO_IMAGE = "An image texture without an image is magenta in {}: choose an image"
 
 
 def _texture_coordinate(view: NodeInputs) -> Outputs:
@@ -128,11 +130,14 @@ def tiles_of(node: Any) -> list[int]:
     return [tile.number for tile in image.tiles] if is_tiled else []
 
 
-def image_texture(node: Any, images: Images, tile: int = 0) -> int:
-    """Index of an Image Texture node's texture; of a tiled image that of a tile.
+def image_texture(node: Any, images: Images, note: Callable[[str], None], tile: int = 0) -> int:
+    """Index of an Image Texture node's texture; of a tiled image that of a tile. note: of its
+    material.
 
     Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
     """
+    if node.image is None:
+        note(NO_IMAGE)
     alone = not node.outputs["Alpha"].is_linked
     how = node.extension, node.interpolation
     return images.texture(node.image, node.image_user, *how, alone, tile)
@@ -151,7 +156,7 @@ def _projected(view: NodeInputs, where: Value) -> tuple[Value, ...]:
     """
     tiles = tiles_of(view.node)
     textures = {
-        tile: image_texture(view.node, view.reader.images, tile)
+        tile: image_texture(view.node, view.reader.images, view.reader.note, tile)
         for tile in ([FIRST] if view.node.projection == "BOX" and tiles else tiles or [0])
     }
     first = next(iter(textures.values()))

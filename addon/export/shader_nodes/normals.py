@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import bpy
+
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import NormalSpace, Space, VectorType
-from .reader import READERS, TANGENT, NodeInputs, Outputs
+from .reader import (
+    READERS,
+    TANGENT,
+    UNDISPLACED_NORMAL,
+    UNDISPLACED_TANGENT,
+    NodeInputs,
+    Outputs,
+)
 from .tangents import cross
 
 STEP = 0.1
@@ -21,11 +32,14 @@ def _normal(view: NodeInputs) -> Value:
 
 def _normal_map(view: NodeInputs) -> Outputs:
     """Blender 5.2 brings a convention, and a base, which counts with true displacement alone."""
-    name, color = TANGENT + view.node.uv_map, view.value("Color")
+    color = view.value("Color")
     if getattr(view.node, "convention", "OPENGL") == "DIRECTX":  # green is 1 - green
         constant = view.reader.graph.constant
         turned = view.apply("product", color, constant((1.0, -1.0, 1.0)))[0]
         color = view.apply("scaled_sum", turned, constant(1.0), constant((0.0, 1.0, 0.0)))[0]
+    if view.node.space == "TANGENT" and view.reader.is_moved and _is_of_original(view.node):
+        return {"Normal": _mapped_before(view, color)}
+    name = TANGENT + view.node.uv_map
     bent = view.apply(
         "normal_map",
         color,
@@ -34,6 +48,39 @@ def _normal_map(view: NodeInputs) -> Outputs:
         attribute=name if view.node.space == "TANGENT" else "",
     )
     return {"Normal": bent[0]}
+
+
+def _is_of_original(node: Any) -> bool:
+    """Whether the tangents and normals of before the displacement count, as in Cycles from 5.0 on
+    where the node has no choice.
+    """
+    usual = "ORIGINAL" if bpy.app.version >= (5, 0, 0) else "DISPLACED"
+    return getattr(node, "base", usual) != "DISPLACED"
+
+
+def _mapped_before(view: NodeInputs, color: Value) -> Value:
+    """The normal that a colour means on the surface as it was before it was displaced, mixed with
+    the shading normal; that alone where there is no tangent.
+    """
+    do, constant, zero = view.math, view.reader.graph.constant, (0.0, 0.0, 0.0)
+    name = UNDISPLACED_TANGENT + view.node.uv_map
+    tangent, sign = view.apply("attribute", attribute=name, shift=0)
+    up = view.apply("attribute", attribute=UNDISPLACED_NORMAL, shift=0)[0]
+    parts = view.apply(
+        "separate_xyz", view.apply("scaled_sum", color, constant(2.0), constant((-1.0,) * 3))[0]
+    )
+    bent = view.apply("scaled_sum", tangent, parts[0], constant(zero))[0]
+    across = do("MULTIPLY", parts[1], sign)
+    bent = view.apply("scaled_sum", cross(view, up, tangent), across, bent)[0]
+    bent = view.apply("scaled_sum", up, parts[2], bent)[0]
+    bent = view.apply("normal_to_world", view.apply("vector_normalized", bent)[0])[0]
+    side = do("MULTIPLY_ADD", view.apply("backfacing")[0], -2.0, 1.0)
+    there = do("GREATER_THAN", view.apply("vector_length", tangent)[0], 0.0)
+    share = do("MULTIPLY", do("MAXIMUM", view.value("Strength"), 0.0), there)
+    own = view.reader.normal()
+    rest = view.apply("scaled_sum", own, do("SUBTRACT", 1.0, share), constant(zero))[0]
+    mixed = view.apply("scaled_sum", bent, do("MULTIPLY", share, side), rest)[0]
+    return view.apply("vector_normalized", mixed)[0]
 
 
 def _bump(view: NodeInputs) -> Outputs:

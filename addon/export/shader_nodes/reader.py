@@ -107,6 +107,7 @@ class TreeReader:
         self.graph, self.images, self.operations, self.note = graph, images, operations, note
         self.displacement: Value | None = None
         self.normal_below: Value | None = None  # the normal of a surface that is displaced as well
+        self.is_moved = False  # whether the vertices of the surface are displaced
         self.reading = ""  # the label of the node that is read just now
         self.tables: dict[int, tuple[float, ...]] = {}  # of ramps and curves, by their node
         self._read: dict[Key, Outputs | None] = {}

@@ -8,6 +8,7 @@ from typing import Any
 
 from ....engine.program.graph import Value
 from .bare import ZERO, BareReader
+from .inputs import NO_IMAGE
 from .mapping import texture_mapped
 from .reader import READERS, NodeInputs, Outputs
 
@@ -87,6 +88,8 @@ def environment_uv(view: NodeInputs, direction: Value) -> Value:
 def _environment(view: NodeInputs) -> Outputs:
     """Repeated at its borders, as Cycles does, also at the poles."""
     node = view.node
+    if node.image is None:
+        view.reader.note(NO_IMAGE)
     texture = view.reader.images.texture(
         node.image, node.image_user, "REPEAT", node.interpolation, True
     )

@@ -8,7 +8,7 @@ from typing import Any
 from ..camera import border, export_camera, resolution
 from ..export import Export, counts, evaluated
 from ..panorama import Looker
-from ..placing import note_catchers, note_empty_view
+from ..placing import note_catchers, note_empty_view, note_linked_glow
 from ..report import Report
 from .incremental import LiveExport
 
@@ -34,6 +34,7 @@ def export_frame(
     found = live.update(depsgraph, camera, passes=passes)
     note_empty_view(camera, found.geometries, found.instances, report, through.name)
     note_catchers(found.instances, found.materials, report)
+    note_linked_glow(found.instances, found.materials, report)
     notes = dict.fromkeys((*report.notes(), *live.notes(passes)))
     seconds = time.perf_counter() - start
     read = {f"anew: {name}": float(count) for name, count in live.work.items()}

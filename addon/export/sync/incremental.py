@@ -25,6 +25,7 @@ from ..geometry.shapes import export_points
 from ..geometry.strands import StrandSource, read_curves, read_hair
 from ..images.images import Images
 from ..instances import Census, Thing, walk
+from ..light_groups import LightGroups
 from ..materials.displacing import Displacement, compile_displacement, wanted_objects
 from ..materials.graph import node_tree
 from ..materials.materials import (
@@ -40,7 +41,7 @@ from ..missing import note_missing
 from ..placing import without_collapsed, without_unplaced
 from ..report import Report
 from ..unheard import note_scene
-from ..world import Sky, export_world, with_pass_settings
+from ..world import Sky, export_world, with_light_group, with_pass_settings
 from .moves import Stage
 from .repaints import repainted
 
@@ -260,23 +261,26 @@ class LiveExport:
         *,
         passes: frozenset[str] = frozenset(),
         space: Any = None,
+        groups: tuple = (),
     ) -> Scene:
         """The scene as of what was heard. What several views ask for is walked over once for all
         that see the same.
 
         space: the 3D view whose local view and visibility count, None for none.  passes: as for
-        `export_scene`.
+        `export_scene`.  groups: `LightGroups.members` where light groups are shown.
         """
-        asked = _asked(passes, space)
+        asked = _asked(passes, space, groups)
         if asked not in self._stages:
             self._stages[asked] = self._walked(depsgraph, asked, space)
         return replace(self._stages[asked].scene, camera=camera)
 
-    def notes(self, passes: frozenset[str] = frozenset(), space: Any = None) -> tuple[str, ...]:
+    def notes(
+        self, passes: frozenset[str] = frozenset(), space: Any = None, groups: tuple = ()
+    ) -> tuple[str, ...]:
         """What could not be exported as it is, of the scene that `scene` gave last for the same
         view.
         """
-        stage, report = self._stages[_asked(passes, space)], Report()
+        stage, report = self._stages[_asked(passes, space, groups)], Report()
         for part in (stage.report, *(compiled.report for _, compiled in stage.worn)):
             report.add(part)
         return report.notes()
@@ -284,7 +288,8 @@ class LiveExport:
     def _walked(self, depsgraph: Any, asked: tuple, space: Any) -> Stage:
         report, census = Report(), Census()
         self._store.read["walks"] += 1
-        collector = _KeepingCollector(self._store, depsgraph, asked[0], report)
+        groups = LightGroups(*asked[2][:1])
+        collector = _KeepingCollector(self._store, depsgraph, asked[0], report, groups)
         things = walk(
             depsgraph,
             collector.meet,
@@ -296,7 +301,9 @@ class LiveExport:
         note_scene(depsgraph.scene_eval, report)
         note_missing(depsgraph, report)
         self._store.met[asked] = collector.met
-        return collector.stage(things, self._sky(depsgraph, report), census)
+        world = _world(depsgraph, depsgraph.scene_eval)
+        sky = with_light_group(self._sky(depsgraph, report), groups.number(world))
+        return collector.stage(things, sky, census)
 
     def _turns_images(self, scene: Any) -> bool:
         """Whether this is another frame, and images show something else there, of which no update
@@ -335,9 +342,9 @@ class LiveExport:
         return sky
 
 
-def _asked(passes: frozenset[str], space: Any) -> tuple:
-    """What a view wants of meshes, and what it shows."""
-    return Wanted(frozenset({""}) if "UV" in passes else frozenset()), shown_in(space)
+def _asked(passes: frozenset[str], space: Any, groups: tuple) -> tuple:
+    """What a view wants of meshes, what it shows, and light groups."""
+    return Wanted(frozenset({""}) if "UV" in passes else frozenset()), shown_in(space), groups
 
 
 def _frame_of(scene: Any) -> tuple[int, float]:
@@ -499,8 +506,10 @@ def _read(read: Callable[[Report], Any]) -> _Shape:
 class _KeepingCollector(Collector):
     """Gathers geometries and materials, most of them from the store."""
 
-    def __init__(self, store: Store, depsgraph: Any, wanted: Wanted, report: Report) -> None:
-        super().__init__(depsgraph, wanted, report)
+    def __init__(
+        self, store: Store, depsgraph: Any, wanted: Wanted, report: Report, groups: LightGroups
+    ) -> None:
+        super().__init__(depsgraph, wanted, report, light_groups=groups)
         self._store = store
         self.materials = _KeepingMaterials(store, report)
         self._wishes: list[tuple[Wanted, ...]] = []
@@ -610,6 +619,7 @@ class _KeepingCollector(Collector):
             textures,
             sky.lights_with(self.lights.lights),
             sky.world,
+            light_groups=self.light_groups.names,
         )
         for shape in self._geometries:
             self.report.add(shape.report)

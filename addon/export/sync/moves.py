@@ -42,6 +42,9 @@ class Stage:
         """
         self.scene, self.worn, self.report, self._census = scene, worn, report or Report(), census
         self._places: dict[int, _Place | None] = {}
+        self._links_glow = any(
+            block.receivers & block.blockers != EVERYTHING for block in scene.instances
+        )
 
     def place_instances(self, thing: Thing, number: int | None) -> None:
         """The group of a thing; None for a thing that is not in the scene as it is."""
@@ -90,9 +93,10 @@ class Stage:
         """Whether lights light but some objects, or have shadows of some, or begin to: any edit may
         change which.
         """
-        return any(
+        linked = self._links_glow or any(
             light.receivers & light.blockers != EVERYTHING for light in self.scene.lights
-        ) or any(
+        )
+        return linked or any(
             of(update.id.original) is not None
             for update in updates
             if update.id.id_type == "OBJECT"
@@ -204,7 +208,8 @@ def _relight(
         own = Report()
         flags = flags_of(lamp, lamp, view_layer, own)
         made = Lights(images, own)
-        made.add(lamp.name, lamp.data, matrix, Seen(flags.camera, flags.mirror))
+        seen = Seen(flags.camera, flags.mirror, light_group=lights[number].light_group)
+        made.add(lamp.name, lamp.data, matrix, seen)
         if len(made.lights) != 1 or own.notes() or report.mentions(lamp.name):
             return False
         lights[number] = made.lights[0]

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 37
+#define GLINT_ABI_VERSION 38
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -184,14 +184,14 @@ enum GlintLightFlags {
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
  * and counted. program: 0, or 1 plus the number of the program that says, sample by sample, what
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
- * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light, of which there is
- * one at most, is the scene's emitters; size_x, size_y and twice the radius are its bounds. A
- * BOUNCED light, one at most too, has no highlights. excluded_sets: a bit for each light_set of
- * the instances that it does not light, passed_sets: of those that its shadow rays pass. level: of
- * a POINT lamp that far points see in clusters with others, where in their tree it is parted from
- * the one before it, 0 to 127 (engine/lights/lamps.py, cluster_levels); -1 for all others.
- * light_group: as of GlintInstances; of MESH and BOUNCED lights their triangles and points have one
- * each. */
+ * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light is the scene's
+ * emitters from first_emitter on, emitter_count of them; size_x, size_y and twice the radius are
+ * its bounds. A BOUNCED light, of which there is one at most, has no highlights. excluded_sets: a
+ * bit for each light_set of the instances that it does not light, passed_sets: of those that its
+ * shadow rays pass. level: of a POINT lamp that far points see in clusters with others, where in
+ * their tree it is parted from the one before it, 0 to 127 (engine/lights/lamps.py,
+ * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH and BOUNCED lights
+ * their triangles and points have one each. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -201,9 +201,10 @@ typedef struct GlintLight {
   int32_t program, program_slot;
   int32_t level, light_group;
   uint64_t excluded_sets, passed_sets;
+  uint64_t first_emitter, emitter_count;
 } GlintLight;
 
-/* A triangle of the MESH light: what comes from its outer side and its inner one, its unit normal,
+/* A triangle of a MESH light: what comes from its outer side and its inner one, its unit normal,
  * one over how densely, by area, points lie on it, and the length of its longest side. light_group:
  * as of GlintInstances. */
 typedef struct GlintEmitter {
@@ -278,7 +279,7 @@ typedef struct GlintSceneData {
   const GlintMedium* media;
   const GlintLight* lights;
   const GlintEmitter* emitters;
-  const float* emitter_corners; /* 9 an emitter, in the light's axes */
+  const float* emitter_corners; /* 9 an emitter, in its light's axes */
   uint64_t geometry_count, attribute_count, instances_count, row_count, material_slot_count;
   uint64_t texture_count, program_word_count, program_constant_count, program_table_count;
   uint64_t program_count, input_count, lobe_count, material_count, light_count;
@@ -366,34 +367,33 @@ typedef struct GlintNeighbour {
  * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
  * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
  * pole and once round. mesh_table: (mesh_count, 18), of as many samples, mesh_samples points each,
- * as divide it, after which they begin again, of a GLINT_MESH_LIGHT: the point and its unit normal
- * in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit disc, 0, and
- * its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for points on catchers
- * in place of the 0.
- * Tables may be null where the scene has no such light. lobe_points: (lobe_count, 2) of the unit
- * disc, as many for each of lobe_levels reflections of a path, where in the lobes of rough surfaces
- * its rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least
- * 0 and below 256; pixels whose estimated error it covers take no further samples after a wave. 0:
- * all take all. cutoff: mirror and refraction rays with no channel of their weight as large end
- * there, 0 to 1. acceleration: of the first render of a scene counts, the trees are kept. remember:
- * keep what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and
- * those that take its trees over, so that a render of other lights, materials or surroundings need
- * not trace it again. It has the same bits. lens_points: null for a pinhole, else (camera_block²,
- * samples, 2) points of the lens along the camera's u and v, of each pixel of a block of
- * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
- * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
- * 12) its world_from_camera of each sample. scatter_offsets: (scatter_count), a number of (0, 1)
- * for each sample; null only where no medium scatters: by how much the places on rays are shifted
- * from which media do, volume_samples at least for each light. moving: each sample is of a scene of
- * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
- * where one is asked for, two numbers each. lamp_shadows: where more than twice as many lamps cast
- * shadows and have no program, a point sends so many of its rays to them, times the samples of a
- * soft one; 0: one to each, up to 1024. bounced_shadows: how many rays of a point and sample the
- * points of a GLINT_BOUNCED_LIGHT share, 1 to bounced_samples. neighbours: null where nothing
- * moves, else two, of the frame before and of the one after. occlusion_points: (occlusion_count, 2)
- * of the unit disc, below the directions of GLINT_PASS_AMBIENT_OCCLUSION, of as many samples,
- * occlusion_samples each, as divide it, after which they begin again; null only where nobody asks
- * for it. */
+ * as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the point and its
+ * unit normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit
+ * disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for points
+ * on catchers in place of the 0. Tables may be null where the scene has no such light. lobe_points:
+ * (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a path, where in
+ * the lobes of rough surfaces its rays are reflected; null only where none are. error_threshold: in
+ * 8-bit levels, at least 0 and below 256; pixels whose estimated error it covers take no further
+ * samples after a wave. 0: all take all. cutoff: mirror and refraction rays with no channel of
+ * their weight as large end there, 0 to 1. acceleration: of the first render of a scene counts, the
+ * trees are kept. remember: keep what the first wave hit and which lights it saw, some 30 bytes a
+ * pixel, in the scene and those that take its trees over, so that a render of other lights,
+ * materials or surroundings need not trace it again. It has the same bits. lens_points: null for a
+ * pinhole, else (camera_block², samples, 2) points of the lens along the camera's u and v, of each
+ * pixel of a block of camera_block² pixels of the frame, row by row; lens_focus: the depth where
+ * everything is sharp, camera units. camera_frames: null for a camera that stands still, else
+ * (camera_block², samples, 12) its world_from_camera of each sample. scatter_offsets:
+ * (scatter_count), a number of (0, 1) for each sample; null only where no medium scatters: by how
+ * much the places on rays are shifted from which media do, volume_samples at least for each light.
+ * moving: each sample is of a scene of its own, see glint_render_move. crypto_ids: how many of a
+ * pixel Cryptomatte passes tell, 1 to 64 where one is asked for, two numbers each. lamp_shadows:
+ * where more than twice as many lamps cast shadows and have no program, a point sends so many of
+ * its rays to them, times the samples of a soft one; 0: one to each, up to 1024. bounced_shadows:
+ * how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1 to
+ * bounced_samples. neighbours: null where nothing moves, else two, of the frame before and of the
+ * one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
+ * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
+ * which they begin again; null only where nobody asks for it. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;

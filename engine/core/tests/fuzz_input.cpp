@@ -271,6 +271,19 @@ int32_t light_group(Dice& dice, const GlintSceneData& d) {
   return int32_t(dice.below(size_t(d.light_group_count) + 1 + dice.chance(0.02 * dice.wildness)));
 }
 
+/// Of the last light, which may share them with the first.
+void set_emitters(Dice& dice, std::vector<GlintLight>& lights, size_t count) {
+  lights.back().emitter_count = count;
+  if (lights.size() > 1 && count > 1 && dice.chance(0.5)) {
+    lights.front().kind = GLINT_MESH_LIGHT;
+    lights.front().program = 0;
+    lights.front().emitter_count = 1 + dice.below(count - 1);
+    lights.back().first_emitter = lights.front().emitter_count;
+    lights.back().emitter_count = count - lights.front().emitter_count;
+  }
+  if (dice.chance(0.02 * dice.wildness)) lights.back().first_emitter += dice.below(3);
+}
+
 void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
   std::vector<GlintLight> lights;
   for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
@@ -279,8 +292,9 @@ void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
     lights.back().kind = GLINT_MESH_LIGHT;
     lights.back().program = 0;
     for (size_t k = 1 + dice.below(20); k > 0; --k) emitters.push_back(emitter(dice));
+    set_emitters(dice, lights, emitters.size());
   }
-  if (lights.size() > 1 && dice.chance(0.3)) {
+  if (lights.size() > 1 && lights.front().kind != GLINT_MESH_LIGHT && dice.chance(0.3)) {
     lights.front().kind = GLINT_BOUNCED_LIGHT;
     lights.front().program = 0;
   }
@@ -634,7 +648,7 @@ void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
 void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.mesh_samples = uint32_t(1 + dice.below(5));
   s.mesh_count = uint64_t(s.mesh_samples) * (1 + dice.below(s.samples));
-  s.mesh_table = arena.fill<double>(18 * s.mesh_count, [&] { return dice.number(); });
+  s.mesh_table = arena.fill<double>(3 * 18 * s.mesh_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
   s.bounced_samples = uint32_t(1 + dice.below(5));

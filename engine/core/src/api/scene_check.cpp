@@ -460,14 +460,16 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
              "camera: %d clip planes", c.clip_plane_count);
   bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
   report.add(sized, "camera: resolution %u by %u", c.width, c.height);
-  uint64_t mesh_lights = 0, bounced_lights = 0;
+  uint64_t bounced_lights = 0;
   for (uint64_t i = 0; i < d.light_count; ++i) {
-    mesh_lights += d.lights[i].kind == GLINT_MESH_LIGHT;
-    bounced_lights += d.lights[i].kind == GLINT_BOUNCED_LIGHT;
+    const GlintLight& light = d.lights[i];
+    bounced_lights += light.kind == GLINT_BOUNCED_LIGHT;
+    report.add(light.kind != GLINT_MESH_LIGHT ||
+                   (light.emitter_count > 0 &&
+                    range(light.first_emitter, light.emitter_count, d.emitter_count)),
+               "light %llu: triangles beyond the table, or none", ull(i));
   }
   report.add(bounced_lights <= 1, "%llu bounced lights", ull(bounced_lights));
-  report.add(mesh_lights <= (d.emitter_count > 0 ? 1 : 0), "%llu mesh lights with %llu triangles",
-             ull(mesh_lights), ull(d.emitter_count));
   for (uint64_t i = 0; i < d.light_count; ++i)
     report.add(within(d.lights[i].kind, GLINT_BOUNCED_LIGHT), "light %llu: unknown kind %d", ull(i),
                d.lights[i].kind);
@@ -500,7 +502,7 @@ void check_tables(const GlintSceneData& d, Report& report) {
     report.add(t.table != nullptr || t.count == 0, "a table is null but has %llu rows",
                ull(t.count));
   report.add(d.emitter_count == d.emitter_corner_count && d.emitter_count <= kMaxCount,
-             "the mesh light has %llu triangles and the corners of %llu", ull(d.emitter_count),
+             "the mesh lights have %llu triangles and the corners of %llu", ull(d.emitter_count),
              ull(d.emitter_corner_count));
   report.add(
       d.geometry_count <= kMaxCount && d.lobe_count < kMaxCount && d.material_count < kMaxCount,

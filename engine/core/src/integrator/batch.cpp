@@ -22,7 +22,8 @@ Batch::Batch(const Scene& scene, Passes passes)
                size_t(scene.specular_columns * scene.max_specular) +
                size_t(scene.passing_columns * scene.max_passing) + kParts + (splits_ ? kSplit : 0) +
                3 + group_columns_of(scene, passes)),
-      groups_(group_columns_of(scene, passes)) {}
+      groups_(group_columns_of(scene, passes)),
+      given_(groups_.size() / 3) {}
 
 void Batch::begin(const Queue& rays) {
   queue = &rays;
@@ -41,8 +42,13 @@ void Batch::begin(const Queue& rays) {
          {lit_diffuse[c], lit_bounced[c], lit_specular[c], lit_volume[c], lit_volume_bounced[c]})
       std::fill_n(column, primary ? count_ : 0, 0.0);
   }
-  for (double* column : groups_) std::fill_n(column, count_, 0.0);
+  std::fill(given_.begin(), given_.end(), uint8_t(0));
   sums = primary ? parts_ : only_total;
+}
+
+void Batch::clear_group(size_t group) const {
+  for (size_t c = 0; c < 3; ++c) std::fill_n(groups_[3 * group + c], count_, 0.0);
+  given_[group] = 1;
 }
 
 void Batch::reserve(size_t rows) {

@@ -54,13 +54,21 @@ class Batch {
   void mark_softly_lit(size_t k, uint8_t met) const { softly_lit[queue->slot(k)] |= met; }
   /// Whether light is told apart by groups of lights.
   bool has_groups() const { return !groups_.empty(); }
-  size_t group_columns() const { return groups_.size(); }
-  /// Column c % 3 of the light of group c / 3, of which Combined has all of it.
-  double* group_column(size_t c) const { return groups_[c]; }
+  size_t group_count() const { return given_.size(); }
+  /// Whether a group gives anything to these rays; else its columns hold anything.
+  bool gives(size_t group) const { return given_[group]; }
+  /// The three columns of a group's light, of which Combined has all of it.
+  double* const* group(size_t group) const { return &groups_[3 * group]; }
+  /// The same, to be added to.
+  double* const* opened_group(size_t group) const {
+    if (!given_[group]) clear_group(group);
+    return this->group(group);
+  }
   /// Adds to a group's; to none where it is -1, or nobody asks.
   void add_to_group(int group, size_t k, Vec3d c) const {
-    if (group < 0 || 3 * size_t(group) >= groups_.size()) return;
-    for (int i = 0; i < 3; ++i) groups_[3 * size_t(group) + size_t(i)][k] += c[i];
+    if (size_t(group) >= given_.size() || !any(c)) return;
+    double* const* const columns = opened_group(size_t(group));
+    for (int i = 0; i < 3; ++i) columns[i][k] += c[i];
   }
   /// Whether lights' light is told apart there.
   bool splits() const { return splits_ && queue->visibility == kCamera; }
@@ -110,6 +118,7 @@ class Batch {
 
  private:
   void reserve(size_t rows);
+  void clear_group(size_t group) const;
   void place_columns();
 
   const Scene& scene_;
@@ -120,6 +129,7 @@ class Batch {
   std::vector<uint8_t> doubts_;
   SumColumns parts_{};
   std::vector<double*> groups_;  // three for each light group, none where nobody asks
+  mutable std::vector<uint8_t> given_;
 };
 
 inline Vec3d row(const double* const (&columns)[3], size_t k) {

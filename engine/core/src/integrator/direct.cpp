@@ -189,10 +189,9 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stages_.dome(stage);
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!stage_.lit[k] || balance_[k] < 0) continue;
+    if (batch.has_groups()) batch.add_to_group(light.group, k, row(sky_, k));
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
-      if (batch.has_groups() && light.group >= 0)
-        batch.group_column(3 * size_t(light.group) + c)[k] += sky_[c][k];
       if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
       if (batch.splits()) batch.lit_diffuse[c][k] += sky_[c][k];
     }
@@ -236,12 +235,12 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
-  scene_.emitter_accel().closest(
+  scene_.emitter_accel(light).closest(
       rays, {distance_, placement_.data(), emitter_.data(), u_.data(), v_.data()}, scratch_);
   size_t kept = 0;
   for (size_t k = 0; k < count; ++k) {
     if (placement_[k] == Hit::kNone) continue;
-    const GlintEmitter& emitter = scene_.emitters[emitter_[k]];
+    const GlintEmitter& emitter = scene_.emitters[light.first_emitter + emitter_[k]];
     const Vec3d from = row(stage_.o, k), l = row(stage_.to, k), q = from + distance_[k] * l;
     const LightMeeting met =
         light.meeting(emitter, row(stage_.points_x, point_[k]), row(stage_.origin, point_[k]), q, l,
@@ -350,6 +349,13 @@ void DirectLight::add(const Batch& batch, const Light& light, size_t count) cons
 
 /// The same after shadows, to the light's group.
 void DirectLight::add_to_groups(const Batch& batch, size_t count) const {
+  if (!met_ && size_t(group_) >= batch.group_count()) return;
+  if (!met_ && !shadow_[0] && !stage_.specular_out[0]) {
+    double* const* const to = batch.opened_group(size_t(group_));
+    LightSum sum{count, point_.data(), blocked_.data(), {}, {to[0], to[1], to[2]}};
+    std::copy_n(stage_.diffuse_out, 3, sum.given);
+    return stages_.sum(sum);
+  }
   for (size_t k = 0; k < count; ++k) {
     const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
     Vec3d given = row(stage_.diffuse_out, k);

@@ -38,7 +38,7 @@ void DirectLight::add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* c
     const Vec3d glow = glow_of(pieces_);
     if (!any(glow)) continue;
     batch.add(k, batch.sums.emission, clear[k] * glow);
-    for (int group = 0; group < int(batch.group_columns() / 3); ++group) {
+    for (int group = 0; group < int(batch.group_count()); ++group) {
       spans.list_pieces(k, begin[k], ends_of_rays_[k], pieces_, &group);
       batch.add_to_group(group, k, clear[k] * glow_of(pieces_));
     }

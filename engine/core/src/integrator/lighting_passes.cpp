@@ -54,7 +54,7 @@ void Tracer::keep_lighting(const Queue& queue) {
 void Tracer::note_glow(const Queue& queue) {
   const SumColumns& s = batch_.sums;
   for (size_t k = 0; k < queue.size(); ++k) {
-    if (batch_.material[k] < scene_.materials.size())
+    if (batch_.material[k] < scene_.materials.size() && any(row(batch_.glow, k)))
       batch_.add_to_group(scene_.group(batch_.instance[k]).light_group - 1, k, row(batch_.glow, k));
     batch_.add_to_group(scene_.world_light_group, k, row(s.ambient, k) + row(s.environment, k));
   }
@@ -62,9 +62,15 @@ void Tracer::note_glow(const Queue& queue) {
 
 /// The batch's light of each group to the passes of the paths.
 void Tracer::keep_groups(const Queue& queue) {
-  double* sums = paths_.sums(film_, GLINT_PASS_LIGHT_GROUPS);
-  for (size_t c = 0; c < batch_.group_columns(); ++c, sums += paths_.stride())
-    for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += batch_.group_column(c)[k];
+  double* const all = paths_.sums(film_, GLINT_PASS_LIGHT_GROUPS);
+  for (size_t group = 0; group < batch_.group_count(); ++group)
+    for (size_t c = 0; batch_.gives(group) && c < 3; ++c) {
+      double* const sums = all + (3 * group + c) * paths_.stride();
+      const double* const from = batch_.group(group)[c];
+      if (&queue == &first_) stages_.add(sums, from, queue.size());
+      else
+        for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += from[k];
+    }
 }
 
 }  // namespace glint

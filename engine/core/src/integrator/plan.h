@@ -36,6 +36,7 @@ struct RenderPlan {
   const double* light_disc = nullptr;
   const double* dome_table = nullptr;
   const double* mesh_table = nullptr;
+  size_t mesh_rows = 0;  // of each mesh light
   const double* bounced_table = nullptr;
   const double* lobe_points = nullptr;  // lobe_levels runs of lobe_tabled
   size_t lobe_levels = 1, lobe_tabled = 1;
@@ -95,8 +96,9 @@ struct RenderPlan {
               light.group};
     }
     if (light.is_mesh()) {
+      const size_t number = size_t(sample % mesh_tabled) * mesh_samples + j;
       const double* const row =
-          mesh_table + kPointColumns * (size_t(sample % mesh_tabled) * mesh_samples + j);
+          mesh_table + kPointColumns * (light.mesh_number * mesh_rows + number);
       return {0, 0, row[14], row[15], row, nullptr, j == 0, false, group_of_row(row)};
     }
     if (light.is_bounced()) {

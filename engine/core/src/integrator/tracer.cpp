@@ -354,7 +354,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.lit = batch_.lit.data();
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
-  const bool sees_lights = queue.reflections == 0;
+  const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.reflections == 0;
   for (size_t c = 0; batch_.has_groups() && c < 3; ++c)
     std::copy_n(batch_.sums.emission[c], queue.size(), batch_.glow[c]);
   for (size_t k = 0; sees_lights && k < queue.size(); ++k) see_lights(k);

@@ -27,7 +27,7 @@ class TransparentShadows {
  private:
   /// Columns of rays with layers yet to be found.
   static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kColumns = 8;
-  static constexpr size_t kAtOnce = 128;  // rays
+  static constexpr size_t kAtOnce = 256;  // rays, as many as go down as a beam
 
   /// A layer on the way of a ray: where it is among the hits and in the columns of the stage.
   struct Layer {

@@ -52,6 +52,8 @@ Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* prog
   placed = anchor.matrix(m);
   level = g.level;
   group = g.light_group - 1;
+  first_emitter = size_t(g.first_emitter);
+  emitter_count = size_t(g.emitter_count);
   if (g.program > 0) {
     const Vec3d columns[4] = {placed.x, placed.y, placed.z, placed.t};
     for (int k = 0; k < 12; ++k) space.m[k] = columns[k / 3][k % 3];

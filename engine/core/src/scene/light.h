@@ -46,14 +46,16 @@ struct Light {
       1;  // (anchored length / world length)^2: inverse squares are taken in world units
   double versine = 0;  // 1 - cos of the sun's half angle
   double spot_cosine = -1, spot_sine = 0, spot_blend = 0;
-  Vec3d seen;                             // radiance of the visible shape
-  int group = -1;                         // of lights, but of those on surfaces; -1 for none
-  int level = -1;                         // in the tree of clusters, as GlintLight has it
-  bool extended = false;                  // has more than one sample when the settings want them
-  const ProgramShape* program = nullptr;  // what color is times at each sample; null: 1
-  size_t slot = 0;                        // in the block of its slots
-  InstanceShape space{};                  // its axes, as programs read those of an object
-  Affine placed;                          // the same for the points of a mesh light
+  Vec3d seen;                // radiance of the visible shape
+  int group = -1;            // of lights, but of those on surfaces; -1 for none
+  int level = -1;            // in the tree of clusters, as GlintLight has it
+  bool extended = false;     // has more than one sample when the settings want them
+  uint32_t mesh_number = 0;  // of a mesh light, among these
+  size_t first_emitter = 0, emitter_count = 0;  // of the scene's, that are a mesh light
+  const ProgramShape* program = nullptr;        // what color is times at each sample; null: 1
+  size_t slot = 0;                              // in the block of its slots
+  InstanceShape space{};                        // its axes, as programs read those of an object
+  Affine placed;                                // the same for the points of a mesh light
 
   Light(const GlintLight& data, const Anchor& anchor, const ProgramShape* programs);
   bool endless() const { return kind == GLINT_SUN || is_dome(); }

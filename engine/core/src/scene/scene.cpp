@@ -141,15 +141,19 @@ void Scene::reuse_from(const Scene& base, const GlintSceneData& data, bool exact
   earlier_.trees.exact = exact;
 }
 
-/// Where the mesh light is the same, so is its tree.
+/// Where the mesh lights are the same, so are their trees.
 void Scene::share_emitters(const Scene& base) {
-  const Light *const here = mesh_light(), *const there = base.mesh_light();
-  if (!here || !there || emitter_corners_ != base.emitter_corners_ ||
+  const std::vector<const Light*> here = mesh_lights(), there = base.mesh_lights();
+  const auto same = [](const Light* a, const Light* b) {
+    return a->first_emitter == b->first_emitter && a->emitter_count == b->emitter_count &&
+           std::memcmp(&a->placed, &b->placed, sizeof a->placed) == 0;
+  };
+  if (here.empty() || emitter_corners_ != base.emitter_corners_ ||
       emitters.size() != base.emitters.size() ||
-      std::memcmp(&here->placed, &there->placed, sizeof here->placed) != 0)
+      !std::equal(here.begin(), here.end(), there.begin(), there.end(), same))
     return;
   std::lock_guard lock(base.build_mutex_);
-  emitter_accel_ = base.emitter_accel_;
+  emitter_accels_ = base.emitter_accels_;
   emitter_rows_ = base.emitter_rows_;
 }
 
@@ -282,9 +286,15 @@ bool Scene::same_placements(const Scene& base) const {
 }
 
 void Scene::place_lights(const GlintLight* data, size_t count) {
+  uint32_t mesh_number = 0;
   for (size_t i = 0; i < count; ++i) {
-    if (!sound(data[i])) ++dropped_lights;
-    else lights.emplace_back(data[i], anchor, programs.data());
+    if (!sound(data[i])) {
+      ++dropped_lights;
+    } else {
+      lights.emplace_back(data[i], anchor, programs.data());
+      lights.back().mesh_number = mesh_number;
+    }
+    mesh_number += data[i].kind == GLINT_MESH_LIGHT;
   }
 }
 
@@ -416,29 +426,36 @@ std::vector<InstanceView> Scene::instance_views() const {
   return views;
 }
 
-const Light* Scene::mesh_light() const {
-  const auto light =
-      std::find_if(lights.begin(), lights.end(), [](const Light& l) { return l.is_mesh(); });
-  return light == lights.end() ? nullptr : &*light;
+std::vector<const Light*> Scene::mesh_lights() const {
+  std::vector<const Light*> found;
+  for (const Light& light : lights)
+    if (light.is_mesh()) found.push_back(&light);
+  return found;
 }
 
-/// Of the mesh light, if there is one.
+/// Of the mesh lights, if there are any.
 bool Scene::build_emitters(int threads, const std::atomic<bool>& cancel) {
-  const Light* const light = mesh_light();
-  if (!light || emitter_accel_) return true;
+  const std::vector<const Light*> found = mesh_lights();
+  if (found.empty() || !emitter_accels_.empty()) return true;
   std::vector<uint32_t> rows(3 * emitters.size());
   std::iota(rows.begin(), rows.end(), 0u);
   emitter_rows_ = std::make_shared<const std::vector<uint32_t>>(std::move(rows));
-  const GeometryView view{GeometryView::kMesh,
-                          emitter_corners_,
-                          emitter_rows_->size(),
-                          emitter_rows_->data(),
-                          nullptr,
-                          nullptr,
-                          nullptr,
-                          emitters.size()};
-  emitter_accel_ = Accel::build({view}, {{0, kVisibility, light->placed}}, threads, cancel);
-  return emitter_accel_ != nullptr;
+  std::vector<std::shared_ptr<const Accel>> trees(found.back()->mesh_number + 1);
+  for (const Light* light : found) {
+    const GeometryView view{GeometryView::kMesh,
+                            emitter_corners_ + 9 * light->first_emitter,
+                            3 * light->emitter_count,
+                            emitter_rows_->data(),
+                            nullptr,
+                            nullptr,
+                            nullptr,
+                            light->emitter_count};
+    auto& tree = trees[light->mesh_number];
+    tree = Accel::build({view}, {{0, kVisibility, light->placed}}, threads, cancel);
+    if (!tree) return false;
+  }
+  emitter_accels_ = std::move(trees);
+  return true;
 }
 
 /// Of what encloses media, if anything does.

@@ -98,8 +98,10 @@ class Scene {
   /// Makes the trees unless they are there; false when `cancel` became true.
   bool build(int threads, BuildQuality quality, const std::atomic<bool>& cancel);
   const Accel& accel() const { return *accel_; }
-  /// Of the mesh light alone; where highlights draw directions. After build().
-  const Accel& emitter_accel() const { return *emitter_accel_; }
+  /// Of a mesh light alone; where highlights draw directions. After build().
+  const Accel& emitter_accel(const Light& light) const {
+    return *emitter_accels_[light.mesh_number];
+  }
   /// Of what encloses media alone: instance k is that of enclosure k. Where there are any, after
   /// build().
   const Accel& media_accel() const { return *media_accel_; }
@@ -221,7 +223,7 @@ class Scene {
   void share_trees(const Scene& base, bool exact);
   void share_emitters(const Scene& base);
   bool same_placements(const Scene& base) const;
-  const Light* mesh_light() const;
+  std::vector<const Light*> mesh_lights() const;
   bool build_emitters(int threads, const std::atomic<bool>& cancel);
   bool build_media(int threads, const std::atomic<bool>& cancel);
   std::vector<GeometryView> geometry_views() const;
@@ -238,8 +240,8 @@ class Scene {
   std::vector<double> program_constants_, program_tables_;
   std::vector<uint32_t> geometry_in_base_;
   std::vector<Extent> extents_;  // of the geometries, object space
-  std::shared_ptr<const Accel> accel_;
-  std::shared_ptr<const Accel> emitter_accel_, media_accel_;
+  std::shared_ptr<const Accel> accel_, media_accel_;
+  std::vector<std::shared_ptr<const Accel>> emitter_accels_;  // of the mesh lights
   const float* emitter_corners_ = nullptr;
   std::shared_ptr<const std::vector<uint32_t>> emitter_rows_;  // of the corners, three an emitter
   std::unique_ptr<const OpacityMaps> opacity_;

@@ -53,6 +53,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.mesh_samples = std::max(g.mesh_samples, 1u);
   plan.mesh_tabled = uint32_t(std::max(g.mesh_count / plan.mesh_samples, uint64_t(1)));
   plan.mesh_table = g.mesh_table;
+  plan.mesh_rows = size_t(g.mesh_count);
   plan.bounced_samples = std::max(g.bounced_samples, 1u);
   plan.bounced_tabled = uint32_t(std::max(g.bounced_count / plan.bounced_samples, uint64_t(1)));
   plan.bounced_table = g.bounced_table;

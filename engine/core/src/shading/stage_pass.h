@@ -103,8 +103,10 @@ struct NewRays {
   NewRays(const RayEnd& to, uint32_t lanes) : end(to), append{lanes, *to.size} {
     *to.size += size_t(__builtin_popcount(lanes));
   }
-  void operator()(size_t column, Doubles v) const { append(end.columns + column * end.stride, v); }
-  void operator()(size_t column, const Three& v) const {
+  __attribute__((always_inline)) void operator()(size_t column, Doubles v) const {
+    append(end.columns + column * end.stride, v);
+  }
+  __attribute__((always_inline)) void operator()(size_t column, const Three& v) const {
     append(end.columns + column * end.stride, end.stride, v);
   }
   void tag(Mask v) const { append(end.tags, v); }
@@ -119,8 +121,10 @@ inline Mask refracted_once_more(Mask tag) {
 }
 
 /// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. How many.
-inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, Mask wanted,
-                     const Three& d, const Three& k, bool refracted = false) {
+__attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Chosen& at,
+                                                    const Arriving& ray, Mask wanted,
+                                                    const Three& d, const Three& k,
+                                                    bool refracted = false) {
   const Three T = weight(s, at) * k;
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
   const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;

@@ -255,6 +255,14 @@ struct BeamWalk {
     }
     if (changed) shorten(changed);
   }
+  /// Whether all triangles of a leaf stop rays.
+  bool opaque(ChildRef ref) const {
+    const Opacity& opacity = *answers.opacity;
+    const PrimitiveId* ids = tree.ids + leaf_first(ref);
+    for (int k = 0; k < leaf_count(ref); ++k)
+      if (!stops<Any>(opacity, opacity.of_instance[ids[k].instance])) return false;
+    return true;
+  }
   bool shown(ChildRef ref, int place) const {
     return (answers.masks[tree.ids[leaf_first(ref) + uint32_t(place)].instance] &
             answers.visibility) != 0;
@@ -314,8 +322,35 @@ struct BeamWalk {
     uint32_t doubt = ~(sure | bits(away)) & ((1u << kBroad) - 1);
     if (Any && __builtin_expect((doubt & bits(inside)) != 0, 0))
       doubt &= ~left_behind(k, doubt & bits(inside), ref, place);
-    if (__builtin_expect(doubt != 0, 0)) decide_all(k, doubt, ref, place);
+    if (__builtin_expect(doubt != 0, 0)) {
+      if (__builtin_expect(!Any && answers.opacity, 0)) doubt &= ~not_begun(k, doubt, ref, place);
+      decide_all(k, doubt, ref, place);
+    }
     return (sure | doubt) != 0;
+  }
+  /// Those of some rays from k on that meet a triangle before they begin, if at all: they go on
+  /// behind a surface that they pass.
+  __attribute__((noinline)) uint32_t not_begun(int k, uint32_t rays, ChildRef ref,
+                                               int place) const {
+    const BeamSource& s = beam.source;
+    const Triangles leaf(tree, ref);
+    Doubles p[3][3];
+    for (int j = 0; j < 3; ++j)
+      for (int a = 0; a < 3; ++a) p[j][a] = splat(double(leaf.at(j, s.order->axes[a])[place]));
+    uint32_t found = 0;
+    for (int h = 0; h < kBroad; h += kDoubles) {
+      if (!(rays >> h & ((1u << kDoubles) - 1))) continue;
+      const int r = k + h;
+      const Doubles along = load(s.d[2] + r), inverse = 1 / along, margin = splat(beam.close);
+      Exact<Doubles> e;
+      e.see(p, {load(s.o[0] + r), load(s.o[1] + r), load(s.o[2] + r)},
+            {load(s.d[0] + r) * inverse, load(s.d[1] + r) * inverse});
+      e.weigh();
+      found |= bits(at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin) &
+                    at_most(e.depth / along, load(s.t_min + r)))
+               << h;
+    }
+    return found & rays;
   }
   /// Those of some rays from k on, all surely inside a triangle, that surely begin beyond it: on
   /// the surface that they leave.
@@ -375,7 +410,7 @@ struct BeamWalk {
                         : reinterpret_cast<const char*>(tree.nodes + child);
     for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
   }
-  /// False when it came to more leaves than it is meant for.
+  /// False when it came to more leaves than it is meant for, or to what rays may pass.
   bool walk() {
     const Order& order = *beam.order;
     Floats m[kLines], c[kLines];
@@ -396,7 +431,7 @@ struct BeamWalk {
     ChildRef at = tree.root;
     for (;;) {
       if (at & kLeaf) {
-        if (--leaves < 0) return false;
+        if (--leaves < 0 || (answers.opacity && !opaque(at))) return false;
         leaf(at);
       } else {
         const Node& n = tree.nodes[at];
@@ -709,7 +744,7 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
 }
 
 /// The closest hits of `Count` rays, into `answers`; Any: what blocks them. False, and nothing is
-/// there, when they are no beam or see too much.
+/// there, when they are no beam, see too much or may pass something.
 template <bool Any, int Count>
 __attribute__((noinline)) bool trace_beam(const TreeView& tree, const Rays& rays, size_t first,
                                           Answers& answers) {
@@ -721,7 +756,8 @@ __attribute__((noinline)) bool trace_beam(const TreeView& tree, const Rays& rays
   walk.set_end();
   if (!walk.walk()) return false;
   if constexpr (Any) {
-    for (int k = 0; k < Count; ++k) answers.blocked[k] = beam.farthest[k] > kFar;
+    const uint8_t stop = answers.stop();
+    for (int k = 0; k < Count; ++k) answers.blocked[k] = beam.farthest[k] > kFar ? stop : 0;
   } else
     for (int k = 0; k < Count; k += kLanes) finish_beam(beam, tree, answers, k);
   return true;

@@ -2,7 +2,7 @@
 // precision is asked only when intervals overlap, and once for the nearest hit of each ray in the
 // end (kernel_resolve.h).
 #pragma once
-#include "bvh/traverse/kernel_resolve.h"
+#include "bvh/traverse/kernel_opacity.h"
 #include "bvh/traverse/kernel_shapes.h"
 
 namespace glint {
@@ -188,8 +188,10 @@ struct Corners {
 /// One triangle against the rays [k, k + kLanes). True when some ray was hit, perhaps behind
 /// something else.
 template <bool Any, bool Common>
-inline bool hit_group(Walk<Any>& w, int k, const Corners<Common>& corners, int first, int lane,
-                      const Order& order, float extent, ChildRef ref) {
+__attribute__((always_inline)) inline bool hit_group(Walk<Any>& w, int k,
+                                                     const Corners<Common>& corners, int first,
+                                                     int lane, const Order& order, float extent,
+                                                     ChildRef ref) {
   const Tile& tile = w.tile;
   TriangleTest t;
   const Floats sx = load(tile.slope[0] + k), sy = load(tile.slope[1] + k);

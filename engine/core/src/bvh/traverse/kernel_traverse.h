@@ -205,10 +205,11 @@ inline Answers answers_of(const TopLevelView& world, const Rays& rays, size_t fi
 template <bool Any, int Count, class AnswersFrom>
 inline bool trace_in_beam(const TopLevelView& world, const Rays& rays, size_t first,
                           const AnswersFrom& answers_from) {
-  if (rays.count - first < Count || rays.opacity) return false;
+  if (rays.count - first < Count || (Any && rays.opacity && rays.opacity->onward)) return false;
   if (world.tree_count == 0 || world.trees->kind != kTriangleLeaf) return false;
   Answers answers = answers_from(first);
   if (answers.fallbacks) fill(answers.fallbacks, Count, uint8_t(0));
+  if (answers.layers.hits) fill(answers.layers.count, Count, uint8_t(0));
   if (!trace_beam<Any, Count>(world.trees[0], rays, first, answers)) return false;
   for (size_t k = first; world.tree_count > 1 && k < first + Count; k += kTile) {
     Answers part = answers_from(k);

@@ -19,8 +19,11 @@ inline bool visible(const Tile& tile, uint32_t ordinal) {
 }
 
 /// The exact hit of one triangle, in double. o, shear: of a ray, in its order; close: Tile::close.
-inline Exact<double> exact_hit(const Triangles& triangles, int place, const Order& order,
-                               const double (&o)[3], const double (&shear)[2], double close) {
+__attribute__((always_inline)) inline Exact<double> exact_hit(const Triangles& triangles, int place,
+                                                              const Order& order,
+                                                              const double (&o)[3],
+                                                              const double (&shear)[2],
+                                                              double close) {
   double corner[3][3];
   for (int j = 0; j < 3; ++j)
     for (int k = 0; k < 3; ++k) corner[j][k] = double(triangles.at(j, order.axes[k])[place]);
@@ -76,38 +79,6 @@ struct Walk {
     update(r);
   }
 };
-
-/// Those of some rays, k the first of them, that a triangle stops where they meet it. Any hit: a
-/// ray that it dims is told, and goes on.
-template <bool Any>
-__attribute__((noinline)) uint32_t stopped(const Walk<Any>& w, int k, uint32_t rays, ChildRef leaf,
-                                           int place) {
-  const Tile& tile = w.tile;
-  Answers& answers = *tile.answers;
-  const Opacity& opacity = *answers.opacity;
-  const bool solid = !(Any && opacity.onward), dimming = !(Any || opacity.onward);
-  const auto stops = [&](uint8_t kind) {
-    return (solid && kind == Opacity::kSolid) || (dimming && kind == Opacity::kVaried);
-  };
-  uint32_t stopped = rays;
-  for (; rays; rays &= rays - 1) {
-    const int r = k + __builtin_ctz(rays);
-    if (!alive(tile, r)) continue;
-    const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
-    uint8_t kind = opacity.of_instance[id.instance];
-    if (stops(kind)) continue;
-    const Exact<double> e = w.exact(r, leaf, place);
-    if (kind == Opacity::kMapped)
-      kind = opacity.at(opacity.maps, id.instance, id.primitive, e.u, e.v);
-    if (stops(kind)) continue;
-    stopped &= ~(rays & -rays);
-    const double t = e.depth / tile.along[r];
-    const int s = tile.slot[r];
-    if (Any && kind != Opacity::kClear && t > answers.t_min[s] && t < answers.t_max[s])
-      answers.dim(s, {t, id.instance, id.primitive, float(e.u), float(e.v)});
-  }
-  return stopped;
-}
 
 }  // namespace
 }  // namespace glint
