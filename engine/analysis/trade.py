@@ -127,8 +127,8 @@ KNOBS = (
     Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
     Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
     Knob("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
-    Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces, group="bounces"),
-    Knob("cutoff", (0.01, 0.0), has_bounces, falling=True, group="bounces"),
+    Knob("max_bounces", (0, 1, 4, 12), has_bounces, group="bounces"),
+    Knob("cutoff", (0.01, 0.001, 0.0), has_bounces, falling=True, group="bounces"),
     Knob("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
     Knob("volume_samples", (1, 2, 4, 8, 16), has_fog, group="volumes"),
 )

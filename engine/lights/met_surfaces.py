@@ -12,7 +12,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..accelerator import Hits
-from ..scene import Attribute, Camera, Geometry, Instances, Mesh, Polygons, Scene, Spheres, Strands
+from ..program.program import instructions
+from ..program.table import BY_NAME
+from ..scene import (
+    Attribute,
+    Camera,
+    Geometry,
+    Instances,
+    Material,
+    Mesh,
+    Polygons,
+    Scene,
+    Spheres,
+    Strands,
+)
 
 if TYPE_CHECKING:
     from ..reference.materials import Coefficients
@@ -95,10 +108,21 @@ def met_surfaces(
     sets = np.array([block.light_set for block in some.instances], np.intp)[block]
     caught = np.array([block.catcher for block in some.instances], bool)[block]
     lobes = shader.coefficients(surface, "mirror")
+    if any(_knows_its_ray(material) for material in some.materials):
+        towards_light = shader.coefficients(surface, "shadow")
+        lobes = replace(lobes, transparent=towards_light.transparent)
     hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
     # strands stand closer together than points can tell apart: they would be specks
     dark = np.where(np.array(hair, bool)[block], 0.0, lobes.diffuse)
     return hit[seen], surface, replace(lobes, diffuse=dark), sets, caught
+
+
+def _knows_its_ray(material: Material) -> bool:
+    """Whether it may let other rays pass when they go towards a light."""
+    program = material.program
+    return program is not None and any(
+        step.operation is BY_NAME["light_path"] for step in instructions(program)
+    )
 
 
 def _only(

@@ -103,15 +103,23 @@ answer({{"given": given, "fixed": fixed, "auto": settings_from(scene.glint.final
 
 
 def test_the_defaults_are_the_engines(tmp_path):
-    """One home for defaults: what Blender offers untouched is `engine.settings.OFFERED`."""
+    """One home for defaults: what Blender offers untouched is `engine.settings.OFFERED`, in the
+    single precision of its properties.
+    """
     run = Blender(tmp_path).run(
         REGISTER_TREE
         + """
 from glint import engine
 from glint.addon.ui.properties import settings_from
 scene = bpy.context.scene
-answer([settings_from(group, scene) == engine.settings.OFFERED for group in (scene.glint.final, scene.glint.viewport)])
-"""  # noqa: E501 - a script for another Blender
+import numpy
+single = lambda settings: {
+    name: float(numpy.float32(value)) if isinstance(value, float) else value
+    for name, value in vars(settings).items()
+}
+groups = scene.glint.final, scene.glint.viewport
+answer([single(settings_from(group, scene)) == single(engine.settings.OFFERED) for group in groups])
+"""
     )
     assert run.returncode == 0, run.output
     assert run.answer == [True, True]

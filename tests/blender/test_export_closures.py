@@ -114,8 +114,8 @@ def test_rough_glass_has_the_width_of_its_roughness(scene):  # noqa: F811
 def test_glass(scene):  # noqa: F811
     shader = Shader(shader="ShaderNodeBsdfGlass")
     set_inputs(shader.shader, Color=RED, Roughness=0.0, IOR=1.25)
-    mirror, refraction = shader.export()[1]
-    assert (mirror.kind, refraction.kind) == ("MIRROR", "REFRACTION")
+    mirror, refraction, passed = shader.export()[1]
+    assert (mirror.kind, refraction.kind, passed.kind) == ("MIRROR", "REFRACTION", "TRANSPARENT")
     assert mirror.ior == refraction.ior == 1.25
     assert mirror.fresnel
     assert refraction.fresnel
@@ -125,6 +125,7 @@ def test_glass(scene):  # noqa: F811
 def test_refraction_and_transparent(scene):  # noqa: F811
     shader = Shader(shader="ShaderNodeBsdfRefraction")
     set_inputs(shader.shader, Color=RED, Roughness=0.0, IOR=1.25)
+    shader.material.use_transparent_shadow = False
     (lobe,) = shader.export()[1]
     assert (lobe.kind, lobe.ior, lobe.fresnel) == ("REFRACTION", 1.25, False)
     shader = Shader("Clear", "ShaderNodeBsdfTransparent")
@@ -295,7 +296,7 @@ def test_principled_smooth_plastic_reflects_by_fresnel(scene):  # noqa: F811
 def test_principled_glass_takes_the_root_of_its_colour(scene):  # noqa: F811
     _, lobes = principled(Base_Color=RED, Transmission_Weight=1.0, Roughness=0.0).export()
     np.testing.assert_allclose(total(lobes, "REFRACTION"), np.sqrt(RED[:3]), rtol=1e-6)
-    assert kinds(lobes) == {"MIRROR", "REFRACTION"}
+    assert kinds(lobes) == {"MIRROR", "REFRACTION", "TRANSPARENT"}
 
 
 def test_principled_coat(scene):  # noqa: F811
@@ -387,7 +388,7 @@ def test_a_mirror_mixed_by_fresnel_is_exact(scene):  # noqa: F811
     shader.link(clear, 0, shader.shader, "Shader")
     shader.link(glossy, 0, shader.shader, "Shader_001")
     shader.link(factor, 0, shader.shader, shader.shader.inputs[0].identifier)
-    mirror, refraction = shader.export()[1]
+    mirror, refraction, _ = shader.export()[1]
     assert (mirror.kind, mirror.fresnel, mirror.ior) == ("MIRROR", True, 1.25)
     assert (refraction.kind, refraction.fresnel, refraction.ior) == ("REFRACTION", True, 1.25)
 

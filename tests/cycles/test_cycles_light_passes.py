@@ -27,6 +27,7 @@ NAMES = tuple(f"use_pass_{name.lower().replace(' ', '_')}" for name in BY_SURFAC
 
 def glass():
     material, tree, output = new_material("Glass")
+    material.use_transparent_shadow = False  # Cycles' share of it is left out: diffuse_bounces
     node = tree.nodes.new("ShaderNodeBsdfGlass")
     node.inputs["Roughness"].default_value, node.inputs["IOR"].default_value = 0.0, 1.45
     tree.links.new(node.outputs[0], output.inputs[0])

@@ -51,6 +51,10 @@ class Expressions:
         """The number of the output that holds the value, which is no constant."""
         return self._outputs.setdefault(value, len(self._outputs))
 
+    def value_at(self, output: int) -> Value:
+        """The value that an output holds."""
+        return next(value for value, number in self._outputs.items() if number == output)
+
     def sum_of(self, value: Value) -> Sum:
         """A value as a sum of one term."""
         value = self.vector(value)

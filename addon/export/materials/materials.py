@@ -9,6 +9,8 @@ import operator
 from dataclasses import replace
 from typing import Any
 
+from ....engine.program.graph import Value
+from ....engine.program.table import BY_NAME
 from ....engine.scene import LOBES, Lobe, Material, Medium, Texture
 from ..images.images import Images
 from ..report import Report
@@ -27,11 +29,12 @@ from .evaluator import (
     scale_closure,
     without_normals,
 )
+from .expressions import Expressions
 from .graph import Place, images_behind, output_of, read_tree, socket_named
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import VOLUMES, medium_of
-from .terms import complement, constant, constant_value, factors_of
+from .terms import ZERO, Sum, add, complement, constant, constant_value, factors_of, multiply
 from .varying import Ior, Roughness
 from .wanted import Wanted, read_by
 
@@ -103,12 +106,47 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
         else _viewport_surface(material, evaluator)
     )
     normal = evaluator.normal(closure)
+    note_material(material, LobeKey("TRANSPARENT") in closure, normal >= 0, report)
+    if getattr(material, "use_transparent_shadow", True):
+        closure = passed_by_light(closure, evaluator)
     lobes = lobes_of(evaluator.settled(without_normals(closure)))
     medium = _inside(tree, evaluator)
-    note_material(material, any(lobe.kind == "TRANSPARENT" for lobe in lobes), normal >= 0, report)
     return evaluator.expressions.with_program(
         Material(material.name, lobes, material.pass_index, normal_output=normal, medium=medium)
     )
+
+
+def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
+    """Light passes glass straight on: what refracts is transparent to rays towards lights.
+
+    A pane lets through what it does in the world; of the light that a body bends, caustics, as much
+    arrives on average.
+    """
+    passed: Sum = ZERO
+    for key, terms in closure.items():
+        if key.kind == "REFRACTION":
+            share = evaluator.expressions.sum_of(_passing(key, evaluator.expressions))
+            passed = add(passed, multiply(evaluator.limited(terms), share))
+    return add_closures(closure, {LobeKey("TRANSPARENT"): passed}) if passed else closure
+
+
+def _passing(key: LobeKey, expressions: Expressions) -> Value:
+    """The share of light that a refracting lobe passes on straight: of rays to lights what Fresnel
+    leaves of them, which a ray that goes out of a pane meets at the angle at which it came in.
+    """
+    do, math = expressions.apply, expressions.math
+    shadow = expressions.graph.apply(BY_NAME["light_path"])[1]
+    if not key.fresnel:
+        return shadow
+    ior = (
+        expressions.value_at(key.ior_output)
+        if key.ior_output >= 0
+        else expressions.constant(key.ior)
+    )
+    turned = math("SUBTRACT", math("DIVIDE", 1.0, ior), ior)
+    outer = math("ADD", ior, math("MULTIPLY", do("backfacing"), turned))
+    reflected = do("fresnel", outer, do("normal"))
+    return math("MULTIPLY", shadow, math("SUBTRACT", 1.0, reflected))
 
 
 def _inside(tree: Any, evaluator: Evaluator) -> Medium | None:

@@ -36,11 +36,12 @@ void TransparentShadows::begin(const Batch& batch, const LightStage& light, size
                                double* const (&shadow)[3], const Opacity* opacity) {
   opacity_ = opacity;
   stage_.point = light.point;
+  const bool endless = light.shape == kDirection || light.shape == kSky;
   for (size_t c = 0; c < 3; ++c) {
     stage_.origin[c] = light.origin[c];
     stage_.to[c] = light.to[c];
     shadow_[c] = shadow[c];
-    stage_.end[c] = light.shape == kDirection ? nullptr : light.end_out[c];
+    stage_.end[c] = endless ? nullptr : light.end_out[c];
     std::fill_n(shadow[c], count, 1.0);
   }
   waiting_.reserve(count);

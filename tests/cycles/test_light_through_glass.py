@@ -1,0 +1,85 @@
+"""What is behind glass is lit: straight through, as bright as a uniform sky makes it."""
+
+import bpy
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+from glint.addon.export import export_scene
+from glint.engine.lights.bounced_light import bounced_light
+from glint_picture import BACKENDS, render_glint
+from small_scenes import add, add_camera, add_light, cube, lambert, moved, new_material, plane
+
+SIZE = 32, 24
+SKY, BLACK = (0.3, 0.4, 0.5), (0.0, 0.0, 0.0)
+
+
+def glass(color=(1.0, 1.0, 1.0), roughness=0.0, passed=True):
+    material, tree, output = new_material("Glass")
+    node = tree.nodes.new("ShaderNodeBsdfGlass")
+    material.use_transparent_shadow = passed
+    node.inputs["Color"].default_value = (*color, 1.0)
+    node.inputs["Roughness"].default_value, node.inputs["IOR"].default_value = roughness, 1.45
+    tree.links.new(node.outputs[0], output.inputs[0])
+    return material
+
+
+def covered_floor(world=SKY, sun=0.0, **of_glass):
+    """A floor under a wide slab that the camera does not see; of_glass: of it, none for no slab."""
+    scene = cycles.empty_scene(*SIZE)
+    cycles.set_world(scene, world)
+    add(scene, "Floor", plane(5.0, lambert((0.8, 0.8, 0.8))))
+    if of_glass:
+        slab = add(scene, "Slab", cube(glass(**of_glass)), moved(0, 0, 1.5, 20.0, 20.0, 0.2))
+        slab.visible_camera = False
+    add_camera(scene)
+    if sun:
+        add_light(scene, "SUN", (0, 0, 4), energy=sun)
+    return scene
+
+
+def picture(scene, backend="NATIVE", **settings):
+    chosen = {"samples": 4, "light_samples": 16, "filter_width": 0.0, "max_bounces": 8}
+    return render_glint(scene, backend, **(chosen | settings)).combined[..., :3].astype(float)
+
+
+def passed(cosine, ior: float):
+    """What a surface of a dielectric lets through at cosines of the angle of incidence."""
+    g = np.sqrt(ior**2 - 1 + cosine**2)
+    across = (g - cosine) / (g + cosine)
+    along = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+    return 1 - across**2 * (1 + along**2) / 2
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("roughness", [0.0, 0.4])
+def test_a_pane_lets_a_uniform_sky_through_as_fresnel_says(backend, roughness):
+    """Twice at the same angle, of a cosine-weighted half of the sky."""
+    below, bare = (
+        picture(covered_floor(**slab), backend)[:12] for slab in ({"roughness": roughness}, {})
+    )
+    sine2 = (np.arange(4096) + 0.5) / 4096  # even in projected solid angle
+    truth = (passed(np.sqrt(1 - sine2), 1.45) ** 2).mean()
+    assert np.abs(below / bare / truth - 1).max() < 0.02
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_colored_glass_colors_the_light_of_a_lamp_once_a_surface(backend):
+    tint = np.array([0.9, 0.5, 0.2])
+    bare = picture(covered_floor(BLACK, sun=3.0), backend)
+    seen = picture(covered_floor(BLACK, sun=3.0, color=tuple(tint)), backend)
+    np.testing.assert_allclose(seen, bare * (tint * passed(1.0, 1.45)) ** 2, rtol=1e-5)
+
+
+def test_glass_without_transparent_shadows_casts_whole_ones():
+    lit, dark = (picture(covered_floor(BLACK, sun=3.0, passed=passed)) for passed in (True, False))
+    assert lit[:12].min() > 0 and dark.max() == 0
+
+
+def test_bounced_light_comes_through_a_window():
+    """Walks from the lamp pass the slab; what they meet lies below it too."""
+    covered_floor(BLACK, sun=3.0, roughness=0.0)
+    found = bounced_light(export_scene(bpy.context.evaluated_depsgraph_get()).scene, 1)
+    assert found is not None
+    below = found.bounces.points[:, 2]
+    assert (below < 0.1).sum() > 0.2 * len(below)
