@@ -34,18 +34,24 @@ __attribute__((noinline)) uint32_t stopped_each(const Walk<Any>& w, int k, uint3
   Answers& answers = *tile.answers;
   const Opacity& opacity = *answers.opacity;
   uint8_t kind[kLanes];
-  uint32_t stopped = rays, passing = 0;
+  uint32_t stopped = rays, passing = 0, plain = 0;
   for (uint32_t some = rays; some; some &= some - 1) {
     const int lane = __builtin_ctz(some), r = k + lane;
     kind[lane] = opacity.of_instance[id_of(tile, r, leaf_first(leaf) + uint32_t(place)).instance];
-    if (alive(tile, r) && !stops<Any>(opacity, kind[lane])) passing |= 1u << lane;
+    if (!alive(tile, r) || stops<Any>(opacity, kind[lane])) continue;
+    passing |= 1u << lane;
+    if (kind[lane] != Opacity::kMapped) plain |= 1u << lane;
   }
-  const Met<Any> met(w, k, passing, leaf, place);
+  const Met<Any> met(w, k, plain, leaf, place);
   for (; passing; passing &= passing - 1) {
     const int lane = __builtin_ctz(passing), r = k + lane, s = tile.slot[r];
     const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
-    Hit hit{met.t[lane], id.instance, id.primitive, met.u[lane], met.v[lane]};
-    if (kind[lane] == Opacity::kMapped || !(met.known >> lane & 1)) {
+    Hit hit{0, id.instance, id.primitive};
+    if (met.known & plain & 1u << lane) {
+      hit.t = met.t[lane];
+      hit.u = met.u[lane];
+      hit.v = met.v[lane];
+    } else {
       const Exact<double> e = w.exact(r, leaf, place);
       hit = {e.depth / tile.along[r], id.instance, id.primitive, float(e.u), float(e.v)};
       if (kind[lane] == Opacity::kMapped)

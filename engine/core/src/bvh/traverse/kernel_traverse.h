@@ -245,7 +245,7 @@ inline void trace_all(const TopLevelView& world, const Rays& rays,
     bool done = false;
     // To one point from all over a surface: 64 rays are better off as packets.
     if constexpr (!Any)
-      done = k >= small.next &&
+      done = !rays.opacity && k >= small.next &&
              small.note(trace_in_beam<Any, kTile>(world, rays, k, answers_from), k, kTile);
     if (!done) {
       Answers answers = answers_from(k);
