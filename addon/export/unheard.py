@@ -14,9 +14,7 @@ _SAME = 1e-6
 """Of settings near 0.1, which Blender holds as float32."""
 
 
-_CAUSTICS = (
-    "Shadow caustics are not rendered: {} cast none; light what is behind glass by lamps of its own"
-)
+_CAUSTICS = "Shadow caustics are not rendered: {} cast none; light passes glass straight on"
 
 
 def note_light(name: str, data: Any, report: Report) -> None:

@@ -142,6 +142,7 @@ class GLINT_MATERIAL_PT_settings(EnginePanel, bpy.types.Panel):
         column = self.animated_column
         column.prop(context.material, "pass_index")
         column.prop(context.material, "displacement_method", text="Displacement")
+        column.prop(context.material, "use_transparent_shadow", text="Transparent Shadows")
 
 
 class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):

@@ -125,7 +125,11 @@ def test_what_works_is_offered(told):
         ["simplify_subdivision_render", False],
         ["simplify_child_particles_render", False],
     ]
-    assert told["material"] == [["pass_index", True], ["displacement_method", True]]
+    assert told["material"] == [
+        ["pass_index", True],
+        ["displacement_method", True],
+        ["use_transparent_shadow", True],
+    ]
     assert told["lighting"] == [["use_scene_lights_render", True], ["use_scene_world_render", True]]
     assert [name for name, _ in told["pass"]] == ["viewport_pass"]
 
