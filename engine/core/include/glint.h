@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 38
+#define GLINT_ABI_VERSION 39
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -366,7 +366,11 @@ typedef struct GlintNeighbour {
  * (dome_axes, column by column) over the density and one over that, equirectangular, from below
  * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
  * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
- * pole and once round. mesh_table: (mesh_count, 18), of as many samples, mesh_samples points each,
+ * pole and once round. openings: (opening_count, 13), rectangles through which that light is sampled
+ * too, or null: centre, half sides along x and y, unit normal to the light's side, all in the world,
+ * and the share of the points; opening_points: (opening_point_count, 3), of as many samples,
+ * opening_samples points each, as divide it: the row of openings, and where on it from -1 to 1 along
+ * its half sides. mesh_table: (mesh_count, 18), of as many samples, mesh_samples points each,
  * as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the point and its
  * unit normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit
  * disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for points
@@ -404,17 +408,19 @@ typedef struct GlintRenderSettings {
   const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
+  const double* openings;
+  const double* opening_points;
   const double* scatter_offsets;
   const double* lens_points;
   const double* camera_frames;
   const double* occlusion_points;
   const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count, scatter_count, occlusion_count, passes;
+      camera_frame_count, scatter_count, occlusion_count, opening_count, opening_point_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, lamp_shadows, occlusion_samples;
+      bounced_shadows, lamp_shadows, occlusion_samples, opening_samples;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;
@@ -457,7 +463,8 @@ enum GlintFeature {
   GLINT_FEATURE_BOUNCED_LIGHT = 8192,
   GLINT_FEATURE_OBJECT_MOTION = 16384,
   GLINT_FEATURE_MEDIA = 32768,
-  GLINT_FEATURE_SHADOW_CATCHER = 65536
+  GLINT_FEATURE_SHADOW_CATCHER = 65536,
+  GLINT_FEATURE_OPENINGS = 131072
 };
 
 typedef struct GlintStats {
