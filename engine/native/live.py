@@ -147,8 +147,7 @@ class NativeLive:
             self._openings = next((x.openings for x in lit.lights if x.kind == "DOME"), None)
         else:
             known = tuple(
-                replace(x, openings=self._openings) if x.kind == "DOME" else x
-                for x in scene.lights
+                replace(x, openings=self._openings) if x.kind == "DOME" else x for x in scene.lights
             )
             known = replace(scene, lights=known)
             lit = known.as_lit(**lighting | {"bounces": 0}, finding=False)

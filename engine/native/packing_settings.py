@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import functools
 
 import numpy as np
@@ -14,6 +13,7 @@ from ..lights.mesh_lights import MeshTable
 from ..sampling import (
     light_points,
     lobe_points,
+    node_points,
     occlusion_points,
     pixel_offsets,
     scatter_offsets,
@@ -92,6 +92,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         _add_motion(data, packer, scene, settings)
     _add_neighbours(data, packer, scene, settings)
     _add_occlusion(data, packer, settings)
+    _add_node_points(data, packer, scene, settings)
     return Packed(data, packer.lent)
 
 
@@ -202,8 +203,9 @@ def _add_neighbours(
         told.camera, told.world_from_object = pack_camera(other.camera), address(rows)
         told.row_count, told.shapes, told.shape_count = len(rows), address(shapes), len(shapes)
         packer.lent.append(shapes)
-    packer.lent.append(both)
-    data.neighbours = ctypes.addressof(both)
+    table = np.frombuffer(both, np.dtype(core_types.NeighbourData))
+    packer.lent.append(table)
+    data.neighbours = address(table)
 
 
 def _add_occlusion(data: core_types.RenderSettingsData, packer: Packer, settings: Settings) -> None:
@@ -214,6 +216,17 @@ def _add_occlusion(data: core_types.RenderSettingsData, packer: Packer, settings
     points = packer.lend(points, np.float64, (None, 2), "occlusion points")
     data.occlusion_points, data.occlusion_count = address(points), len(points)
     data.occlusion_samples = settings.dome_samples
+
+
+def _add_node_points(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    """Directions in which programs look, where any asks for rays."""
+    each = scene.most_asked
+    if each > 0:
+        points = node_points(settings.samples, each)
+        points = packer.lend(points, np.float64, (None, 2), "points of nodes")
+        data.node_points, data.node_point_count = address(points), len(points)
 
 
 def _add_lens(

@@ -594,9 +594,7 @@ class Scene:
         lamps = tuple(light for light in lights if light.kind != "DOME")
         if len(lamps) < len(lights):
             if by_world:
-                lit = tuple(
-                    opened(x, self) if finding and x.kind == "DOME" else x for x in lights
-                )
+                lit = tuple(opened(x, self) if finding and x.kind == "DOME" else x for x in lights)
                 world = replace(self.world, ambient=(0.0, 0.0, 0.0))
                 scene = replace(scene, lights=lit, world=world)
             else:
@@ -611,6 +609,12 @@ class Scene:
         """Whether some medium scatters light."""
         media = (self.world.medium, *(material.medium for material in self.materials))
         return any(medium is not None and any(medium.scattering) for medium in media)
+
+    @property
+    def most_asked(self) -> int:
+        """How many rays an operation of a material asks for, at most (`Program.most_asked`)."""
+        given = (*self.materials, *(m.aovs for m in self.materials if m.aovs))
+        return max((m.program.most_asked for m in given if m.program is not None), default=0)
 
     def medium_of(self, instances: Instances) -> Medium | None:
         """What is inside of things that wear these materials; strands have no inside."""

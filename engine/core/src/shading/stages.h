@@ -194,6 +194,7 @@ struct ProgramStage {
   RayKind kind;
   size_t count;
   double* slots;
+  const RayQueries* queries;  // null where no rays can be asked for
 };
 
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
@@ -205,7 +206,9 @@ struct EvaluateStage {
   const ProgramShape* program;  // null for none, as what follows
   RayKind kind;
   double* slots;
+  const RayQueries* queries;
   const double *x[3], *g[3], *start[3];  // start: of the rays that meet them
+  const double* offset;
   const int64_t *outside, *tags;
   int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
   double* bent[3];
@@ -348,10 +351,10 @@ struct DomeStage {
 struct LightStage {
   int shape;
   bool physical, spot, casts_shadow, ellipse;
-  const DomeCells* dome;   // kSky, kOpenSky
+  const DomeCells* dome;     // kSky, kOpenSky
   const Openings* openings;  // kOpenSky
-  bool through;              // kOpenSky: the sample is a point on an opening, `end`, whose normal is
-                             // `axis`
+  bool through;            // kOpenSky: the sample is a point on an opening, `end`, whose normal is
+                           // `axis`
   double l[3], factor;     // kDirection, kSky: the unit direction; its intensity. kRectangleSource:
                            // intensity per steradian
   double versine, spread;  // kDirection: 1 - cos of the half angle, and the solid angle
