@@ -1,5 +1,6 @@
 // On macOS operators of the C++ library that is linked in would be shown to the whole process, and
-// the loader would use one definition for all libraries. Here they are the core's own.
+// the loader would use one definition for all libraries. Here they are the core's own; an option of
+// CMakeLists.txt hides them.
 #if defined(__APPLE__)
 #include <cstdlib>
 #include <new>
@@ -22,30 +23,28 @@ void* checked(void* memory) {
 
 }  // namespace
 
-#define GLINT_OWN __attribute__((visibility("hidden")))
 using Size = std::size_t;
 using Align = std::align_val_t;
 using Quiet = std::nothrow_t;
 
-GLINT_OWN void* operator new(Size n) { return checked(taken(n)); }
-GLINT_OWN void* operator new[](Size n) { return checked(taken(n)); }
-GLINT_OWN void* operator new(Size n, Align a) { return checked(taken(n, a)); }
-GLINT_OWN void* operator new[](Size n, Align a) { return checked(taken(n, a)); }
-GLINT_OWN void* operator new(Size n, const Quiet&) noexcept { return taken(n); }
-GLINT_OWN void* operator new[](Size n, const Quiet&) noexcept { return taken(n); }
-GLINT_OWN void* operator new(Size n, Align a, const Quiet&) noexcept { return taken(n, a); }
-GLINT_OWN void* operator new[](Size n, Align a, const Quiet&) noexcept { return taken(n, a); }
-GLINT_OWN void operator delete(void* p) noexcept { std::free(p); }
-GLINT_OWN void operator delete[](void* p) noexcept { std::free(p); }
-GLINT_OWN void operator delete(void* p, Size) noexcept { std::free(p); }
-GLINT_OWN void operator delete[](void* p, Size) noexcept { std::free(p); }
-GLINT_OWN void operator delete(void* p, Align) noexcept { std::free(p); }
-GLINT_OWN void operator delete[](void* p, Align) noexcept { std::free(p); }
-GLINT_OWN void operator delete(void* p, Size, Align) noexcept { std::free(p); }
-GLINT_OWN void operator delete[](void* p, Size, Align) noexcept { std::free(p); }
-GLINT_OWN void operator delete(void* p, const Quiet&) noexcept { std::free(p); }
-GLINT_OWN void operator delete[](void* p, const Quiet&) noexcept { std::free(p); }
-GLINT_OWN void operator delete(void* p, Align, const Quiet&) noexcept { std::free(p); }
-GLINT_OWN void operator delete[](void* p, Align, const Quiet&) noexcept { std::free(p); }
-#undef GLINT_OWN
+void* operator new(Size n) { return checked(taken(n)); }
+void* operator new[](Size n) { return checked(taken(n)); }
+void* operator new(Size n, Align a) { return checked(taken(n, a)); }
+void* operator new[](Size n, Align a) { return checked(taken(n, a)); }
+void* operator new(Size n, const Quiet&) noexcept { return taken(n); }
+void* operator new[](Size n, const Quiet&) noexcept { return taken(n); }
+void* operator new(Size n, Align a, const Quiet&) noexcept { return taken(n, a); }
+void* operator new[](Size n, Align a, const Quiet&) noexcept { return taken(n, a); }
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete[](void* p) noexcept { std::free(p); }
+void operator delete(void* p, Size) noexcept { std::free(p); }
+void operator delete[](void* p, Size) noexcept { std::free(p); }
+void operator delete(void* p, Align) noexcept { std::free(p); }
+void operator delete[](void* p, Align) noexcept { std::free(p); }
+void operator delete(void* p, Size, Align) noexcept { std::free(p); }
+void operator delete[](void* p, Size, Align) noexcept { std::free(p); }
+void operator delete(void* p, const Quiet&) noexcept { std::free(p); }
+void operator delete[](void* p, const Quiet&) noexcept { std::free(p); }
+void operator delete(void* p, Align, const Quiet&) noexcept { std::free(p); }
+void operator delete[](void* p, Align, const Quiet&) noexcept { std::free(p); }
 #endif
