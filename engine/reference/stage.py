@@ -110,7 +110,9 @@ class Stage:
         if not self.asks_rays:
             return None
         reach = self.scene.world.occlusion_distance
-        return SceneQueries(self.visibility, self._node_points, sample, reach, on_rays)
+        return SceneQueries(
+            self.visibility, self.attributes, self._node_points, sample, reach, on_rays
+        )
 
     def _source(self, light: Light) -> Source:
         samples = self.settings.samples

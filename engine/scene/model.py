@@ -612,8 +612,8 @@ class Scene:
 
     @property
     def most_asked(self) -> int:
-        """How many rays an operation of a material asks for, at most (`Program.most_asked`)."""
-        given = (*self.materials, *(m.aovs for m in self.materials if m.aovs))
+        """How many rays an operation of a program asks for, at most (`Program.most_asked`)."""
+        given = (*self.materials, *(m.aovs for m in self.materials if m.aovs), *self.lights)
         return max((m.program.most_asked for m in given if m.program is not None), default=0)
 
     def medium_of(self, instances: Instances) -> Medium | None:

@@ -397,9 +397,9 @@ typedef struct GlintNeighbour {
  * to bounced_samples. neighbours: null where nothing moves, else two, of the frame before and of
  * the one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
- * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 2) of
- * the unit disc, below the directions that programs look in; null only where no program asks for
- * rays. */
+ * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
+ * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
+ * axis, 0 to 2; null only where none does. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
