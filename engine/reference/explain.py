@@ -149,7 +149,7 @@ class Explainer:
         stage = self.stage
         o, d = paths.rays.lines(np.zeros(1, np.intp))
         found = stage.visibility.closest(paths.rays, paths.kind)
-        spans = stage.media.spans(paths.rays, paths.kind) if stage.media else None
+        spans = stage.media.spans(paths.rays, paths.kind, found.depth) if stage.media else None
         shapes = tuple(self._shapes(paths, o, d, found.depth, spans))
         sent, passed, media = paths.weight[:, 0], np.ones((3, 1)), ()
         if spans is not None:

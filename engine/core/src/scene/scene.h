@@ -153,7 +153,8 @@ class Scene {
   std::vector<Medium> media;                   // in anchored space
   std::vector<Enclosure> enclosures;           // instances with a medium inside
   int32_t world_medium = -1;                   // what is everywhere
-  bool scatters = false, emits = false;        // some medium of these does
+  bool scatters = false, emits = false, varies = false;  // some medium of these does
+  InstanceShape world_space{};  // the world's axes, as programs read those of an object
   uint32_t features = 0;                       // GLINT_FEATURE_*
   int max_specular = 0;                        // SPECULAR and SHEEN lobes of a material, at most
   double most_exponent = 0;                    // of SPECULAR lobes
