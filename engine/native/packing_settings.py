@@ -14,6 +14,7 @@ from ..lights.mesh_lights import MeshTable
 from ..sampling import (
     light_points,
     lobe_points,
+    node_points,
     occlusion_points,
     pixel_offsets,
     scatter_offsets,
@@ -92,6 +93,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         _add_motion(data, packer, scene, settings)
     _add_neighbours(data, packer, scene, settings)
     _add_occlusion(data, packer, settings)
+    _add_node_points(data, packer, scene, settings)
     return Packed(data, packer.lent)
 
 
@@ -196,6 +198,17 @@ def _add_occlusion(data: core_types.RenderSettingsData, packer: Packer, settings
     points = packer.lend(points, np.float64, (None, 2), "occlusion points")
     data.occlusion_points, data.occlusion_count = address(points), len(points)
     data.occlusion_samples = settings.dome_samples
+
+
+def _add_node_points(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    """Directions in which programs look, where any asks for rays."""
+    each = scene.most_asked
+    if each > 0:
+        points = node_points(settings.samples, each)
+        points = packer.lend(points, np.float64, (None, 2), "points of nodes")
+        data.node_points, data.node_point_count = address(points), len(points)
 
 
 def _add_lens(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from .graph import Call, Graph, Value, needed
 from .operations import Operation, Reference
+from .operations_rays import ASKING
 from .table import CODES, OPERATIONS
 
 UNREAD = -1
@@ -41,6 +43,13 @@ class Program:
         """The same with other indices of textures."""
         return replace(self, textures=tuple(numbers[k] for k in self.textures))
 
+    @cached_property
+    def most_asked(self) -> int:
+        """How many rays an operation asks the scene for at a point and sample, at most; 0 where
+        none does.
+        """
+        return max(map(_asked, instructions(self)), default=0)
+
 
 @dataclass(frozen=True)
 class Instruction:
@@ -66,6 +75,13 @@ def instructions(program: Program) -> Iterator[Instruction]:
             operation, code[at + 1 : outputs], code[outputs:arguments], code[arguments:end]
         )
         at = end
+
+
+def _asked(step: Instruction) -> int:
+    if step.operation.name not in ASKING:
+        return 0
+    names = (name for name, _ in step.operation.settings)
+    return dict(zip(names, step.settings, strict=True)).get("samples", 1)
 
 
 def compile_program(graph: Graph, outputs: Sequence[Value]) -> Program:

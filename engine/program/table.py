@@ -12,6 +12,7 @@ from .operations_input import INPUTS
 from .operations_math import MATH
 from .operations_noise import NOISES
 from .operations_pattern import PATTERNS
+from .operations_rays import RAYS
 from .operations_vector import VECTORS
 from .operations_voronoi import VORONOIS
 
@@ -23,6 +24,7 @@ OPERATIONS: tuple[Operation, ...] = (
     *PATTERNS,
     *NOISES,
     *VORONOIS,
+    *RAYS,
 )
 """An operation's code is its place here."""
 

@@ -183,8 +183,9 @@ class Explainer:
         surface = surface_at(
             stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse
         )
-        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
-        coefficients = stage.shader.coefficients(surface, paths.kind)
+        queries = stage.queries(0)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind, queries)
+        coefficients = stage.shader.coefficients(surface, paths.kind, queries)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest)
         if paths.reflections and stage.is_lit_by_meshes:

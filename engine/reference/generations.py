@@ -34,6 +34,7 @@ from .picture import Tile
 from .raster import Strips
 from .rays import Rays
 from .scattering import scattered
+from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
@@ -120,8 +121,10 @@ class Generations:
             depth,
             stage.pulse,
         )
-        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
-        coefficients = stage.shader.coefficients(surface, paths.kind)
+        again = stage.queries(self._sample)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind, again)
+        queries = self._queries(paths.pixel[hit], surface)
+        coefficients = stage.shader.coefficients(surface, paths.kind, queries)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)
         if "Gap" in self._tile.data and paths.depth == 0 and not paths.straight.any():
@@ -130,7 +133,7 @@ class Generations:
         shown = self._cut_holdouts(paths, hit, surface)
         if len(shown) < len(hit):
             hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
-            coefficients = stage.shader.coefficients(surface, paths.kind)
+            coefficients = stage.shader.coefficients(surface, paths.kind, again)
         if paths.depth == 0 and stage.sees:
             self._see(paths, hit, surface, coefficients)
         if paths.depth == 0 and stage.scene.aovs:
@@ -155,6 +158,22 @@ class Generations:
             deeper += reflections
         return passed
 
+    def _queries(self, pixel: Array, surface: Surface) -> SceneQueries | None:
+        """How programs ask for rays at a surface's points, of these pixels; those of holdouts do
+        not count.
+        """
+        if not self._stage.asks_rays:
+            return None
+        shown = ~self._stage.per_object("holdout", surface.row).astype(bool)
+
+        def on_rays(index: Array) -> None:
+            here = pixel[index[shown[index]]]
+            self._stage.rays["shadow"] += len(here)
+            self._tile.charge(here)
+            self._tile.softly_lit[here] = True
+
+        return self._stage.queries(self._sample, on_rays)
+
     def _catch(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
     ) -> tuple[Array, Surface, Coefficients]:
@@ -167,13 +186,14 @@ class Generations:
         if not len(here):
             return hit, surface, coefficients
         some, weight, pixel = surface.take(here), pick(paths.weight, hit[here]), paths.pixel[hit]
-        given = stage.shader.coefficients(some, paths.kind)
+        queries = stage.queries(self._sample)
+        given = stage.shader.coefficients(some, paths.kind, queries)
         on_reach, on_cut = self._listeners(pixel[here])
         ratio = catchers.ratio(stage, some, given, weight, self._sample, on_reach, on_cut)
         self._show_caught(paths, hit[here], weight * catchers.opacity(given), ratio)
         rest = np.flatnonzero(~is_caught)
         surface = surface.take(rest)
-        return hit[rest], surface, stage.shader.coefficients(surface, paths.kind)
+        return hit[rest], surface, stage.shader.coefficients(surface, paths.kind, queries)
 
     def _look_around(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
@@ -342,7 +362,8 @@ class Generations:
         tile, pixel = self._tile, paths.pixel[hit]
         chosen = np.flatnonzero(tile.wants_aovs[pixel])
         some, here = surface.take(chosen), pixel[chosen]
-        given = self._stage.shader.aovs(some, paths.kind, len(tile.aovs) // 4)
+        queries = self._queries(here, some)
+        given = self._stage.shader.aovs(some, paths.kind, len(tile.aovs) // 4, queries)
         tile.aovs[:, here] += given * pick(paths.weight, hit[chosen]).mean(0)
         opaque = (passed[0] + passed[1] + passed[2]) / 3 < 0.5
         tile.wants_aovs[pixel[opaque]] = False

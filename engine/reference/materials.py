@@ -15,6 +15,7 @@ from .attributes import Attributes
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
+from .scene_queries import SceneQueries
 from .surface import Spot, Surface
 from .textures import Image
 from .vectors import add_at, dot, pick, unit
@@ -111,8 +112,13 @@ class Shader:
         bits = [id_bits(m.name) for m in self._materials[:-1]]
         return np.array([*bits, 0], np.uint32)[material]
 
-    def coefficients(self, surface: Surface, kind: str) -> Coefficients:
-        """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror"."""
+    def coefficients(
+        self, surface: Surface, kind: str, queries: SceneQueries | None = None
+    ) -> Coefficients:
+        """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror".
+
+        queries: how programs ask the scene for rays, here and below.
+        """
         shape = (3, len(surface.primitive))
         sums = {name: np.zeros(shape) for name in _SUMMED.values()}
         terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": [], "SHEEN": []}
@@ -129,7 +135,7 @@ class Shader:
                 ior = _index(lobe, outputs)
                 terms[lobe.kind].append(Term(index, k, lobe, exponent, masking, ior))
 
-        self._each_lobe(surface, kind, add)
+        self._each_lobe(surface, kind, add, queries=queries)
         return Coefficients(
             **sums,
             highlights=terms["SPECULAR"],
@@ -138,24 +144,27 @@ class Shader:
             sheens=terms["SHEEN"],
         )
 
-    def bent(self, surface: Surface, kind: str) -> Surface:
+    def bent(self, surface: Surface, kind: str, queries: SceneQueries | None = None) -> Surface:
         """The surface with the shading normals that materials' programs give it."""
         n = surface.n
         for material, index in self._by_material(surface):
             if material.normal_output < 0:
                 continue
-            given = self._outputs(material, surface, index, kind)[material.normal_output]
+            outputs = self._outputs(material, surface, index, kind, queries)
+            given = outputs[material.normal_output]
             given = unit(np.where(np.isfinite(given), given, 0.0))
             n = n.copy() if n is surface.n else n
             n[:, index] = np.where(given.any(0), given, pick(surface.n, index))
         return surface if n is surface.n else replace(surface, n=n)
 
-    def aovs(self, surface: Surface, kind: str, count: int) -> Array:
+    def aovs(
+        self, surface: Surface, kind: str, count: int, queries: SceneQueries | None = None
+    ) -> Array:
         """(4 count, n): colours that the points give to AOVs, and 1 where they give one."""
         found = np.zeros((4 * count, len(surface.primitive)))
         for material, index in self._by_material(surface):
             given = material.aovs
-            outputs = self._outputs(given, surface, index, kind) if given else []
+            outputs = self._outputs(given, surface, index, kind, queries) if given else []
             for lobe in given.lobes if given else ():
                 first = 4 * int(lobe.exponent)
                 k = self._product(lobe, surface, index, outputs)
@@ -182,10 +191,11 @@ class Shader:
         kind: str,
         add: Callable[[Lobe, Array, Array, list[Array]], None],
         kinds: tuple[str, ...] = (),
+        queries: SceneQueries | None = None,
     ) -> None:
         for material, index in self._by_material(spot):
             lobes = [lobe for lobe in material.lobes if not kinds or lobe.kind in kinds]
-            outputs = self._outputs(material, spot, index, kind) if lobes else []
+            outputs = self._outputs(material, spot, index, kind, queries) if lobes else []
             for lobe in lobes:
                 add(lobe, index, self._product(lobe, spot, index, outputs), outputs)
 
@@ -194,11 +204,19 @@ class Shader:
         for number in np.unique(spot.material):
             yield self._materials[number], np.flatnonzero(spot.material == number)
 
-    def _outputs(self, material: Material, spot: Spot, index: Array, kind: str) -> list[Array]:
+    def _outputs(
+        self,
+        material: Material,
+        spot: Spot,
+        index: Array,
+        kind: str,
+        queries: SceneQueries | None,
+    ) -> list[Array]:
         """Of the material's program, (3, m) each; none without one."""
         if material.program is None:
             return []
-        return run(material.program, SurfacePoints(self._around, spot, index, kind), len(index))
+        points = SurfacePoints(self._around, spot, index, kind, queries)
+        return run(material.program, points, len(index))
 
     def _product(self, lobe: Lobe, spot: Spot, index: Array, outputs: list[Array]) -> Array:
         """(3, m) or (3, 1): k of the lobe at the points `index`."""

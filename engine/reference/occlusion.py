@@ -9,15 +9,12 @@ import numpy as np
 
 from ..sampling import occlusion_points
 from .surface import Surface
-from .vectors import cross, unit
+from .vectors import across_normals
 
 if TYPE_CHECKING:
     from .stage import Stage
 
 Array = np.ndarray
-
-_AXIS = np.array([[1.0], [2.0], [3.0]])
-"""Round it the directions of neighbours that face along it turn fast."""
 
 
 def openness(stage: Stage, surface: Surface, sample: int, on_rays: Callable[[], None]) -> Array:
@@ -30,7 +27,7 @@ def openness(stage: Stage, surface: Surface, sample: int, on_rays: Callable[[], 
     each = stage.settings.dome_samples
     points = occlusion_points(stage.settings.samples, each)
     first = sample % (len(points) // each) * each
-    across, upward = _across(surface.n)
+    across, upward = across_normals(surface.n)
     total = np.zeros((3, count))
     for x, y in points[first : first + each]:
         height = np.sqrt(max(0.0, 1 - x * x - y * y))
@@ -38,11 +35,3 @@ def openness(stage: Stage, surface: Surface, sample: int, on_rays: Callable[[], 
         total += stage.shadows.near(surface, direction, reach)
         on_rays()
     return total / each
-
-
-def _across(n: Array) -> tuple[Array, Array]:
-    """Two unit vectors (3, n) each across the unit vectors n."""
-    first = cross(_AXIS + 0 * n, n)
-    other = cross(np.array([[1.0], [0.0], [0.0]]) + 0 * n, n)
-    t = unit(np.where(first.any(0), first, other))
-    return t, cross(n, t)

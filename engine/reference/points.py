@@ -11,6 +11,7 @@ from .attributes import Attributes
 from .geometry import Geometry
 from .panorama import picture_points, step_size
 from .placements import Placements
+from .scene_queries import SceneQueries
 from .surface import Surface
 from .textures import Image
 from .vectors import cross, dot, pick, transform_each, unit
@@ -58,9 +59,19 @@ def light_path(kind: str, count: int) -> tuple[Array, Array, Array]:
 class SurfacePoints:
     """The points `index` (m,) of a surface."""
 
-    def __init__(self, around: Surroundings, surface: Surface, index: Array, kind: str):
-        """kind: of the rays that meet it, "camera", "mirror" or "shadow"."""
+    def __init__(
+        self,
+        around: Surroundings,
+        surface: Surface,
+        index: Array,
+        kind: str,
+        queries: SceneQueries | None = None,
+    ):
+        """kind: of the rays that meet it, "camera", "mirror" or "shadow". queries: how the scene is
+        asked for rays; None where it is not.
+        """
         self._around, self._surface, self._index, self._kind = around, surface, index, kind
+        self.queries = queries
 
     def attribute(self, name: str, shift: int) -> Array:
         """(4, m): see `program.Points`. shift: `operations_input.Shift`, here and below."""
@@ -200,6 +211,10 @@ class SurfacePoints:
         1 where the last was one.
         """
         return tuple(pick(self._surface.past, self._index))
+
+    def blocked(self, direction: Array, reach: Array, own: bool) -> Array:
+        """(m,) bool: see `SceneQueries.blocked`."""
+        return self.queries.blocked(self._surface, self._index, direction, reach, own)
 
     def _of(self, name: str) -> Array:
         return pick(getattr(self._surface, name), self._index)

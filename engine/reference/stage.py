@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from .lights import CENTER, LightPoint, Source
 from .materials import Shader
 from .media import Media
 from .pulse import Pulse
+from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
@@ -78,6 +80,8 @@ class Stage:
             self.lighting.of_catchers(caught.astype(bool)) if self.catches else self.lighting
         )
         self._lobe_points = lobe_points(settings.samples)
+        self.asks_rays = scene.most_asked > 0
+        self._node_points = points_of_nodes(settings.samples, scene.most_asked)
         self.scatter_offsets = scatter_offsets(settings.samples)
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]
@@ -98,6 +102,15 @@ class Stage:
         """Where in the lobes of rough surfaces a sample is reflected that was so often before."""
         levels, tabled, _ = self._lobe_points.shape
         return LightPoint(CENTER.square, self._lobe_points[reflections % levels, sample % tabled])
+
+    def queries(
+        self, sample: int, on_rays: Callable[[Array], None] = uncounted
+    ) -> SceneQueries | None:
+        """How the programs of surfaces ask for rays; None where none does."""
+        if not self.asks_rays:
+            return None
+        reach = self.scene.world.occlusion_distance
+        return SceneQueries(self.visibility, self._node_points, sample, reach, on_rays)
 
     def _source(self, light: Light) -> Source:
         samples = self.settings.samples

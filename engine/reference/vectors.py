@@ -94,3 +94,15 @@ def ragged_blocks(counts: Array, most: int) -> list[tuple[int, int]]:
         blocks.append((start, stop))
         start = stop
     return blocks
+
+
+_AXIS = np.array([[1.0], [2.0], [3.0]])
+"""Round it the directions of neighbours that face along it turn fast."""
+
+
+def across_normals(n: Array) -> tuple[Array, Array]:
+    """Two unit vectors (3, n) each across the unit vectors n."""
+    first = cross(_AXIS + 0 * n, n)
+    other = cross(np.array([[1.0], [0.0], [0.0]]) + 0 * n, n)
+    t = unit(np.where(first.any(0), first, other))
+    return t, cross(n, t)

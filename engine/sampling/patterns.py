@@ -15,7 +15,7 @@ import numpy as np
 MOST_TABLED = 1 << 20
 """Directions or points of a light that all pixels share; later samples take the first ones again.
 """
-MOST_LOBE_POINTS = 1 << 16
+MOST_LOBE_POINTS = MOST_NODE_POINTS = 1 << 16
 LOBE_LEVELS = 8
 """Reflections of a path whose directions are independent."""
 _WORD = np.uint64((1 << 32) - 1)
@@ -188,6 +188,13 @@ def occlusion_points(samples: int, each: int) -> np.ndarray:
     points = concentric_disc(2 * dome_points(tabled(samples, each)) - 1)
     points.flags.writeable = False
     return points
+
+
+def node_points(samples: int, each: int) -> np.ndarray:
+    """(k, 2) float64 in the unit disc, not to be written to: the same sequence, for nodes of which
+    each sample takes `each` or fewer.
+    """
+    return occlusion_points(1, min(samples * each, MOST_NODE_POINTS))
 
 
 def lobe_points(count: int) -> np.ndarray:

@@ -617,6 +617,12 @@ class Scene:
         media = (self.world.medium, *(material.medium for material in self.materials))
         return any(medium is not None and medium.scatters for medium in media)
 
+    @property
+    def most_asked(self) -> int:
+        """How many rays an operation of a material asks for, at most (`Program.most_asked`)."""
+        given = (*self.materials, *(m.aovs for m in self.materials if m.aovs))
+        return max((m.program.most_asked for m in given if m.program is not None), default=0)
+
     def medium_of(self, instances: Instances) -> Medium | None:
         """What is inside of things that wear these materials; strands have no inside."""
         if isinstance(self.geometries[instances.geometry], Strands):

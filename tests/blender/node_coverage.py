@@ -37,7 +37,8 @@ APPROXIMATED: dict[str, str] = {
         ),
         "see Volumes",
     ),
-    "ShaderNodeAmbientOcclusion": "finds nothing near: AO is 1",
+    "ShaderNodeAmbientOcclusion": "1 in the light that things give to others by glowing or by "
+    "light that bounces off them; Bump sees no slope of it",
     "ShaderNodeBevel": "edges stay sharp",
     "ShaderNodeRaycast": "meets nothing",
     "ShaderNodePointInfo": "zeros, as of what is no point cloud",

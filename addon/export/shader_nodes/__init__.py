@@ -15,6 +15,7 @@ from . import noise as noise
 from . import normals as normals
 from . import objects as objects
 from . import patterns as patterns
+from . import rays as rays
 from . import sky as sky
 from . import spectra as spectra
 from . import strands as strands

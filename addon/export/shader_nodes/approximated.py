@@ -5,14 +5,6 @@ from __future__ import annotations
 from .reader import READERS, NodeInputs, Outputs
 
 
-def _ambient_occlusion(view: NodeInputs) -> Outputs:
-    """Nothing is hidden."""
-    view.reader.note(
-        "Node 'Ambient Occlusion' finds nothing near in {}: AO is 1; bake it to an image"
-    )
-    return {"Color": view.value("Color"), "AO": view.reader.graph.constant(1.0)}
-
-
 def _bevel(view: NodeInputs) -> Outputs:
     """Edges stay sharp."""
     view.reader.note("Node 'Bevel' leaves edges sharp in {}: use a Bevel modifier")
@@ -38,7 +30,6 @@ def _point_info(view: NodeInputs) -> Outputs:
 
 READERS.update(
     {
-        "ShaderNodeAmbientOcclusion": _ambient_occlusion,
         "ShaderNodeBevel": _bevel,
         "ShaderNodeRaycast": _raycast,
         "ShaderNodePointInfo": _point_info,

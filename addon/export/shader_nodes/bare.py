@@ -19,6 +19,7 @@ MESH_ONLY: dict[str, tuple[tuple | float, ...]] = {
     "edge_distance": (FARTHEST,),
     "instance_value": (ZERO, 0.0),
     "tangent_of_surface": (ZERO,),
+    "ambient_occlusion": (1.0,),
 }
 """Operations that read what a mesh or its object has, and what they give instead."""
 _TOLD = {
@@ -31,6 +32,8 @@ _TOLD = {
     "edge_distance": "draws edges, of which {} has none: use Brick Texture",
     "instance_value": "reads what is an object's or an instancer's own, which {} has not: it gives "
     "0; set a constant",
+    "ambient_occlusion": "finds nothing near in {}, where there is no surface: AO is 1, as in "
+    "Cycles; set a constant",
     "bump": "bends nothing in {}, where there is no surface: use Vector Math or Mapping",
     "normal_map": "bends nothing in {}, where there are no tangents: set its space to Object or "
     "World",

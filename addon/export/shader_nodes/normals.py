@@ -26,7 +26,8 @@ WIDTH = (
 )
 
 
-def _normal(view: NodeInputs) -> Value:
+def given_normal(view: NodeInputs) -> Value:
+    """What comes in as Normal, else the shading normal."""
     return view.value("Normal") if view.is_linked("Normal") else view.reader.normal()
 
 
@@ -84,7 +85,7 @@ def _mapped_before(view: NodeInputs, color: Value) -> Value:
 
 
 def _bump(view: NodeInputs) -> Outputs:
-    normal, height = _normal(view), view.value("Height")
+    normal, height = given_normal(view), view.value("Height")
     if height.constant is not None:
         return {"Normal": normal}
     _note_width(view)
@@ -112,12 +113,12 @@ def _displacement(view: NodeInputs) -> Outputs:
     size = view.apply("scaled_sum", one, view.value("Scale"), graph.constant((0.0, 0.0, 0.0)))[0]
     length = view.apply("product", height, size)[0]
     if view.node.space == "WORLD" or not view.reader.is_surface:
-        return {"Displacement": view.apply("product", length, _normal(view))[0]}
+        return {"Displacement": view.apply("product", length, given_normal(view))[0]}
     return {"Displacement": _to_world(view, view.apply("product", length, _object_normal(view))[0])}
 
 
 def _object_normal(view: NodeInputs) -> Value:
-    """The same as `_normal` in the object's space."""
+    """The same as `given_normal` in the object's space."""
     if not view.is_linked("Normal"):
         return view.apply("object_normal")[0]
     settings = {"convert_from": Space.WORLD, "convert_to": Space.OBJECT}

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 39
+#define GLINT_ABI_VERSION 40
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -398,7 +398,9 @@ typedef struct GlintNeighbour {
  * bounced_samples. neighbours: null where nothing moves, else two, of the frame before and of the
  * one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
- * which they begin again; null only where nobody asks for it. */
+ * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 2) of
+ * the unit disc, below the directions that programs look in; null only where no program asks for
+ * rays. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -413,9 +415,10 @@ typedef struct GlintRenderSettings {
   const double* lens_points;
   const double* camera_frames;
   const double* occlusion_points;
+  const double* node_points;
   const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count, scatter_count, occlusion_count, passes;
+      camera_frame_count, scatter_count, occlusion_count, node_point_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,

@@ -737,6 +737,10 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.occlusion_points =
       arena.fill<double>(2 * s.occlusion_count, [&] { return dice.uniform(-0.7, 0.7); });
   if (dice.chance(0.05 * dice.wildness)) s.occlusion_points = nullptr;
+  s.node_point_count = 1 + dice.below(16);
+  s.node_points =
+      arena.fill<double>(2 * s.node_point_count, [&] { return dice.uniform(-0.7, 0.7); });
+  if (dice.chance(0.05 * dice.wildness)) s.node_points = nullptr;
   if (dice.chance(0.05 * dice.wildness)) s.occlusion_count = 0;
   s.crypto_ids = uint32_t(1 + dice.below(8));
   if (scene.aov_count == 0) s.passes &= ~(pass_bit(GLINT_PASS_AOV));

@@ -15,10 +15,11 @@ from ...program.operations_input import INPUTS
 from ...program.operations_math import MATH
 from ...program.operations_noise import NOISES
 from ...program.operations_pattern import PATTERNS
+from ...program.operations_rays import RAYS
 from ...program.operations_vector import VECTORS
 from ...program.operations_voronoi import VORONOIS
 from ...program.program import UNREAD, Instruction, Program, instructions
-from . import arithmetic, colors, inputs, noise, patterns, vectors, voronoi
+from . import arithmetic, colors, inputs, noise, patterns, rays, vectors, voronoi
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,7 @@ _FAMILIES: tuple[tuple[tuple[Operation, ...], ModuleType], ...] = (
     (PATTERNS, patterns),
     (NOISES, noise),
     (VORONOIS, voronoi),
+    (RAYS, rays),
 )
 _FUNCTIONS: Mapping[str, Callable] = {
     operation.name: getattr(module, operation.name)

@@ -119,7 +119,7 @@ int32_t glint_program_run(const int32_t* code, uint64_t words, const double* con
                           double* columns, uint64_t count) {
   return glint::guarded<int32_t>(-1, nullptr, 0, [&] {
     const std::vector<double> spread = glint::spread_constants(constants, constant_count);
-    const glint::ProgramShape program{code, words, spread.data(), tables, slots};
+    const glint::ProgramShape program{code, words, spread.data(), tables, slots, false, false};
     const auto points = std::make_unique<glint::ProgramPoints>();
     std::vector<double> block(slots * glint::kBlock);
     for (uint64_t first = 0; first < count; first += glint::kBlock) {
@@ -127,7 +127,7 @@ int32_t glint_program_run(const int32_t* code, uint64_t words, const double* con
       for (uint32_t slot = 0; slot < slots; ++slot)
         std::copy_n(columns + slot * count + first, some, block.data() + slot * glint::kBlock);
       glint::best_stages().program(
-          {{}, &program, points.get(), glint::RayKind::kCamera, some, block.data()});
+          {{}, &program, points.get(), glint::RayKind::kCamera, some, block.data(), nullptr});
       for (uint32_t slot = 0; slot < slots; ++slot)
         std::copy_n(block.data() + slot * glint::kBlock, some, columns + slot * count + first);
     }

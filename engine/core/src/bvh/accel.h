@@ -55,6 +55,8 @@ struct Opacity {
   /// Closest hits: past triangles that dim, too. Layers: solid surfaces are among them, and stop no
   /// ray.
   bool onward = false;
+  /// Closest hits on spheres, strands and polygons, too, are passed where their instance is clear.
+  bool alone = false;
 };
 
 /// Many rays by component, `count` numbers each, all looking for the same visibility: what the

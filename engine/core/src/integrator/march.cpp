@@ -124,7 +124,7 @@ void MediaSpans::run(const Medium& medium, const std::vector<Asked>& asked, cons
         points.g[c][i] = points.n[c][i] = -d;
       }
     }
-    stages_.program({tables, medium.program, &points, kind, count, slots_.data()});
+    stages_.program({tables, medium.program, &points, kind, count, slots_.data(), nullptr});
     for (size_t i = 0; i < count; ++i) {
       Cell& cell = cells_[asked[first + i].cell];
       cell.matter = matter_of(medium, i);

@@ -48,6 +48,8 @@ struct RenderPlan {
   const double* occlusion_points =
       nullptr;  // occlusion_samples of each of occlusion_tabled samples
   uint32_t occlusion_samples = 1, occlusion_tabled = 1;
+  const double* node_points = nullptr;  // as GlintRenderSettings has them
+  uint64_t node_point_count = 0;
   const GlintNeighbour* neighbours = nullptr;  // two; null where nothing moves
   uint32_t camera_block = 1;
   double lens_focus = 1;

@@ -34,6 +34,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       camera_(scene),
       shader_(scene, plan, stages_),
       direct_(scene, plan, stages_, cancel, scratch_),
+      queries_(scene, plan, scratch_),
       media_(scene, scratch_),
       ahead_(scene, scratch_),
       batch_(scene, film.passes()),
@@ -96,7 +97,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
       (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_BOUNCED_LIGHT))
     return 1;
   if (direct_.reflects() || direct_.shares()) return 1;
-  if (scene_.has_rough_glass || scene_.scatters || scene_.varies) return 1;
+  if (scene_.has_rough_glass || scene_.scatters || scene_.varies || scene_.asks_rays) return 1;
   if (film_.wants(GLINT_PASS_AMBIENT_OCCLUSION)) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
@@ -420,6 +421,8 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;
     stage.tags = queue.tags();
+    stage.offset = batch_.points.offset;
+    if (stage.program->asks_rays) stage.queries = queries_.at(batch_, sample_, counts_);
   }
   stage.specular_columns = scene_.specular_columns;
   stage.specular = batch_.specular;
@@ -472,8 +475,8 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
       for (size_t axis = 0; axis < 3; ++axis)
         points.d[axis][i] += scene_.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
   }
-  stages_.program(
-      {scene_.input_tables(), scene_.sky_program, &points, kind, count, program_slots_.data()});
+  stages_.program({scene_.input_tables(), scene_.sky_program, &points, kind, count,
+                   program_slots_.data(), nullptr});
   return program_slots_.data() + scene_.sky_slot;
 }
 
@@ -657,9 +660,13 @@ void Tracer::run_aovs(const Queue& queue, const Material& given, const uint32_t*
     const uint32_t row = rows[std::min(i, count - 1)];
     points.length[i] = length(s.x - queue.path(row).start) / scene_.anchor.scale;
     points.tags[i] = queue.tags()[row];
+    points.offset[i] = s.offset;
+    points.row[i] = row;
   }
-  stages_.program({scene_.input_tables(), &scene_.program_of(given), &points, RayKind::kCamera,
-                   count, program_slots_.data()});
+  const ProgramShape& program = scene_.program_of(given);
+  stages_.program({scene_.input_tables(), &program, &points, RayKind::kCamera, count,
+                   program_slots_.data(),
+                   program.asks_rays ? queries_.at(batch_, sample_, counts_) : nullptr});
 }
 
 /// The film learns what the paths met, in the order of each pixel's samples.

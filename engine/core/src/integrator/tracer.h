@@ -8,6 +8,7 @@
 #include "integrator/first_hit_cache.h"
 #include "integrator/layers_ahead.h"
 #include "integrator/paths.h"
+#include "integrator/scene_queries.h"
 #include "shading/shade.h"
 
 namespace glint {
@@ -112,6 +113,7 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
+  SceneQueries queries_;
   MediaSpans media_;
   std::vector<Vec3d> clear_;  // weights of the batch's rays before media dim them
   std::vector<double> ends_;  // of the batch's rays, where media are asked for

@@ -16,6 +16,7 @@ struct Machine {
   RayKind kind;
   size_t count;
   double* slots;
+  const RayQueries* queries;
 };
 
 /// Where an argument is: numbers of one point after the other, or a constant for all (step 0).

@@ -20,6 +20,7 @@ struct ProgramShape {
   const double* tables;
   uint32_t slots;
   bool reads_ray;  // what ProgramPoints has of the ray
+  bool asks_rays;  // of the scene
 };
 
 /// Of the rays that meet the points.
@@ -34,6 +35,31 @@ struct ProgramPoints {
   int64_t outside[kBlock];     // mask: the outer side is seen
   double length[kBlock] = {};  // of the ray, in the world, as what follows only where it is read
   int64_t tags[kBlock] = {};   // RayTag
+  double offset[kBlock];  // Surface::offset; only of programs that ask for rays, as what follows
+  uint32_t row[kBlock];   // of the batch, for which the rays are counted
+};
+
+/// Rays from the points of a block that a program asks about, in anchored space; d is unit. None is
+/// traced of a point whose t_max is not above 0.
+struct AskedRays {
+  double o[3][kBlock], d[3][kBlock], t_max[kBlock];
+};
+
+/// Of which instances a ray meets surfaces.
+enum class AskedOf {
+  kAll,
+  kOwn
+};  // kAll: as shadow rays do; kOwn: of the point's, whatever it hides from
+
+/// The scene as programs ask for it; no surface lets such rays through.
+struct RayQueries {
+  void* self;
+  /// blocked[k] = 1 where anything is on the way, else 0.
+  void (*blocked)(void* self, const ProgramPoints& points, size_t count, const AskedRays& rays,
+                  AskedOf of, uint8_t* blocked);
+  const double* disc;  // points of the unit disc, two numbers each, that all points share
+  uint64_t disc_count, sample;
+  double reach;  // of occlusion, in the world
 };
 
 /// What programs know beside the points. World = x / scale + origin.

@@ -7,6 +7,7 @@
 #include "program/op_math.h"
 #include "program/op_noise.h"
 #include "program/op_pattern.h"
+#include "program/op_rays.h"
 #include "program/op_vector.h"
 #include "program/op_voronoi.h"
 
@@ -41,7 +42,7 @@ inline Operands operands(const Machine& m, const OperationRow& row, const int32_
 }
 
 void run_program(const ProgramStage& s) {
-  const Machine m{s.tables, *s.program, *s.points, s.kind, s.count, s.slots};
+  const Machine m{s.tables, *s.program, *s.points, s.kind, s.count, s.slots, s.queries};
   const int32_t* word = m.program.code;
   for (const int32_t* const end = word + m.program.words; word < end;) {
     const OperationRow& row = kOperations[*word++];

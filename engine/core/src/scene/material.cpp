@@ -79,7 +79,8 @@ std::vector<double> run_at(const Scene& scene, const Material& material, const S
     points->tags[k] = ray.tag;
   }
   std::vector<double> slots(program.slots * kBlock);
-  best_stages().program({scene.input_tables(), &program, points.get(), ray.kind, 1, slots.data()});
+  best_stages().program(
+      {scene.input_tables(), &program, points.get(), ray.kind, 1, slots.data(), nullptr});
   return slots;
 }
 

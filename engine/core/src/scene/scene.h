@@ -165,6 +165,7 @@ class Scene {
   int max_passing = 0;       // Material::passing, at most
   int passing_columns = PassingTerm::kPlain;  // of each of these lobes
   uint32_t most_slots = 0;                    // of programs
+  bool asks_rays = false;                     // some program does
   bool bends_normals = false;                 // some material gives shading normals of its own
   /// Of a material that has one.
   const ProgramShape& program_of(const Material& m) const {

@@ -80,13 +80,11 @@ bool depends_on_surface(const GlintInput& input) {
   return input.texture >= 0 || input.attribute >= 0 || input.output > 0;
 }
 
-/// Whether instructions read what ProgramPoints has of the ray.
-bool reads_ray(const int32_t* word, uint64_t count) {
+/// Whether some instruction is one of these operations.
+bool has_one(const int32_t* word, uint64_t count, std::initializer_list<std::string_view> names) {
   bool found = false;
-  for (const int32_t* const end = word + count; word < end; word += kLayouts[*word].words()) {
-    const std::string_view name = kLayouts[*word].name;
-    found = found || name == "ray_length" || name == "ray_depth";
-  }
+  for (const int32_t* const end = word + count; word < end; word += kLayouts[*word].words())
+    found = found || std::ranges::count(names, kLayouts[*word].name) > 0;
   return found;
 }
 
@@ -98,10 +96,13 @@ void Scene::copy_programs(const GlintSceneData& data) {
   program_tables_.assign(data.program_tables, data.program_tables + data.program_table_count);
   for (uint64_t i = 0; i < data.program_count; ++i) {
     const GlintProgram& g = data.programs[i];
-    programs.push_back({program_words_.data() + g.first_word, g.word_count,
-                        program_constants_.data() + g.first_constant * kPad,
-                        program_tables_.data() + g.first_table, g.slots,
-                        reads_ray(program_words_.data() + g.first_word, g.word_count)});
+    programs.push_back(
+        {program_words_.data() + g.first_word, g.word_count,
+         program_constants_.data() + g.first_constant * kPad,
+         program_tables_.data() + g.first_table, g.slots,
+         has_one(program_words_.data() + g.first_word, g.word_count, {"ray_length", "ray_depth"}),
+         has_one(program_words_.data() + g.first_word, g.word_count, {"ambient_occlusion"})});
+    asks_rays = asks_rays || programs.back().asks_rays;
     most_slots = std::max(most_slots, g.slots);
   }
   if (data.world_program > 0) {

@@ -78,6 +78,8 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.occlusion_samples = std::max(g.occlusion_samples, 1u);
   plan.occlusion_tabled =
       uint32_t(std::max(g.occlusion_count / plan.occlusion_samples, uint64_t(1)));
+  plan.node_points = g.node_points;
+  plan.node_point_count = g.node_point_count;
   plan.lens_focus = g.lens_focus;
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
@@ -182,6 +184,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
   add(enough_occlusion(g), "settings: fewer directions of occlusion than those of a sample");
+  add(!scene.asks_rays || (g.node_points && g.node_point_count >= 1),
+      "settings: no points for nodes that ask for rays");
   add(sound_neighbours(g, scene),
       "settings: neighbours with other rows, shapes or another kind of camera than the scene");
   add(g.lamp_shadows <= 1024, "settings: more than 1024 lamp shadows");

@@ -36,7 +36,7 @@ void LightProgram::run(const Light& light, RayKind kind, size_t count) {
   slots_.resize(size_t(scene_.most_slots) * kBlock);
   InputTables tables = scene_.input_tables();
   tables.instances = &light.space;  // number 0, as all points have it
-  stages_.program({tables, light.program, &points_, kind, count, slots_.data()});
+  stages_.program({tables, light.program, &points_, kind, count, slots_.data(), nullptr});
 }
 
 Vec3d LightProgram::share(const Light& light, size_t i) const {

@@ -123,6 +123,10 @@ inline void set_points(const EvaluateStage& s, size_t first, size_t count, Progr
     put3(points.n, k, gather3(s.n, at));
     put3(points.d, k, gather3(s.d, at));
     store(points.outside + k, gather(s.outside, at));
+    if (s.program->asks_rays) {
+      store(points.offset + k, gather(s.offset, at));
+      for (size_t lane = 0; lane < kLanes; ++lane) points.row[k + lane] = at.row[lane];
+    }
     if (!s.program->reads_ray) continue;
     store(points.length + k,
           length(gather3(s.x, at) - gather3(s.start, at)) / s.tables.view->scale);
@@ -144,7 +148,7 @@ inline void bend_normals(const EvaluateStage& s, size_t first, size_t count) {
 inline void run_block(const EvaluateStage& s, size_t first, size_t count) {
   ProgramPoints points;
   set_points(s, first, count, points);
-  run_program({s.tables, s.program, &points, s.kind, count, s.slots});
+  run_program({s.tables, s.program, &points, s.kind, count, s.slots, s.queries});
   if (s.normal > 0) bend_normals(s, first, count);
 }
 

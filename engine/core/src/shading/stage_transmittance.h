@@ -179,7 +179,7 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count) {
   }
   for (size_t i = 0; i < count; i += kLanes)
     store(p.weights[0] + i, 1 - load(p.weights[1] + i) - load(p.weights[2] + i));
-  run_program({s.tables, s.program, &p, RayKind::kShadow, count, s.slots});
+  run_program({s.tables, s.program, &p, RayKind::kShadow, count, s.slots, nullptr});
 }
 
 void transmit(const TransmittanceStage& s) {

@@ -194,6 +194,7 @@ struct ProgramStage {
   RayKind kind;
   size_t count;
   double* slots;
+  const RayQueries* queries;  // null where no rays can be asked for
 };
 
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
@@ -205,7 +206,9 @@ struct EvaluateStage {
   const ProgramShape* program;  // null for none, as what follows
   RayKind kind;
   double* slots;
+  const RayQueries* queries;
   const double *x[3], *g[3], *start[3];  // start: of the rays that meet them
+  const double* offset;
   const int64_t *outside, *tags;
   int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
   double* bent[3];

@@ -172,7 +172,8 @@ __attribute__((noinline)) void hit_shapes(Walk<Any>& w, int r, ChildRef leaf) {
   for (uint32_t k = leaf_first(leaf), last = k + uint32_t(leaf_count(leaf)); k < last; ++k) {
     if (!visible(w.tile, k)) continue;
     const PrimitiveId id = id_of(w.tile, r, k);
-    if (Any && opacity && opacity->of_instance[id.instance] == Opacity::kClear) continue;
+    if (opacity && (Any || opacity->alone) && opacity->of_instance[id.instance] == Opacity::kClear)
+      continue;
     if (w.tree.kind == kSphereLeaf) hit_sphere(w, slot, ray, w.tree.floats + 4 * size_t(k), id);
     else if (w.tree.kind == kStrandLeaf) hit_strand(w, slot, ray, id);
     else hit_polygon(w, slot, ray, w.tree.polygons[k], id);
