@@ -260,9 +260,7 @@ def _growing(way: float, step: float, shift: float) -> Array:
 def _some(spans: Spans, index: Array) -> Spans:
     columns = {name: getattr(spans, name)[index] for name in ("ray", "medium", "row")}
     columns |= {name: getattr(spans, name)[index] for name in ("start", "end")}
-    return replace(
-        spans, **columns, whole=spans.whole[:, index], matter=spans.matter.take(index)
-    )
+    return replace(spans, **columns, whole=spans.whole[:, index], matter=spans.matter.take(index))
 
 
 def _joined(a: Spans, b: Spans) -> Spans:

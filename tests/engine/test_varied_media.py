@@ -54,7 +54,9 @@ class Tree:
             "noise_texture", self.apply(name, shift=0), *numbers, dimensions=3, noise_type=1,
             normalize=1,
         )  # fmt: skip
-        return self.math("MULTIPLY", self.math("MAXIMUM", self.math("SUBTRACT", found, 0.4), 0.0), 8.0)
+        return self.math(
+            "MULTIPLY", self.math("MAXIMUM", self.math("SUBTRACT", found, 0.4), 0.0), 8.0
+        )
 
     def medium(self, step: float = 1 / 32, **outputs: Value) -> s.Medium:
         """Of values by the names of what they are."""
@@ -240,9 +242,7 @@ def smoky() -> s.Scene:
     for k, medium in ((1, smoke), (2, inside)):
         materials[k] = replace(materials[k], medium=medium)
     assert materials[2].lobes == GLASS
-    return replace(
-        scene, materials=tuple(materials), world=replace(scene.world, medium=hazy)
-    )
+    return replace(scene, materials=tuple(materials), world=replace(scene.world, medium=hazy))
 
 
 def test_the_core_against_the_reference() -> None:

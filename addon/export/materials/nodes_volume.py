@@ -5,16 +5,19 @@ as Cycles has it, everywhere or from place to place.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from ....engine.program.graph import Value
 from ....engine.program.program import compile_program
-from ....engine.scene import Medium
+from ....engine.scene import Material, Medium, World
 from ..shader_nodes.spectra import blackbody_table
 from .evaluator import CLOSURE_NODES, Closure, Evaluator, LobeKey, NodeView, add_closures
 from .graph import Place
 from .terms import RGB, Sum, complement, constant, constant_value, is_constant, multiply
 
+T = TypeVar("T", Material, World)
 VOLUMES = ("ABSORPTION", "SCATTERING")
 """Kinds of closures that surfaces have not."""
 _MOST = 1e30
@@ -25,7 +28,9 @@ _BOLTZMANN = 5.670373e-8 * 1e-6 / math.pi
 
 def medium_of(place: Place, evaluator: Evaluator, step: float) -> Medium | None:
     """What a Volume socket gets; None for nothing. step: of one that varies."""
-    closure = {k: v for k, v in evaluator.closure(place).items() if k.kind in (*VOLUMES, "EMISSION")}
+    closure = {
+        k: v for k, v in evaluator.closure(place).items() if k.kind in (*VOLUMES, "EMISSION")
+    }
     if any(key.anisotropy_output >= 0 or not is_constant(v) for key, v in closure.items()):
         return _varying(closure, evaluator, step)
     absorption, emission = _BLACK, _BLACK
@@ -102,6 +107,21 @@ def _varying_anisotropy(scattering: list[tuple[Value, Value]], evaluator: Evalua
         weight = expressions.apply("vector_average", value)
         total, whole = do("MULTIPLY_ADD", weight, g, total), do("ADD", weight, whole)
     return do("DIVIDE", total, whole)
+
+
+def with_step_rate(media: Sequence[T], scene: Any) -> tuple[T, ...]:
+    """Materials or worlds with the steps of their media as Cycles' settings of the scene scale
+    them.
+    """
+    rate = getattr(getattr(scene, "cycles", None), "volume_step_rate", 1.0)
+    if rate == 1.0:
+        return tuple(media)
+    return tuple(
+        replace(one, medium=replace(one.medium, step=one.medium.step * rate))
+        if one.medium is not None and one.medium.program is not None
+        else one
+        for one in media
+    )
 
 
 STEP = 1 / 32

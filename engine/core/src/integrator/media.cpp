@@ -243,8 +243,7 @@ void MediaSpans::add_breaks(const Medium& medium, const Span& span, double from,
   add(span.from);
   add(span.to);
   if (!medium.program) return;
-  for (size_t i = span.first_cell; i < size_t(span.first_cell) + span.cells; ++i)
-    add(cells_[i].to);
+  for (size_t i = span.first_cell; i < size_t(span.first_cell) + span.cells; ++i) add(cells_[i].to);
 }
 
 void MediaSpans::list_pieces(size_t k, double from, double to, std::vector<Piece>& pieces,

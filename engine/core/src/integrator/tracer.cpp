@@ -325,8 +325,7 @@ void Tracer::dim(Queue& queue) {
   media_.find(rays, counts_);
   clear_.resize(queue.size());
   ends_.resize(queue.size());
-  for (size_t k = 0; k < queue.size(); ++k)
-    ends_[k] = batch_.missed(k) ? kInfinity : batch_.t[k];
+  for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? kInfinity : batch_.t[k];
   media_.march(rays, ends_.data(), sample_,
                queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced, counts_);
   for (size_t k = 0; k < queue.size(); ++k) {

@@ -76,7 +76,7 @@ Vec3d finite_color(const double* c) {
 }
 
 constexpr double kLeastStep = 3.0 / 1024;  // of a medium that varies: so rays take 1024 at most
-constexpr size_t kFirstHitCaches = 2;  // a viewport shows a view and in it the render's frame
+constexpr size_t kFirstHitCaches = 2;      // a viewport shows a view and in it the render's frame
 constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
 
 }  // namespace
@@ -353,8 +353,8 @@ void Scene::place_media(const GlintSceneData& data) {
 void Scene::note_features() {
   // Shadows have colours where media dim light.
   if (world_medium >= 0 || !enclosures.empty())
-    features |= GLINT_FEATURE_MEDIA | GLINT_FEATURE_TRANSPARENT |
-                (varies ? GLINT_FEATURE_VARIED_MEDIA : 0);
+    features |=
+        GLINT_FEATURE_MEDIA | GLINT_FEATURE_TRANSPARENT | (varies ? GLINT_FEATURE_VARIED_MEDIA : 0);
   for (const GlintInstances& group : groups) {
     if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
     if (group.flags & GLINT_CATCHER) features |= GLINT_FEATURE_SHADOW_CATCHER;
