@@ -4,7 +4,7 @@
 #   make render BPY=4.2.x                                with another Blender: 4.2.x, 4.5.x, 5.0.x (default), 5.2.x
 #   make test ARGS="-k camera"                           pass options to pytest
 
-.PHONY: help setup render test slow test-blenders sanitize extension wheels bench contact-sheet references lint clean
+.PHONY: help setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet references lint clean
 .DEFAULT_GOAL := help
 
 BPY ?=
@@ -23,7 +23,7 @@ GO := $(START) packaging
 
 help:
 	@awk '/^#/ { sub(/^# ?/, ""); print; next } { exit }' Makefile
-	@echo "targets: setup render test slow test-blenders sanitize extension wheels bench contact-sheet references lint clean"
+	@echo "targets: setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet references lint clean"
 
 setup:
 	@$(GO)/environment.py --bpy "$(BPY)"
@@ -48,6 +48,12 @@ extension:
 
 wheels:
 	@$(GO)/wheels.py --bpy "$(BPY)" $(ARGS)
+
+windows:
+	@$(GO)/foreign.py --bpy "$(BPY)" windows-x64 $(ARGS)
+
+release:
+	@$(GO)/release.py --bpy "$(BPY)" $(ARGS)
 
 bench:
 	@$(GO)/run_tool.py --bpy "$(BPY)" tests/bench/bench.py $(ARGS)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import os
 import subprocess
 import sys
 import time
@@ -67,6 +68,13 @@ def settings() -> dict:
 def manifest() -> dict:
     """blender_manifest.toml."""
     return tomllib.loads((ROOT / "blender_manifest.toml").read_text())
+
+
+def source_date() -> int:
+    """Seconds since 1970 that stand for the time of building, so that the same sources give the
+    same bits: $SOURCE_DATE_EPOCH, else 1980, where the time of zips begins.
+    """
+    return int(os.environ.get("SOURCE_DATE_EPOCH", "315532800"))
 
 
 def blender(wanted: str = "") -> Blender:

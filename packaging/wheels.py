@@ -2,8 +2,7 @@
 each.
 
 The first time, Zig compiles its C++ library for each platform: some minutes. The wheels land in
-build/wheels/<platform>, the zips in dist. Nothing is run for the foreign platforms here, but --test
-has `qemu-aarch64` run the C++ tests of linux-arm64 (Debian: apt-get install qemu-user).
+build/wheels/<platform>, the zips in dist. Nothing is run here (`make release` does: foreign.py).
 """
 
 from __future__ import annotations
@@ -11,13 +10,13 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
+import binaries
 import core_wheel
 import environment
 import extension_zips
-import glibc
 import tree
 
 TOOLCHAIN = tree.CORE / "zig.cmake"
@@ -37,7 +36,6 @@ class Target:
     library: str
 
 
-_GLIBC = (2, 17)
 PLATFORMS = {
     "linux-x64": Target(
         "x86_64-linux-gnu.2.17", "Linux", "x86_64", "manylinux_2_17_x86_64", "libglint_core.so"
@@ -58,8 +56,8 @@ PLATFORMS = {
 }
 
 
-def install_zig(blender: tree.Blender) -> None:
-    """Zig, into the environment; only here is it needed."""
+def install_tools(blender: tree.Blender) -> None:
+    """Zig and what reads its libraries, into the environment; only here are they needed."""
     requirements = tree.settings()["dependency-groups"]["wheels"]
     stamp = blender.venv / "glint-wheels-stamp"
     if not tree.is_current(stamp, "\n".join(requirements)):
@@ -91,12 +89,11 @@ def build(blender: tree.Blender, platform: str) -> Path:
             ["--config-settings", f"build-dir={BUILDS / platform}"],
         )
     [wheel] = folder.glob("*.whl")
-    library = core_wheel.library_of(wheel, target.library)
-    if target.system == "Linux" and glibc.needed(library) > _GLIBC:
-        raise tree.SetupError(
-            f"{wheel.name} needs the GNU C library {glibc.needed(library)}, its name promises "
-            f"{_GLIBC}."
-        )
+    library = folder / target.library
+    library.write_bytes(core_wheel.library_of(wheel, target.library))
+    wrong = binaries.look(blender, platform, library)
+    if wrong:
+        raise tree.SetupError(f"the library for {platform}: {'; '.join(wrong)}")
     core_wheel.retag(blender, wheel, target.tag)
     [wheel] = folder.glob("*.whl")
     return wheel
@@ -110,59 +107,58 @@ def variables(blender: tree.Blender, target: Target) -> dict[str, str]:
         "GLINT_ZIG_SYSTEM": target.system,
         "GLINT_ZIG_PROCESSOR": target.processor,
         "CMAKE_ARGS": f"-DCMAKE_TOOLCHAIN_FILE={TOOLCHAIN}",
+        "SOURCE_DATE_EPOCH": str(tree.source_date()),
     }
 
 
-def run_tests_emulated(blender: tree.Blender, platform: str = "linux-arm64") -> str:
-    """Build the core's C++ tests for a foreign Linux and run them; returns their output. Needs
-    qemu-user.
+def build_tests(blender: tree.Blender, platform: str, programs: list[str]) -> Path:
+    """The core's C++ tests, in the folder where the wheel was built, whose objects they share; the
+    folder of the programs.
     """
-    target = PLATFORMS[platform]
-    # linked statically: no foreign libraries
-    target = replace(target, zig=f"{target.processor}-linux-musl")
-    emulator = shutil.which(f"qemu-{target.processor}")
-    if not emulator:
-        raise tree.SetupError(
-            f"qemu-{target.processor} was not found (Debian and Ubuntu: apt-get install qemu-user)."
-        )
-    folder = BUILDS / f"{platform}-tests"
+    target, folder = PLATFORMS[platform], BUILDS / platform
     tools = os.pathsep.join([str(blender.interpreter.parent), os.environ.get("PATH", "")])
     options = {"env": {**os.environ, **variables(blender, target), "PATH": tools}}
-    settings = [
-        "-DCMAKE_BUILD_TYPE=Release",
-        "-DGLINT_BUILD_TESTS=ON",
-        f"-DCMAKE_TOOLCHAIN_FILE={TOOLCHAIN}",
-    ]
+    settings = ["-DSKBUILD=", "-DGLINT_BUILD_TESTS=ON", "-DCMAKE_BUILD_TYPE=Release"]
+    settings += ["-DCMAKE_EXE_LINKER_FLAGS=-fPIC"]  # so that Zig's libraries need not be made anew
+    with tree.step(f"building the core's tests for {platform}"):
+        tree.call(
+            ["cmake", "-S", tree.CORE, "-B", folder, "-G", "Ninja", *settings],
+            "CMake could not prepare the tests.",
+            **options,
+        )
+        tree.call(
+            ["cmake", "--build", folder, "--target", *programs],
+            "The tests do not compile.",
+            **options,
+        )
+    return folder / "tests"
+
+
+def build_player(blender: tree.Blender, platform: str, folder: Path) -> str:
+    """The program that plays tapes to a library of the core (engine/core/tests/player.cpp), into
+    `folder`; its name there.
+    """
+    target, name = PLATFORMS[platform], "player"
+    name += ".exe" if target.system == "Windows" else ""
+    command = [blender.interpreter, "-m", "ziglang", "c++", "-target", target.zig, "-std=c++20"]
+    # Zig makes its libraries anew for other options than those of the core.
+    flags = ["-fno-sanitize=all", "-fPIC", "-O3", "-DNDEBUG", "-Wl,-s"]
+    libraries = ["-ldl"] if target.system == "Linux" else []
     tree.call(
-        ["cmake", "-S", tree.CORE, "-B", folder, "-G", "Ninja", *settings],
-        "CMake could not prepare the tests.",
-        **options,
+        [*command, *flags, "-I", tree.CORE / "include", tree.CORE / "tests" / "player.cpp"]
+        + [*libraries, "-o", folder / name],
+        "The player of tapes does not compile.",
     )
-    tree.call(
-        ["cmake", "--build", folder, "--target", "accel_tests"],
-        "The tests do not compile.",
-        **options,
-    )
-    return tree.call(
-        [emulator, folder / "tests" / "accel_tests"], "The kernel's tests fail on this platform."
-    )
+    return name
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bpy", default="")
     parser.add_argument("--only", nargs="*", choices=sorted(PLATFORMS), help="these platforms")
-    parser.add_argument(
-        "--test",
-        action="store_true",
-        help="run the kernel's tests for linux-arm64 under emulation instead",
-    )
     options = parser.parse_args()
     blender = environment.prepare(options.bpy)
-    install_zig(blender)
-    if options.test:
-        print(run_tests_emulated(blender))
-        return
+    install_tools(blender)
     for platform in options.only or PLATFORMS:
         wheel = build(blender, platform)
         path = extension_zips.pack_platform(blender, platform, wheel)

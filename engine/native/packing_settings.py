@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import functools
 
 import numpy as np
@@ -186,8 +185,9 @@ def _add_neighbours(
         told.camera, told.world_from_object = pack_camera(other.camera), address(rows)
         told.row_count, told.shapes, told.shape_count = len(rows), address(shapes), len(shapes)
         packer.lent.append(shapes)
-    packer.lent.append(both)
-    data.neighbours = ctypes.addressof(both)
+    table = np.frombuffer(both, np.dtype(core_types.NeighbourData))
+    packer.lent.append(table)
+    data.neighbours = address(table)
 
 
 def _add_occlusion(data: core_types.RenderSettingsData, packer: Packer, settings: Settings) -> None:

@@ -9,8 +9,14 @@ from blender_process import ROOT
 
 sys.path.insert(0, str(ROOT / "packaging"))
 
+import bill_of_materials
 import extension_zips
+import foreign
+import release
 import tree
+
+__all__ = ["bill_of_materials", "extension_zips", "foreign", "release", "tree"]
+"""Scripts of packaging/, for the tests beside this file."""
 
 INSTALL = """
 import sys
@@ -29,7 +35,16 @@ sys.path[:] = [path for path in sys.path if str(FOLDER) in path or not (pathlib.
 
 def pack(edition: str) -> Path:
     """The zip of an edition in dist/, made when out of date."""
+    make = {"full": extension_zips.full_zip, "python": extension_zips.python_zip}[edition]
+    return make(blender())
+
+
+def make_repository(folder: Path) -> None:
+    """Make a folder of zips an extension repository."""
+    release.index(blender(), folder)
+
+
+def blender() -> tree.Blender:
     import bpy
 
-    blender = tree.blender(".".join(map(str, bpy.app.version)))
-    return {"full": extension_zips.full_zip, "python": extension_zips.python_zip}[edition](blender)
+    return tree.blender(".".join(map(str, bpy.app.version)))

@@ -1,5 +1,5 @@
-"""Nodes where there is no surface: of worlds, of lights and inside of volumes. What only meshes have is 0 there, in
-Cycles too, which is told with the node's name where something reads it.
+"""Nodes where there is no surface: of worlds, of lights and inside of volumes. What only meshes
+have is 0 there, in Cycles too, which is told with the node's name where something reads it.
 """
 
 from __future__ import annotations
