@@ -179,6 +179,10 @@ class Media:
         """How many points the programs of media ran at, if any did."""
         return self._marching.asked if self._marching is not None else Counter()
 
+    def cells(self, spans: Spans) -> int:
+        """How many of the spans are cells of media that vary."""
+        return sum(self._media[number].program is not None for number in spans.medium)
+
     def of(self, rows: Array) -> Media:
         """Those of some rows of the placements alone, (r,) bool, and of the world."""
         result = copy.copy(self)

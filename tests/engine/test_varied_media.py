@@ -15,7 +15,7 @@ import pytest
 from engine_scenes import at, ball_mesh, box_mesh, constant, grid_mesh, surface
 from glint import engine
 from glint.engine import scene as s
-from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
@@ -304,7 +304,10 @@ def test_pixels_are_explained() -> None:
     picture = engine.render(scene, replace(settings, region=(28, 20, 36, 28))).combined
     explainer = PixelExplainer(scene, settings)
     for x, y in ((30, 22), (33, 26)):
-        found = explainer.pixel(x, y).color
+        ray = explainer.pixel(x, y)
+        assert ray.cells > 0
+        assert any("media that vary are looked at" in line for line in explanation_lines(ray))
+        found = ray.color
         np.testing.assert_allclose(found, picture[y - 20, x - 28, :3], rtol=1e-5, atol=1e-9)
 
 
