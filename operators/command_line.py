@@ -5,6 +5,8 @@ Cycles, or verified without windows.
 from __future__ import annotations
 
 import argparse
+import json
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -63,6 +65,14 @@ def _parser() -> argparse.ArgumentParser:
             help="render a scene for a target error, and tell what was predicted and reached",
         )
     )
+    _add_frames(
+        actions.add_parser(
+            "frames",
+            help="draw frames that are not there yet, each whole or not at all; exit code 1 where "
+            "--check finds one that is not the scene's",
+        )
+    )
+    _add_job(actions.add_parser("job", help="write a job for a render farm"))
     verify = actions.add_parser(
         "verify",
         help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has "
@@ -163,6 +173,26 @@ def _add_target(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(act=_target)
 
 
+def _add_frames(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help=".blend file")
+    parser.add_argument("frames", help="such as 1-240, 1-240:2 or 1,5,9")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the pictures")
+    parser.add_argument("--check", action="store_true", help="draw nothing, say what is there")
+    parser.set_defaults(act=_frames)
+
+
+def _add_job(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help=".blend file")
+    parser.add_argument("--engine", choices=["openjd"], required=True, help="of the farm")
+    parser.add_argument("--frames", required=True, help="such as 1-240, 1-240:2 or 1,5,9")
+    parser.add_argument("--per-task", type=_count, default=10, metavar="N", help="frames of a task")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the pictures")
+    parser.add_argument(
+        "--template", type=Path, help="file to write; beside the .blend file if left out"
+    )
+    parser.set_defaults(act=_job)
+
+
 def _info(options: argparse.Namespace) -> int:
     for name, value in information():
         sys.stdout.write(f"{name:10}{value}\n")
@@ -212,6 +242,37 @@ def _target(options: argparse.Namespace) -> int:
     scene, view_layer = _open(options.file)
     target = ("LEVELS", options.levels) if options.levels is not None else ("RMSE", options.rmse)
     _tell([rendered_for(scene, view_layer, options.out, *target)])
+    return 0
+
+
+def _frames(options: argparse.Namespace) -> int:
+    from . import farm
+
+    numbers = farm.frame_numbers(options.frames)
+    scene, _ = _open(options.file)
+    if options.check:
+        verdicts = []
+        for is_good, line in farm.check_frames(scene, numbers, options.out):
+            verdicts.append(is_good)
+            _tell([line])
+        _tell([f"{sum(verdicts)} of {len(verdicts)} frames verified"])
+        return 0 if all(verdicts) else 1
+    for line in farm.draw_frames(scene, numbers, options.out):
+        _tell([line])
+    return 0
+
+
+def _job(options: argparse.Namespace) -> int:
+    from . import farm
+
+    if not options.file.is_file():
+        raise ValueError(f"there is no file {options.file}")
+    place = options.template or options.file.with_suffix(".openjd.json")
+    template = farm.job_template(options.file, options.frames, options.per_task, options.out, place)
+    place.write_text(json.dumps(template, indent=2) + "\n", encoding="utf-8")
+    more = farm.without_default(template, {"Scene": options.file, "Out": options.out})
+    run = ["openjd", "run", str(place), "--step", "Check", "--run-dependencies", *more]
+    _tell([f"wrote {place}; to run it on this machine: {shlex.join(run)}"])
     return 0
 
 

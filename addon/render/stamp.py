@@ -59,8 +59,19 @@ class Stamping:
         """Field → text, after `begin_pixels`."""
         return {
             "pixels": self._pixels.result(),
-            "settings": settings_text(settings),
-            "geometry": self._geometry.result(),
-            "tracer": f"Glint {manifest()['version']}, {tracer_text(settings.backend)}",
-            "frame": str(frame),
+            **_made_of(self._geometry.result(), settings, frame),
         }
+
+
+def expected(scene: engine.Scene, settings: engine.Settings, frame: int) -> dict[str, str]:
+    """The fields of a picture that was not drawn yet, but for "pixels"."""
+    return _made_of(value_fingerprint(scene), settings, frame)
+
+
+def _made_of(geometry: str, settings: engine.Settings, frame: int) -> dict[str, str]:
+    return {
+        "settings": settings_text(settings),
+        "geometry": geometry,
+        "tracer": f"Glint {manifest()['version']}, {tracer_text(settings.backend)}",
+        "frame": str(frame),
+    }

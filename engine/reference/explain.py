@@ -313,7 +313,8 @@ class Explainer:
                     term = self._light(surface, own, source, narrow, sample, j)
                     lost = np.array(term.shadow) != 1.0
                     light = np.array(term.diffuse) + np.array(term.specular)
-                    if diffuse is coefficients.diffuse and light.any():
+                    counts = diffuse is coefficients.diffuse and sample.counts
+                    if counts and light.any():
                         margin += -1 if (lost * light).any() else 1
                     yield term
             if isinstance(source, Dome) and margin >= 0:
@@ -323,7 +324,7 @@ class Explainer:
         self, surface: Surface, coefficients: Coefficients, source: Dome, j: int
     ) -> LightTerm:
         """What the directions of a sky leave out."""
-        rest = source.rest(surface.n, 0)[:, 0]
+        rest = source.rest(surface.x, surface.n, 0)[:, 0]
         return LightTerm(
             light=source.light.name,
             sample=j,

@@ -29,7 +29,7 @@ from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
-from .tabled_lights import BouncedSource, Dome, MeshSource
+from .tabled_lights import BouncedSource, Dome, MeshSource, OpeningPoints
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -126,7 +126,8 @@ class Stage:
                 emission = Emission([Image(t) for t in light.textures], self.scene.camera)
             return Source(light, self.eye, self.settings.illumination == "PHYSICAL", emission)
         n = self.settings.dome_samples
-        return Dome(light, self.eye, dome_table(light, samples, n), n)
+        seen = OpeningPoints.of(light, self.eye, samples, self.settings.opening_samples, n)
+        return Dome(light, self.eye, dome_table(light, samples, n), n, seen)
 
     def _light_points(self) -> list[LightPoint]:
         lamps = [source for source in self.sources if source.points is None]

@@ -24,6 +24,8 @@ FILTERS = {"Closest": "CLOSEST", "Cubic": "CUBIC", "Smart": "CUBIC"}
 """By Blender's names of how images are read between their texels; others are linear."""
 FIRST, TILES_IN_A_ROW = 1001, 10
 """Number of the tile at the origin of a UV map, and how many numbers further the tile above is."""
+IS_MAGENTA = "it is magenta"
+"""In the note of an image without a file."""
 FIRST_TILE = "Only the first tile of tiled images is rendered here ({}): bake them into one image"
 
 
@@ -171,7 +173,7 @@ class Images:
                 return self._read(_original(image), path, decoded)
         except ImageError as error:
             self.report.note(
-                f"Image '{image.name}' {error}: it is magenta; find or pack its file ('{path}')"
+                f"Image '{image.name}' {error}: {IS_MAGENTA}; find or pack its file ('{path}')"
             )
             return Pixels(pixels.MAGENTA, "SRGB")
 

@@ -1,6 +1,7 @@
 // A test is a function in a group; check() counts what fails and goes on.
 #pragma once
 #include <cstdio>
+#include <cstdlib>
 
 namespace glint::test {
 
@@ -17,6 +18,15 @@ inline int failures = 0;
 inline void check(bool good, const char* what, const char* file, int line) {
   if (good) return;
   if (++failures <= 20) std::fprintf(stderr, "%s:%d: %s\n", file, line, what);
+}
+
+/// What the core reads as GLINT_ISA from now on; null: what is best.
+inline void ask_for_isa(const char* isa) {
+#if defined(_WIN32)
+  _putenv_s("GLINT_ISA", isa ? isa : "");
+#else
+  isa ? setenv("GLINT_ISA", isa, 1) : unsetenv("GLINT_ISA");
+#endif
 }
 
 }  // namespace glint::test

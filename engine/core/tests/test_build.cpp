@@ -7,6 +7,9 @@
 #include <limits>
 #include <new>
 #include <thread>
+#if defined(_WIN32)
+#include <malloc.h>
+#endif
 
 #include "bvh/build/builder.h"
 #include "check.h"
@@ -14,15 +17,23 @@
 
 namespace {
 
+#if defined(_WIN32)
+void* aligned(std::size_t size, std::size_t alignment) { return _aligned_malloc(size, alignment); }
+void give(void* p) noexcept { _aligned_free(p); }
+#else
+void* aligned(std::size_t size, std::size_t alignment) {
+  return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+}
+void give(void* p) noexcept { std::free(p); }
+#endif
+
 std::atomic<long> allocations_left{0};  // the one that takes this from 1 to 0 fails
 
 void* allocate(std::size_t size, std::size_t alignment) {
   long left = allocations_left.load();
   while (left > 0 && !allocations_left.compare_exchange_weak(left, left - 1)) continue;
   if (left == 1) throw std::bad_alloc();
-  if (void* p = std::aligned_alloc(
-          alignment, (std::max<std::size_t>(size, 1) + alignment - 1) / alignment * alignment))
-    return p;
+  if (void* p = aligned(std::max<std::size_t>(size, 1), alignment)) return p;
   throw std::bad_alloc();
 }
 
@@ -32,10 +43,10 @@ void* operator new(std::size_t size) { return allocate(size, alignof(std::max_al
 void* operator new(std::size_t size, std::align_val_t alignment) {
   return allocate(size, std::size_t(alignment));
 }
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p) noexcept { give(p); }
+void operator delete(void* p, std::size_t) noexcept { give(p); }
+void operator delete(void* p, std::align_val_t) noexcept { give(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { give(p); }
 
 using namespace glint;
 using namespace glint::test;

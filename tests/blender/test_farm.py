@@ -1,0 +1,252 @@
+"""Frames of a farm: drawn once, whole or not at all, and handed out by an Open Job Description
+template that `openjd` itself runs.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("bpy")
+from blender_process import REGISTER_TREE, Blender, Run
+from glint.operators import farm
+
+# What stands for the program `blender`: the bpy of this environment with the tree as its add-on.
+PROGRAM = (
+    f"#!{sys.executable}\nimport bpy\n"
+    + REGISTER_TREE
+    + """
+from glint.operators import command_line
+assert sys.argv[1:4] == ["-b", "--command", "glint"], sys.argv
+exit_code = command_line.run(sys.argv[4:])
+sys.exit(exit_code)
+"""
+)
+
+MAKE = (
+    REGISTER_TREE
+    + """
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 16, 100
+scene.glint.final.samples = scene.glint.final.light_samples = 1
+scene.glint.final.backend = "NUMPY"
+image = scene.render.image_settings
+if hasattr(image, "media_type"):
+    image.media_type = "IMAGE"
+image.file_format = "OPEN_EXR"
+cube = bpy.data.objects["Cube"]
+cube.keyframe_insert("location", frame=1)
+cube.location.x = 1.0
+cube.keyframe_insert("location", frame=5)
+"""  # noqa: E501 - a script for another Blender
+)
+SAVE = 'bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "shot.blend"))\n'
+
+WITHOUT_TEXTURE = """
+material = cube.data.materials[0]
+material.use_nodes = True
+node = material.node_tree.nodes.new("ShaderNodeTexImage")
+picture = bpy.data.images.new("wood", 4, 4)
+picture.filepath_raw, picture.file_format = str(FOLDER / "wood.png"), "PNG"
+picture.save()
+node.image = bpy.data.images.load(str(FOLDER / "wood.png"))
+shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+material.node_tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+(FOLDER / "wood.png").unlink()
+"""
+
+
+class _Shot:
+    """A scene in a folder, and the program that draws it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.blender, self.folder, self.out = Blender(folder), folder, folder / "frames"
+        self.program = folder / "blender"
+        self.program.write_text(PROGRAM)
+        self.program.chmod(0o755)
+
+    def make(self, more: str = "") -> None:
+        run = self.blender.run(MAKE + more + SAVE)
+        assert run.returncode == 0, run.output
+
+    def command(self, *words: str) -> list[str]:
+        return [str(self.program), "-b", "--command", "glint", *words]
+
+    def glint(self, *words: str, **options: object) -> Run:
+        return self.blender.start(self.command(*words), **options)
+
+    def frames(self, numbers: str, *more: str) -> Run:
+        blend = str(self.folder / "shot.blend")
+        return self.glint("frames", blend, numbers, "--out", str(self.out), *more)
+
+    @property
+    def names(self) -> list[str]:
+        """Of all files that are there, hidden ones too."""
+        return sorted(path.name for path in self.out.iterdir()) if self.out.exists() else []
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> _Shot:
+    return _Shot(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ("7", [7]),
+        ("1-4", [1, 2, 3, 4]),
+        ("1-9:4,2", [1, 2, 5, 9]),
+        ("-2-0, 5", [-2, -1, 0, 5]),
+        ("3-3,3", [3]),
+    ],
+)
+def test_a_range_of_frames(text, numbers):
+    assert farm.frame_numbers(text) == numbers
+
+
+@pytest.mark.parametrize("text", ["", "a", "1..4", "4-1", "1-4:0", "1-", "1-99999999", "1.5"])
+def test_what_is_no_range_of_frames(text):
+    with pytest.raises(ValueError, match="frames"):
+        farm.frame_numbers(text)
+
+
+@pytest.mark.slow
+def test_a_job_runs_draws_what_lacks_and_nothing_twice(shot):
+    """Run by the farm's own tool: five frames, two at a time, then all are looked at. One is lost
+    and one cut off; the job run again draws these two.
+    """
+    shot.make()
+    blend = str(shot.folder / "shot.blend")
+    options = ["--engine", "openjd", "--frames", "1-5", "--per-task", "2", "--out", str(shot.out)]
+    made = shot.glint("job", blend, *options)
+    assert made.returncode == 0, made.output
+    template = shot.folder / "shot.openjd.json"
+    parameters = {
+        told["name"]: told.get("default")
+        for told in json.loads(template.read_text())["parameterDefinitions"]
+    }
+    assert (parameters["Scene"], parameters["Out"]) == ("shot.blend", "frames")
+    first = _openjd(shot, template)
+    assert first.count("drawn (was missing)") == 5 and "5 of 5 frames verified" in first
+    assert "Chunks run: 4" in first, "2 + 2 + 1 frames and the check"
+    assert shot.names == [f"shot_{k:04d}.exr" for k in range(1, 6)]
+    whole = {name: (shot.out / name).read_bytes() for name in shot.names}
+    (shot.out / "shot_0002.exr").unlink()
+    (shot.out / "shot_0004.exr").write_bytes(whole["shot_0004.exr"][:-100])
+    (shot.out / ".shot_0002.elsewhere-1.exr").write_bytes(b"of a worker that was killed")
+    again = _openjd(shot, template)
+    assert again.count(": there") == 3 and again.count("drawn (was") == 2, again
+    assert "4: drawn (was" in again and "is not whole" in again
+    assert "5 of 5 frames verified" in again
+    assert shot.names == sorted(whole)
+    for k in (1, 3, 5):
+        assert (shot.out / f"shot_{k:04d}.exr").read_bytes() == whole[f"shot_{k:04d}.exr"]
+
+
+def _openjd(shot: _Shot, template: Path) -> str:
+    command = [sys.executable, "-m", "openjd", "run", str(template)]
+    options = ["--step", "Check", "--run-dependencies", "-p", f"Blender={shot.program}"]
+    run = subprocess.run([*command, *options], capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+@pytest.mark.slow
+def test_frames_of_another_scene_are_found_and_drawn_again(shot):
+    shot.make()
+    assert shot.frames("1-2").returncode == 0
+    good = shot.frames("1-2", "--check")
+    assert good.returncode == 0 and "2 of 2 frames verified" in good.output, good.output
+    shot.make("cube.location.z = 0.25\ncube.keyframe_insert('location', frame=5)\n")
+    bad = shot.frames("1-3", "--check")
+    assert bad.returncode == 1, bad.output
+    assert "     1  verified" in bad.output, "nothing has moved yet in the first frame"
+    assert "     2  of another geometry" in bad.output and "     3  missing" in bad.output
+    again = shot.frames("1-2")
+    assert "frame 1: there" in again.output and "frame 2: drawn" in again.output
+    shot.make("scene.glint.final.samples = 2\n")
+    assert "     1  of another settings" in shot.frames("1", "--check").output
+
+
+@pytest.mark.slow
+def test_frames_of_another_version_of_glint_are_noticed(shot, tmp_path):
+    """An upgrade in the middle of a job."""
+    shot.make()
+    assert shot.frames("1").returncode == 0
+    newer = "from glint.addon.render import stamp\nstamp.manifest()['version'] = '9.9.9'\n"
+    shot.program.write_text(PROGRAM.replace("assert sys", newer + "assert sys"))
+    upgraded = shot.frames("1", "--check")
+    assert upgraded.returncode == 1 and "of another tracer" in upgraded.output
+
+
+@pytest.mark.slow
+def test_a_missing_texture_ends_with_a_sentence_and_no_picture(shot):
+    shot.make(WITHOUT_TEXTURE)
+    run = shot.frames("1-2")
+    assert run.returncode == 2, run.output
+    assert "glint frames: frame 1: Image 'wood.png'" in run.output
+    assert shot.names == []
+
+
+@pytest.mark.slow
+def test_a_full_disk_leaves_no_picture(shot):
+    shot.make()
+    full = (
+        "import resource, signal\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (900, resource.RLIM_INFINITY))\n"
+    )
+    shot.program.write_text(PROGRAM.replace("exit_code = command", full + "exit_code = command"))
+    run = shot.frames("1")
+    assert run.returncode == 2 and "is not whole" in run.output, run.output
+    assert shot.names == []
+
+
+@pytest.mark.slow
+def test_a_killed_worker_leaves_no_frame_and_the_next_one_draws_it(shot):
+    slow = "scene.glint.final.samples, scene.glint.final.error_threshold = 4096, 0\n"
+    shot.make(slow + "scene.render.resolution_x = 200\n")
+    blend = str(shot.folder / "shot.blend")
+    words = ["frames", blend, "1", "--out", str(shot.out)]
+    patched = PROGRAM.replace(
+        "exit_code = command",
+        "from glint.addon.render import final\ntrace = final._trace\n"
+        "def tracing(*arguments):\n    os.write(1, b'TRACING\\n')\n    return trace(*arguments)\n"
+        "final._trace = tracing\nexit_code = command",
+    )
+    assert patched != PROGRAM
+    shot.program.write_text(patched)
+    worker = shot.blender.launch(shot.command(*words))
+    for line in worker.stdout:
+        if "TRACING" in line:
+            break
+    time.sleep(0.3)
+    worker.send_signal(signal.SIGKILL)
+    assert worker.wait(60) == -signal.SIGKILL
+    assert [name for name in shot.names if not name.startswith(".")] == []
+    shot.make()
+    shot.program.write_text(PROGRAM)
+    run = shot.frames("1")
+    assert run.returncode == 0 and shot.names == ["shot_0001.exr"], run.output
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ('image.file_format = "JPEG"\n', "keeps no stamp"),
+        ("scene.view_layers[0].use = False\n", "none of its view layers"),
+        ('scene.glint.target = "LEVELS"\n', "set Samples instead"),
+    ],
+)
+def test_what_cannot_be_a_frame_is_refused(shot, more, said):
+    shot.make(more)
+    run = shot.frames("1")
+    assert run.returncode == 2 and said in run.output, run.output
+    assert shot.names == []
