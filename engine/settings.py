@@ -340,6 +340,11 @@ class Settings:
         return DOME_SHARE * self.light_samples
 
     @property
+    def opening_samples(self) -> int:
+        """Points on a DOME light's openings for each sample of a pixel."""
+        return self.dome_samples
+
+    @property
     def mesh_samples(self) -> int:
         """Points of a MESH light for each sample of a pixel."""
         return MESH_SHARE * self.light_samples

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..sampling import chosen, concentric_disc, walk_points
-from ..scene import EVERYTHING, Light, Mesh, Scene, Spheres, Strands
+from ..scene import EVERYTHING, Light, Mesh, Openings, Scene, Spheres, Strands
 from .dome import dome_table
 from .mesh_lights import mesh_table
+from .openings import points_on
 
 Array = np.ndarray
 
@@ -27,6 +28,8 @@ WIDER = 2.0
 scene: ever fewer by area meet what is farther from all of them.
 """
 MOST_WIDER = 16
+THROUGH = 0.5
+"""Of the walks of a sky, where rooms see it."""
 ROUNDED = 16 * 2.0**-24
 """Of coordinates: what single precision may move surfaces by, twice."""
 HUGE = 1e100
@@ -97,7 +100,10 @@ def _start(light: Light, origin: Array, far: _Far, n: int) -> Iterator[Start]:
         table = dome_table(light, n, 1)
         given = table.light[:, :3].T
         group = np.full(len(table.along), light.light_group)
-        yield far.start(-table.along.T, lambda x, number: given[:, number], group)
+        seen = light.openings
+        if seen is not None:
+            seen = replace(seen, centers=seen.centers - origin)
+        yield far.start(-table.along.T, lambda x, number: given[:, number], group, seen)
     elif light.kind != "BOUNCED":
         yield _from_lamp(light, origin, far, n)
 
@@ -219,20 +225,39 @@ class _Far:
         self._middle, self._reach = middle[:, None], reach
         self._shares = np.array(shares) / sum(shares)
 
-    def start(self, d: Array, given: Callable[[Array, Array], Array], group: Array) -> Start:
-        """d: (3, n) unit.  given: as of `Start`, times area and cosine.  group: as there."""
+    def start(
+        self,
+        d: Array,
+        given: Callable[[Array, Array], Array],
+        group: Array,
+        openings: Openings | None = None,
+    ) -> Start:
+        """d: (3, n) unit.  given: as of `Start`, times area and cosine.  group: as there.
+        openings: counted from the origin, through which half of the walks go that may.
+        """
         from ..reference.vectors import basis_around, dot
 
         n = d.shape[1]
-        which, _ = chosen(self._shares, walk_points(n, 253)[:, 0])
-        x, y = concentric_disc(2 * walk_points(n, 252) - 1).T
+        u = walk_points(n, 253)[:, 0]
+        inward = _inward(openings, d)
+        through = np.where(inward.any(0), THROUGH, 0.0)
+        aimed = u >= through
+        which, _ = chosen(self._shares, (u - through) / (1 - through))
+        square = 2 * walk_points(n, 252) - 1
+        x, y = concentric_disc(square).T
         first, second = basis_around(d)
         at = self.center[:, which] + self.radius[which] * (x * first + y * second)
         density = np.zeros(n)
+        if openings is not None:
+            number = _chosen_each(inward, u / THROUGH)
+            on = points_on(openings, number, square).T
+            at = np.where(aimed, at, on)
+            density += through * _crossing(openings, inward, at, d)
         for k, share in enumerate(self._shares):
             off = at - self.center[:, k : k + 1]
             off = off - dot(off, d) * d
             inside = dot(off, off) <= self.radius[k] ** 2 * (1 + 1e-9)
+            share *= 1 - through
             density += np.where(inside, share / (np.pi * self.radius[k] ** 2), 0.0)
         outside = at - (dot(at - self._middle, d) + 1.5 * self._reach) * d
         area = 1 / (n * density)
@@ -242,6 +267,40 @@ class _Far:
             lambda x, number: np.clip(given(x, number) * area[number], -HUGE, HUGE),
             group,
         )
+
+
+def _inward(openings: Openings | None, d: Array) -> Array:
+    """(k, n) how likely a walk in the direction d (3, n) goes through each opening: those that it
+    passes from the sky's side.
+    """
+    if openings is None:
+        return np.zeros((0, d.shape[1]))
+    may = (openings.normals @ d < 0) * openings.shares[:, None]
+    total = may.sum(0)
+    return may / np.where(total > 0, total, 1.0)
+
+
+def _chosen_each(shares: Array, u: Array) -> Array:
+    """(n,) the row of the shares (k, n) that u (n,) falls into."""
+    ends = np.cumsum(shares, 0)
+    return np.minimum((u >= ends).sum(0), len(shares) - 1)
+
+
+def _crossing(openings: Openings, inward: Array, at: Array, d: Array) -> Array:
+    """(n,) how densely, by the area across them, walks through openings are where the lines at +
+    t d are.
+    """
+    total = np.zeros(d.shape[1])
+    rows = zip(openings.centers, openings.right, openings.up, openings.normals, inward, strict=True)
+    for center, right, up, normal, share in rows:
+        z = np.where(share > 0, normal @ d, -1.0)
+        off = at - center[:, None]
+        off = off - normal @ off / z * d
+        r2, u2 = right @ right, up @ up
+        edge = 1 + 1e-9
+        inside = (np.abs(right @ off) <= r2 * edge) & (np.abs(up @ off) <= u2 * edge)
+        total += np.where(inside, share / (4 * np.sqrt(r2 * u2) * -z), 0.0)
+    return total
 
 
 def _balls(scene: Scene, origin: Array) -> Iterator[tuple[float, float, float, float]]:

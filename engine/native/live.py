@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 from .. import native
 from ..film import Film
 from ..sampling.motion import is_moving
-from ..scene import Light, Scene, left_out
+from ..scene import Light, Openings, Scene, left_out
 from ..scene.view_axes import ViewAxes, narrow_view_axes
 from ..settings import Settings
 from .core_types import State
@@ -54,6 +54,7 @@ class NativeLive:
         self._held: _Held | None = None
         self._asked: tuple[Scene, dict, bool, Scene] | None = None
         self._bounced: Light | None = None
+        self._openings: Openings | None = None
 
     def render(
         self,
@@ -129,7 +130,8 @@ class NativeLive:
 
     def _lit(self, scene: Scene, settings: Settings, exact: bool) -> Scene:
         """The scene as the settings want it lit, the same value for the same. exact: else light
-        bounces as it did in the last picture that was: to find out anew takes longer than a redraw.
+        bounces, and comes through openings, as in the last picture that was: to find out anew takes
+        longer than a redraw.
         """
         lighting, asked = settings.lighting, self._asked
         if asked is not None and asked[1] == lighting and asked[2] >= exact:
@@ -139,12 +141,17 @@ class NativeLive:
                 lit = replace(asked[3], camera=scene.camera)
                 self._asked = (scene, *asked[1:3], lit)
                 return lit
-        if exact or not lighting["bounces"]:
+        if exact:
             lit = scene.as_lit(**lighting)
             self._bounced = next((x for x in lit.lights if x.kind == "BOUNCED"), None)
+            self._openings = next((x.openings for x in lit.lights if x.kind == "DOME"), None)
         else:
-            lit = scene.as_lit(**lighting | {"bounces": 0})
-            if self._bounced is not None:
+            known = tuple(
+                replace(x, openings=self._openings) if x.kind == "DOME" else x for x in scene.lights
+            )
+            known = replace(scene, lights=known)
+            lit = known.as_lit(**lighting | {"bounces": 0}, finding=False)
+            if lighting["bounces"] and self._bounced is not None:
                 lit = replace(lit, lights=(*lit.lights, self._bounced))
         self._asked = (scene, lighting, exact, lit)
         return lit

@@ -20,7 +20,7 @@ from ..sampling import (
 )
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, is_moving, sample_times
-from ..scene import Lens, Light, Mesh, Scene
+from ..scene import Lens, Light, Mesh, Openings, Scene
 from ..settings import DECLARED, Settings
 from . import core_types
 from .packer import Packed, Packer, address, number
@@ -122,6 +122,24 @@ def _add_dome(
     data.dome_irradiance = address(even)
     data.dome_irradiance_rows, data.dome_irradiance_columns = even.shape[:2]
     data.dome_axes[:] = table.axes.T.reshape(9)
+    if light.openings is not None:
+        _add_openings(data, packer, light.openings, settings)
+
+
+def _add_openings(
+    data: core_types.RenderSettingsData, packer: Packer, found: Openings, settings: Settings
+) -> None:
+    from ..lights.openings import opening_table
+
+    rows = np.concatenate(
+        [found.centers, found.right, found.up, found.normals, found.shares[:, None]], 1
+    )
+    data.openings = address(packer.lend(rows, np.float64, (None, 13), "openings"))
+    number, place = opening_table(found, settings.samples, settings.opening_samples)
+    points = np.concatenate([number[:, None], place], 1)
+    data.opening_points = address(packer.lend(points, np.float64, (None, 3), "opening points"))
+    data.opening_count, data.opening_point_count = len(rows), len(points)
+    data.opening_samples = settings.opening_samples
 
 
 def _add_meshes(
@@ -207,7 +225,7 @@ def _add_node_points(
     each = scene.most_asked
     if each > 0:
         points = node_points(settings.samples, each)
-        points = packer.lend(points, np.float64, (None, 2), "points of nodes")
+        points = packer.lend(points, np.float64, (None, 5), "points of nodes")
         data.node_points, data.node_point_count = address(points), len(points)
 
 

@@ -153,11 +153,11 @@ class Lighting:
                     surface, coefficients, lit, source, narrow, light_sample, diffuse, total
                 )
                 on_reach(source, seen, source.is_soft(self.light_samples))
-                if diffuse is coefficients.diffuse:
+                if diffuse is coefficients.diffuse and light_sample.counts:
                     balance[seen] += np.where(dimmed, -1, 1)
             if isinstance(source, Dome):
                 open_ = np.flatnonzero(lit & (balance >= 0))
-                rest = source.rest(pick(surface.n, open_), sample)
+                rest = source.rest(pick(surface.x, open_), pick(surface.n, open_), sample)
                 rest = pick(coefficients.diffuse, open_) * rest
                 add_at(total.diffuse, open_, rest)
                 add_at(total.lit_diffuse, open_, rest)
@@ -287,7 +287,7 @@ class Lighting:
         narrow = Narrow(surface, terms, weight, source)
         numbers = [
             number
-            for number in source.numbers(sample, n)
+            for number in source.surface_numbers(sample, n)
             if not (self.catchers_alone and isinstance(source, BouncedSource))
             or source.is_caught(number)
         ]

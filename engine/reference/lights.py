@@ -53,7 +53,8 @@ class LightSample:
     away from it, as the outside of the same body. None for nowhere.  short: by how much of the
     end's coordinates the segments are shorter, for what the light is part of.  round: (n,) of what
     the horizon may cut in part, sin² of the half angle of a ball that gives as much light.  group:
-    (1,) or (n,) light groups instead of the light's, None for that.
+    (1,) or (n,) light groups instead of the light's, None for that.  counts: whether it tells how
+    much of a sky is hidden.
     """
 
     direction: Array
@@ -65,6 +66,7 @@ class LightSample:
     short: float = ULPS
     round: Array | None = None
     group: Array | None = None
+    counts: bool = True
 
     def cosine(self, n: Array) -> Array:
         """(k,) n·l of points with the normals n (3, k), or what stands for it: how much of this
@@ -167,6 +169,10 @@ class Source:
         """
         first = (sample % (len(self.points) // n) if self.points is not None else sample) * n
         return range(first, first + n)
+
+    def surface_numbers(self, sample: int, n: int) -> Sequence[int]:
+        """The same for surfaces, which may take more than points of media do."""
+        return self.numbers(sample, n)
 
     def drawn_at(self, number: int, point: LightPoint) -> LightPoint | None:
         """Where in the lobes of highlights a direction is drawn beside sample `number` of all

@@ -29,7 +29,7 @@ from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
-from .tabled_lights import BouncedSource, Dome, MeshSource
+from .tabled_lights import BouncedSource, Dome, MeshSource, OpeningPoints
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -110,7 +110,9 @@ class Stage:
         if not self.asks_rays:
             return None
         reach = self.scene.world.occlusion_distance
-        return SceneQueries(self.visibility, self._node_points, sample, reach, on_rays)
+        return SceneQueries(
+            self.visibility, self.attributes, self._node_points, sample, reach, on_rays
+        )
 
     def _source(self, light: Light) -> Source:
         samples = self.settings.samples
@@ -126,7 +128,8 @@ class Stage:
                 emission = Emission([Image(t) for t in light.textures], self.scene.camera)
             return Source(light, self.eye, self.settings.illumination == "PHYSICAL", emission)
         n = self.settings.dome_samples
-        return Dome(light, self.eye, dome_table(light, samples, n), n)
+        seen = OpeningPoints.of(light, self.eye, samples, self.settings.opening_samples, n)
+        return Dome(light, self.eye, dome_table(light, samples, n), n, seen)
 
     def _light_points(self) -> list[LightPoint]:
         lamps = [source for source in self.sources if source.points is None]
@@ -176,5 +179,6 @@ class Stage:
             "instances": len(g.placements.block),
             "rays": sum(self.rays.values()),
             **{f"{kind} rays": count for kind, count in self.rays.items()},
+            **self.media.asked,
             "bytes": sum(a.nbytes for a in stored) + (tree.bytes if tree else 0),
         }

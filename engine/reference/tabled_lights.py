@@ -13,7 +13,8 @@ import numpy as np
 from ..lights.bounced_light import MERGED as BOUNCES_MERGED
 from ..lights.dome import DomeTable
 from ..lights.mesh_lights import MERGED, MeshTable, merged
-from ..scene import Light
+from ..lights.openings import density, opening_table, points_on
+from ..scene import Light, Openings
 from .lights import HUGE, LightSample, Source
 from .vectors import cross, dot, length, unit
 
@@ -43,21 +44,74 @@ class DomePoint:
     disc: Array
 
 
-class Dome(Source):
-    """A light from all around. samples: directions a sample of a pixel."""
+@dataclass(frozen=True, eq=False)
+class OpeningPoint:
+    """A point (3, 1) on an opening, and its normal (3,)."""
 
-    def __init__(self, light: Light, eye: Array, table: DomeTable, samples: int):
+    at: Array
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class OpeningPoints:
+    """Points on the openings of a DOME light, `each` for a sample of a pixel beside `directions`
+    directions. number: (n,) on which opening, at: (3, n).  Openings and points count from the eye.
+    """
+
+    openings: Openings
+    number: Array
+    at: Array
+    each: int
+    directions: int
+
+    @staticmethod
+    def of(
+        light: Light, eye: Array, samples: int, each: int, directions: int
+    ) -> OpeningPoints | None:
+        """None where there are no openings."""
+        if light.openings is None:
+            return None
+        found = replace(light.openings, centers=light.openings.centers - eye)
+        number, place = opening_table(found, samples, each)
+        return OpeningPoints(found, number, points_on(found, number, place).T, each, directions)
+
+    def points(self) -> list[OpeningPoint]:
+        normals = self.openings.normals[self.number]
+        return [OpeningPoint(at[:, None], n) for at, n in zip(self.at.T, normals, strict=True)]
+
+    def per_direction(self, x: Array, d: Array) -> Array:
+        """(m,) how densely, a steradian, they lie in the directions d (3, m) from the points x
+        (3, m), times how many there are for each direction of a sample.
+        """
+        return self.each / self.directions * density(self.openings, x, d)
+
+
+class Dome(Source):
+    """A light from all around. samples: directions a sample of a pixel; points on openings come
+    after those of all samples.
+    """
+
+    def __init__(
+        self,
+        light: Light,
+        eye: Array,
+        table: DomeTable,
+        samples: int,
+        openings: OpeningPoints | None = None,
+    ):
         super().__init__(light, eye, physical=True)
-        self._table, self._samples = table, samples
+        self._table, self._samples, self._openings = table, samples, openings
         rows = zip(table.along, table.light, table.points, strict=True)
-        self._light, self._along = table.light[:, :3], table.along
-        self.points = [DomePoint(along, row[:3], row[3], disc) for along, row, disc in rows]
+        points = [DomePoint(along, row[:3], row[3], disc) for along, row, disc in rows]
+        self._directions = len(points)
+        self.points = points if openings is None else [*points, *openings.points()]
 
     draws = SKY_DRAWS
 
-    def drawn_at(self, number: int, point: DomePoint) -> DomePoint | None:
+    def drawn_at(self, number: int, point: DomePoint | OpeningPoint) -> DomePoint | None:
         every = round(1 / SKY_DRAWS)
-        return self.points[number // every] if number % every == 0 else None
+        is_drawn = number % every == 0 and number < self._directions
+        return self.points[number // every] if is_drawn else None
 
     def sample_count(self, light_samples: int) -> int:
         return self._samples
@@ -73,14 +127,37 @@ class Dome(Source):
     def least_exponent(self, x: Array) -> Array:
         return np.full(x.shape[1], LEAST_WIDE)
 
-    def rest(self, n: Array, sample: int) -> Array:
-        """(3, k) what the whole sky gives to surfaces with normals n (3, k) that nothing hides it
-        from, less what the directions of a pixel's sample give them; of irradiance over π.
+    def numbers(self, sample: int, n: int) -> range:
+        first = sample % (self._directions // n) * n
+        return range(first, first + n)
+
+    def surface_numbers(self, sample: int, n: int) -> list[int]:
+        more = self._openings
+        if more is None:
+            return [*self.numbers(sample, n)]
+        first = self._directions + sample % (len(more.number) // more.each) * more.each
+        return [*self.numbers(sample, n), *range(first, first + more.each)]
+
+    def seen_from(
+        self, x: Array, n: Array, numbers: Sequence[int], count: int
+    ) -> Callable[[DomePoint | OpeningPoint], LightSample]:
+        return lambda point: (
+            self._beside(x, self.sample(x, point, count))
+            if isinstance(point, DomePoint)
+            else self._on_opening(x, point, count)
+        )
+
+    def rest(self, x: Array, n: Array, sample: int) -> Array:
+        """(3, k) what the whole sky gives to surfaces at x with normals n (3, k) that nothing hides
+        it from, less what the points of a pixel's sample give them; of irradiance over π.
         """
         given = np.zeros_like(n)
-        for number in self.numbers(sample, self._samples):
-            given += np.maximum(self._along[number] @ n, 0.0) * self._light[number][:, None]
-        return self._table.unhidden(n) - given / self._samples
+        numbers = self.surface_numbers(sample, self._samples)
+        seen_from = self.seen_from(x, n, numbers, self._samples)
+        for number in numbers:
+            seen = seen_from(self.points[number])
+            given += np.maximum(dot(seen.direction, n), 0.0) * seen.light_of(self)
+        return self._table.unhidden(n) - given
 
     def sample(self, x: Array, point: DomePoint, n: int) -> LightSample:
         some = np.ones(x.shape[1])
@@ -89,7 +166,20 @@ class Dome(Source):
 
     def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
         radiance, spread = self._table.seen(direction)
-        return LightSample(direction, spread / n, None, spread, radiance)
+        return self._beside(x, LightSample(direction, spread / n, None, spread, radiance))
+
+    def _on_opening(self, x: Array, point: OpeningPoint, n: int) -> LightSample:
+        direction = unit(point.at - x)
+        seen = self.sample_at(x, direction, n)
+        outward = point.normal @ direction > 0
+        return replace(seen, intensity=np.where(outward, seen.intensity, 0.0), counts=False)
+
+    def _beside(self, x: Array, seen: LightSample) -> LightSample:
+        """The same where points on openings are taken beside directions (the balance heuristic)."""
+        if self._openings is None:
+            return seen
+        less = 1 + self._openings.per_direction(x, seen.direction) * seen.spread
+        return replace(seen, intensity=seen.intensity / less, spread=seen.spread / less)
 
 
 @dataclass(frozen=True, eq=False)

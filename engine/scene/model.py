@@ -289,12 +289,40 @@ class Medium:
     away, or sent elsewhere, a world unit.  emission: RGB radiance that it gives a world unit.
     anisotropy: -1 to 1, the mean cosine of Henyey and Greenstein between the ways of light before
     and after it is scattered.
+
+    program: computes what varies from place to place, None where nothing does; of what reads points
+    it has no attributes, UV maps and places on triangles, and in a world no placement either.
+    …_output: the output that takes the place of the number, -1 for none; what is not finite or, of
+    what dims, below 0 counts as 0, and anisotropy is kept within 0.999 of 0. step: above 0, how far
+    apart rays ask the program: a share of the mean side of the box round a thing, world units in a
+    world.
     """
 
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scattering: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     anisotropy: float = 0.0
+    program: Program | None = None
+    absorption_output: int = -1
+    scattering_output: int = -1
+    emission_output: int = -1
+    anisotropy_output: int = -1
+    step: float = 1 / 32
+
+    def with_textures(self, numbers: dict[int, int]) -> Medium:
+        """The same with other indices of textures."""
+        program = self.program.with_textures(numbers) if self.program else None
+        return replace(self, program=program)
+
+    @property
+    def scatters(self) -> bool:
+        """Whether it may scatter light."""
+        return any(self.scattering) or self.scattering_output >= 0
+
+    @property
+    def emits(self) -> bool:
+        """Whether it may give light."""
+        return any(self.emission) or self.emission_output >= 0
 
     @property
     def extinction(self) -> tuple[float, float, float]:
@@ -312,7 +340,8 @@ class Material:
     (world space; where it is zero or not finite the mesh's own stays); -1 for none. aovs: what the
     surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
     whose exponent is the number of the AOV.  medium: what fills the inside of what wears it, the
-    first one of its materials that have any; None for nothing.
+    first one of its materials that have any, its program's textures are the scene's; None for
+    nothing.
     """
 
     name: str
@@ -394,6 +423,21 @@ class Bounces:
     light_group: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Openings:
+    """k rectangles through which rooms see the sky.
+
+    centers: (k, 3) float64, world. right, up: (k, 3) half of their sides, across each other.
+    normals: (k, 3) unit, to the side of the sky.  shares: (k,) of the points on them, sum 1.
+    """
+
+    centers: Array
+    right: Array
+    up: Array
+    normals: Array
+    shares: Array
+
+
 LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED")
 LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
 
@@ -403,22 +447,23 @@ class Light:
     """A light. kind: POINT, SUN, SPOT, AREA, DOME, which shines from all around, or MESH, which
     `Scene.as_lit` makes of surfaces that glow, or BOUNCED, which it makes of those that are lit.
 
-    world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z.
-    color: RGB; strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be
-    negative. radius: of POINT and SPOT, world units; soft_falloff: the radius is a disc that faces
-    the shaded point instead of a sphere. angle: full angle of the SUN.  spot_size: full cone angle,
-    spot_blend: 0-1. shape: RECTANGLE or ELLIPSE, size_x, size_y: full extents of an AREA light
-    along its x and y, world units. cast_shadow: False lights through everything.  visible_*: the
-    light's own shape is seen by those rays.  program: its first output, a vector, is what the
-    colour is times at each point of the light that is seen from a lit one, None for 1; it reads no
-    attributes, and a DOME has none.  textures: what it refers to.  radiance: of a DOME, times
-    color and strength: (h, w, 3) float32 in the light's axes, equirectangular as
-    `engine.lights.dome` says.  emitters: of a MESH, whose bounds are size_x, size_y and twice the
-    radius along the light's axes, round its origin.  bounces: of a BOUNCED one, the same.
-    receivers: a bit for each light_set of the instances that it lights, blockers: of those that
-    cast shadows in it.  motion: (k, 3, 4) float64, k >= 2, world_from_light at even times while the
-    shutter is open; None for one that stands still, and of a DOME, MESH or BOUNCED one.
-    light_group: of `Scene.light_groups`, -1 for none; emitters and bounces have their own.
+    world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z. color: RGB;
+    strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be negative. radius:
+    of POINT and SPOT, world units; soft_falloff: the radius is a disc that faces the shaded point
+    instead of a sphere. angle: full angle of the SUN. spot_size: full cone angle, spot_blend: 0-1.
+    shape: RECTANGLE or ELLIPSE, size_x, size_y: full extents of an AREA light along its x and y,
+    world units. cast_shadow: False lights through everything. visible_*: the light's own shape is
+    seen by those rays. program: its first output, a vector, is what the colour is times at each
+    point of the light that is seen from a lit one, None for 1; it reads no attributes, and a DOME
+    has none. textures: what it refers to. radiance: of a DOME, times color and strength: (h, w, 3)
+    float32 in the light's axes, equirectangular as `engine.lights.dome` says. emitters: of a MESH,
+    whose bounds are size_x, size_y and twice the radius along the light's axes, round its origin.
+    bounces: of a BOUNCED one, the same. openings: of a DOME, points on which are samples of it too;
+    `Scene.as_lit` finds them. receivers: a bit for each light_set of the instances that it lights,
+    blockers: of those that cast shadows in it. motion: (k, 3, 4) float64, k >= 2, world_from_light
+    at even times while the shutter is open; None for one that stands still, and of a DOME, MESH or
+    BOUNCED one. light_group: of `Scene.light_groups`, -1 for none; emitters and bounces have their
+    own.
     """
 
     name: str
@@ -442,6 +487,7 @@ class Light:
     radiance: Array | None = None
     emitters: Emitters | None = None
     bounces: Bounces | None = None
+    openings: Openings | None = None
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
     motion: Array | None = None
@@ -521,9 +567,10 @@ class World:
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
     columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
-    is everywhere, inside of things too; None for nothing.  occlusion_distance: 0 to 1e30, how far
-    the pass Ambient Occlusion looks, world units.  light_group: of `Scene.light_groups`, of what is
-    seen, of `ambient` and of the medium; -1 for none.
+    is everywhere, inside of things too, its program's textures are the world's; None for nothing.
+    occlusion_distance: 0 to 1e30, how far the pass Ambient Occlusion looks, world units.
+    light_group: of `Scene.light_groups`, of what is seen, of `ambient` and of the medium; -1 for
+    none.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -558,22 +605,28 @@ class Scene:
     neighbours: tuple[Scene, Scene] | None = None
     light_groups: tuple[str, ...] = ()
 
-    def as_lit(self, *, by_world: bool, by_meshes: bool, bounces: int) -> Scene:
+    def as_lit(
+        self, *, by_world: bool, by_meshes: bool, bounces: int, finding: bool = True
+    ) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
-        lights it too.  bounces: how often surfaces scatter light onto others. A scene with nothing
+        lights it too.  bounces: how often surfaces scatter light onto others.  finding: the
+        openings of rooms to the sky, else its light keeps those that it has. A scene with nothing
         of all that stays.
         """
         from ..lights.bounced_light import bounced_light
         from ..lights.lamps import in_order
         from ..lights.mesh_lights import mesh_lights
+        from ..lights.openings import opened
 
         lights = in_order(self.lights)
         scene = self if lights is self.lights else replace(self, lights=lights)
         lamps = tuple(light for light in lights if light.kind != "DOME")
         if len(lamps) < len(lights):
             if by_world:
-                scene = replace(scene, world=replace(self.world, ambient=(0.0, 0.0, 0.0)))
+                lit = tuple(opened(x, self) if finding and x.kind == "DOME" else x for x in lights)
+                world = replace(self.world, ambient=(0.0, 0.0, 0.0))
+                scene = replace(scene, lights=lit, world=world)
             else:
                 scene = replace(scene, lights=lamps)
         glow = mesh_lights(self) if by_meshes else ()
@@ -585,12 +638,12 @@ class Scene:
     def scatters(self) -> bool:
         """Whether some medium scatters light."""
         media = (self.world.medium, *(material.medium for material in self.materials))
-        return any(medium is not None and any(medium.scattering) for medium in media)
+        return any(medium is not None and medium.scatters for medium in media)
 
     @property
     def most_asked(self) -> int:
-        """How many rays an operation of a material asks for, at most (`Program.most_asked`)."""
-        given = (*self.materials, *(m.aovs for m in self.materials if m.aovs))
+        """How many rays an operation of a program asks for, at most (`Program.most_asked`)."""
+        given = (*self.materials, *(m.aovs for m in self.materials if m.aovs), *self.lights)
         return max((m.program.most_asked for m in given if m.program is not None), default=0)
 
     def medium_of(self, instances: Instances) -> Medium | None:

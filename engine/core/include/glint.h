@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 39
+#define GLINT_ABI_VERSION 41
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -159,9 +159,14 @@ typedef struct GlintMaterial {
 
 /* What light passes through: how much of it that goes straight on is taken away or sent elsewhere,
  * at least 0, and what radiance it gives, each a world unit. anisotropy: -1 to 1, of Henyey and
- * Greenstein. */
+ * Greenstein. program: 0, or 1 plus the number of the program that says what varies from place to
+ * place; it must not read attributes or triangles, and that of a world no placement either. The
+ * slots: 0, or 1 plus the (first of three) that takes the place of the number. step: above 0, how
+ * far apart rays ask the program, a share of the mean side of the box round a thing, in the world
+ * world units. */
 typedef struct GlintMedium {
-  double absorption[3], scattering[3], emission[3], anisotropy;
+  double absorption[3], scattering[3], emission[3], anisotropy, step;
+  int32_t program, absorption_slot, scattering_slot, emission_slot, anisotropy_slot, reserved;
 } GlintMedium;
 
 enum GlintLightKind {
@@ -366,36 +371,40 @@ typedef struct GlintNeighbour {
  * (dome_axes, column by column) over the density and one over that, equirectangular, from below
  * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
  * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
- * pole and once round. mesh_table: (mesh_count, 18), of as many samples, mesh_samples points each,
- * as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the point and its
- * unit normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit
- * disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for points
- * on catchers in place of the 0. Tables may be null where the scene has no such light. lobe_points:
- * (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a path, where in
- * the lobes of rough surfaces its rays are reflected; null only where none are. error_threshold: in
- * 8-bit levels, at least 0 and below 256; pixels whose estimated error it covers take no further
- * samples after a wave. 0: all take all. cutoff: mirror and refraction rays with no channel of
- * their weight as large end there, 0 to 1. acceleration: of the first render of a scene counts, the
- * trees are kept. remember: keep what the first wave hit and which lights it saw, some 30 bytes a
- * pixel, in the scene and those that take its trees over, so that a render of other lights,
- * materials or surroundings need not trace it again. It has the same bits. lens_points: null for a
- * pinhole, else (camera_block², samples, 2) points of the lens along the camera's u and v, of each
- * pixel of a block of camera_block² pixels of the frame, row by row; lens_focus: the depth where
- * everything is sharp, camera units. camera_frames: null for a camera that stands still, else
- * (camera_block², samples, 12) its world_from_camera of each sample. scatter_offsets:
- * (scatter_count), a number of (0, 1) for each sample; null only where no medium scatters: by how
- * much the places on rays are shifted from which media do, volume_samples at least for each light.
- * moving: each sample is of a scene of its own, see glint_render_move. crypto_ids: how many of a
- * pixel Cryptomatte passes tell, 1 to 64 where one is asked for, two numbers each. lamp_shadows:
- * where more than twice as many lamps cast shadows and have no program, a point sends so many of
- * its rays to them, times the samples of a soft one; 0: one to each, up to 1024. bounced_shadows:
- * how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1 to
- * bounced_samples. neighbours: null where nothing moves, else two, of the frame before and of the
- * one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
+ * pole and once round. openings: (opening_count, 13), rectangles through which that light is
+ * sampled too, or null: centre, half sides along x and y, unit normal to the light's side, all in
+ * the world, and the share of the points; opening_points: (opening_point_count, 3), of as many
+ * samples, opening_samples points each, as divide it: the row of openings, and where on it from -1
+ * to 1 along its half sides. mesh_table: (mesh_count, 18), of as many samples, mesh_samples points
+ * each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the point and
+ * its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the
+ * unit disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for
+ * points on catchers in place of the 0. Tables may be null where the scene has no such light.
+ * lobe_points: (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a
+ * path, where in the lobes of rough surfaces its rays are reflected; null only where none are.
+ * error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it
+ * covers take no further samples after a wave. 0: all take all. cutoff: mirror and refraction rays
+ * with no channel of their weight as large end there, 0 to 1. acceleration: of the first render of
+ * a scene counts, the trees are kept. remember: keep what the first wave hit and which lights it
+ * saw, some 30 bytes a pixel, in the scene and those that take its trees over, so that a render of
+ * other lights, materials or surroundings need not trace it again. It has the same bits.
+ * lens_points: null for a pinhole, else (camera_block², samples, 2) points of the lens along the
+ * camera's u and v, of each pixel of a block of camera_block² pixels of the frame, row by row;
+ * lens_focus: the depth where everything is sharp, camera units. camera_frames: null for a camera
+ * that stands still, else (camera_block², samples, 12) its world_from_camera of each sample.
+ * scatter_offsets: (scatter_count), a number of (0, 1) for each sample; null only where no medium
+ * scatters: by how much the places on rays are shifted from which media do, volume_samples at least
+ * for each light. moving: each sample is of a scene of its own, see glint_render_move. crypto_ids:
+ * how many of a pixel Cryptomatte passes tell, 1 to 64 where one is asked for, two numbers each.
+ * lamp_shadows: where more than twice as many lamps cast shadows and have no program, a point sends
+ * so many of its rays to them, times the samples of a soft one; 0: one to each, up to 1024.
+ * bounced_shadows: how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1
+ * to bounced_samples. neighbours: null where nothing moves, else two, of the frame before and of
+ * the one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
- * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 2) of
- * the unit disc, below the directions that programs look in; null only where no program asks for
- * rays. */
+ * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
+ * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
+ * axis, 0 to 2; null only where none does. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -406,6 +415,8 @@ typedef struct GlintRenderSettings {
   const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
+  const double* openings;
+  const double* opening_points;
   const double* scatter_offsets;
   const double* lens_points;
   const double* camera_frames;
@@ -413,11 +424,12 @@ typedef struct GlintRenderSettings {
   const double* node_points;
   const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count, scatter_count, occlusion_count, node_point_count, passes;
+      camera_frame_count, scatter_count, occlusion_count, node_point_count, opening_count,
+      opening_point_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, lamp_shadows, occlusion_samples;
+      bounced_shadows, lamp_shadows, occlusion_samples, opening_samples;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;
@@ -460,14 +472,16 @@ enum GlintFeature {
   GLINT_FEATURE_BOUNCED_LIGHT = 8192,
   GLINT_FEATURE_OBJECT_MOTION = 16384,
   GLINT_FEATURE_MEDIA = 32768,
-  GLINT_FEATURE_SHADOW_CATCHER = 65536
+  GLINT_FEATURE_SHADOW_CATCHER = 65536,
+  GLINT_FEATURE_OPENINGS = 131072,
+  GLINT_FEATURE_VARIED_MEDIA = 262144
 };
 
 typedef struct GlintStats {
   double build_seconds, trace_seconds;
   uint64_t triangles, instances, primitives, tree_bytes, tree_nodes;
   uint64_t dropped_primitives, dropped_instances, dropped_lights;
-  uint64_t camera_rays, shadow_rays, mirror_rays, refraction_rays, transparent_rays;
+  uint64_t camera_rays, shadow_rays, mirror_rays, refraction_rays, transparent_rays, media_points;
   uint32_t features, threads;
 } GlintStats;
 

@@ -76,6 +76,7 @@ void DirectLight::prepare(const Batch& batch) {
 }
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
+  sample_ = sample;
   prepare(batch);
   size_t number = 0;
   for (const Light& light : scene_.lights) {
@@ -92,9 +93,9 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     }
     if (light.is_dome()) balance_.assign(batch.size(), 0);
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
-    for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
-      const LightPoint point = plan_.light_point(light, sample, j);
-      light.set(stage_, point, count, plan_.physical);
+    const uint32_t all = count + plan_.opening_samples_of(light);
+    for (uint32_t j = 0; j < all && !cancel_; ++j, ++number) {
+      const LightPoint point = plan_.set_sample(stage_, light, sample, j);
       group_ = point.group;
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
@@ -103,7 +104,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
                                  : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
-      if (light.is_dome()) note_hidden(reached);
+      if (light.is_dome() && j < count) note_hidden(reached);
       if (stage_.draws && point.draws) {
         const size_t drawn = stages_.gloss(stage_);
         met_ = light.is_mesh();
@@ -186,6 +187,12 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stage.dome = &plan_.dome;
   stage.drawn = plan_.light_point(light, sample, 0).drawn;
   stage.directions = plan_.dome_samples;
+  std::vector<OpeningPoint> points(plan_.opening_samples);
+  for (uint32_t j = 0; j < points.size(); ++j) points[j] = plan_.opening_point(sample, j);
+  for (int c = 0; c < 3; ++c) stage.x[c] = stage_.points_x[c];
+  stage.openings = &plan_.open;
+  stage.opening_points = points.data();
+  stage.opening_point_count = points.size();
   stages_.dome(stage);
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!stage_.lit[k] || balance_[k] < 0) continue;
@@ -286,8 +293,9 @@ void DirectLight::apply_program(const Light& light, size_t count) {
 void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
-  media_.find({{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow},
-              counts);
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  media_.find(rays, counts);
+  media_.march(rays, stage_.t_max, sample_, RayKind::kShadow, counts);
   for (size_t k = 0; k < count; ++k)
     set_row(shadow_, k,
             media_.passed(k, 0, stage_.t_max[k], light.passed_sets, alone_) * row(shadow_, k));

@@ -38,10 +38,10 @@ void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
   size_t number = 0;
   for (const Light& light : scene.lights) {
     if (light.is_bounced()) continue;  // each sample of it is asked by but some of the points
-    const uint32_t count = plan.samples_of(light);
+    const uint32_t count = plan.samples_of(light) + plan.opening_samples_of(light);
     for (uint32_t j = 0; j < count && number < kMaxColumns; ++j, ++number) {
       LightStage stage{};
-      light.set(stage, plan.light_point(light, 0, j), count, plan.physical);
+      plan.set_sample(stage, light, 0, j);
       const Rays rays = rays_of(stage);
       if (number < columns_.size() && columns_[number].rays == rays) continue;
       if (number == columns_.size()) columns_.emplace_back();

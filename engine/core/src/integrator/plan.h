@@ -3,6 +3,8 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <memory>
+#include <vector>
 
 #include "bvh/accel.h"
 #include "film/film.h"
@@ -42,6 +44,10 @@ struct RenderPlan {
   size_t lobe_levels = 1, lobe_tabled = 1;
   int reflections = GLINT_REFLECT_OFF;
   DomeCells dome;
+  std::shared_ptr<const std::vector<Opening>> opening_rows;  // also of copies
+  Openings open;
+  const double* opening_points = nullptr;
+  uint32_t opening_samples = 0, opening_tabled = 1;
   const double* scatter_offsets = nullptr;
   const double* lens_points = nullptr;    // null for a pinhole
   const double* camera_frames = nullptr;  // null for a camera that stands still
@@ -58,6 +64,44 @@ struct RenderPlan {
     if (light.is_mesh()) return mesh_samples;
     if (light.is_bounced()) return bounced_samples;
     return light.is_dome() ? dome_samples : light.extended ? light_samples : 1;
+  }
+
+  /// Points on openings that surfaces take beside a light's own samples.
+  uint32_t opening_samples_of(const Light& light) const {
+    return light.is_dome() ? opening_samples : 0;
+  }
+
+  /// Point j on the openings of a dome for pixel sample `sample`.
+  OpeningPoint opening_point(uint32_t sample, uint32_t j) const {
+    const double* const row =
+        opening_points + 3 * (size_t(sample % opening_tabled) * opening_samples + j);
+    const Opening& on = open.rows[std::min(size_t(row[0]), open.count - 1)];
+    OpeningPoint point;
+    for (int c = 0; c < 3; ++c) {
+      point.at[c] = on.center[c] + row[1] * on.right[c] + row[2] * on.up[c];
+      point.normal[c] = on.normal[c];
+    }
+    return point;
+  }
+
+  /// Sample j of a light for surfaces, those on openings after its own.
+  LightPoint set_sample(LightStage& stage, const Light& light, uint32_t sample, uint32_t j) const {
+    const uint32_t count = samples_of(light);
+    const LightPoint point = light_point(light, sample, j < count ? j : 0);
+    light.set(stage, point, count, physical);
+    if (opening_samples_of(light) == 0) return point;
+    stage.shape = kOpenSky;
+    stage.openings = &open;
+    stage.through = j >= count;
+    if (!stage.through) return point;
+    const OpeningPoint on = opening_point(sample, j - count);
+    for (int c = 0; c < 3; ++c) {
+      stage.end[c] = on.at[c];
+      stage.axis[c] = on.normal[c];
+    }
+    LightPoint through = point;
+    through.draws = false;
+    return through;
   }
 
   /// Where along rays point `number` of `count` lies that media scatter light from, in (0, 1)
@@ -120,9 +164,9 @@ struct RenderPlan {
   }
 };
 
-/// Rays, and the time they took.
+/// Rays, the time they took, and points at which the programs of media ran.
 struct RayCounts {
-  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0;
+  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0, media_points = 0;
   double tracing = 0;  // seconds in the accelerator
   RayCounts& operator+=(const RayCounts& b) {
     tracing += b.tracing;
@@ -131,6 +175,7 @@ struct RayCounts {
     mirror += b.mirror;
     refraction += b.refraction;
     transparent += b.transparent;
+    media_points += b.media_points;
     return *this;
   }
 };

@@ -36,7 +36,7 @@ void TransparentShadows::begin(const Batch& batch, const LightStage& light, size
                                double* const (&shadow)[3], const Opacity* opacity) {
   opacity_ = opacity;
   stage_.point = light.point;
-  const bool endless = light.shape == kDirection || light.shape == kSky;
+  const bool endless = light.shape == kDirection || light.shape == kSky || light.shape == kOpenSky;
   for (size_t c = 0; c < 3; ++c) {
     stage_.origin[c] = light.origin[c];
     stage_.to[c] = light.to[c];

@@ -24,7 +24,36 @@ Region widened(Region r, const GlintCamera& camera) {
           std::min(r.y1 + 1, camera.height)};
 }
 
-RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
+/// The openings of a dome in anchored space.
+void add_openings(RenderPlan& plan, const GlintRenderSettings& g, const Anchor& anchor) {
+  const double ratio = double(g.opening_samples) / plan.dome_samples;
+  std::vector<Opening> rows(g.openings ? g.opening_count : 0);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const double* const row = g.openings + 13 * i;
+    Opening& on = rows[i];
+    const Vec3d center = anchor.point({row[0], row[1], row[2]}),
+                right = anchor.scale * Vec3d{row[3], row[4], row[5]},
+                up = anchor.scale * Vec3d{row[6], row[7], row[8]};
+    for (int c = 0; c < 3; ++c) {
+      on.center[c] = center[c];
+      on.right[c] = right[c];
+      on.up[c] = up[c];
+      on.across[c] = right[c] / dot(right, right);
+      on.along[c] = up[c] / dot(up, up);
+      on.normal[c] = row[9 + c];
+    }
+    on.density = ratio * row[12] / (4 * length(right) * length(up));
+  }
+  if (rows.empty()) return;
+  plan.opening_samples = g.opening_samples;
+  plan.opening_tabled = uint32_t(std::max(g.opening_point_count / g.opening_samples, uint64_t(1)));
+  plan.opening_points = g.opening_points;
+  plan.opening_rows = std::make_shared<const std::vector<Opening>>(std::move(rows));
+  plan.open = {plan.opening_rows->data(), plan.opening_rows->size()};
+}
+
+RenderPlan plan_of(const GlintRenderSettings& g, const Scene& scene) {
+  const GlintCamera& camera = scene.camera;
   RenderPlan plan;
   plan.shown = plan.region = {g.region[0], g.region[1], g.region[2], g.region[3]};
   const bool refines = g.error_threshold > 0 || g.passes >> GLINT_PASS_ERROR & 1;
@@ -81,6 +110,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.node_points = g.node_points;
   plan.node_point_count = g.node_point_count;
   plan.lens_focus = g.lens_focus;
+  add_openings(plan, g, scene.anchor);
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
 }
@@ -108,6 +138,21 @@ bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
   return g.dome_samples >= 1 && g.dome_table && g.dome_cells && g.dome_rows >= 1 &&
          g.dome_columns >= 1 && g.dome_irradiance && g.dome_irradiance_rows >= 1 &&
          g.dome_irradiance_columns >= 1 && g.dome_count >= g.dome_samples;
+}
+
+bool sound_openings(const GlintRenderSettings& g) {
+  if (!g.openings) return true;
+  if (g.opening_count < 1 || g.opening_count > 256 || g.opening_samples < 1 ||
+      g.opening_samples > 1u << 16 || !g.opening_points ||
+      g.opening_point_count < g.opening_samples)
+    return false;
+  for (uint64_t i = 0; i < 13 * g.opening_count; ++i)
+    if (!std::isfinite(g.openings[i])) return false;
+  for (uint64_t i = 0; i < 3 * g.opening_point_count; ++i) {
+    const double at = g.opening_points[i], most = i % 3 ? 1 : double(g.opening_count - 1);
+    if (!(at >= (i % 3 ? -1 : 0) && at <= most)) return false;
+  }
+  return true;
 }
 
 bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
@@ -183,6 +228,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: fewer points of bounced light than those of a sample");
   add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
+  add(sound_openings(g),
+      "settings: openings that are none, or fewer points on them than a sample has");
   add(enough_occlusion(g), "settings: fewer directions of occlusion than those of a sample");
   add(!scene.asks_rays || (g.node_points && g.node_point_count >= 1),
       "settings: no points for nodes that ask for rays");
@@ -218,7 +265,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
-      plan_(plan_of(settings, scene.camera)),
+      plan_(plan_of(settings, scene)),
       film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
             plan_.crypto_ids, scene.aov_count, scene.light_group_count),
       thread_([this] { work(); }) {}
@@ -451,7 +498,7 @@ std::string Job::move(Scene& scene, const GlintRenderSettings& settings) {
   std::string problems = settings_problems(settings, scene);
   if (!problems.empty()) return problems;
   if (!same_view(scene.camera, scene_->camera)) return "scene: the camera is another one";
-  const RenderPlan plan = plan_of(settings, scene.camera);
+  const RenderPlan plan = plan_of(settings, scene);
   const auto same = [](const Region& a, const Region& b) {
     return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
   };
@@ -491,12 +538,14 @@ GlintStats Job::stats() {
   if (plan_.lens_points) s.features |= GLINT_FEATURE_DEPTH_OF_FIELD;
   if (plan_.camera_frames) s.features |= GLINT_FEATURE_CAMERA_MOTION;
   if (plan_.moving) s.features |= GLINT_FEATURE_OBJECT_MOTION;
+  if (plan_.open.count) s.features |= GLINT_FEATURE_OPENINGS;
   s.threads = uint32_t(plan_.threads);
   s.camera_rays = rays_.camera;
   s.shadow_rays = rays_.shadow;
   s.mirror_rays = rays_.mirror;
   s.refraction_rays = rays_.refraction;
   s.transparent_rays = rays_.transparent;
+  s.media_points = rays_.media_points;
   if (!built_) return s;
   s.build_seconds = plan_.moving ? moving_seconds_ : scene_->build_seconds;
   AccelStats tree = scene_->accel().stats();

@@ -172,7 +172,7 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
                        const Appender& append) {
   const Three origin = load3(s.origin, k), g = load3(s.g, k);
   const Doubles offset = load(s.offset + k);
-  constexpr bool endless = Shape == kDirection || Shape == kSky;
+  constexpr bool endless = Shape == kDirection || Shape == kSky || Shape == kOpenSky;
   constexpr bool on_mesh = Shape == kMeshSource || Shape == kBouncedSource;
   const Three end = on_mesh ? before_mesh(s, k, sample, origin) : sample.end;
   const Three towards = endless ? sample.l : end - origin;
@@ -216,6 +216,7 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
 
 template <int Shape>
 inline Three color_of(const LightStage& s, const Sample& at) {
+  if constexpr (Shape == kOpenSky) return at.color;
   if constexpr (Shape != kMeshSource) return splat3(s.color);
   const Mask front = dot(at.l, splat3(s.axis)) < 0;
   return {choose(front, splat(s.color[0]), splat(s.back[0])),
@@ -228,7 +229,8 @@ inline Three color_of(const LightStage& s, const Sample& at) {
 template <int Shape>
 inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights& seen) {
   // for each point
-  const double draws = Shape == kSky ? 1.0 / kSkyDraws : Shape == kMeshSource ? 1 / s.share : 1;
+  constexpr bool sky = Shape == kSky || Shape == kOpenSky;
+  const double draws = sky ? 1.0 / kSkyDraws : Shape == kMeshSource ? 1 / s.share : 1;
   return at.factor / (1 + draws * seen.density * at.spread);
 }
 
@@ -273,7 +275,7 @@ __attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_
   if (!any(lit & (narrow.total > 0))) return false;
   const Drawn drawn = draw(s, k, n, narrow);
   Sample at = sample_at<Shape>(s, x, drawn.l);
-  Three color = splat3(s.color);
+  Three color = color_of<Shape>(s, at);
   if constexpr (Shape == kSky) {
     const SkyCell cell = sky_cell(*s.dome, at.l);
     color = cell.color;
@@ -409,6 +411,8 @@ size_t light(const LightStage& s) {
       return light_from<kDirection>(s);
     case kSky:
       return light_from<kSky>(s);
+    case kOpenSky:
+      return light_from<kOpenSky>(s);
     case kPointSource:
       return light_from<kPointSource>(s);
     case kSphereSource:
@@ -452,6 +456,8 @@ size_t gloss(const LightStage& s) {
       return gloss_from<kDirection>(s);
     case kSky:
       return gloss_from<kSky>(s);
+    case kOpenSky:
+      return gloss_from<kOpenSky>(s);
     case kSphereSource:
       return gloss_from<kSphereSource>(s);
     case kDiscSource:

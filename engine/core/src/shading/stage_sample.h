@@ -14,6 +14,7 @@ struct Sample {
   Three l, end;
   Doubles factor, spread;
   Mask good;
+  Three color{};  // kOpenSky, in place of the stage's
 };
 
 /// 1 / (4 pi^2 d^2) in world units from the squared anchored distance.
@@ -48,6 +49,32 @@ inline Three in_cone(const LightStage& s, const Three& axis, Doubles versine) {
 
 inline Sample sample_direction(const LightStage& s, const Three&) {
   return {splat3(s.l), splat3(s.l), splat(s.factor), splat(s.spread), ~Mask{}};
+}
+
+/// The balance heuristic of directions and points on openings.
+inline void beside_openings(const LightStage& s, const Three& x, Sample& sample) {
+  const Doubles less = 1 + opening_density(*s.openings, x, sample.l) * sample.spread;
+  sample.factor = sample.factor / less;
+  sample.spread = sample.spread / less;
+}
+
+inline Sample open_sky_at(const LightStage& s, const Three& x, const Three& l) {
+  const SkyCell cell = sky_cell(*s.dome, l);
+  Sample sample{l, l, s.factor * cell.spread, cell.spread, ~Mask{}, cell.color};
+  beside_openings(s, x, sample);
+  return sample;
+}
+
+inline Sample sample_open_sky(const LightStage& s, const Three& x) {
+  if (s.through) {
+    Sample sample = open_sky_at(s, x, unit(splat3(s.end) - x));
+    sample.good &= dot(sample.l, splat3(s.axis)) > 0;
+    return sample;
+  }
+  Sample sample{splat3(s.l),     splat3(s.l), splat(s.factor),
+                splat(s.spread), ~Mask{},     splat3(s.color)};
+  beside_openings(s, x, sample);
+  return sample;
 }
 
 inline Sample sky_at(const LightStage& s, const Three& l) {
@@ -239,6 +266,7 @@ inline Doubles above_horizon(const Doubles& cosine, const Doubles& sine2) {
 template <int Shape>
 inline Sample sample(const LightStage& s, const Three& x) {
   Sample sample = Shape == kDirection || Shape == kSky ? sample_direction(s, x)
+                  : Shape == kOpenSky                  ? sample_open_sky(s, x)
                   : Shape == kMeshSource               ? sample_mesh(s, x)
                   : Shape == kPointSource              ? sample_point(s, x)
                   : Shape == kSphereSource             ? sample_sphere(s, x)
@@ -253,6 +281,7 @@ inline Sample sample(const LightStage& s, const Three& x) {
 template <int Shape>
 inline Sample sample_at(const LightStage& s, const Three& x, const Three& l) {
   Sample sample = Shape == kSky               ? sky_at(s, l)
+                  : Shape == kOpenSky         ? open_sky_at(s, x, l)
                   : Shape == kDirection       ? direction_at(s, x, l)
                   : Shape == kSphereSource    ? sphere_at(s, x, l)
                   : Shape == kDiscSource      ? disc_at(s, x, l)

@@ -66,6 +66,44 @@ inline Three unhidden(const DomeCells& dome, const Three& n) {
   return {part(0), part(1), part(2)};
 }
 
+/// How densely, a steradian, points on openings lie in the unit direction l from x, for each of the
+/// directions that are taken beside them.
+inline Doubles opening_density(const Openings& openings, const Three& x, const Three& l) {
+  Doubles total{};
+  for (size_t i = 0; i < openings.count; ++i) {
+    const Opening& on = openings.rows[i];
+    const Three n = splat3(on.normal), to = splat3(on.center) - x;
+    const Doubles z = dot(n, l), down = choose(z > 0, z, splat(1)), t = dot(n, to) / down;
+    const Three off = t * l - to;
+    const Mask here = (z > 0) & (t > 0) & (magnitude(dot(off, splat3(on.across))) <= 1) &
+                      (magnitude(dot(off, splat3(on.along))) <= 1);
+    total = total + where(here, on.density * t * t / down);
+  }
+  return total;
+}
+
+/// What the directions of a sample and its points on openings give together, times how many
+/// directions there are.
+inline Three given_beside_openings(const DomeStage& s, size_t k, const Three& n) {
+  const Three x = load3(s.x, k);
+  Three given{};
+  const auto add = [&](const Three& l, const Three& color, const Doubles& spread) {
+    const Doubles less = 1 + opening_density(*s.openings, x, l) * spread;
+    given = given + (larger(dot(l, n), splat(0)) / less) * color;
+  };
+  for (size_t i = 0; i < s.directions; ++i) {
+    const double* const row = s.drawn + 9 * i;
+    add(splat3(row), splat3(row + 3), splat(row[6]));
+  }
+  for (size_t j = 0; j < s.opening_point_count; ++j) {
+    const OpeningPoint& on = s.opening_points[j];
+    const Three l = unit(splat3(on.at) - x);
+    const SkyCell cell = sky_cell(*s.dome, l);
+    add(l, where(dot(l, splat3(on.normal)) > 0, cell.spread) * cell.color, cell.spread);
+  }
+  return given;
+}
+
 void dome(const DomeStage& s) {
   for (size_t k = 0; k < s.count; k += kLanes) {
     if (!any(load(s.lit + k))) continue;
@@ -75,6 +113,7 @@ void dome(const DomeStage& s) {
       const double* const row = s.drawn + 9 * i;
       given = given + larger(dot(splat3(row), n), splat(0)) * splat3(row + 3);
     }
+    if (s.openings->count) given = given_beside_openings(s, k, n);
     const Three rest = unhidden(*s.dome, n) - splat(1.0 / double(s.directions)) * given;
     store3(s.rest, k, load3(s.diffuse, k) * rest);
   }

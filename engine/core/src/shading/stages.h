@@ -303,6 +303,7 @@ enum LightShape : int {
   kPlaneSource,
   kRectangleSource,
   kSky,
+  kOpenSky,  // beside points on openings
   kMeshSource,
   kBouncedSource,  // points of it are discs
 };
@@ -317,6 +318,20 @@ struct DomeCells {
   double axes[3][3] = {};
 };
 
+/// A rectangle through which a dome is sampled too (glint.h). right, up: half sides; across, along:
+/// the same over their squared length. density: of its points by area, for each direction.
+struct Opening {
+  double center[3], right[3], up[3], across[3], along[3], normal[3], density;
+};
+struct Openings {
+  const Opening* rows = nullptr;
+  size_t count = 0;
+};
+/// A point on one of them.
+struct OpeningPoint {
+  double at[3], normal[3];
+};
+
 /// What the whole dome gives where nothing hides it, less what the directions of a sample do.
 struct DomeStage {
   size_t count;
@@ -324,6 +339,10 @@ struct DomeStage {
   const int64_t* lit;
   const double* drawn;  // rows of 9 numbers, as glint.h has them
   size_t directions;
+  const double* x[3];
+  const Openings* openings;
+  const OpeningPoint* opening_points;
+  size_t opening_point_count;
   const DomeCells* dome;
   double* rest[3];
 };
@@ -332,7 +351,10 @@ struct DomeStage {
 struct LightStage {
   int shape;
   bool physical, spot, casts_shadow, ellipse;
-  const DomeCells* dome;   // kSky
+  const DomeCells* dome;     // kSky, kOpenSky
+  const Openings* openings;  // kOpenSky
+  bool through;            // kOpenSky: the sample is a point on an opening, `end`, whose normal is
+                           // `axis`
   double l[3], factor;     // kDirection, kSky: the unit direction; its intensity. kRectangleSource:
                            // intensity per steradian
   double versine, spread;  // kDirection: 1 - cos of the half angle, and the solid angle
