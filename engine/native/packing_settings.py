@@ -225,7 +225,7 @@ def _add_node_points(
     each = scene.most_asked
     if each > 0:
         points = node_points(settings.samples, each)
-        points = packer.lend(points, np.float64, (None, 2), "points of nodes")
+        points = packer.lend(points, np.float64, (None, 5), "points of nodes")
         data.node_points, data.node_point_count = address(points), len(points)
 
 

@@ -6,6 +6,7 @@ from .operations import Operation, sockets
 
 MOST_ASKED = 128
 """Rays of a point and sample."""
+_SAMPLES = ("samples", range(1, MOST_ASKED + 1))
 _YES = range(2)
 
 RAYS = (
@@ -14,7 +15,7 @@ RAYS = (
         sockets(value="number"),
         sockets(distance="number", normal="vector"),
         (
-            ("samples", range(1, MOST_ASKED + 1)),
+            _SAMPLES,
             ("inside", _YES),
             ("only_local", _YES),
             ("of_world", _YES),
@@ -22,6 +23,26 @@ RAYS = (
         "the share of `samples` directions round normal, or with inside round -normal, as dense as "
         "the cosine, in which nothing is nearer than distance, of_world than the world's "
         "occlusion_distance; only_local: of the point's own object. 1 where no rays can be asked",
+        reads_point=True,
+    ),
+    Operation(
+        "bevel",
+        sockets(normal="vector"),
+        sockets(radius="number"),
+        (_SAMPLES,),
+        "the mean of the shading normals of the point's own object within radius, by (1 - distance "
+        "/ radius)³, unit and turned to the viewer; the point's where no rays can be asked",
+        reads_point=True,
+    ),
+    Operation(
+        "raycast",
+        sockets(hit="number", own="number", distance="number", position="vector", normal="vector"),
+        sockets(position="vector", direction="vector", length="number"),
+        (("only_local", _YES), ("from_point", _YES)),
+        "whether a ray from position, from_point from the shaded point, along direction meets "
+        "anything within length times that, only_local the point's own object; whether that is the "
+        "point's own, how often direction leads there, where it is, its shading normal, turned "
+        "back. Without a hit, or where no rays can be asked, length and zeros",
         reads_point=True,
     ),
 )

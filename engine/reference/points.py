@@ -11,7 +11,7 @@ from .attributes import Attributes
 from .geometry import Geometry
 from .panorama import picture_points, step_size
 from .placements import Placements
-from .scene_queries import SceneQueries
+from .scene_queries import Asked, Met, SceneQueries
 from .surface import Surface
 from .textures import Image
 from .vectors import cross, dot, pick, transform_each, unit
@@ -212,9 +212,36 @@ class SurfacePoints:
         """
         return tuple(pick(self._surface.past, self._index))
 
-    def blocked(self, direction: Array, reach: Array, own: bool) -> Array:
+    def blocked(self, asked: Asked, of: str) -> Array:
         """(m,) bool: see `SceneQueries.blocked`."""
-        return self.queries.blocked(self._surface, self._index, direction, reach, own)
+        return self.queries.blocked(self._surface, self._index, asked, of)
+
+    def nearest(self, asked: Asked, of: str) -> Met:
+        """See `SceneQueries.nearest`."""
+        return self.queries.nearest(self._surface, self._index, asked, of)
+
+    def crossings(self, asked: Asked) -> Met:
+        """See `SceneQueries.crossings`."""
+        return self.queries.crossings(self._surface, self._index, asked)
+
+    def is_own(self, ray: Array, surface: Surface) -> Array:
+        """(k,) bool: whether what rays `ray` (k,) met is of their points' own instances."""
+        return self._row()[ray] == surface.row
+
+    def relative(self, position: Array) -> Array:
+        """(3, m) of the world, relative to the eye."""
+        return position - self._around.eye
+
+    def in_world(self, position: Array) -> Array:
+        """(3, m) of points relative to the eye."""
+        return position + self._around.eye
+
+    def beside(self, direction: Array) -> Array:
+        """(3, m) the points, relative to the eye, clear of their surface, on the side to which
+        directions (3, m) leave.
+        """
+        g, offset = self._of("g"), self._surface.offset[self._index]
+        return self._of("x") + np.where(dot(g, direction) < 0, -offset, offset) * g
 
     def _of(self, name: str) -> Array:
         return pick(getattr(self._surface, name), self._index)

@@ -6,13 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..sampling import node_points
+from .attributes import Attributes
 from .rays import Bundle
-from .surface import Surface
-from .vectors import dot, pick
+from .surface import Surface, surface_at
+from .vectors import pick
 from .visibility import NOTHING, Hits, Visibility
 
 Array = np.ndarray
@@ -22,49 +24,86 @@ def uncounted(index: Array) -> None:
     """Where programs run once more over the same points."""
 
 
+class Asked(NamedTuple):
+    """Rays: starts and unit directions (3, m), relative to the eye, and how far (m,); none is
+    traced where that is not above 0.
+    """
+
+    start: Array
+    direction: Array
+    reach: Array
+
+
+class Met(NamedTuple):
+    """Hits: of which rays (k,), how far away (k,), and the surfaces, seen along the rays."""
+
+    ray: Array
+    depth: Array
+    surface: Surface
+
+
 @dataclass(frozen=True, eq=False)
 class SceneQueries:
-    """Rays of one sample. disc: (k, 2), `sampling.node_points`. reach: of occlusion, in the world.
+    """Rays of one sample. table: `sampling.node_points`. reach: of occlusion, in the world.
 
     on_rays: called with the points (m,) of the surface for each ray of theirs.
     """
 
     visibility: Visibility
-    disc: Array
+    attributes: Attributes
+    table: Array
     sample: int
     reach: float
     on_rays: Callable[[Array], None] = uncounted
 
-    def disc_points(self, each: int) -> Array:
-        """(each, 2) of the unit disc: those of the sample, where it takes so many."""
-        return self.disc[(self.sample * each + np.arange(each)) % len(self.disc)]
+    def rows(self, each: int) -> Array:
+        """(each, 5) of the table: those of the sample, where it takes so many."""
+        return self.table[(self.sample * each + np.arange(each)) % len(self.table)]
 
-    def blocked(
-        self, surface: Surface, index: Array, direction: Array, reach: Array, own: bool
-    ) -> Array:
-        """(m,) bool: whether anything is nearer than `reach` (m,) along unit directions (3, m) from
-        the points `index` (m,) of the surface; never where that is not above 0.
+    def blocked(self, surface: Surface, index: Array, asked: Asked, of: str) -> Array:
+        """(m,) bool: whether anything is on the rays from the points `index` (m,) of the surface.
 
-        own: surfaces of the points' own instances alone, whatever they hide from.
+        of: "shadow" for what shadow rays meet, "any" for what any rays do, "own" for the points'
+        own instances, whatever they hide from; here and below.
         """
-        asked = np.flatnonzero(reach > 0)
-        start = self._start(surface, index[asked], pick(direction, asked))
-        rays = Bundle.of(start, pick(direction, asked), np.zeros(len(asked)), reach[asked])
-        self.on_rays(index[asked])
+        rays, ray = self._rays(index, asked)
         found = np.zeros(len(index), bool)
-        found[asked] = self._first(rays, surface.row[index[asked]], own).primitive != NOTHING
+        found[ray] = self._first(rays, surface.row[index[ray]], of).primitive != NOTHING
         return found
 
-    def _start(self, surface: Surface, index: Array, direction: Array) -> Array:
-        """(3, m) clear of the surface, on the side to which the rays leave."""
-        g, offset = pick(surface.g, index), surface.offset[index]
-        beside = np.where(dot(g, direction) < 0, -offset, offset)
-        return pick(surface.x, index) + beside * g
+    def nearest(self, surface: Surface, index: Array, asked: Asked, of: str) -> Met:
+        """The first hits of the rays, each of a ray (k,) of these."""
+        rays, ray = self._rays(index, asked)
+        hits = self._first(rays, surface.row[index[ray]], of)
+        there = np.flatnonzero(hits.primitive != NOTHING)
+        return self._met(rays, ray, there, hits.primitive[there], hits.depth[there])
 
-    def _first(self, rays: Bundle, row: Array, own: bool) -> Hits:
+    def crossings(self, surface: Surface, index: Array, asked: Asked) -> Met:
+        """All hits of the rays on the points' own instances."""
+        rays, ray = self._rays(index, asked)
+        row, geometry = surface.row[index[ray]], self.visibility.geometry
+        found = []
+        for number in np.unique(row):
+            mine = np.flatnonzero(row == number)
+            hits = self.visibility.layers(rays.take(mine), geometry.row == number)
+            found.append((mine[hits[0]], hits[1], hits[2]))
+        if not found:
+            return self._met(rays, ray, *np.zeros((2, 0), np.intp), np.zeros(0))
+        return self._met(rays, ray, *map(np.concatenate, zip(*found, strict=True)))
+
+    def _rays(self, index: Array, asked: Asked) -> tuple[Bundle, Array]:
+        """Those that are asked for, and which they are."""
+        ray = np.flatnonzero(asked.reach > 0)
+        start, direction = pick(asked.start, ray), pick(asked.direction, ray)
+        self.on_rays(index[ray])
+        return Bundle.of(start, direction, np.zeros(len(ray)), asked.reach[ray]), ray
+
+    def _first(self, rays: Bundle, row: Array, of: str) -> Hits:
         geometry = self.visibility.geometry
-        if not own:
-            return self.visibility.closest_of(rays, geometry.visible["shadow"])
+        if of != "own":
+            kinds = list(geometry.visible.values()) if of == "any" else [geometry.visible[of]]
+            everything = any(kind is None for kind in kinds)
+            return self.visibility.closest_of(rays, None if everything else np.any(kinds, 0))
         found = Hits(np.full(len(rays), NOTHING), np.full(len(rays), np.inf))
         for number in np.unique(row):
             mine = np.flatnonzero(row == number)
@@ -72,7 +111,13 @@ class SceneQueries:
             found.primitive[mine], found.depth[mine] = hits.primitive, hits.depth
         return found
 
+    def _met(self, rays: Bundle, ray: Array, of: Array, primitive: Array, depth: Array) -> Met:
+        """of: which of the rays that are asked for. ray: which of all these are."""
+        v = self.visibility
+        place = (v.geometry, self.attributes, rays, of, primitive, depth, v.pulse)
+        return Met(ray[of], depth, surface_at(*place))
+
 
 def points_of_nodes(samples: int, each: int) -> Array:
     """`sampling.node_points`, or none where nobody asks."""
-    return node_points(samples, each) if each > 0 else np.zeros((0, 2))
+    return node_points(samples, each) if each > 0 else np.zeros((0, 5))

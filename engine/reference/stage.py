@@ -110,7 +110,9 @@ class Stage:
         if not self.asks_rays:
             return None
         reach = self.scene.world.occlusion_distance
-        return SceneQueries(self.visibility, self._node_points, sample, reach, on_rays)
+        return SceneQueries(
+            self.visibility, self.attributes, self._node_points, sample, reach, on_rays
+        )
 
     def _source(self, light: Light) -> Source:
         samples = self.settings.samples
@@ -177,5 +179,6 @@ class Stage:
             "instances": len(g.placements.block),
             "rays": sum(self.rays.values()),
             **{f"{kind} rays": count for kind, count in self.rays.items()},
+            **self.media.asked,
             "bytes": sum(a.nbytes for a in stored) + (tree.bytes if tree else 0),
         }

@@ -97,6 +97,10 @@ class Visibility:
         ray, primitive, depth = _together([*self._meetings(rays, seen, strips, rays.far)])
         return order[ray], primitive.astype(np.intp), depth
 
+    def layers(self, rays: Rays, seen: Array) -> tuple[Array, Array, Array]:
+        """The same, sorted by ray and depth; of those in a tie that of the lowest primitive."""
+        return _once(self.geometry, rays, *self.crossings(rays, seen))
+
     def blocked(
         self,
         rays: Rays,

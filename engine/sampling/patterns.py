@@ -18,6 +18,8 @@ MOST_TABLED = 1 << 20
 MOST_LOBE_POINTS = MOST_NODE_POINTS = 1 << 16
 LOBE_LEVELS = 8
 """Reflections of a path whose directions are independent."""
+_ASIDE = 0.7
+"""Radians."""
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
 _POLYNOMIALS = (
@@ -190,11 +192,33 @@ def occlusion_points(samples: int, each: int) -> np.ndarray:
     return points
 
 
+@functools.lru_cache(maxsize=4)
 def node_points(samples: int, each: int) -> np.ndarray:
-    """(k, 2) float64 in the unit disc, not to be written to: the same sequence, for nodes of which
-    each sample takes `each` or fewer.
+    """(k, 5) float64, not to be written to: where programs that ask for rays look, of which each
+    sample takes `each` rows or fewer.
+
+    A point of the unit disc, as `occlusion_points` has it; a point of it as dense as (1 - r)³, r
+    its distance from the middle; and an axis: 0 half of the time, else 1 or 2.
     """
-    return occlusion_points(1, min(samples * each, MOST_NODE_POINTS))
+    count = min(samples * each, MOST_NODE_POINTS)
+    u, v = dome_points(count).T
+    axis = np.where(u < 0.5, 0, np.where(u < 0.75, 1, 2))
+    # not along the axes, where rays would lie in faces
+    turn = 2 * np.pi * (np.where(axis == 0, 2 * u, 4 * u) % 1) + _ASIDE
+    dense = _dense_radius(v) * np.stack([np.cos(turn), np.sin(turn)])
+    points = np.column_stack([occlusion_points(1, count), dense.T, axis])
+    points.flags.writeable = False
+    return points
+
+
+def _dense_radius(share: np.ndarray) -> np.ndarray:
+    """(k,) the radius within which the share (k,) of (1 - r)³ over the unit disc lies."""
+    low, high = np.zeros_like(share), np.ones_like(share)
+    for _ in range(60):
+        r = (low + high) / 2
+        inside = r * r * (10 - r * (20 - r * (15 - 4 * r))) < share
+        low, high = np.where(inside, r, low), np.where(inside, high, r)
+    return (low + high) / 2
 
 
 def lobe_points(count: int) -> np.ndarray:

@@ -302,3 +302,232 @@ def test_pixels_that_stop_early_have_looked_round() -> None:
     scene = floor_of(occlusion(1e4, samples=1), (square(1.0), upright(1.5, 1.0)))
     film = draw(scene, "Samples", samples=64, error_threshold=1.0)
     assert film.passes["Samples"].min() >= 16
+
+
+# --- bevels
+
+
+def bevelled(radius: float = 0.4, samples: int = 16) -> s.Material:
+    graph = Graph()
+    (normal,) = graph.apply(BY_NAME["bevel"], graph.constant(radius), samples=samples)
+    return shown(graph, normal)
+
+
+def edge(up: bool = True) -> s.Mesh:
+    """A half plane z = 0, x < 0, and one that falls, or rises, from its end: an endless edge."""
+    w, z = 50.0, -50.0 if up else 50.0
+    points = [[-w, -w, 0], [0, -w, 0], [0, w, 0], [-w, w, 0], [0, -w, z], [0, w, z]]
+    triangles = [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
+    return s.Mesh("edge", np.array(points, np.float32), np.array(triangles, np.uint32))
+
+
+def bevel_at(away: np.ndarray, radius: float, up: bool = True) -> np.ndarray:
+    """(k, 3) normals on the half plane so far from the edge, by a fine grid over both planes."""
+    line = (np.arange(400) + 0.5) / 200 - 1
+    x, y = radius * np.array(np.meshgrid(line, line))
+    top = np.clip(radius - np.hypot(x, y), 0, None) ** 3
+    found = []
+    for d in away:
+        z = np.abs(x)  # each depth twice
+        side = np.clip(radius - np.sqrt(d * d + y * y + z * z), 0, None) ** 3
+        found.append([side.sum() / 2 * (1 if up else -1), 0, (top * (x < d)).sum()])
+    return np.array(found) / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def edge_scene(material: s.Material, up: bool = True, **instance) -> s.Scene:
+    view = view_from_above(8, 0.25, 1.0)
+    view.world_from_camera[0, 3] = -0.25
+    block = s.Instances("edge", 0, at(), (0,), **instance)
+    return s.Scene(view, (edge(up),), (block,), (material,), world=s.World())
+
+
+def normals_of(scene: s.Scene, backend: str = "NATIVE", **settings) -> np.ndarray:
+    assert scene.problems() == []
+    plan = {"samples": 64, "filter_width": 0.0, **settings}
+    picture = draw(scene, backend=backend, **plan).combined[..., :3].astype(float)
+    assert np.isfinite(picture).all()
+    return picture
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("up", [True, False])
+def test_an_edge_is_round(backend: str, up: bool) -> None:
+    """Both ways; pixels are means of unit normals, a little short."""
+    found = normals_of(edge_scene(bevelled(0.4, 64), up), backend)
+    away = 0.25 - x_and_y(0.25)[0][0]
+    np.testing.assert_allclose(
+        found, np.broadcast_to(bevel_at(away, 0.4, up), found.shape), atol=0.02
+    )
+
+
+@needs_core
+def test_more_rays_are_nearer() -> None:
+    away = 0.25 - x_and_y(0.25)[0][0]
+    truth = bevel_at(away, 0.4)
+    errors = [
+        np.sqrt(((normals_of(edge_scene(bevelled(0.4, n))) - truth) ** 2).mean())
+        for n in (4, 16, 128)
+    ]
+    assert errors[0] < 0.06 and errors[1] < errors[0] / 2 and errors[2] < errors[1] / 2
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_where_nothing_is_near_bevels_keep_the_normal(backend: str) -> None:
+    for radius in (0.01, 0.0, -1.0, np.nan, np.inf):
+        found = normals_of(edge_scene(bevelled(radius)), backend, **FEW)
+        np.testing.assert_allclose(
+            found[:, :-1], np.broadcast_to([0, 0, 1.0], (8, 7, 3)), atol=1e-6
+        )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_ball_stays_one(backend: str) -> None:
+    """Its mean normal is its own, from without and within; and so on a mesh's smooth normals."""
+    ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
+    for height in (4.0, 0.5):
+        scene = s.Scene(
+            view_from_above(8, 0.4, height),
+            (ball,),
+            (s.Instances("ball", 0, at(), (0,)),),
+            (bevelled(0.3, 128),),
+            world=s.World(),
+        )
+        plain = replace(scene, materials=(shown_normal(),))
+        apart = normals_of(scene, backend) - normals_of(plain, backend)
+        assert np.abs(apart).max() < 0.01
+
+
+def shown_normal() -> s.Material:
+    graph = Graph()
+    return shown(graph, graph.apply(BY_NAME["normal"])[0])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_others_make_no_edge(backend: str) -> None:
+    """Nor do they hide it, wherever they are; what is unseen by other rays has one as well."""
+    alone = normals_of(edge_scene(bevelled()), backend, **FEW)
+    scene = edge_scene(bevelled(), visible_shadow=False, visible_mirror=False)
+    wall = s.Instances("wall", 1, upright(-0.2, 1.0), (0,), visible_camera=False)
+    copy = s.Instances("copy", 0, at(), (0,), visible_camera=False)
+    for order in (lambda own: (wall, copy, own), lambda own: (own, copy, wall)):
+        mixed = replace(
+            scene, geometries=(edge(), square(1.0)), instances=order(scene.instances[0])
+        )
+        np.testing.assert_allclose(normals_of(mixed, backend, **FEW), alone, atol=1e-5)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("linear", [np.diag([1, -1, 1.0]), 1e-5, 1e5])
+def test_bevels_of_mirrored_tiny_and_huge_things(backend: str, linear) -> None:
+    size = linear if np.isscalar(linear) else 1.0
+    scene = edge_scene(bevelled(0.4 * size))
+    view = view_from_above(8, 0.25 * size, size)
+    view.world_from_camera[0, 3] = -0.25 * size
+    block = replace(scene.instances[0], world_from_object=at(linear=linear))
+    found = normals_of(replace(scene, camera=view, instances=(block,)), backend, **FEW)
+    np.testing.assert_allclose(found, normals_of(edge_scene(bevelled()), backend, **FEW), atol=1e-4)
+
+
+# --- rays
+
+
+def cast(
+    output: int, direction=(0.0, 0.0, 1.0), length: float = 5.0, position=None, **settings
+) -> s.Material:
+    graph = Graph()
+    place = graph.apply(BY_NAME["position"], shift=0)[0]
+    chosen = {"only_local": 0, "from_point": position is None, **settings}
+    if position is not None:
+        place = graph.apply(
+            BY_NAME["scaled_sum"], place, graph.constant(1.0), graph.constant(position)
+        )[0]
+    found = graph.apply(
+        BY_NAME["raycast"], place, graph.constant(direction), graph.constant(length), **chosen
+    )
+    return shown(graph, found[output])
+
+
+HIT, OWN, DISTANCE, POSITION, NORMAL = range(5)
+CEILING = (square(WIDE), at((0, 0, 1.5)))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_a_ray_tells(backend: str) -> None:
+    def found(output: int, **more) -> np.ndarray:
+        return normals_of(floor_of(cast(output, **more), CEILING), backend, samples=1)
+
+    x, y = x_and_y()
+    for more, there in (({}, True), ({"length": 1.0}, False), ({"only_local": 1}, False)):
+        np.testing.assert_allclose(found(HIT, **more), there)
+        assert not found(OWN, **more).any()
+        far = 1.5 if there else more.get("length", 5.0)
+        np.testing.assert_allclose(found(DISTANCE, **more), far, rtol=1e-5)
+        place = np.stack([x, y, 1.5 + 0 * x], -1) * there
+        np.testing.assert_allclose(found(POSITION, **more), place, atol=1e-5)
+        np.testing.assert_allclose(
+            found(NORMAL, **more), np.broadcast_to([0, 0, -1.0 * there], place.shape)
+        )
+    np.testing.assert_allclose(found(DISTANCE, direction=(0.0, 0.0, 3.0)), 0.5, rtol=1e-5)
+    np.testing.assert_allclose(found(HIT, direction=(0.0, 0.0, 0.25)), 0)
+    assert not found(HIT, direction=(0.0, 0.0, -1.0)).any()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_rays_from_elsewhere(backend: str) -> None:
+    """Down from above the ceiling, and on from below it."""
+    for start, far, own in ((2.0, 0.5, 0), (1.0, 1.0, 1)):
+        more = {"position": (0.0, 0.0, start), "direction": (0.0, 0.0, -1.0)}
+        for output, expected in ((DISTANCE, far), (OWN, own), (HIT, 1)):
+            scene = floor_of(cast(output, **more), CEILING)
+            found = normals_of(scene, backend, samples=1)
+            np.testing.assert_allclose(found, expected, rtol=1e-5)
+    local = cast(DISTANCE, position=(0.0, 0.0, 2.0), direction=(0.0, 0.0, -1.0), only_local=1)
+    found = normals_of(floor_of(local, CEILING), backend, samples=1)
+    np.testing.assert_allclose(found, 2.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_is_unseen_by_some_rays_stops_these(backend: str) -> None:
+    """Not what no rays see."""
+    scene = floor_of(cast(HIT), CEILING)
+    kinds = {"visible_camera": False, "visible_mirror": False}
+    for more, there in ((kinds, 1), ({**kinds, "visible_shadow": False}, 0)):
+        block = replace(scene.instances[1], **more)
+        some = replace(scene, instances=(scene.instances[0], block))
+        np.testing.assert_allclose(normals_of(some, backend, samples=1), there)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_odd_rays_meet_nothing(backend: str) -> None:
+    for more in (
+        {"direction": (0.0, 0.0, 0.0)},
+        {"direction": (np.nan, np.inf, 0.0)},
+        {"length": 0.0},
+        {"length": -1.0},
+        {"length": np.nan},
+        {"position": (np.inf, np.nan, 0.0), "direction": (0.0, 0.0, -1.0)},
+        {"position": (1e300, 0.0, 0.0)},
+    ):
+        picture = normals_of(floor_of(cast(HIT, **more), CEILING), backend, samples=1)
+        assert not picture.any(), more
+    for more in ({"length": np.inf}, {"direction": (0.0, 0.0, 1e-200)}, {"length": 1e300}):
+        found = normals_of(floor_of(cast(NORMAL, **more), CEILING), backend, samples=1)
+        assert np.isin(found, (0.0, -1.0)).all()
+
+
+@needs_core
+@pytest.mark.parametrize("name", sorted(SCENES))
+@pytest.mark.parametrize("kind", ["bevel", "cast", "cast-local"])
+def test_both_tracers_bevel_and_cast(name: str, kind: str) -> None:
+    base = SCENES[name]()
+    local = int(kind == "cast-local")
+    direction = (0.3, -0.2, -1.0) if local else (0.3, -0.2, 1.0)
+    material = bevelled(0.3) if kind == "bevel" else cast(NORMAL, direction, only_local=local)
+    scene = replace(base, materials=(material,) * len(base.materials))
+    native, reference = (
+        draw(scene, "Cost", backend=b, samples=2, filter_width=0.0, max_bounces=2)
+        for b in ("NATIVE", "NUMPY")
+    )
+    difference = np.abs(native.combined - reference.combined).max(-1)
+    assert (difference > 1e-3).mean() < 5e-3
+    assert (native.passes["Cost"] != reference.passes["Cost"]).mean() < 5e-3

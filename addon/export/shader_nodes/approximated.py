@@ -1,23 +1,8 @@
-"""Nodes that would look round the point: what they give where nothing is near, with a note."""
+"""Nodes that read what there is not: what they give instead, with a note."""
 
 from __future__ import annotations
 
 from .reader import READERS, NodeInputs, Outputs
-
-
-def _bevel(view: NodeInputs) -> Outputs:
-    """Edges stay sharp."""
-    view.reader.note("Node 'Bevel' leaves edges sharp in {}: use a Bevel modifier")
-    given = view.value("Normal") if view.is_linked("Normal") else view.reader.normal()
-    return {"Normal": given}
-
-
-def _raycast(view: NodeInputs) -> Outputs:
-    """Nothing is met."""
-    view.reader.note("Node 'Raycast' meets nothing in {}: bake it to an image")
-    zero, nowhere = (view.reader.graph.constant(x) for x in (0.0, (0.0, 0.0, 0.0)))
-    numbers = dict.fromkeys(("Is Hit", "Self Hit", "Hit Distance"), zero)
-    return {**numbers, "Hit Position": nowhere, "Hit Normal": nowhere}
 
 
 def _point_info(view: NodeInputs) -> Outputs:
@@ -30,8 +15,6 @@ def _point_info(view: NodeInputs) -> Outputs:
 
 READERS.update(
     {
-        "ShaderNodeBevel": _bevel,
-        "ShaderNodeRaycast": _raycast,
         "ShaderNodePointInfo": _point_info,
     }
 )

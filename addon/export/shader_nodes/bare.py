@@ -1,5 +1,5 @@
-"""Nodes where there is no surface: of worlds and of lights. What only meshes have is 0 there, in
-Cycles too, which is told with the node's name where something reads it.
+"""Nodes where there is no surface: of worlds, of lights and inside of volumes. What only meshes
+have is 0 there, in Cycles too, which is told with the node's name where something reads it.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from typing import Any
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import NormalSpace
 from .objects import VIEW_LAYER
+from .rays import ASKING, without_rays
 from .reader import FARTHEST, TreeReader
 
 ZERO = (0.0, 0.0, 0.0)
@@ -19,10 +20,12 @@ MESH_ONLY: dict[str, tuple[tuple | float, ...]] = {
     "edge_distance": (FARTHEST,),
     "instance_value": (ZERO, 0.0),
     "tangent_of_surface": (ZERO,),
-    "ambient_occlusion": (1.0,),
 }
 """Operations that read what a mesh or its object has, and what they give instead."""
 _TOLD = {
+    **dict.fromkeys(
+        ASKING, "finds nothing near in {}, where there is no surface, as in Cycles; set a constant"
+    ),
     "attribute": "reads what only meshes have: it gives 0 in {}; set a constant",
     "uv": "reads a UV map, of which {} has none: it is 0; use Generated or Normal of Texture "
     "Coordinate",
@@ -32,8 +35,6 @@ _TOLD = {
     "edge_distance": "draws edges, of which {} has none: use Brick Texture",
     "instance_value": "reads what is an object's or an instancer's own, which {} has not: it gives "
     "0; set a constant",
-    "ambient_occlusion": "finds nothing near in {}, where there is no surface: AO is 1, as in "
-    "Cycles; set a constant",
     "bump": "bends nothing in {}, where there is no surface: use Vector Math or Mapping",
     "normal_map": "bends nothing in {}, where there are no tangents: set its space to Object or "
     "World",
@@ -45,11 +46,15 @@ class BareReader(TreeReader):
     """Reads a tree that dresses no mesh."""
 
     is_surface = False
+    gives_light_alone = True
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         if name in MESH_ONLY:
             self.tell(name, **settings)
             return tuple(map(self.graph.constant, MESH_ONLY[name]))
+        if name in ASKING:
+            self.tell(name)
+            return without_rays(self, name, arguments)
         if name == "bump":
             self.tell(name)
             return (self.graph.constant(ZERO),)

@@ -10,7 +10,7 @@ from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.operations_vector import VectorMeasure, VectorOperation
 from ..materials.graph import Place, kind_of, trail
-from .rays import NOTHING_NEAR
+from .rays import ASKING, without_rays
 from .reader import (
     TANGENT,
     UNDISPLACED,
@@ -57,12 +57,13 @@ class DisplacementReader(TreeReader):
                 "use Object coordinates"
             )
             return (self.graph.constant(ZERO),)
-        if name in NOTHING_NEAR:
+        nothing = without_rays(self, name, arguments)
+        if nothing is not None:
             self.note(
                 f"Node '{self.reading}' finds nothing near where {{}} displaces, as in Cycles: "
                 "bake it to an image"
             )
-            return tuple(map(self.graph.constant, NOTHING_NEAR[name]))
+            return nothing
         if name in _IN_WORLD and not self._is_displacer():
             self.is_placed = True
         return super().apply(name, *arguments, **settings)
@@ -84,8 +85,8 @@ class UndisplacedReader(TreeReader):
     """Reads a tree at the surface as it was before it was displaced."""
 
     def apply(self, name: str, /, *arguments: Value, **settings: Any) -> tuple[Value, ...]:
-        if name in NOTHING_NEAR:
-            return tuple(map(self.graph.constant, NOTHING_NEAR[name]))
+        if name in ASKING:
+            return without_rays(self, name, arguments)
         if name == "object_position":
             return (self._before(settings["shift"]),)
         if name == "position":

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+from ....engine.program.graph import Value
 from .normals import given_normal
-from .reader import READERS, NodeInputs, Outputs
+from .reader import READERS, NodeInputs, Outputs, TreeReader
 
-NOTHING_NEAR: dict[str, tuple[tuple | float, ...]] = {"ambient_occlusion": (1.0,)}
-"""What operations that ask for rays give where there is no scene."""
+ASKING = frozenset(("ambient_occlusion", "bevel", "raycast"))
+"""Operations that ask for rays."""
+_LEAST_BEVEL = 16
+"""Rays of a bevel: with fewer its normals jump where all pixels' next ray finds the edge."""
+
+
+def without_rays(
+    reader: TreeReader, name: str, arguments: tuple[Value, ...]
+) -> tuple[Value, ...] | None:
+    """What an operation gives where there is no scene; None where it asks for no rays."""
+    zero, nowhere = (reader.graph.constant(x) for x in (0.0, (0.0, 0.0, 0.0)))
+    if name == "ambient_occlusion":
+        return (reader.graph.constant(1.0),)
+    if name == "bevel":
+        return reader.apply("normal")
+    return (zero, zero, arguments[2], nowhere, nowhere) if name == "raycast" else None
 
 
 def _ambient_occlusion(view: NodeInputs) -> Outputs:
@@ -25,4 +40,47 @@ def _ambient_occlusion(view: NodeInputs) -> Outputs:
     return {"Color": color, "AO": open_share}
 
 
-READERS["ShaderNodeAmbientOcclusion"] = _ambient_occlusion
+def _bevel(view: NodeInputs) -> Outputs:
+    """A Normal that comes in is bent by as much as the mesh's is."""
+    samples = max(view.node.samples, _LEAST_BEVEL)
+    bent = view.apply("bevel", view.value("Radius"), samples=samples)[0]
+    if not view.is_linked("Normal"):
+        return {"Normal": bent}
+    minus, one = (view.reader.graph.constant(x) for x in (-1.0, 1.0))
+    turn = view.apply("scaled_sum", view.apply("normal")[0], minus, bent)[0]
+    total = view.apply("scaled_sum", turn, one, view.value("Normal"))[0]
+    return {"Normal": view.apply("vector_normalized", total)[0]}
+
+
+def _raycast(view: NodeInputs) -> Outputs:
+    """From the point along its normal where nothing else is linked, as in Cycles."""
+    own = view.apply("position", shift=0)[0]
+    position = view.value("Position") if view.is_linked("Position") else own
+    is_linked = view.is_linked("Direction")
+    direction = view.value("Direction") if is_linked else view.reader.normal()
+    found = view.apply(
+        "raycast",
+        position,
+        direction,
+        view.value("Length"),
+        only_local=view.node.only_local,
+        from_point=position is own,
+    )
+    names = ("Is Hit", "Self Hit", "Hit Distance", "Hit Position", "Hit Normal")
+    outputs = dict(zip(names, found, strict=True))
+    for socket in view.node.outputs:
+        if socket.is_linked and socket.identifier.startswith("Attribute_"):
+            view.reader.note(
+                "Node 'Raycast' does not read attributes where its ray ends in {}: they are 0; use "
+                "Hit Position or Hit Normal"
+            )
+    return outputs
+
+
+READERS.update(
+    {
+        "ShaderNodeAmbientOcclusion": _ambient_occlusion,
+        "ShaderNodeBevel": _bevel,
+        "ShaderNodeRaycast": _raycast,
+    }
+)

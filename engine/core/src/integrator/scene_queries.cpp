@@ -4,14 +4,41 @@
 #include "session/timer.h"
 
 namespace glint {
+namespace {
 
-SceneQueries::SceneQueries(const Scene& scene, const RenderPlan& plan, Scratch& scratch)
-    : scene_(scene), scratch_(scratch) {
+SceneQueries& of(void* self) { return *static_cast<SceneQueries*>(self); }
+
+}  // namespace
+
+SceneQueries::SceneQueries(const Scene& scene, const RenderPlan& plan, const Stages& stages,
+                           Scratch& scratch)
+    : scene_(scene), stages_(stages), scratch_(scratch) {
   if (!scene.asks_rays) return;
   alone_.assign(scene.placements.size(), Opacity::kClear);
   own_.of_instance = alone_.data();
   own_.alone = true;
-  queries_ = {this, blocked, plan.node_points, plan.node_point_count, 0, scene.occlusion_distance};
+  layers_.resize(kBlock * Layers::kMost);
+  const size_t rows = layers_.size() + kPad;
+  columns_.reserve(rows);
+  for (std::vector<uint32_t>* v : {&point_, &instance_, &primitive_, &material_}) v->resize(rows);
+  u_.resize(rows);
+  v_.resize(rows);
+  outside_.resize(rows);
+  queries_.self = this;
+  queries_.blocked = [](void* self, const ProgramPoints& points, size_t count,
+                        const AskedRays& rays, AskedOf what, uint8_t* blocked) {
+    of(self).find_blocked(points, count, rays, what, blocked);
+  };
+  queries_.nearest = [](void* self, const ProgramPoints& points, size_t count,
+                        const AskedRays& rays,
+                        AskedOf what) { return of(self).find_nearest(points, count, rays, what); };
+  queries_.crossings = [](void* self, const ProgramPoints& points, size_t count,
+                          const AskedRays& rays) {
+    return of(self).find_crossings(points, count, rays);
+  };
+  queries_.table = plan.node_points;
+  queries_.rows = plan.node_point_count;
+  queries_.reach = scene.occlusion_distance;
 }
 
 const RayQueries* SceneQueries::at(const Batch& batch, uint32_t sample, RayCounts& counts) {
@@ -51,32 +78,37 @@ void SceneQueries::charge(const ProgramPoints& points) {
 }
 
 /// body(rays) for rays that are asked and that meet the same things: all, or of each instance its
-/// own.
+/// own, which is of the Kind `own`.
 template <class Body>
 void SceneQueries::each_choice(const ProgramPoints& points, size_t count, const AskedRays& rays,
-                               AskedOf of, Body body) {
+                               AskedOf of, uint8_t own, Body body) {
   const auto is_asked = [&](uint32_t k) { return rays.t_max[k] > 0; };
   const auto choose = [&](auto wanted) {
     chosen_.count = 0;
     for (uint32_t k = 0; k < count; ++k)
       if (is_asked(k) && wanted(k)) chosen_.add(rays, k);
-    if (chosen_.count == 0) return false;
-    charge(points);
-    return true;
+    if (chosen_.count > 0) charge(points);
+    return chosen_.count > 0;
   };
-  if (of == AskedOf::kAll) {
-    if (choose([](uint32_t) { return true; })) body(chosen_.rays(kShadow, nullptr));
+  const auto run = [&](const Rays& some) {
+    const Timer timer(counts_->tracing);
+    body(some);
+  };
+  constexpr uint32_t kAny = kCamera | kMirror | kShadow;
+  if (of != AskedOf::kOwn) {
+    const uint32_t seen = of == AskedOf::kShadows ? uint32_t(kShadow) : kAny;
+    if (choose([](uint32_t) { return true; })) run(chosen_.rays(seen, nullptr));
     return;
   }
   for (uint32_t first = 0; first < count; ++first) {
-    const uint32_t own = points.instance[first];
+    const uint32_t instance = points.instance[first];
     bool is_new = is_asked(first);
     for (uint32_t k = 0; is_new && k < first; ++k)
-      is_new = !(is_asked(k) && points.instance[k] == own);
-    if (!is_new || !choose([&](uint32_t k) { return points.instance[k] == own; })) continue;
-    alone_[own] = Opacity::kSolid;
-    body(chosen_.rays(kCamera | kMirror | kShadow, &own_));
-    alone_[own] = Opacity::kClear;
+      is_new = !(is_asked(k) && points.instance[k] == instance);
+    if (!is_new || !choose([&](uint32_t k) { return points.instance[k] == instance; })) continue;
+    alone_[instance] = own;
+    run(chosen_.rays(kAny, &own_));
+    alone_[instance] = Opacity::kClear;
   }
 }
 
@@ -84,18 +116,97 @@ void SceneQueries::find_blocked(const ProgramPoints& points, size_t count, const
                                 AskedOf of, uint8_t* blocked) {
   std::fill_n(blocked, count, uint8_t(0));
   uint8_t found[kBlock + kPad];
-  each_choice(points, count, rays, of, [&](const Rays& some) {
-    {
-      const Timer timer(counts_->tracing);
-      scene_.accel().occluded(some, found, scratch_);
-    }
-    for (size_t i = 0; i < chosen_.count; ++i) blocked[chosen_.from[i]] = found[i] != 0;
+  each_choice(points, count, rays, of, Opacity::kSolid, [&](const Rays& some) {
+    scene_.accel().occluded(some, found, scratch_);
+    for (size_t i = 0; i < some.count; ++i) blocked[chosen_.from[i]] = found[i] != 0;
   });
 }
 
-void SceneQueries::blocked(void* self, const ProgramPoints& points, size_t count,
-                           const AskedRays& rays, AskedOf of, uint8_t* blocked) {
-  static_cast<SceneQueries*>(self)->find_blocked(points, count, rays, of, blocked);
+AskedHits SceneQueries::find_nearest(const ProgramPoints& points, size_t count,
+                                     const AskedRays& rays, AskedOf of) {
+  hits_ = 0;
+  double t[kBlock + kPad];
+  uint32_t instance[kBlock + kPad], primitive[kBlock + kPad];
+  float u[kBlock + kPad], v[kBlock + kPad];
+  each_choice(points, count, rays, of, Opacity::kSolid, [&](const Rays& some) {
+    scene_.accel().closest(some, {t, instance, primitive, u, v}, scratch_);
+    for (size_t i = 0; i < some.count; ++i)
+      if (instance[i] != Hit::kNone) add_hit(i, {t[i], instance[i], primitive[i], u[i], v[i]});
+  });
+  return placed();
+}
+
+/// Of hits at one distance the first counts.
+AskedHits SceneQueries::find_crossings(const ProgramPoints& points, size_t count,
+                                       const AskedRays& rays) {
+  hits_ = 0;
+  uint8_t found[kBlock + kPad], dimmed[kBlock + kPad];
+  each_choice(points, count, rays, AskedOf::kOwn, Opacity::kVaried, [&](const Rays& some) {
+    scene_.accel().find_layers(some, {layers_.data(), found}, dimmed, scratch_);
+    for (size_t i = 0; i < some.count; ++i) {
+      const Hit* hit = layers_.data() + i * Layers::kMost;
+      double from = 0;
+      for (const Hit* const end =
+               hit + (dimmed[i] ? std::min<uint32_t>(found[i], Layers::kMost) : 0);
+           hit < end; ++hit) {
+        if (!(hit->t > from)) continue;
+        from = beyond(hit->t);
+        add_hit(i, *hit);
+      }
+    }
+  });
+  return placed();
+}
+
+/// Of the chosen ray of this number.
+void SceneQueries::add_hit(size_t ray, const Hit& hit) {
+  const size_t k = hits_++;
+  for (size_t c = 0; c < 6; ++c) columns_[kStart + c][k] = chosen_.column[c][ray];
+  columns_[kT][k] = hit.t;
+  point_[k] = chosen_.from[ray];
+  instance_[k] = hit.instance;
+  primitive_[k] = hit.primitive;
+  u_[k] = hit.u;
+  v_[k] = hit.v;
+}
+
+/// The surfaces of the hits.
+AskedHits SceneQueries::placed() {
+  std::fill_n(instance_.begin() + ptrdiff_t(hits_), kPad, uint32_t(Hit::kNone));
+  SurfaceStage stage{};
+  stage.count = hits_;
+  stage.instance = instance_.data();
+  stage.primitive = primitive_.data();
+  stage.u = u_.data();
+  stage.v = v_.data();
+  stage.instances = scene_.instance_shapes.data();
+  stage.groups = scene_.group_shapes.data();
+  PointColumns& at = stage.points;
+  AskedHits hits{hits_, point_.data(), instance_.data(), {}, {}, {}, outside_.data()};
+  for (size_t c = 0; c < 3; ++c) {
+    stage.start[c] = columns_[kStart + c];
+    stage.d[c] = columns_[kD + c];
+    hits.x[c] = at.x[c] = columns_[kX + c];
+    hits.g[c] = at.g[c] = columns_[kG + c];
+    hits.n[c] = at.n[c] = columns_[kN + c];
+    at.origin[c] = columns_[kOrigin + c];
+  }
+  at.offset = columns_[kOffset];
+  at.weights[0] = columns_[kWeights];
+  at.weights[1] = columns_[kWeights + 1];
+  at.outside = outside_.data();
+  at.material = material_.data();
+  if (hits_ > 0) stages_.surface(stage);
+  for (size_t k = 0; !scene_.only_meshes && k < hits_; ++k) {
+    if (material_[k] != kNoMaterial) continue;
+    const Surface s = surface_at(scene_, row(stage.start, k), row(stage.d, k),
+                                 {columns_[kT][k], instance_[k], primitive_[k], u_[k], v_[k]});
+    set_row(at.x, k, s.x);
+    set_row(at.g, k, s.g);
+    set_row(at.n, k, s.n);
+    outside_[k] = s.outside ? -1 : 0;
+  }
+  return hits;
 }
 
 }  // namespace glint

@@ -18,33 +18,43 @@ struct AcrossNormal {
   }
 };
 
-/// Of a sample that takes `each`, point j of the unit disc and the height of the half ball over it.
-struct DiscPoint {
-  Doubles x, y, height;
-  DiscPoint(const RayQueries& queries, uint64_t each, uint64_t j) {
-    const double* const at = queries.disc + 2 * ((queries.sample * each + j) % queries.disc_count);
-    x = splat(at[0]);
-    y = splat(at[1]);
-    height = root(larger(1 - x * x - y * y, splat(0)));
-  }
-};
+/// Row j of those of a sample that takes `each`.
+inline NodePoint node_point(const RayQueries& queries, uint64_t each, uint64_t j) {
+  const double* const at =
+      queries.table + NodePoint::kColumns * ((queries.sample * each + j) % queries.rows);
+  return {{at[0], at[1]}, {at[2], at[3]}, at[4] >= 2 ? 2 : at[4] >= 1 ? 1 : 0};
+}
 
-/// Rays of a group of points along d as far as `reach`, from beside the surface on the side to
-/// which they leave. Nobody asks for those of lanes beyond the last point.
-inline void ask(const Machine& m, size_t k, const Three& d, Doubles reach, AskedRays& rays) {
-  const Three g = point3(m.points.g, k);
-  const Doubles offset = load(m.points.offset + k), beside = choose(dot(g, d) < 0, -offset, offset);
-  put3(rays.o, k, point3(m.points.x, k) + beside * g);
+/// How high the unit half ball is over a point of the disc.
+inline double height_over(const double (&p)[2]) {
+  const double rest = 1 - p[0] * p[0] - p[1] * p[1];
+  return rest > 0 ? __builtin_sqrt(rest) : 0;
+}
+
+inline int32_t asked_samples(const Operands& at) {
+  const int32_t given = at.settings[0];
+  return given < 1 ? 1 : given > kMostAsked ? kMostAsked : given;
+}
+
+/// Rays of a group of points. Nobody asks for those of lanes beyond the last point.
+inline void ask(const Machine& m, size_t k, const Three& o, const Three& d, Doubles reach,
+                AskedRays& rays) {
+  put3(rays.o, k, o);
   put3(rays.d, k, d);
   store(rays.t_max + k, where(valid_lanes(k, m.count), reach));
+}
+
+/// Beside the surface, on the side to which d leaves.
+inline Three beside(const Machine& m, size_t k, const Three& d) {
+  const Three g = point3(m.points.g, k);
+  const Doubles offset = load(m.points.offset + k);
+  return point3(m.points.x, k) + choose(dot(g, d) < 0, -offset, offset) * g;
 }
 
 inline void ambient_occlusion(const Machine& m, const Operands& at) {
   const RayQueries* const queries = m.queries;
   if (!queries) return each_group(m, [&](size_t k) { at.put(0, k, splat(1)); });
-  const int32_t each = at.settings[0] < 1            ? 1
-                       : at.settings[0] > kMostAsked ? kMostAsked
-                                                     : at.settings[0];
+  const int32_t each = asked_samples(at);
   const bool inside = at.settings[1] != 0, of_world = at.settings[3] != 0;
   double n[3][kBlock], t1[3][kBlock], t2[3][kBlock], reach[kBlock], hidden[kBlock];
   each_group(m, [&](size_t k) {
@@ -60,16 +70,126 @@ inline void ambient_occlusion(const Machine& m, const Operands& at) {
   AskedRays rays;
   uint8_t blocked[kBlock];
   for (int32_t j = 0; j < each; ++j) {
-    const DiscPoint p(*queries, uint64_t(each), uint64_t(j));
+    const NodePoint p = node_point(*queries, uint64_t(each), uint64_t(j));
+    const Doubles x = splat(p.even[0]), y = splat(p.even[1]), z = splat(height_over(p.even));
     each_group(m, [&](size_t k) {
-      const Three d = p.x * point3(t1, k) + p.y * point3(t2, k) + p.height * point3(n, k);
-      ask(m, k, d, load(reach + k), rays);
+      const Three d = x * point3(t1, k) + y * point3(t2, k) + z * point3(n, k);
+      ask(m, k, beside(m, k, d), d, load(reach + k), rays);
     });
     queries->blocked(queries->self, m.points, m.count, rays,
-                     at.settings[2] != 0 ? AskedOf::kOwn : AskedOf::kAll, blocked);
+                     at.settings[2] != 0 ? AskedOf::kOwn : AskedOf::kShadows, blocked);
     for (size_t k = 0; k < m.count; ++k) hidden[k] += blocked[k];
   }
   each_group(m, [&](size_t k) { at.put(0, k, 1 - load(hidden + k) / double(each)); });
+}
+
+/// What rays met of a bevel, of each point.
+struct BevelSum {
+  double n[3][kBlock] = {};
+
+  /// Of a ray of the row p along the axis of this number, from the disc of this radius across it.
+  void add(const ProgramPoints& points, const AskedHits& hits, const double (&axes)[3][3][kBlock],
+           const double* radius, const NodePoint& p) {
+    const int axis = p.axis;
+    const double off = 1 - __builtin_sqrt(p.dense[0] * p.dense[0] + p.dense[1] * p.dense[1]);
+    for (size_t i = 0; i < hits.count; ++i) {
+      const uint32_t k = hits.point[i];
+      double total = 0, own = 0, far2 = 0;
+      for (int a = 0; a < 3; ++a) {
+        double cosine = 0;
+        for (int c = 0; c < 3; ++c) cosine += axes[a][c][k] * hits.g[c][i];
+        const double density = (a == 0 ? 0.5 : 0.25) * (cosine < 0 ? -cosine : cosine);
+        total += density * density;
+        if (a == axis) own = density;
+        const double away = hits.x[a][i] - points.x[a][k];
+        far2 += away * away;
+      }
+      const double near = 1 - __builtin_sqrt(far2) / radius[k], share = near / off;
+      if (!(near > 0 && off > 0 && total > 0)) continue;
+      const double weight = (hits.outside[i] ? 1 : -1) * own / total * (share * share * share);
+      for (int c = 0; c < 3; ++c) n[c][k] += weight * hits.n[c][i];
+    }
+  }
+};
+
+/// The mean of (1 - r / radius)^3 n over the surface of the object within the radius, r the
+/// distance: rays along the normal and two axes across it, from a disc to the other side of the
+/// ball (Veach 1997, the power heuristic).
+inline void bevel(const Machine& m, const Operands& at) {
+  const RayQueries* const queries = m.queries;
+  if (!queries) return normal(m, at);
+  const int32_t each = asked_samples(at);
+  double axes[3][3][kBlock], radius[kBlock];
+  each_group(m, [&](size_t k) {
+    const Three g = point3(m.points.g, k);
+    const AcrossNormal across(g);
+    put3(axes[0], k, g);
+    put3(axes[1], k, across.t1);
+    put3(axes[2], k, across.t2);
+    const Doubles given = finite_or_zero(m.tables.view->scale * at.number(0, k));
+    store(radius + k, where(given > 0, given));
+  });
+  AskedRays rays;
+  BevelSum sum;
+  for (int32_t j = 0; j < each; ++j) {
+    const NodePoint p = node_point(*queries, uint64_t(each), uint64_t(j));
+    const int axis = p.axis;
+    const double height = height_over(p.dense);
+    each_group(m, [&](size_t k) {
+      const Three w = point3(axes[axis], k), u = point3(axes[(axis + 1) % 3], k),
+                  v = point3(axes[(axis + 2) % 3], k);
+      const Doubles r = load(radius + k);
+      const Three o = point3(m.points.x, k) +
+                      r * (splat(p.dense[0]) * u + splat(p.dense[1]) * v + splat(height) * w);
+      ask(m, k, o, -w, 2 * height * r, rays);
+    });
+    sum.add(m.points, queries->crossings(queries->self, m.points, m.count, rays), axes, radius, p);
+  }
+  each_group(m, [&](size_t k) {
+    const Three outward = unit(point3(sum.n, k)),
+                found = choose(load(m.points.outside + k), outward, -outward);
+    at.put(0, k, choose(nonzero(outward), found, point3(m.points.n, k)));
+  });
+}
+
+/// Settings: only_local, from_point.
+inline void raycast(const Machine& m, const Operands& at) {
+  const RayQueries* const queries = m.queries;
+  each_group(m, [&](size_t k) {
+    at.put(0, k, Doubles{});
+    at.put(1, k, Doubles{});
+    at.put(2, k, at.number(2, k));
+    at.put(3, k, Three{});
+    at.put(4, k, Three{});
+  });
+  if (!queries) return;
+  const ProgramView& view = *m.tables.view;
+  AskedRays rays;
+  const bool leaves = at.settings[1] != 0;
+  double speed[kBlock];  // of t, in anchored space, to lengths of the direction
+  each_group(m, [&](size_t k) {
+    const Three from = at.vector(0, k), along = finite_or_zero(at.vector(1, k)), d = unit(along);
+    const Doubles size = length(along), reach = size * (view.scale * at.number(2, k));
+    const Three o = leaves ? beside(m, k, d) : splat(view.scale) * (from - splat3(view.origin));
+    const Doubles sum = o.x + o.y + o.z;
+    const Mask sound = nonzero(d) & (sum == sum) & (max_abs(o) < 1e15) & (size > 0) & (reach > 0);
+    ask(m, k, o, d, where(sound, reach), rays);
+    store(speed + k, where(sound, 1 / choose(sound, view.scale * size, splat(1))));
+  });
+  const AskedHits hits = queries->nearest(queries->self, m.points, m.count, rays,
+                                          at.settings[0] != 0 ? AskedOf::kOwn : AskedOf::kAny);
+  for (size_t i = 0; i < hits.count; ++i) {
+    const uint32_t k = hits.point[i];
+    if (at.wants(0)) at.output[0][k] = 1;
+    if (at.wants(1)) at.output[1][k] = hits.instance[i] == m.points.instance[k] ? 1 : 0;
+    double far = 0;
+    for (size_t c = 0; c < 3; ++c)
+      far += (hits.x[c][i] - (leaves ? m.points.x[c][k] : rays.o[c][k])) * rays.d[c][k];
+    if (at.wants(2)) at.output[2][k] = far * speed[k];
+    for (size_t c = 0; at.wants(3) && c < 3; ++c)
+      at.output[3][c * kBlock + k] = hits.x[c][i] / view.scale + view.origin[c];
+    for (size_t c = 0; at.wants(4) && c < 3; ++c) at.output[4][c * kBlock + k] = hits.n[c][i];
+  }
 }
 
 }  // namespace op

@@ -45,11 +45,18 @@ struct AskedRays {
   double o[3][kBlock], d[3][kBlock], t_max[kBlock];
 };
 
-/// Of which instances a ray meets surfaces.
-enum class AskedOf {
-  kAll,
-  kOwn
-};  // kAll: as shadow rays do; kOwn: of the point's, whatever it hides from
+/// Of which instances rays meet surfaces: of those that shadow rays meet; of all that any rays do;
+/// of the point's own, whatever it hides from.
+enum class AskedOf { kShadows, kAny, kOwn };
+
+/// Where rays meet surfaces, a row each, in the order of no point: numbers of the points, and as
+/// surface.h has them.
+struct AskedHits {
+  size_t count;
+  const uint32_t *point, *instance;
+  const double *x[3], *g[3], *n[3];
+  const int64_t* outside;
+};
 
 /// The scene as programs ask for it; no surface lets such rays through.
 struct RayQueries {
@@ -57,9 +64,23 @@ struct RayQueries {
   /// blocked[k] = 1 where anything is on the way, else 0.
   void (*blocked)(void* self, const ProgramPoints& points, size_t count, const AskedRays& rays,
                   AskedOf of, uint8_t* blocked);
-  const double* disc;  // points of the unit disc, two numbers each, that all points share
-  uint64_t disc_count, sample;
+  /// The nearest hit of each ray.
+  AskedHits (*nearest)(void* self, const ProgramPoints& points, size_t count, const AskedRays& rays,
+                       AskedOf of);
+  /// The nearest hits of each ray, as many as Layers has, on the point's own instance.
+  AskedHits (*crossings)(void* self, const ProgramPoints& points, size_t count,
+                         const AskedRays& rays);
+  const double* table;  // NodePoint's numbers, rows that all points share
+  uint64_t rows, sample;
   double reach;  // of occlusion, in the world
+};
+
+/// A row of the table: a point of the unit disc, even over it; a point of it as dense as (1 - r)^3,
+/// r its distance from the middle; and an axis, 0 half of the time, else 1 or 2.
+struct NodePoint {
+  static constexpr size_t kColumns = 5;
+  double even[2], dense[2];
+  int axis;
 };
 
 /// What programs know beside the points. World = x / scale + origin.

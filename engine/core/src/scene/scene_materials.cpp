@@ -101,7 +101,8 @@ void Scene::copy_programs(const GlintSceneData& data) {
          program_constants_.data() + g.first_constant * kPad,
          program_tables_.data() + g.first_table, g.slots,
          has_one(program_words_.data() + g.first_word, g.word_count, {"ray_length", "ray_depth"}),
-         has_one(program_words_.data() + g.first_word, g.word_count, {"ambient_occlusion"})});
+         has_one(program_words_.data() + g.first_word, g.word_count,
+                 {"ambient_occlusion", "bevel", "raycast"})});
     asks_rays = asks_rays || programs.back().asks_rays;
     most_slots = std::max(most_slots, g.slots);
   }
