@@ -26,6 +26,7 @@ from .light_groups import LightGroups
 from .lights import Lights, Seen
 from .materials.aovs import Aov, note_world
 from .materials.materials import Materials, without_unused
+from .materials.nodes_volume import with_step_rate
 from .materials.wanted import Wanted
 from .missing import note_missing
 from .panorama import Looker
@@ -455,10 +456,11 @@ class Collector:
         note_linked_glow(instances, self.materials.materials, self.report)
         note_media(instances, self.materials.materials, self.report)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
-        lights = sky.lights_with(self.lights.lights)
+        lights, set_by = sky.lights_with(self.lights.lights), self.depsgraph.scene_eval
+        materials, (world,) = (with_step_rate(m, set_by) for m in (materials, (sky.world,)))
         names = tuple(aov.name for aov in self.materials.aovs)
         return Scene(
-            camera, geometries, instances, materials, textures, lights, sky.world, names,
+            camera, geometries, instances, materials, textures, lights, world, names,
             light_groups=self.light_groups.names,
         )  # fmt: skip
 

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from .instances import random_number
-from .shader_nodes.objects import COLOR, INDEX, INSTANCER, OF_EACH, RANDOM, VIEW_LAYER
+from .shader_nodes.objects import (
+    COLOR,
+    INDEX,
+    INSTANCER,
+    OF_EACH,
+    RANDOM,
+    SPACE_SCALE,
+    SPACE_START,
+    VIEW_LAYER,
+)
 
 Value = tuple[float, float, float, float]
 NOTHING: Value = (0.0, 0.0, 0.0, 0.0)
@@ -29,10 +38,20 @@ def value_of(name: str, instance: Any, view_layer: Any, scene: Any) -> Value:
         return NOTHING
     if name == INDEX:
         return (float(instance.object.pass_index),) * 4
+    if name in (SPACE_SCALE, SPACE_START):
+        return _of_texture_space(instance.object.data)[name == SPACE_START]
     kind, _, plain = name.partition(":")
     if kind + ":" == VIEW_LAYER:
         return _found((view_layer, scene, scene.world), plain)
     return _found(_owners(instance, kind + ":" == INSTANCER), plain)
+
+
+def _of_texture_space(data: Any) -> tuple[Value, Value]:
+    """Scale and start of the generated coordinates; those of a cube of 2 where there are none."""
+    middle = getattr(data, "texspace_location", (0.0, 0.0, 0.0))
+    half = [x if abs(x) > 0 else 1.0 for x in getattr(data, "texspace_size", (1.0, 1.0, 1.0))]
+    scale = tuple(0.5 / x for x in half)
+    return (*scale, 0.0), (*(0.5 - x * k for x, k in zip(middle, scale, strict=True)), 0.0)
 
 
 def _owners(instance: Any, of_instancer: bool) -> Iterator[Any]:

@@ -18,8 +18,8 @@ from .materials.expressions import Expressions
 from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
 from .materials.nodes_volume import medium_of
 from .report import Report
-from .shader_nodes import TreeReader
 from .shader_nodes.sky import SkyReader, Sun
+from .shader_nodes.volume import VolumeReader
 from .unheard import note_world
 
 BLACK = (0.0, 0.0, 0.0)
@@ -62,21 +62,20 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     values = _map(*without, images)
     seen = _as_seen(expressions, radiance, visibility)
     mean = tuple(float(x) for x in (values * cell_shares(*values.shape[:2])).sum((0, 1)))
-    own = (
+    medium = _medium(world, images, report)
+    varies = medium is not None and medium.program is not None
+    own = {"textures": tuple(images.textures)} if varies or seen.constant is None else {}
+    own |= (
         {"background": seen.constant}
         if seen.constant is not None
-        else {
-            "background": mean,
-            "program": compile_program(expressions.graph, [seen]),
-            "textures": tuple(images.textures),
-        }
+        else {"background": mean, "program": compile_program(expressions.graph, [seen])}
     )
     shines = visibility.lights and values.any()
     return Sky(
         World(
             mean if shines else BLACK,
             transparent=transparent,
-            medium=_medium(world, images, report),
+            medium=medium,
             **own,
         ),
         Light(world.name, "DOME", np.eye(3, 4), radiance=values) if shines else None,
@@ -190,7 +189,10 @@ def _medium(world: Any, images: Images, report: Report) -> Medium | None:
     socket = socket_named(output.inputs, "Volume") if output else None
     if socket is None or not socket.is_linked:
         return None
-    return medium_of(Place(socket), Evaluator(world.name, images, report, TreeReader))
+    images.expect(images_behind(Place(socket)))
+    evaluator = Evaluator(world.name, images, report, partial(VolumeReader, is_world=True))
+    step = getattr(getattr(world, "cycles", None), "volume_step_size", 1.0)
+    return medium_of(Place(socket), evaluator, max(step, 1e-3))
 
 
 def _visibility(world: Any, report: Report) -> _Visibility:

@@ -64,9 +64,9 @@ class Statistics:
         if read:
             anew = [_count(number, name) for name, number in read.items() if number]
             parts.append(f"read anew: {' + '.join(anew) or 'nothing'}")
-        rays = self.traced.get("rays")
-        tracer = f"traced by {_TRACERS[self.backend]}"
-        return ", ".join([*parts, *([_count(rays, "rays")] if rays else []), tracer])
+        work = (("rays", "rays"), ("media points", "volume points"))
+        parts += [_count(self.traced[key], name) for key, name in work if self.traced.get(key)]
+        return ", ".join([*parts, f"traced by {_TRACERS[self.backend]}"])
 
     @property
     def skipped_line(self) -> str:

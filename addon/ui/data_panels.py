@@ -145,6 +145,33 @@ class GLINT_MATERIAL_PT_settings(EnginePanel, bpy.types.Panel):
         column.prop(context.material, "use_transparent_shadow", text="Transparent Shadows")
 
 
+class _VolumeStepsPanel(EnginePanel):
+    """How far apart rays look at a volume that varies, as Cycles keeps it."""
+
+    bl_label = "Volume Steps"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        owner = getattr(context, cls.bl_context)
+        return super().poll(context) and hasattr(getattr(owner, "cycles", None), cls.name)
+
+    def draw(self, context):
+        column, owner = self.column, getattr(context, self.bl_context)
+        column.prop(owner.cycles, self.name, text=self.text)
+        draw_if_known(column, context.scene.cycles, "volume_step_rate", text="Scene's Rate")
+
+
+class GLINT_MATERIAL_PT_volume_steps(_VolumeStepsPanel, bpy.types.Panel):
+    bl_context = "material"
+    name, text = "volume_step_rate", "Step Rate"
+
+
+class GLINT_WORLD_PT_volume_steps(_VolumeStepsPanel, bpy.types.Panel):
+    bl_context = "world"
+    name, text = "volume_step_size", "Step Size"
+
+
 class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):
     bl_label = "Ray Visibility"
     bl_context = "world"

@@ -34,9 +34,11 @@ class EnginePanel:
         return self.layout.column()
 
 
-def draw_if_known(column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str) -> None:
+def draw_if_known(
+    column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str, **look: str
+) -> None:
     """A light's exposure and normalize came with Blender 4.5, a view layer's world_override with
     4.3.
     """
     if hasattr(owner, name):
-        column.prop(owner, name)
+        column.prop(owner, name, **look)

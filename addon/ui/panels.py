@@ -26,11 +26,13 @@ from .data_panels import (
     GLINT_LIGHT_PT_light,
     GLINT_LIGHT_PT_nodes,
     GLINT_MATERIAL_PT_settings,
+    GLINT_MATERIAL_PT_volume_steps,
     GLINT_OBJECT_PT_light_group,
     GLINT_OBJECT_PT_motion_blur,
     GLINT_OBJECT_PT_ray_visibility,
     GLINT_WORLD_PT_light_group,
     GLINT_WORLD_PT_ray_visibility,
+    GLINT_WORLD_PT_volume_steps,
 )
 from .lines import draw_text
 from .panel import ENGINE, EnginePanel, draw_if_known
@@ -421,7 +423,9 @@ _CLASSES = (
     GLINT_LIGHT_PT_light,
     GLINT_LIGHT_PT_nodes,
     GLINT_MATERIAL_PT_settings,
+    GLINT_MATERIAL_PT_volume_steps,
     GLINT_OBJECT_PT_light_group,
+    GLINT_WORLD_PT_volume_steps,
     GLINT_WORLD_PT_ray_visibility,
     GLINT_OBJECT_PT_ray_visibility,
     GLINT_OBJECT_PT_motion_blur,

@@ -169,6 +169,8 @@ def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
     yield f"{pad}  from {_rgb(ray.origin)} along {_rgb(ray.direction)}"
     if any(left != 1 for left in ray.passed):
         yield f"{pad}  media on its way leave {_rgb(ray.passed)} of it"
+    if ray.cells:
+        yield f"{pad}  media that vary are looked at {ray.cells} times on its way"
     for name, light in ray.media:
         what = f"scatter of the light '{name}'" if name else "give of themselves"
         yield f"{pad}  media on its way {what}: {_rgb(light)}"

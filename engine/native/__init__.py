@@ -392,5 +392,6 @@ def _stats(data: StatsData) -> dict[str, float]:
         "nodes": float(data.tree_nodes),
         "rays": sum(rays.values()),
         **rays,
+        **({"media points": float(data.media_points)} if data.media_points else {}),
         **features,
     }

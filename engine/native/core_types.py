@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 40
+ABI_VERSION = 41
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -221,6 +221,7 @@ class Feature(IntEnum):
     MEDIA = 32768
     SHADOW_CATCHER = 65536
     OPENINGS = 131072
+    VARIED_MEDIA = 262144
 
 
 class MathFunction(IntEnum):
@@ -305,7 +306,9 @@ class MaterialData(Structure):
 class MediumData(Structure):
     _fields_ = [
         *_each(c_double * 3, "absorption scattering emission"),
-        *_each(c_double, "anisotropy"),
+        *_each(c_double, "anisotropy step"),
+        *_each(c_int32, "program absorption_slot scattering_slot emission_slot anisotropy_slot"),
+        *_each(c_int32, "reserved"),
     ]
 
 
@@ -416,7 +419,7 @@ class StatsData(Structure):
         *_each(c_double, "build_seconds trace_seconds"),
         *_each(c_uint64, "triangles instances primitives tree_bytes tree_nodes dropped_primitives"),
         *_each(c_uint64, "dropped_instances dropped_lights camera_rays shadow_rays mirror_rays"),
-        *_each(c_uint64, "refraction_rays transparent_rays"),
+        *_each(c_uint64, "refraction_rays transparent_rays media_points"),
         *_each(c_uint32, "features threads"),
     ]
 

@@ -145,7 +145,8 @@ class ScenePacker:
         if self._nobodys is None or self._nobodys[0] != key:
             numbers = {k: first + k for k in range(len(world.textures))}
             program = world.program.with_textures(numbers) if world.program else None
-            self._nobodys = key, Material("world", (), program=program, medium=world.medium)
+            medium = world.medium.with_textures(numbers) if world.medium else None
+            self._nobodys = key, Material("world", (), program=program, medium=medium)
         return (self._nobodys[1],)
 
     def _part(

@@ -50,7 +50,22 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
 
 def _medium(packer: Packer, medium: Medium) -> int:
     """One more than its row in the core's table."""
-    packer.media.append((medium.absorption, medium.scattering, medium.emission, medium.anisotropy))
+    outputs = medium.program.outputs if medium.program else ()
+    packer.media.append(
+        (
+            medium.absorption,
+            medium.scattering,
+            medium.emission,
+            medium.anisotropy,
+            medium.step,
+            1 + _program(packer, medium.program) if medium.program else 0,
+            _slot(outputs, medium.absorption_output),
+            _slot(outputs, medium.scattering_output),
+            _slot(outputs, medium.emission_output),
+            _slot(outputs, medium.anisotropy_output),
+            0,
+        )
+    )
     return len(packer.media)
 
 

@@ -104,7 +104,8 @@ class Ray:
     passed: what media leave of it on its way, which `shapes` have in them.  media: what these
     scatter of lights, by their names, and "" what they give of themselves.  shapes: (name,
     radiance) of the lights whose shape it sees. own: what it brings to the pixel itself, T times
-    its terms; color: with all that follow from it.
+    its terms; color: with all that follow from it.  cells: in how many parts it sees media that
+    vary.
     """
 
     kind: str
@@ -120,6 +121,7 @@ class Ray:
     follow: tuple[Ray, ...]
     passed: Numbers = (1.0, 1.0, 1.0)
     media: tuple[tuple[str, Numbers], ...] = ()
+    cells: int = 0
 
 
 class Explainer:
@@ -149,7 +151,7 @@ class Explainer:
         stage = self.stage
         o, d = paths.rays.lines(np.zeros(1, np.intp))
         found = stage.visibility.closest(paths.rays, paths.kind)
-        spans = stage.media.spans(paths.rays, paths.kind) if stage.media else None
+        spans = stage.media.spans(paths.rays, paths.kind, found.depth) if stage.media else None
         shapes = tuple(self._shapes(paths, o, d, found.depth, spans))
         sent, passed, media = paths.weight[:, 0], np.ones((3, 1)), ()
         if spans is not None:
@@ -170,6 +172,7 @@ class Explainer:
             (),
             _numbers(passed[:, 0]),
             media,
+            stage.media.cells(spans) if spans is not None else 0,
         )
         own = sent * sum((np.array(light) for _, light in (*shapes, *media)), np.zeros(3))
         if found.primitive[0] == NOTHING:

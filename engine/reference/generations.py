@@ -77,6 +77,7 @@ class Generations:
 
     def __init__(self, stage: Stage, tile: Tile, sample: int):
         self._stage, self._tile, self._sample = stage, tile, sample
+        stage.media.moment.sample = sample
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
@@ -234,7 +235,7 @@ class Generations:
     def _dim(self, paths: Paths, depth: Array) -> Paths:
         """The paths with what media let through of them, once lights before these are seen."""
         media = self._stage.media
-        spans = media.spans(paths.rays, paths.kind)
+        spans = media.spans(paths.rays, paths.kind, depth)
         self._see_lights(paths, depth, spans)
         if media.emits:
             glow = media.pieces(spans, paths.rays.near, depth).glow()

@@ -5,6 +5,7 @@ the transmittance e^(-σ s) of what fills these (Beer and Lambert).
 from __future__ import annotations
 
 import copy
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..scene import EVERYTHING, Mesh, Polygons, Scene, Spheres, Strands
 from .attributes import Attributes
 from .geometry import Geometry
 from .lights import Source
+from .march import Marching, Matter
 from .rays import Rays
 from .surface import surface_at
 from .vectors import dot, length, pick
@@ -27,8 +29,9 @@ SLIGHT = 2.0**-20
 @dataclass(frozen=True, eq=False)
 class Spans:
     """Where n rays are inside of media: ray (m,), medium (m,) numbers, row (m,) of the placements,
-    -1 for the world, start and end (m,) along the rays. speed: (n,) world units for one of these.
-    origin: (n,) the largest coordinate of where they begin.
+    -1 for the world, start and end (m,) along the rays, whole (2, m) of what they are cells of.
+    matter: what is there. speed: (n,) world units for one of these. origin: (n,) the largest
+    coordinate of where they begin.
     """
 
     ray: Array
@@ -36,6 +39,8 @@ class Spans:
     row: Array
     start: Array
     end: Array
+    whole: Array
+    matter: Matter
     speed: Array
     origin: Array
 
@@ -45,13 +50,22 @@ class Spans:
         places[rays] = np.arange(len(rays))
         some = np.flatnonzero(places[self.ray] >= 0)
         columns = (getattr(self, name)[some] for name in ("medium", "row", "start", "end"))
-        return Spans(places[self.ray[some]], *columns, self.speed[rays], self.origin[rays])
+        return Spans(
+            places[self.ray[some]],
+            *columns,
+            self.whole[:, some],
+            self.matter.take(some),
+            self.speed[rays],
+            self.origin[rays],
+        )
 
     def paths(self, near: Array, far: Array) -> tuple[Array, Array, Array]:
-        """Rays and media (m,), and how much of each lies between near and far (n,), world units."""
+        """Numbers and rays (m,) of the spans between near and far (n,), and how much of each lies
+        there, world units.
+        """
         start, end = np.maximum(self.start, near[self.ray]), np.minimum(self.end, far[self.ray])
         some = np.flatnonzero(end > start)
-        return self.ray[some], self.medium[some], (end - start)[some] * self.speed[self.ray[some]]
+        return some, self.ray[some], (end - start)[some] * self.speed[self.ray[some]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +94,8 @@ class Pieces:
         before = np.concatenate([np.zeros_like(after[:, :1]), after[:, :-1]], 1)
         end = self.breaks[:, -1:, None]
         met = (depths > before[..., None]) & (depths < after[..., None])
-        way = (depths - before[..., None]) / np.where(most > 0, most, 1.0)[..., None]
+        with np.errstate(over="ignore"):
+            way = (depths - before[..., None]) / np.where(most > 0, most, 1.0)[..., None]
         at = np.where(met, self.breaks[:, :-1, None] + way / self.speed[:, None, None], end)
         edges = np.sort(np.concatenate([self.breaks, at.reshape(len(at), -1)], 1), 1)
         edges = np.minimum(edges, self.breaks[:, -1:])
@@ -109,9 +124,11 @@ class Pieces:
         depths = _times(self.extinction, way)
         before = np.cumsum(np.concatenate([np.zeros_like(depths[..., :1]), depths], 2), 2)[..., :-1]
         clear = np.where(np.isinf(way), 0.0, way) * (self.extinction == 0)
-        thick = -np.expm1(-depths) / np.where(self.extinction > 0, self.extinction, 1.0)
-        some = np.where(self.extinction > 0, thick, clear)
-        return (self.emission * some * np.exp(-before)).sum(2)
+        with np.errstate(over="ignore", invalid="ignore"):
+            thick = -np.expm1(-depths) / np.where(self.extinction > 0, self.extinction, 1.0)
+            some = np.where(self.extinction > 0, thick, clear)
+            given = self.emission * some * np.exp(-before)
+        return np.where(self.emission != 0, given, 0.0).sum(2)
 
 
 def _times(sigma: Array, way: Array) -> Array:
@@ -120,10 +137,20 @@ def _times(sigma: Array, way: Array) -> Array:
         return np.where(sigma > 0, sigma * way, 0.0)
 
 
+@dataclass
+class Moment:
+    """Which sample of the pixels is traced."""
+
+    sample: int = 0
+
+
 class Media:
-    """The media of a scene, as rays meet them."""
+    """The media of a scene, as rays meet them. moment: what those have in common that are made of
+    one.
+    """
 
     def __init__(self, scene: Scene, attributes: Attributes, visibility: Visibility):
+        self.moment = Moment()
         self._attributes, self._visibility = attributes, visibility
         self._geometry = visibility.geometry
         placements = self._geometry.placements
@@ -135,11 +162,10 @@ class Media:
         of_block = np.where(found, number - 1 + np.cumsum(found), -1)
         self._of_row = of_block[placements.block]
         self._boxes = _boxes(scene, self._geometry, self._of_row)
-        self._colors = {
-            name: np.array([getattr(m, name) for m in self._media], np.float64).reshape(-1, 3).T
-            for name in ("extinction", "scattering", "emission")
-        }
-        self._anisotropy = np.array([medium.anisotropy for medium in self._media])
+        self._matter = Matter.of(self._media)
+        self._scatters = np.array([medium.scatters for medium in self._media], bool)
+        self._shines = np.ones(len(self._media), bool)
+        self._marching = Marching.of(scene, self._media, self._geometry, self._attributes)
         own = [
             block.light_group for block, some in zip(scene.instances, found, strict=True) if some
         ]
@@ -147,6 +173,15 @@ class Media:
 
     def __bool__(self) -> bool:
         return bool(self._media)
+
+    @property
+    def asked(self) -> Counter[str]:
+        """How many points the programs of media ran at, if any did."""
+        return self._marching.asked if self._marching is not None else Counter()
+
+    def cells(self, spans: Spans) -> int:
+        """How many of the spans are cells of media that vary."""
+        return sum(self._media[number].program is not None for number in spans.medium)
 
     def of(self, rows: Array) -> Media:
         """Those of some rows of the placements alone, (r,) bool, and of the world."""
@@ -157,12 +192,13 @@ class Media:
     def of_group(self, number: int) -> Media:
         """The same, of which none but those of a light group give light."""
         result = copy.copy(self)
-        emission = self._colors["emission"] * (self._groups == number)
-        result._colors = self._colors | {"emission": emission}
+        result._shines = self._groups == number
         return result
 
-    def spans(self, rays: Rays, kind: str) -> Spans:
-        """Where rays of a kind are, from where they begin to look on, beyond what they meet too."""
+    def spans(self, rays: Rays, kind: str, far: Array) -> Spans:
+        """Where rays of a kind are, from where they begin to look on, beyond what they meet at far
+        (n,) too; media that vary only up to there, cut as the present sample cuts them.
+        """
         n = len(rays)
         origin, along = rays.lines(np.arange(n))
         everywhere = np.arange(n if self._world >= 0 else 0)
@@ -176,13 +212,21 @@ class Media:
         parts = [
             np.concatenate([np.full(k, v) for k, v in zip(sizes, c, strict=True)]) for c in columns
         ]
-        return Spans(*parts, length(along), np.abs(origin).max(0, initial=0.0))
+        whole, matter = np.stack(parts[3:]), self._matter.take(parts[1])
+        speed, largest = length(along), np.abs(origin).max(0, initial=0.0)
+        spans = Spans(*parts, whole, matter, speed, largest)
+        if self._marching is None:
+            return spans
+        lines = origin, along
+        return self._marching.marched(
+            spans, self._boxes, lines, rays.near, far, self.moment.sample, kind
+        )
 
     def depth(self, spans: Spans, near: Array, far: Array) -> Array:
         """(3, n) optical depths between near and far (n,) of each ray."""
-        ray, medium, way = spans.paths(near, far)
+        some, ray, way = spans.paths(near, far)
         total = np.zeros((3, len(near)))
-        for sigma, sums in zip(self._colors["extinction"][:, medium], total, strict=True):
+        for sigma, sums in zip(spans.matter.extinction[:, some], total, strict=True):
             some = sigma > 0
             np.add.at(sums, ray[some], sigma[some] * way[some])
         return total
@@ -212,22 +256,25 @@ class Media:
             row, medium = spans.ray[some], spans.medium[some]
             here = (inside[row] > spans.start[some, None]) & (inside[row] < spans.end[some, None])
             for name, total in sums.items():
-                total[:, row] += here * self._colors[name][:, medium, None]
+                value = getattr(spans.matter, name)[:, some, None]
+                shown = self._shines[medium][:, None] if name == "emission" else True
+                total[:, row] += (here & shown) * value
         return Pieces(breaks, spans.speed, **sums)
 
     def scattering_rays(self, spans: Spans, near: Array, far: Array) -> Array:
         """Rays along which light is scattered, on more than what rounding leaves of a medium behind
         its end.
         """
-        ray, end, way = spans.ray, np.minimum(spans.end, far[spans.ray]), spans.speed[spans.ray]
+        ray, way, (first, last) = spans.ray, spans.speed[spans.ray], spans.whole
+        end = np.minimum(last, far[spans.ray])
         least = SLIGHT * (end * way + spans.origin[ray])
-        long = (end - np.maximum(spans.start, near[ray])) * way > np.where(end < np.inf, least, 0.0)
-        return np.unique(ray[long & self._colors["scattering"].any(0)[spans.medium]])
+        long = (end - np.maximum(first, near[ray])) * way > np.where(end < np.inf, least, 0.0)
+        return np.unique(ray[long & self._scatters[spans.medium]])
 
     @property
     def emits(self) -> bool:
         """Whether one of them gives light."""
-        return bool(self._colors["emission"].any())
+        return any(medium.emits for medium in self._media)
 
     def reach(self, spans: Spans, near: Array, far: Array, dark: float) -> Array:
         """far (n,), or where endless rays see next to nothing any more."""
@@ -236,12 +283,10 @@ class Media:
         last = near.copy()
         finite = np.isfinite(spans.end)
         np.maximum.at(last, spans.ray[finite], spans.end[finite])
-        if self._world < 0:
+        if self._world < 0 or self._media[self._world].program is not None:
             return np.where(np.isinf(far), last, far)
-        sigma, scatters = (
-            self._colors[name][:, self._world] for name in ("extinction", "scattering")
-        )
-        least = sigma[scatters > 0].min(initial=np.inf)
+        world = self._matter.take([self._world])
+        least = world.extinction[world.scattering > 0].min(initial=np.inf)
         return np.where(np.isinf(far), last + dark / least / spans.speed, far)
 
     def scattering(
@@ -250,17 +295,19 @@ class Media:
         """(3, n) how much light from the unit directions to_light (3, n) is scattered at t of each
         ray, against its unit direction, a world unit and steradian.
         """
-        here = (spans.start <= t[spans.ray]) & (t[spans.ray] <= spans.end)
+        at = t[spans.ray]
+        here = (spans.start < at) | ((spans.start == at) & (spans.start == spans.whole[0]))
+        here &= at <= spans.end
         if source.light.receivers != EVERYTHING:
             reached = self._lit_rows(source.light.receivers)
             here &= (spans.row < 0) | reached[spans.row]
-        ray, medium = spans.ray[here], spans.medium[here]
-        g = self._anisotropy[medium]
+        ray, matter = spans.ray[here], spans.matter.take(np.flatnonzero(here))
+        g = matter.anisotropy
         cosine = dot(pick(along, ray), pick(to_light, ray))
         base = 1 + g * g - 2 * g * cosine
         phase = (1 - g * g) / (4 * np.pi * base * np.sqrt(base))
         total = np.zeros((3, len(t)))
-        for sums, sigma in zip(total, self._colors["scattering"][:, medium], strict=True):
+        for sums, sigma in zip(total, matter.scattering, strict=True):
             np.add.at(sums, ray, sigma * phase)
         return total
 

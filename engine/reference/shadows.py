@@ -69,7 +69,7 @@ class Shadows:
         rays = Bundle.of(start, direction, *ends)
         passed = self._blocked(rays).T
         if self._media:
-            passed = passed * self._media.passed(self._media.spans(rays, "shadow"), *ends)
+            passed = passed * self._media.passed(self._media.spans(rays, "shadow", ends[1]), *ends)
         return passed
 
     def from_points(self, start: Array, sample: LightSample, counted: bool = False) -> Array:
@@ -95,7 +95,7 @@ class Shadows:
             way = length(sample.end - start)
             direction = unit(sample.end - start)
         rays = Bundle.of(start, direction, np.zeros(n), way)
-        return self._media.passed(self._media.spans(rays, "shadow"), rays.near, way).T
+        return self._media.passed(self._media.spans(rays, "shadow", way), rays.near, way).T
 
     def _between(self, start: Array, sample: LightSample) -> Array:
         """(m, 3) what surfaces between the points and the light let through."""

@@ -179,5 +179,6 @@ class Stage:
             "instances": len(g.placements.block),
             "rays": sum(self.rays.values()),
             **{f"{kind} rays": count for kind, count in self.rays.items()},
+            **self.media.asked,
             "bytes": sum(a.nbytes for a in stored) + (tree.bytes if tree else 0),
         }

@@ -289,12 +289,40 @@ class Medium:
     away, or sent elsewhere, a world unit.  emission: RGB radiance that it gives a world unit.
     anisotropy: -1 to 1, the mean cosine of Henyey and Greenstein between the ways of light before
     and after it is scattered.
+
+    program: computes what varies from place to place, None where nothing does; of what reads points
+    it has no attributes, UV maps and places on triangles, and in a world no placement either.
+    …_output: the output that takes the place of the number, -1 for none; what is not finite or, of
+    what dims, below 0 counts as 0, and anisotropy is kept within 0.999 of 0. step: above 0, how far
+    apart rays ask the program: a share of the mean side of the box round a thing, world units in a
+    world.
     """
 
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scattering: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     anisotropy: float = 0.0
+    program: Program | None = None
+    absorption_output: int = -1
+    scattering_output: int = -1
+    emission_output: int = -1
+    anisotropy_output: int = -1
+    step: float = 1 / 32
+
+    def with_textures(self, numbers: dict[int, int]) -> Medium:
+        """The same with other indices of textures."""
+        program = self.program.with_textures(numbers) if self.program else None
+        return replace(self, program=program)
+
+    @property
+    def scatters(self) -> bool:
+        """Whether it may scatter light."""
+        return any(self.scattering) or self.scattering_output >= 0
+
+    @property
+    def emits(self) -> bool:
+        """Whether it may give light."""
+        return any(self.emission) or self.emission_output >= 0
 
     @property
     def extinction(self) -> tuple[float, float, float]:
@@ -312,7 +340,8 @@ class Material:
     (world space; where it is zero or not finite the mesh's own stays); -1 for none. aovs: what the
     surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
     whose exponent is the number of the AOV.  medium: what fills the inside of what wears it, the
-    first one of its materials that have any; None for nothing.
+    first one of its materials that have any, its program's textures are the scene's; None for
+    nothing.
     """
 
     name: str
@@ -538,9 +567,10 @@ class World:
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
     columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
-    is everywhere, inside of things too; None for nothing.  occlusion_distance: 0 to 1e30, how far
-    the pass Ambient Occlusion looks, world units.  light_group: of `Scene.light_groups`, of what is
-    seen, of `ambient` and of the medium; -1 for none.
+    is everywhere, inside of things too, its program's textures are the world's; None for nothing.
+    occlusion_distance: 0 to 1e30, how far the pass Ambient Occlusion looks, world units.
+    light_group: of `Scene.light_groups`, of what is seen, of `ambient` and of the medium; -1 for
+    none.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -608,7 +638,7 @@ class Scene:
     def scatters(self) -> bool:
         """Whether some medium scatters light."""
         media = (self.world.medium, *(material.medium for material in self.materials))
-        return any(medium is not None and any(medium.scattering) for medium in media)
+        return any(medium is not None and medium.scatters for medium in media)
 
     @property
     def most_asked(self) -> int:

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from ..linear import determinant, length, pseudo_inverse
+from ..program.operations import Reference
 from ..program.problems import program_problems
-from ..program.program import instructions
+from ..program.program import Program, instructions
 from .checks import (
     REAL,
     Found,
@@ -436,14 +437,14 @@ def _material(textures: int, material: Material) -> Found:
             yield "aovs has AOVs of its own: use none"
         yield from (f"aovs: {text}" for text in _material(textures, replace(given, aovs=None)))
     yield from handle("normal_output", material.normal_output, outputs, "outputs", none=True)
-    yield from _medium(material.medium)
+    yield from _medium(material.medium, textures)
     strangers = [*holds("lobes", material.lobes, (Lobe,))]
     yield from strangers
     for number, lobe in enumerate(() if strangers else material.lobes):
         yield from (f"lobe {number}: {text}" for text in _lobe(lobe, textures, outputs))
 
 
-def _medium(medium: Medium | None) -> Found:
+def _medium(medium: Medium | None, textures: int, is_world: bool = False) -> Found:
     if medium is None:
         return
     if not isinstance(medium, Medium):
@@ -456,6 +457,28 @@ def _medium(medium: Medium | None) -> Found:
         if not problems and name != "emission" and min(value) < 0:
             yield f"medium {name} is {value}: use numbers of at least 0"
     yield from at_least("medium anisotropy", medium.anisotropy, -1, 1)
+    if not (isinstance(medium.step, REAL) and np.isfinite(medium.step) and medium.step > 0):
+        yield f"medium step is {medium.step!r}: use a finite number above 0"
+    outputs = 0
+    if medium.program is not None:
+        found = [*program_problems(medium.program, textures)]
+        found += _out_of_place(medium.program, is_world) if not found else []
+        yield from (f"medium program: {text}" for text in found)
+        outputs = len(medium.program.outputs)
+    for name in ("absorption", "scattering", "emission", "anisotropy"):
+        name = f"{name}_output"
+        yield from handle(f"medium {name}", getattr(medium, name), outputs, "outputs", none=True)
+
+
+def _out_of_place(program: Program, is_world: bool) -> Found:
+    """What is read that points inside of media have not."""
+    for step in instructions(program):
+        of_placement = step.operation.name == "instance_value"
+        named = any(choices is Reference.ATTRIBUTE for _, choices in step.operation.settings)
+        if (named and not of_placement) or step.operation.name in ("barycentric", "edge_distance"):
+            yield f"reads {step.operation.name}, which a medium has not: use its position"
+        elif of_placement and is_world:
+            yield "reads a placement, which a world has not: use its position"
 
 
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
@@ -702,7 +725,7 @@ def _world(world: World) -> Found:
         yield f"mist falloff {world.mist.falloff!r} is not one of {', '.join(MISTS)}"
     found = [*array("axes", world.axes, np.float64, (3, 3))]
     yield from found or finite_array("axes", world.axes)
-    yield from _medium(world.medium)
+    yield from _medium(world.medium, len(world.textures), is_world=True)
     if world.program is not None:
         yield from (f"program: {text}" for text in _sky_problems(world))
 

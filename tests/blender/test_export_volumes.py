@@ -99,14 +99,66 @@ def test_strange_numbers(scene):  # noqa: F811
     assert found.absorption == (0, 1e30, 1e30)
 
 
-def test_what_varies_is_told(scene):  # noqa: F811
+def varied(kind: str, socket: str, source: str = "ShaderNodeTexNoise", output=0, **inputs):
+    """(notes, medium) of a material whose volume has an input that a node feeds."""
+    shader = Shader()
+    node, feeding = shader.node(kind), shader.node(source)
+    for name, value in inputs.items():
+        node.inputs[name.replace("_", " ")].default_value = value
+    shader.tree.links.new(feeding.outputs[output], node.inputs[socket])
+    shader.link(node, 0, shader.output, "Volume")
+    result, _ = shader.export()
+    assert not result.scene.problems()
+    (found,) = (m.medium for m in result.scene.materials if m.name == shader.material.name)
+    return result, found
+
+
+def outputs_of(found) -> set[str]:
+    """What its program makes."""
+    names = ("absorption", "scattering", "emission", "anisotropy")
+    return {name for name in names if getattr(found, f"{name}_output") >= 0}
+
+
+def test_what_varies_is_a_program(scene):  # noqa: F811
+    result, found = varied("ShaderNodeVolumeScatter", "Density", Anisotropy=0.25)
+    assert not result.notes and outputs_of(found) == {"scattering"}
+    assert found.anisotropy == 0.25 and found.step == 1 / 32
+    _, found = varied("ShaderNodeVolumeScatter", "Anisotropy")
+    assert outputs_of(found) == {"anisotropy"} and any(found.scattering)
+    _, found = varied("ShaderNodeVolumePrincipled", "Emission Strength")
+    assert outputs_of(found) == {"emission"} and any(found.scattering)
+    _, found = varied("ShaderNodeVolumePrincipled", "Temperature", Blackbody_Intensity=1.0)
+    assert outputs_of(found) == {"emission"}
+    _, found = varied("ShaderNodeVolumePrincipled", "Absorption Color")
+    assert outputs_of(found) == {"absorption"}
+    _, found = varied("ShaderNodeVolumePrincipled", "Color")
+    assert outputs_of(found) == {"absorption", "scattering"}
+
+
+def test_generated_coordinates_are_of_the_texture_space(scene):  # noqa: F811
+    """Noise without a vector reads them: they come with the placement, meshes have none inside."""
+    result, _ = varied("ShaderNodeVolumeAbsorption", "Density")
+    (block,) = (b for b in result.scene.instances if b.values)
+    assert {name: tuple(rows[0]) for name, rows in block.values.items()} == {
+        "(texture space scale)": (0.5, 0.5, 0.5, 0.0),
+        "(texture space start)": (0.5, 0.5, 0.5, 0.0),
+    }
+
+
+def test_what_meshes_have_is_0_inside(scene):  # noqa: F811
+    result, found = varied("ShaderNodeVolumeAbsorption", "Density", "ShaderNodeUVMap")
+    assert "UV map" in result.notes[0] and found is None
+
+
+def test_the_step_is_the_material_s_and_the_scene_s(scene):  # noqa: F811
     shader = Shader()
     node, noise = shader.node("ShaderNodeVolumeScatter"), shader.node("ShaderNodeTexNoise")
     shader.tree.links.new(noise.outputs[0], node.inputs["Density"])
     shader.link(node, 0, shader.output, "Volume")
-    result, _ = shader.export()
-    (note,) = result.notes
-    assert "vary from place to place" in note
+    shader.material.cycles.volume_step_rate = 2.0
+    bpy.context.scene.cycles.volume_step_rate = 0.25
+    (found,) = (m.medium for m in shader.export()[0].scene.materials if m.medium)
+    assert found.step == 1 / 64
 
 
 def test_on_a_surface_it_shows_nothing(scene):  # noqa: F811
@@ -127,6 +179,13 @@ def test_the_world(scene):  # noqa: F811
     tree.links.new(node.outputs[0], output.inputs["Volume"])
     found = export().scene.world.medium
     np.testing.assert_allclose(found.scattering, [0.8] * 3)
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(noise.outputs[0], node.inputs["Density"])
+    world.cycles.volume_step_size = 3.0
+    world.update_tag()
+    result = export()
+    assert result.scene.world.medium.scattering_output == 0 and not result.scene.problems()
+    assert result.scene.world.medium.step == 3.0
 
 
 def foggy(name: str, density: float) -> bpy.types.Material:

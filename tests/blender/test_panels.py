@@ -137,8 +137,10 @@ def test_what_works_is_offered(told):
 def test_what_is_read_can_be_set(told):
     """The lens, a light's nodes, volumes, bumps, mist, indices and what sees the world."""
     assert {"Depth of Field", "Aperture", "Nodes"} <= set(told["tabs"]["data"])
-    assert {"Surface", "Volume", "Displacement", "Settings"} <= set(told["tabs"]["material"])
-    assert {"Surface", "Volume", "Mist Pass", "Ray Visibility"} <= set(told["tabs"]["world"])
+    material = {"Surface", "Volume", "Volume Steps", "Displacement", "Settings"}
+    assert material <= set(told["tabs"]["material"])
+    world = {"Surface", "Volume", "Volume Steps", "Mist Pass", "Ray Visibility"}
+    assert world <= set(told["tabs"]["world"])
     assert told["light nodes"] == [["Surface", False]]
     assert [name for name, _ in told["world rays"]] == [
         "camera",

@@ -67,6 +67,7 @@ class LobeKey:
     masking_output: int = -1
     ior_output: int = -1
     anisotropy: float = 0.0
+    anisotropy_output: int = -1
     normal: Value | None = None  # of the shader that it comes from
 
 
@@ -135,7 +136,7 @@ class Evaluator:
         reader: Callable[[Graph, Images, Callable[[str], None]], TreeReader] = TreeReader,
     ) -> None:
         """reader: makes that of trees, a SkyReader for those of worlds, a LampReader for those of
-        lights.
+        lights, a VolumeReader for those of volumes.
         """
         self.name, self.images, self.report = name, images, report
         self.expressions = Expressions()
@@ -308,10 +309,15 @@ class Evaluator:
         return self._once(found, lambda: self._value_of_node(found), None)
 
     def _value_of_node(self, found: Place) -> Sum | None:
-        """By the algebra of sums where that is exact, else by the program."""
-        handler = COLOR_NODES.get(found.node.bl_idname) if self._trees.is_surface else None
+        """By the algebra of sums where that is exact, else by the program. Where there is no
+        surface it has no maps, but numbers.
+        """
+        known = not self._trees.gives_light_alone
+        handler = COLOR_NODES.get(found.node.bl_idname) if known else None
         value = handler(NodeView(self, found), found.socket) if handler else None
-        return value if value is not None else self._by_program(found)
+        if value is not None and (self._trees.is_surface or is_constant(value)):
+            return value
+        return self._by_program(found)
 
     def _by_program(self, found: Place) -> Sum | None:
         made = self._trees.made_by(found)
@@ -326,7 +332,7 @@ class Evaluator:
 
     def _shader(self, found: Place) -> Closure:
         kind = kind_of(found.node)
-        if not self._trees.is_surface and kind not in SHINING:
+        if self._trees.gives_light_alone and kind not in SHINING:
             self.note(
                 f"Node '{found.node.bl_label}' gives no light in {{}}, where there is no surface: "
                 "use Background or Emission"
@@ -338,7 +344,7 @@ class Evaluator:
         if self._bent is not None:
             closure = {_with_normal(key, self._bent): terms for key, terms in closure.items()}
         self._bent = before
-        if not self._trees.is_surface:
+        if self._trees.gives_light_alone:
             closure = {key: terms for key, terms in closure.items() if key.kind == "EMISSION"}
         return {key: self.limited(terms) for key, terms in closure.items()}
 

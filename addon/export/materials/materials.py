@@ -15,6 +15,7 @@ from ....engine.scene import LOBES, Lobe, Material, Medium, Texture
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
+from ..shader_nodes.volume import VolumeReader
 from ..unheard import note_material
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
@@ -33,7 +34,7 @@ from .expressions import Expressions
 from .graph import Place, images_behind, output_of, read_tree, socket_named
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
-from .nodes_volume import VOLUMES, medium_of
+from .nodes_volume import STEP, VOLUMES, medium_of
 from .terms import ZERO, Sum, add, complement, constant, constant_value, factors_of, multiply
 from .varying import Ior, Roughness
 from .wanted import Wanted, read_by
@@ -110,7 +111,7 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     if getattr(material, "use_transparent_shadow", True):
         closure = passed_by_light(closure, evaluator)
     lobes = lobes_of(evaluator.settled(without_normals(closure)))
-    medium = _inside(tree, evaluator)
+    medium = _inside(tree, material, images, report)
     return evaluator.expressions.with_program(
         Material(material.name, lobes, material.pass_index, normal_output=normal, medium=medium)
     )
@@ -149,11 +150,16 @@ def _passing(key: LobeKey, expressions: Expressions) -> Value:
     return math("MULTIPLY", shadow, math("SUBTRACT", 1.0, reflected))
 
 
-def _inside(tree: Any, evaluator: Evaluator) -> Medium | None:
+def _inside(tree: Any, material: Any, images: Images, report: Report) -> Medium | None:
     """What its volume is."""
     output = output_of(tree) if tree is not None else None
     place = Place(socket_named(output.inputs, "Volume")) if output is not None else None
-    return medium_of(place, evaluator) if place and place.socket.is_linked else None
+    if place is None or not place.socket.is_linked:
+        return None
+    images.expect(images_behind(place))
+    reader = functools.partial(VolumeReader, material_index=material.pass_index)
+    rate = getattr(getattr(material, "cycles", None), "volume_step_rate", 1.0)
+    return medium_of(place, Evaluator(material.name, images, report, reader), STEP * rate)
 
 
 def _surface(tree: Any, evaluator: Evaluator, method: str) -> Closure:
@@ -240,6 +246,8 @@ def wanted_by(material: Material) -> Wanted:
     uv_maps = frozenset(factor.uv for factor in inputs if factor.texture >= 0)
     attributes = frozenset(factor.attribute for factor in inputs if factor.attribute)
     own = Wanted(uv_maps, attributes) | read_by(material.program)
+    if material.medium is not None:
+        own |= read_by(material.medium.program)
     return own | wanted_by(material.aovs) if material.aovs is not None else own
 
 
@@ -253,6 +261,7 @@ def without_unused(
     used = sorted(
         {factor.texture for m in every for lobe in m.lobes for factor in lobe.factors}
         | {texture for m in every if m.program for texture in m.program.textures}
+        | {k for m in every if m.medium and m.medium.program for k in m.medium.program.textures}
     )
     used = [texture for texture in used if texture >= 0]
     numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
@@ -277,4 +286,5 @@ def with_textures(material: Material, numbers: dict[int, int]) -> Material:
         lobes=tuple(renumbered(lobe) for lobe in material.lobes),
         program=material.program.with_textures(numbers) if material.program else None,
         aovs=with_textures(material.aovs, numbers) if material.aovs is not None else None,
+        medium=material.medium.with_textures(numbers) if material.medium is not None else None,
     )

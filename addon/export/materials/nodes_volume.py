@@ -1,18 +1,23 @@
 """Volume shaders to `engine.scene.Medium`: what they absorb, scatter and give out a unit of length,
-as Cycles has it.
+as Cycles has it, everywhere or from place to place.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
 
-from ....engine.scene import Medium
+from ....engine.program.graph import Value
+from ....engine.program.program import compile_program
+from ....engine.scene import Material, Medium, World
 from ..shader_nodes.spectra import blackbody_table
 from .evaluator import CLOSURE_NODES, Closure, Evaluator, LobeKey, NodeView, add_closures
 from .graph import Place
-from .terms import RGB, Sum, complement, constant, is_constant, multiply
+from .terms import RGB, Sum, complement, constant, constant_value, is_constant, multiply
 
+T = TypeVar("T", Material, World)
 VOLUMES = ("ABSORPTION", "SCATTERING")
 """Kinds of closures that surfaces have not."""
 _MOST = 1e30
@@ -21,17 +26,22 @@ _BOLTZMANN = 5.670373e-8 * 1e-6 / math.pi
 """Cycles' brightness of black bodies, times the fourth power of their temperature."""
 
 
-def medium_of(place: Place, evaluator: Evaluator) -> Medium | None:
-    """What a Volume socket gets; None for nothing."""
+def medium_of(place: Place, evaluator: Evaluator, step: float) -> Medium | None:
+    """What a Volume socket gets; None for nothing. step: of one that varies."""
+    closure = {
+        k: v for k, v in evaluator.closure(place).items() if k.kind in (*VOLUMES, "EMISSION")
+    }
+    if any(key.anisotropy_output >= 0 or not is_constant(v) for key, v in closure.items()):
+        return _varying(closure, evaluator, step)
     absorption, emission = _BLACK, _BLACK
     scattering: list[tuple[RGB, float]] = []
-    for key, terms in evaluator.closure(place).items():
-        value = _value(terms, evaluator)
+    for key, terms in closure.items():
+        value = tuple(x if math.isfinite(x) else 0.0 for x in constant_value(terms))
         if key.kind == "ABSORPTION":
             absorption = _added(absorption, value)
         elif key.kind == "SCATTERING":
             scattering.append((_kept(value), key.anisotropy))
-        elif key.kind == "EMISSION":
+        else:
             emission = _added(emission, value)
     total = _BLACK
     for value, _ in scattering:
@@ -40,7 +50,84 @@ def medium_of(place: Place, evaluator: Evaluator) -> Medium | None:
     return medium if any((*medium.extinction, *medium.emission)) else None
 
 
+def _varying(closure: Closure, evaluator: Evaluator, step: float) -> Medium:
+    """One that its tree makes from place to place."""
+    do, sums = evaluator.expressions.apply, dict[str, Value]()
+    one, none = evaluator.expressions.constant(1.0), evaluator.expressions.constant(_BLACK)
+    scattering: list[tuple[Value, Value]] = []
+    for key, terms in closure.items():
+        value = evaluator.expressions.value_of(terms)
+        if key.kind == "SCATTERING":
+            value = evaluator.expressions.bounded(value, 0.0, _MOST)
+            scattering.append((value, _anisotropy_value(key, evaluator)))
+        sums[key.kind] = do("scaled_sum", value, one, sums.get(key.kind, none))
+    absorption, total, emission = (
+        sums.get(kind, none) for kind in ("ABSORPTION", "SCATTERING", "EMISSION")
+    )
+    values = {
+        "absorption": absorption,
+        "scattering": total,
+        "emission": emission,
+        "anisotropy": _varying_anisotropy(scattering, evaluator),
+    }
+    varied = [value for value in values.values() if value.constant is None]
+    if not varied:  # what was told apart comes to the same
+        return Medium(*(_kept(v.constant) for v in (absorption, total)), emission.constant)
+    given = {
+        name: (value.constant if value.width == 3 else value.constant[0])
+        for name, value in values.items()
+        if value.constant is not None
+    }
+    for name in given.keys() & {"absorption", "scattering"}:
+        given[name] = _kept(given[name])
+    outputs = {
+        f"{name}_output": varied.index(value)
+        for name, value in values.items()
+        if value.constant is None
+    }
+    program = compile_program(evaluator.expressions.graph, varied)
+    return Medium(**given, **outputs, program=program, step=step)
+
+
+def _anisotropy_value(key: LobeKey, evaluator: Evaluator) -> Value:
+    if key.anisotropy_output >= 0:
+        return evaluator.expressions.value_at(key.anisotropy_output)
+    return evaluator.expressions.constant(key.anisotropy)
+
+
+def _varying_anisotropy(scattering: list[tuple[Value, Value]], evaluator: Evaluator) -> Value:
+    """The scattered light's; of several kinds of scattering the mean, by how much each is."""
+    expressions = evaluator.expressions
+    kinds = list(dict.fromkeys(g for _, g in scattering))
+    if len(kinds) < 2:
+        return kinds[0] if kinds else expressions.constant(0.0)
+    evaluator.note(_SEVERAL)
+    do, total, whole = expressions.math, expressions.constant(0.0), expressions.constant(0.0)
+    for value, g in scattering:
+        weight = expressions.apply("vector_average", value)
+        total, whole = do("MULTIPLY_ADD", weight, g, total), do("ADD", weight, whole)
+    return do("DIVIDE", total, whole)
+
+
+def with_step_rate(media: Sequence[T], scene: Any) -> tuple[T, ...]:
+    """Materials or worlds with the steps of their media as Cycles' settings of the scene scale
+    them.
+    """
+    rate = getattr(getattr(scene, "cycles", None), "volume_step_rate", 1.0)
+    if rate == 1.0:
+        return tuple(media)
+    return tuple(
+        replace(one, medium=replace(one.medium, step=one.medium.step * rate))
+        if one.medium is not None and one.medium.program is not None
+        else one
+        for one in media
+    )
+
+
+STEP = 1 / 32
+"""How far apart rays look at volumes that vary, of the mean side of the box round a thing."""
 _BLACK: RGB = (0.0, 0.0, 0.0)
+_SEVERAL = "Volumes that scatter in several ways have their mean anisotropy in {}"
 
 
 def _added(a: RGB, b: RGB) -> RGB:
@@ -51,16 +138,10 @@ def _kept(value: RGB) -> RGB:
     return tuple(min(max(x, 0.0), _MOST) for x in value)
 
 
-def _value(terms: Sum, evaluator: Evaluator) -> RGB:
-    if not is_constant(terms):
-        evaluator.note("Volumes that vary from place to place are rendered even in {}")
-    return tuple(x if math.isfinite(x) else 0.0 for x in evaluator.mean(terms))
-
-
 def _mean_anisotropy(scattering: list[tuple[RGB, float]], evaluator: Evaluator) -> float:
     """The scattered light's; of several kinds of scattering the mean."""
     if len({g for value, g in scattering if any(value)}) > 1:
-        evaluator.note("Volumes that scatter in several ways have their mean anisotropy in {}")
+        evaluator.note(_SEVERAL)
     total = sum(sum(value) for value, _ in scattering)
     return sum(sum(value) * g for value, g in scattering) / total if total > 0 else 0.0
 
@@ -96,16 +177,27 @@ def _principled(view: NodeView) -> Closure:
         if not usual and place.socket.default_value:
             view.note(f"The {name} of Principled Volume is not read: {{}} go without it")
     color, density = view.reflectance("Color"), _density(view)
-    tint = view.evaluator.mean(view.reflectance("Absorption Color"))
-    less = constant(tuple(max(1 - math.sqrt(max(x, 0.0)), 0.0) for x in tint))
+    less = _untinted(view, view.reflectance("Absorption Color"))
     dark = view.evaluator.clamped(complement(color), 0.0, math.inf)
-    anisotropy = _sound(view.constant("Anisotropy"))
     return add_closures(
         {LobeKey("ABSORPTION"): multiply(dark, less, density)},
-        {LobeKey("SCATTERING", anisotropy=anisotropy): multiply(color, density)},
+        {_henyey_greenstein_key(view): multiply(color, density)},
         {LobeKey("EMISSION"): multiply(view.color("Emission Color"), _emission(view))},
         {LobeKey("EMISSION"): _glow(view)},
     )
+
+
+def _untinted(view: NodeView, tint: Sum) -> Sum:
+    """One less its square root, at least 0."""
+    if is_constant(tint):
+        return constant(tuple(max(1 - math.sqrt(max(x, 0.0)), 0.0) for x in constant_value(tint)))
+    expressions = view.evaluator.expressions
+    parts = [
+        expressions.math("SUBTRACT", 1.0, expressions.math("SQRT", part))
+        for part in expressions.parts(expressions.value_of(tint))
+    ]
+    less = expressions.bounded(expressions.apply("combine_xyz", *parts), 0.0, math.inf)
+    return expressions.sum_of(less)
 
 
 _USUAL = {
@@ -121,8 +213,11 @@ def _emission(view: NodeView) -> Sum:
 
 
 def _glow(view: NodeView) -> Sum:
-    """Of a black body, the mean of a temperature that varies."""
-    amount, kelvin = view.constant("Blackbody Intensity"), view.constant("Temperature", 1000.0)
+    """Of a black body."""
+    amounts, kelvins = view.number("Blackbody Intensity"), view.number("Temperature", 1000.0)
+    if not (is_constant(amounts) and is_constant(kelvins)):
+        return _varying_glow(view, amounts, kelvins)
+    amount, kelvin = constant_value(amounts)[0], constant_value(kelvins)[0]
     if not (amount > 0 and kelvin > 0):
         return ()
     brightness = _BOLTZMANN * (1 + (kelvin**4 - 1) * amount)
@@ -134,6 +229,22 @@ def _glow(view: NodeView) -> Sum:
     return multiply(tinted, constant(brightness))
 
 
+def _varying_glow(view: NodeView, amounts: Sum, kelvins: Sum) -> Sum:
+    """The same from place to place."""
+    expressions = view.evaluator.expressions
+    do = expressions.math
+    amount, kelvin = (
+        expressions.parts(expressions.value_of(terms))[0] for terms in (amounts, kelvins)
+    )
+    square = do("MULTIPLY", kelvin, kelvin)
+    brightness = do("MULTIPLY_ADD", do("MULTIPLY_ADD", square, square, -1.0), amount, 1.0)
+    shines = do("MULTIPLY", do("GREATER_THAN", amount, 0.0), do("GREATER_THAN", kelvin, 0.0))
+    brightness = do("MULTIPLY", do("MULTIPLY", brightness, shines), _BOLTZMANN)
+    color = expressions.apply("piecewise", kelvin, table=blackbody_table())
+    glow = expressions.apply("product", color, expressions.vector(brightness))
+    return multiply(view.color("Blackbody Tint", 1.0), expressions.sum_of(glow))
+
+
 def _sound(anisotropy: float) -> float:
     """Kept where light is scattered at all."""
     return min(max(anisotropy, -1 + 1e-3), 1 - 1e-3)
@@ -142,16 +253,24 @@ def _sound(anisotropy: float) -> float:
 def _scattering(view: NodeView) -> LobeKey:
     """With the mean cosine that stands for the node's phase function."""
     phase = getattr(view.node, "phase", "HENYEY_GREENSTEIN")
-    if phase != "HENYEY_GREENSTEIN":
-        name = phase.replace("_", "-").title()
-        view.note(
-            f"The phase function {name} is rendered as Henyey-Greenstein with the same mean in {{}}"
-        )
+    if phase == "HENYEY_GREENSTEIN":
+        return _henyey_greenstein_key(view)
+    name = phase.replace("_", "-").title()
+    view.note(
+        f"The phase function {name} is rendered as Henyey-Greenstein with the same mean in {{}}"
+    )
     return LobeKey("SCATTERING", anisotropy=_sound(_PHASES[phase](view)))
 
 
-def _henyey_greenstein(view: NodeView) -> float:
-    return view.constant("Anisotropy")
+def _henyey_greenstein_key(view: NodeView) -> LobeKey:
+    """That of the node's anisotropy, which may vary."""
+    terms, expressions = view.number("Anisotropy"), view.evaluator.expressions
+    if is_constant(terms):
+        return LobeKey("SCATTERING", anisotropy=_sound(constant_value(terms)[0]))
+    value = expressions.parts(expressions.value_of(terms))[0]
+    if value.constant is not None:
+        return LobeKey("SCATTERING", anisotropy=_sound(value.constant[0]))
+    return LobeKey("SCATTERING", anisotropy_output=expressions.output(value))
 
 
 def _fournier_forand(view: NodeView) -> float:
@@ -191,7 +310,6 @@ def _mie(view: NodeView) -> float:
 
 
 _PHASES: dict[str, Any] = {
-    "HENYEY_GREENSTEIN": _henyey_greenstein,
     "FOURNIER_FORAND": _fournier_forand,
     "DRAINE": _draine,
     "RAYLEIGH": lambda view: 0.0,

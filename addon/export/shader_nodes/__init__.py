@@ -21,6 +21,7 @@ from . import spectra as spectra
 from . import strands as strands
 from . import tangents as tangents
 from . import vectors as vectors
+from . import volume as volume
 from . import voronoi as voronoi
 from .reader import READERS as READERS
 from .reader import TreeReader as TreeReader

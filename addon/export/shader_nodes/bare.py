@@ -1,5 +1,5 @@
-"""Nodes where there is no surface: of worlds and of lights. What only meshes have is 0 there, in
-Cycles too, which is told with the node's name where something reads it.
+"""Nodes where there is no surface: of worlds, of lights and inside of volumes. What only meshes
+have is 0 there, in Cycles too, which is told with the node's name where something reads it.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ class BareReader(TreeReader):
     """Reads a tree that dresses no mesh."""
 
     is_surface = False
+    gives_light_alone = True
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         if name in MESH_ONLY:

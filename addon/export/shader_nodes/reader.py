@@ -93,6 +93,8 @@ class TreeReader:
 
     is_surface = True
     """Whether meshes are read, of whose maps sums of products may say the same."""
+    gives_light_alone = False
+    """Whether of shaders those that shine count alone."""
 
     def __init__(
         self,

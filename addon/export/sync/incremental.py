@@ -36,6 +36,7 @@ from ..materials.materials import (
     with_textures,
     without_unused,
 )
+from ..materials.nodes_volume import with_step_rate
 from ..materials.wanted import Wanted
 from ..missing import note_missing
 from ..placing import without_collapsed, without_unplaced
@@ -227,7 +228,7 @@ class LiveExport:
                     update for update in updates if update.id.id_type in ("MATERIAL", "NODETREE")
                 )
             )
-            self._keep(lambda stage: self._repaint(stage, painted))
+            self._keep(lambda stage: self._repaint(stage, painted, depsgraph.scene_eval))
         else:
             self._keep(lambda stage: stage.follow(updates, depsgraph.view_layer, images))
             self._store.forget(_changes(updates))
@@ -238,7 +239,7 @@ class LiveExport:
     def _keep(self, is_wanted: Callable[[Stage], bool]) -> None:
         self._stages = {asked: stage for asked, stage in self._stages.items() if is_wanted(stage)}
 
-    def _repaint(self, stage: Stage, painted: dict[int, Any]) -> bool:
+    def _repaint(self, stage: Stage, painted: dict[int, Any], scene: Any) -> bool:
         """Takes edited materials, by session uid, into a stage; False where they read other things
         of meshes than before.
         """
@@ -249,7 +250,7 @@ class LiveExport:
                 return False
         new, textures = materials.joined()
         stage.scene, stage.worn = (
-            replace(stage.scene, materials=new, textures=textures),
+            replace(stage.scene, materials=with_step_rate(new, scene), textures=textures),
             materials.worn,
         )
         return True
@@ -611,6 +612,8 @@ class _KeepingCollector(Collector):
             (thing, self._light(thing)) for thing in things if isinstance(thing.content, _Lamp)
         ]
         materials, textures = self.materials.joined()
+        set_by = self.depsgraph.scene_eval
+        materials, (world,) = (with_step_rate(m, set_by) for m in (materials, (sky.world,)))
         scene = Scene(
             NO_CAMERA,
             geometries,
@@ -618,7 +621,7 @@ class _KeepingCollector(Collector):
             materials,
             textures,
             sky.lights_with(self.lights.lights),
-            sky.world,
+            world,
             light_groups=self.light_groups.names,
         )
         for shape in self._geometries:

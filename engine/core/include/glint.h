@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 40
+#define GLINT_ABI_VERSION 41
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -159,9 +159,14 @@ typedef struct GlintMaterial {
 
 /* What light passes through: how much of it that goes straight on is taken away or sent elsewhere,
  * at least 0, and what radiance it gives, each a world unit. anisotropy: -1 to 1, of Henyey and
- * Greenstein. */
+ * Greenstein. program: 0, or 1 plus the number of the program that says what varies from place to
+ * place; it must not read attributes or triangles, and that of a world no placement either. The
+ * slots: 0, or 1 plus the (first of three) that takes the place of the number. step: above 0, how
+ * far apart rays ask the program, a share of the mean side of the box round a thing, in the world
+ * world units. */
 typedef struct GlintMedium {
-  double absorption[3], scattering[3], emission[3], anisotropy;
+  double absorption[3], scattering[3], emission[3], anisotropy, step;
+  int32_t program, absorption_slot, scattering_slot, emission_slot, anisotropy_slot, reserved;
 } GlintMedium;
 
 enum GlintLightKind {
@@ -468,14 +473,15 @@ enum GlintFeature {
   GLINT_FEATURE_OBJECT_MOTION = 16384,
   GLINT_FEATURE_MEDIA = 32768,
   GLINT_FEATURE_SHADOW_CATCHER = 65536,
-  GLINT_FEATURE_OPENINGS = 131072
+  GLINT_FEATURE_OPENINGS = 131072,
+  GLINT_FEATURE_VARIED_MEDIA = 262144
 };
 
 typedef struct GlintStats {
   double build_seconds, trace_seconds;
   uint64_t triangles, instances, primitives, tree_bytes, tree_nodes;
   uint64_t dropped_primitives, dropped_instances, dropped_lights;
-  uint64_t camera_rays, shadow_rays, mirror_rays, refraction_rays, transparent_rays;
+  uint64_t camera_rays, shadow_rays, mirror_rays, refraction_rays, transparent_rays, media_points;
   uint32_t features, threads;
 } GlintStats;
 

@@ -459,6 +459,14 @@ void set_media(Dice& dice, Arena& arena, GlintSceneData& d, std::vector<GlintMat
       medium.emission[c] = dice.number();
     }
     medium.anisotropy = dice.chance(0.05 * dice.wildness) ? dice.number() : dice.uniform(-1, 1);
+    medium.step = dice.chance(0.05 * dice.wildness) ? dice.number() : dice.uniform(0.05, 1);
+    if (d.program_count > 0 && dice.chance(0.5)) {
+      medium.program = 1 + int32_t(dice.index(size_t(d.program_count)));
+      const uint32_t slots = d.programs[medium.program - 1].slots;
+      for (int32_t* slot : {&medium.absorption_slot, &medium.scattering_slot, &medium.emission_slot,
+                            &medium.anisotropy_slot})
+        if (slots >= 3 && dice.chance(0.5)) *slot = 1 + int32_t(dice.below(slots - 2));
+    }
     media.push_back(medium);
   }
   for (GlintMaterial& material : materials)

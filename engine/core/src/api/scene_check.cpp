@@ -5,6 +5,7 @@
 #include <cstdarg>
 #include <cstdio>
 #include <cstring>
+#include <string_view>
 #include <vector>
 
 #include "api/queries.h"
@@ -360,8 +361,41 @@ void check_materials(const GlintSceneData& d, Report& report) {
   }
 }
 
+/// Whether no instruction of a program that was checked needs what points inside of media have not.
+bool reads_places_alone(const GlintSceneData& d, const GlintProgram& g, bool of_world) {
+  const int32_t *word = d.program_words + g.first_word, *const end = word + g.word_count;
+  for (; word != end; word += kLayouts[*word].words()) {
+    const std::string_view name = kLayouts[*word].name;
+    const bool named = std::strchr(kLayouts[*word].settings, 'a') != nullptr;
+    if (name == "instance_value" ? of_world
+                                 : named || name == "barycentric" || name == "edge_distance")
+      return false;
+  }
+  return true;
+}
+
+/// The program of a medium and its slots.
+void check_variation(const GlintSceneData& d, uint64_t i, Report& report) {
+  const GlintMedium& g = d.media[i];
+  report.add(std::isfinite(g.step) && g.step > 0, "medium %llu: its step is not above 0", ull(i));
+  report.add(g.program >= 0 && uint64_t(g.program) <= d.program_count,
+             "medium %llu: program beyond the table", ull(i));
+  if (!report.good()) return;
+  const uint32_t slots = g.program > 0 ? d.programs[g.program - 1].slots : 0;
+  const auto within_program = [&](int32_t slot, int width) {
+    return slot >= 0 && (slot == 0 || int64_t(slot) - 1 + width <= int64_t(slots));
+  };
+  report.add(within_program(g.absorption_slot, 3) && within_program(g.scattering_slot, 3) &&
+                 within_program(g.emission_slot, 3) && within_program(g.anisotropy_slot, 1),
+             "medium %llu: a slot that its program has not", ull(i));
+  const bool of_world = d.world_medium == int64_t(i) + 1;
+  report.add(g.program == 0 || reads_places_alone(d, d.programs[g.program - 1], of_world),
+             "medium %llu: its program reads what points in media have not", ull(i));
+}
+
 void check_media(const GlintSceneData& d, Report& report) {
-  for (uint64_t i = 0; i < d.medium_count; ++i) {
+  for (uint64_t i = 0; i < d.medium_count && report.good(); ++i) {
+    check_variation(d, i, report);
     const GlintMedium& g = d.media[i];
     bool good = all_finite(g.absorption, 3) && all_finite(g.scattering, 3) &&
                 all_finite(g.emission, 3) && g.anisotropy >= -1 && g.anisotropy <= 1;

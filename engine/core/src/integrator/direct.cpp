@@ -76,6 +76,7 @@ void DirectLight::prepare(const Batch& batch) {
 }
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
+  sample_ = sample;
   prepare(batch);
   size_t number = 0;
   for (const Light& light : scene_.lights) {
@@ -292,8 +293,9 @@ void DirectLight::apply_program(const Light& light, size_t count) {
 void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
-  media_.find({{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow},
-              counts);
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  media_.find(rays, counts);
+  media_.march(rays, stage_.t_max, sample_, RayKind::kShadow, counts);
   for (size_t k = 0; k < count; ++k)
     set_row(shadow_, k,
             media_.passed(k, 0, stage_.t_max[k], light.passed_sets, alone_) * row(shadow_, k));

@@ -117,6 +117,7 @@ class DirectLight {
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
+  uint32_t sample_ = 0;
   bool alone_ = false;       // catchers of shadows are the only things there
   bool scattering_ = false;  // points are of media and not of surfaces
   const bool glassy_;        // some surface lets light through

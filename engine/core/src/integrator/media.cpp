@@ -26,7 +26,10 @@ Vec3d times(Vec3d sigma, double way) {
 }  // namespace
 
 MediaSpans::MediaSpans(const Scene& scene, Scratch& scratch)
-    : scene_(scene), scratch_(scratch), veils_(scene.enclosures.size(), Opacity::kVaried) {
+    : scene_(scene),
+      stages_(best_stages()),
+      scratch_(scratch),
+      veils_(scene.enclosures.size(), Opacity::kVaried) {
   opacity_.of_instance = veils_.data();
   if (!veils_.empty()) hits_.resize(kAtOnce * Layers::kMost);
 }
@@ -182,20 +185,46 @@ void MediaSpans::add_span(const Rays& rays, uint32_t ray, uint32_t enclosure, do
   if (from < to) spans_.push_back({enclosure, from, to});
 }
 
+MediaSpans::Span MediaSpans::everywhere(size_t k) const {
+  if (world()->program) return everywhere_[k];
+  return {0, -kInfinity, kInfinity};
+}
+
+/// The optical depth of a span between two places.
+Vec3d MediaSpans::depth_of(const Medium& medium, const Span& span, double from, double to) const {
+  if (!medium.program) {
+    const double way = std::min(span.to, to) - std::max(span.from, from);
+    return way > 0 ? times(medium.extinction, way) : Vec3d{};
+  }
+  Vec3d sum;
+  const Cell* cell = cells_.data() + span.first_cell;
+  for (const Cell* const end = cell + span.cells; cell != end && cell->from < to; ++cell) {
+    const double way = std::min(cell->to, to) - std::max(cell->from, from);
+    if (way > 0) sum += times(cell->matter.extinction, way);
+  }
+  return sum;
+}
+
+/// What there is at a place in a span; null where that is not known.
+const Matter* MediaSpans::matter_at(const Medium& medium, const Span& span, double t) const {
+  if (!medium.program) return &medium;
+  const Cell* const first = cells_.data() + span.first_cell;
+  const Cell* const end = first + span.cells;
+  const Cell* cell = std::partition_point(first, end, [&](const Cell& c) { return c.to < t; });
+  return cell != end && cell->from <= t ? &cell->matter : nullptr;
+}
+
 Vec3d MediaSpans::depth(size_t k, double from, double to, uint64_t passed_sets,
                         bool catchers_alone) const {
   Vec3d sum;
   if (!(from < to)) return sum;
-  if (scene_.world_medium >= 0)
-    sum = times(scene_.media[size_t(scene_.world_medium)].extinction, to - from);
-  for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k]; ++i) {
+  if (world()) sum = depth_of(*world(), everywhere(k), from, to);
+  for (size_t i = first_span(k); i < end_[k]; ++i) {
     const Span& span = spans_[i];
-    const Enclosure& e = scene_.enclosures[span.enclosure];
-    const GlintInstances& group = scene_.group(e.instance);
+    const GlintInstances& group = scene_.group(scene_.enclosures[span.enclosure].instance);
     if (passed_sets && passed_sets >> group.light_set & 1) continue;
     if (catchers_alone && !(group.flags & GLINT_CATCHER)) continue;
-    const double way = std::min(span.to, to) - std::max(span.from, from);
-    if (way > 0) sum += times(scene_.media[e.medium].extinction, way);
+    sum += depth_of(medium_of(span), span, from, to);
   }
   return sum;
 }
@@ -206,31 +235,42 @@ Vec3d MediaSpans::passed(size_t k, double from, double to, uint64_t passed_sets,
   return {exponential(-tau.x), exponential(-tau.y), exponential(-tau.z)};
 }
 
+/// Where a span of a ray begins and ends, and its cells do, between two places.
+void MediaSpans::add_breaks(const Medium& medium, const Span& span, double from, double to) const {
+  const auto add = [&](double t) {
+    if (t > from && t < to) breaks_.push_back(t);
+  };
+  add(span.from);
+  add(span.to);
+  if (!medium.program) return;
+  for (size_t i = span.first_cell; i < size_t(span.first_cell) + span.cells; ++i) add(cells_[i].to);
+}
+
 void MediaSpans::list_pieces(size_t k, double from, double to, std::vector<Piece>& pieces,
                              const int* emits) const {
   pieces.clear();
   if (!(from < to)) return;
   breaks_.assign({from, to});
-  const size_t first = k > 0 ? end_[k - 1] : 0;
-  for (size_t i = first; i < end_[k]; ++i)
-    for (double t : {spans_[i].from, spans_[i].to})
-      if (t > from && t < to) breaks_.push_back(t);
+  const size_t first = first_span(k);
+  if (world()) add_breaks(*world(), everywhere(k), from, to);
+  for (size_t i = first; i < end_[k]; ++i) add_breaks(medium_of(spans_[i]), spans_[i], from, to);
   std::sort(breaks_.begin(), breaks_.end());
   for (size_t b = 0; b + 1 < breaks_.size(); ++b) {
     Piece piece{breaks_[b], breaks_[b + 1], {}, {}, {}};
     if (!(piece.from < piece.to)) continue;
     const double inside = piece.to < kInfinity ? 0.5 * (piece.from + piece.to) : piece.from + 1;
-    const auto add = [&](const Medium& medium, int group) {
-      piece.extinction += medium.extinction;
-      piece.scattering += medium.scattering;
-      if (!emits || *emits == group) piece.emission += medium.emission;
+    const auto add = [&](const Matter* matter, int group) {
+      if (!matter) return;
+      piece.extinction += matter->extinction;
+      piece.scattering += matter->scattering;
+      if (!emits || *emits == group) piece.emission += matter->emission;
     };
-    if (scene_.world_medium >= 0)
-      add(scene_.media[size_t(scene_.world_medium)], scene_.world_light_group);
+    if (world()) add(matter_at(*world(), everywhere(k), inside), scene_.world_light_group);
     for (size_t i = first; i < end_[k]; ++i) {
       const Enclosure& e = scene_.enclosures[spans_[i].enclosure];
       if (inside > spans_[i].from && inside < spans_[i].to)
-        add(scene_.media[e.medium], scene_.group(e.instance).light_group - 1);
+        add(matter_at(scene_.media[e.medium], spans_[i], inside),
+            scene_.group(e.instance).light_group - 1);
     }
     pieces.push_back(piece);
   }
@@ -240,10 +280,9 @@ bool MediaSpans::scatters(size_t k, double from, double to, double origin) const
   const auto wide = [&](double first, double last) {
     return last - first > (last < kInfinity ? kSlight * (last + origin) : 0);
   };
-  const int32_t world = scene_.world_medium;
-  bool some = world >= 0 && any(scene_.media[size_t(world)].scattering) && wide(from, to);
-  for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k] && !some; ++i)
-    some = any(scene_.media[scene_.enclosures[spans_[i].enclosure].medium].scattering) &&
+  bool some = world() && world()->scatters() && wide(from, to);
+  for (size_t i = first_span(k); i < end_[k] && !some; ++i)
+    some = medium_of(spans_[i]).scatters() &&
            wide(std::max(spans_[i].from, from), std::min(spans_[i].to, to));
   return some;
 }
@@ -251,28 +290,32 @@ bool MediaSpans::scatters(size_t k, double from, double to, double origin) const
 double MediaSpans::reach(size_t k, double from, double to) const {
   if (to < kInfinity) return to;
   double last = from;
-  for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k]; ++i) last = std::max(last, spans_[i].to);
-  if (scene_.world_medium < 0) return last;
-  const Medium& world = scene_.media[size_t(scene_.world_medium)];
+  for (size_t i = first_span(k); i < end_[k]; ++i) last = std::max(last, spans_[i].to);
+  if (!world()) return last;
+  if (world()->program) {  // the last of its cells is endless
+    const Span& span = everywhere_[k];
+    return span.cells > 0 ? std::max(last, cells_[span.first_cell + span.cells - 1].from) : last;
+  }
   double least = kInfinity;
   for (int c = 0; c < 3; ++c)
-    if (world.scattering[c] > 0) least = std::min(least, world.extinction[c]);
+    if (world()->scattering[c] > 0) least = std::min(least, world()->extinction[c]);
   return last + kDark / least;
 }
 
 Vec3d MediaSpans::scattering(size_t k, double t, Vec3d d, Vec3d l, uint64_t excluded_sets) const {
   Vec3d sum;
   const double cosine = dot(d, l);
-  const auto add = [&](const Medium& medium) {
-    const double g = medium.anisotropy, base = 1 + g * g - 2 * g * cosine;
-    sum += (1 - g * g) / (4 * kPi * base * std::sqrt(base)) * medium.scattering;
+  const auto add = [&](const Matter* matter) {
+    if (!matter) return;
+    const double g = matter->anisotropy, base = 1 + g * g - 2 * g * cosine;
+    sum += (1 - g * g) / (4 * kPi * base * std::sqrt(base)) * matter->scattering;
   };
-  if (scene_.world_medium >= 0) add(scene_.media[size_t(scene_.world_medium)]);
-  for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k]; ++i) {
+  if (world()) add(matter_at(*world(), everywhere(k), t));
+  for (size_t i = first_span(k); i < end_[k]; ++i) {
     const Span& span = spans_[i];
     const Enclosure& e = scene_.enclosures[span.enclosure];
     const bool lit = !(excluded_sets >> scene_.group(e.instance).light_set & 1);
-    if (lit && span.from <= t && t <= span.to) add(scene_.media[e.medium]);
+    if (lit && span.from <= t && t <= span.to) add(matter_at(scene_.media[e.medium], span, t));
   }
   return sum;
 }

@@ -5,6 +5,7 @@
 #include "integrator/columns.h"
 #include "integrator/plan.h"
 #include "scene/scene.h"
+#include "shading/stages.h"
 
 namespace glint {
 
@@ -16,6 +17,11 @@ class MediaSpans {
 
   /// Of rays from where they begin to look on; ends do not matter.
   void find(const Rays& rays, RayCounts& counts);
+  /// After it, what the media that vary are up to `ends`, which the rest is asked for then: their
+  /// programs run once in each of the cells that they are cut to. All pixels share where these
+  /// begin. kind: of the rays.
+  void march(const Rays& rays, const double* ends, uint32_t sample, RayKind kind,
+             RayCounts& counts);
   /// The optical depth of ray k from one place to another one. passed_sets: of a light's shadow
   /// rays, see GlintLight. catchers_alone: of what catchers of shadows enclose, and the world.
   Vec3d depth(size_t k, double from, double to, uint64_t passed_sets = 0,
@@ -54,6 +60,16 @@ class MediaSpans {
   struct Span {
     uint32_t enclosure;
     double from, to;
+    uint32_t first_cell = 0, cells = 0;
+  };
+  /// A part of a span of a medium that varies, from the end of the one before on.
+  struct Cell {
+    double from, to, at;  // at: where the program runs
+    Matter matter;
+  };
+  /// A place where a program is to run.
+  struct Asked {
+    uint32_t ray, cell, instance;
   };
 
   void wait(const Rays& rays, uint32_t ray, double t_min);
@@ -63,8 +79,27 @@ class MediaSpans {
   size_t merge(size_t first, size_t& end);
   void add_spans(const Rays& rays, size_t first, size_t end);
   void add_span(const Rays& rays, uint32_t ray, uint32_t enclosure, double from, double to);
+  size_t first_span(size_t k) const { return k > 0 ? end_[k - 1] : 0; }
+  const Medium& medium_of(const Span& span) const {
+    return scene_.media[scene_.enclosures[span.enclosure].medium];
+  }
+  const Medium* world() const {
+    return scene_.world_medium >= 0 ? &scene_.media[size_t(scene_.world_medium)] : nullptr;
+  }
+  /// The world's medium of ray k, as a span.
+  Span everywhere(size_t k) const;
+  Vec3d depth_of(const Medium& medium, const Span& span, double from, double to) const;
+  const Matter* matter_at(const Medium& medium, const Span& span, double t) const;
+  void add_breaks(const Medium& medium, const Span& span, double from, double to) const;
+  void cut_evenly(Span& span, double from, double to, double step, double shift);
+  void cut_growing(Span& span, double from, double to, double step, double shift);
+  void add_cells(double from, double to);
+  void ask(const Span& span, const Medium& medium, uint32_t ray, uint32_t instance);
+  void run(const Medium& medium, const std::vector<Asked>& asked, const Rays& rays, RayKind kind);
+  Matter matter_of(const Medium& medium, size_t i) const;
 
   const Scene& scene_;
+  const Stages& stages_;
   Scratch& scratch_;
   std::vector<uint8_t> veils_;  // of enclosures: all are met, and none stops a ray
   Opacity opacity_{};
@@ -75,6 +110,12 @@ class MediaSpans {
   std::vector<Crossing> crossings_;
   std::vector<Span> spans_;
   std::vector<uint32_t> end_;  // of each ray's spans
+  // Of media that vary: cells, the spans of the world's, what each medium is asked, and the columns
+  // of its program.
+  std::vector<Cell> cells_;
+  std::vector<Span> everywhere_;
+  std::vector<std::vector<Asked>> asked_;
+  std::vector<double> slots_;
   mutable std::vector<double> breaks_;
 };
 

@@ -57,7 +57,10 @@ void DirectLight::look_around(const Batch& batch, const std::vector<uint32_t>& p
       scene_.accel().occluded(rays, blocked_.data(), scratch_);
       counts.shadow += count;
     }
-    if (dims) media_.find(rays, counts);
+    if (dims) {
+      media_.find(rays, counts);
+      media_.march(rays, stage_.t_max, sample, RayKind::kShadow, counts);
+    }
     for (size_t k = 0; k < count; ++k) {
       Vec3d S = glassy_ ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
       if (dims) S = media_.passed(k, 0, stage_.t_max[k]) * S;

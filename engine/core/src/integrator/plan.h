@@ -164,9 +164,9 @@ struct RenderPlan {
   }
 };
 
-/// Rays, and the time they took.
+/// Rays, the time they took, and points at which the programs of media ran.
 struct RayCounts {
-  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0;
+  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0, media_points = 0;
   double tracing = 0;  // seconds in the accelerator
   RayCounts& operator+=(const RayCounts& b) {
     tracing += b.tracing;
@@ -175,6 +175,7 @@ struct RayCounts {
     mirror += b.mirror;
     refraction += b.refraction;
     transparent += b.transparent;
+    media_points += b.media_points;
     return *this;
   }
 };

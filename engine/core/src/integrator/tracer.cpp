@@ -10,6 +10,7 @@ namespace glint {
 namespace {
 
 constexpr size_t kMaxBatch = 8192;  // rays in flight at once
+constexpr size_t kFewer = 8;        // times paths at once where each has many cells of media
 
 /// How far samples lie from their pixels' centres.
 WindowReach reach_of(const RenderPlan& plan) {
@@ -96,7 +97,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
       (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_BOUNCED_LIGHT))
     return 1;
   if (direct_.reflects() || direct_.shares()) return 1;
-  if (scene_.has_rough_glass || scene_.scatters || scene_.asks_rays) return 1;
+  if (scene_.has_rough_glass || scene_.scatters || scene_.varies || scene_.asks_rays) return 1;
   if (film_.wants(GLINT_PASS_AMBIENT_OCCLUSION)) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
@@ -175,7 +176,7 @@ void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t fi
 uint32_t Tracer::trace(uint32_t first, uint32_t last) {
   if (surely_empty_) return trace_empty(first, last);
   const uint32_t count = packet_samples(last - first);
-  const size_t step = Paths::kMost / count;
+  const size_t step = Paths::kMost / count / (scene_.varies ? kFewer : 1);
   if (!active_.empty()) points_.set(camera_, plan_, *tile_, first, count);
   for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
     const uint32_t* const begin = active_.data() + k;
@@ -323,10 +324,13 @@ void Tracer::dim(Queue& queue) {
   const Rays rays = queue.rays();
   media_.find(rays, counts_);
   clear_.resize(queue.size());
+  ends_.resize(queue.size());
+  for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? kInfinity : batch_.t[k];
+  media_.march(rays, ends_.data(), sample_,
+               queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced, counts_);
   for (size_t k = 0; k < queue.size(); ++k) {
     clear_[k] = queue.path(k).T;
-    const double end = batch_.missed(k) ? kInfinity : batch_.t[k];
-    const Vec3d T = media_.passed(k, rays.t_min[k], end) * clear_[k];
+    const Vec3d T = media_.passed(k, rays.t_min[k], ends_[k]) * clear_[k];
     for (int c = 0; c < 3; ++c) queue.column(Queue::kT + size_t(c))[k] = T[c];
   }
 }

@@ -116,6 +116,7 @@ class Tracer {
   SceneQueries queries_;
   MediaSpans media_;
   std::vector<Vec3d> clear_;  // weights of the batch's rays before media dim them
+  std::vector<double> ends_;  // of the batch's rays, where media are asked for
   LayersAhead ahead_;
   Batch batch_;
   const WindowReach reach_;  // of all samples

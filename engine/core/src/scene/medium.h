@@ -3,19 +3,33 @@
 #include <cstdint>
 
 #include "math/vec.h"
+#include "program/program.h"
 
 namespace glint {
 
-/// As GlintMedium has it, for lengths of anchored space.
-struct Medium {
+/// What there is at a place, for lengths of anchored space.
+struct Matter {
   Vec3d extinction, scattering, emission;
   double anisotropy = 0;
 };
 
-/// An instance with a medium inside, of which nothing is beyond the box.
+/// As GlintMedium has it, for lengths of anchored space.
+struct Medium : Matter {
+  const ProgramShape* program = nullptr;  // null where it is the same everywhere
+  Vec3d absorption;
+  int32_t absorption_slot = 0, scattering_slot = 0, emission_slot = 0, anisotropy_slot = 0;
+  double step = 1;  // as GlintMedium has it
+
+  bool scatters() const { return scattering_slot > 0 || any(scattering); }
+  bool emits() const { return emission_slot > 0 || any(emission); }
+};
+
+/// An instance with a medium inside, of which nothing is beyond the box. step: how far apart rays
+/// ask the program of one that varies.
 struct Enclosure {
   uint32_t instance, medium;
   Vec3d low, high;
+  double step;
 };
 
 }  // namespace glint

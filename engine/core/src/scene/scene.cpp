@@ -75,7 +75,8 @@ Vec3d finite_color(const double* c) {
   return {channel(c[0]), channel(c[1]), channel(c[2])};
 }
 
-constexpr size_t kFirstHitCaches = 2;  // a viewport shows a view and in it the render's frame
+constexpr double kLeastStep = 3.0 / 1024;  // of a medium that varies: so rays take 1024 at most
+constexpr size_t kFirstHitCaches = 2;      // a viewport shows a view and in it the render's frame
 constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
 
 }  // namespace
@@ -302,11 +303,30 @@ void Scene::place_media(const GlintSceneData& data) {
   const auto per_length = [&](const double* c) { return (1 / anchor.scale) * finite_color(c); };
   for (uint64_t i = 0; i < data.medium_count; ++i) {
     const GlintMedium& g = data.media[i];
-    const Vec3d scattering = per_length(g.scattering);
-    media.push_back(
-        {per_length(g.absorption) + scattering, scattering, per_length(g.emission), g.anisotropy});
+    Medium medium;
+    medium.absorption = per_length(g.absorption);
+    medium.scattering = per_length(g.scattering);
+    medium.extinction = medium.absorption + medium.scattering;
+    medium.emission = per_length(g.emission);
+    medium.anisotropy = g.anisotropy;
+    if (g.program > 0) medium.program = &programs[size_t(g.program - 1)];
+    medium.absorption_slot = g.absorption_slot;
+    medium.scattering_slot = g.scattering_slot;
+    medium.emission_slot = g.emission_slot;
+    medium.anisotropy_slot = g.anisotropy_slot;
+    medium.step = g.step;
+    media.push_back(medium);
+    varies = varies || medium.program;
   }
   world_medium = data.world_medium - 1;
+  for (int k = 0; k < 3; ++k) {
+    Vec3d axis;
+    axis[k] = anchor.scale;
+    const Vec3d start = anchor.point(Vec3d{});
+    for (int c = 0; c < 3; ++c) world_space.m[3 * k + c] = axis[c];
+    world_space.m[9 + k] = start[k];
+    world_space.normal[4 * k] = 1;
+  }
   for (uint32_t i = 0; !media.empty() && i < placements.size(); ++i) {
     const GlintInstances& g = group(i);
     int32_t medium = 0;
@@ -319,18 +339,22 @@ void Scene::place_media(const GlintSceneData& data) {
     Extent placed;
     const Affine m = anchored(placements[i].row);
     for (int k = 0; k < 8; ++k) placed.grow(point(m, box.corner(k)));
-    enclosures.push_back({i, uint32_t(medium - 1), placed.low, placed.high});
+    const Vec3d size = placed.high - placed.low;
+    const double side = (size.x + size.y + size.z) / 3,
+                 step = std::max(media[size_t(medium - 1)].step, kLeastStep) * side;
+    enclosures.push_back({i, uint32_t(medium - 1), placed.low, placed.high, step});
   }
   for (const Medium& medium : media) {
-    scatters = scatters || any(medium.scattering);
-    emits = emits || any(medium.emission);
+    scatters = scatters || medium.scatters();
+    emits = emits || medium.emits();
   }
 }
 
 void Scene::note_features() {
   // Shadows have colours where media dim light.
   if (world_medium >= 0 || !enclosures.empty())
-    features |= GLINT_FEATURE_MEDIA | GLINT_FEATURE_TRANSPARENT;
+    features |=
+        GLINT_FEATURE_MEDIA | GLINT_FEATURE_TRANSPARENT | (varies ? GLINT_FEATURE_VARIED_MEDIA : 0);
   for (const GlintInstances& group : groups) {
     if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
     if (group.flags & GLINT_CATCHER) features |= GLINT_FEATURE_SHADOW_CATCHER;

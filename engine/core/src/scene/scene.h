@@ -150,13 +150,14 @@ class Scene {
   std::vector<Light> lights;
   std::vector<GlintEmitter> emitters;
   const double* world_from_object = nullptr;
-  std::vector<Medium> media;                   // in anchored space
-  std::vector<Enclosure> enclosures;           // instances with a medium inside
-  int32_t world_medium = -1;                   // what is everywhere
-  bool scatters = false, emits = false;        // some medium of these does
-  uint32_t features = 0;                       // GLINT_FEATURE_*
-  int max_specular = 0;                        // SPECULAR and SHEEN lobes of a material, at most
-  double most_exponent = 0;                    // of SPECULAR lobes
+  std::vector<Medium> media;                             // in anchored space
+  std::vector<Enclosure> enclosures;                     // instances with a medium inside
+  int32_t world_medium = -1;                             // what is everywhere
+  bool scatters = false, emits = false, varies = false;  // some medium of these does
+  InstanceShape world_space{};  // the world's axes, as programs read those of an object
+  uint32_t features = 0;        // GLINT_FEATURE_*
+  int max_specular = 0;         // SPECULAR and SHEEN lobes of a material, at most
+  double most_exponent = 0;     // of SPECULAR lobes
   bool has_metals = false, has_gloss = false;  // SPECULAR lobes of GGX's masking, and which
   bool has_rough_glass = false, has_sheen = false;
   int specular_columns = 4;  // numbers of each as the stages read them

@@ -545,6 +545,7 @@ GlintStats Job::stats() {
   s.mirror_rays = rays_.mirror;
   s.refraction_rays = rays_.refraction;
   s.transparent_rays = rays_.transparent;
+  s.media_points = rays_.media_points;
   if (!built_) return s;
   s.build_seconds = plan_.moving ? moving_seconds_ : scene_->build_seconds;
   AccelStats tree = scene_->accel().stats();

@@ -1,0 +1,275 @@
+"""Media that vary from place to place: rays in them are cut to cells, and the media's programs run
+once in each (SEMANTICS.md, Media).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..scene import Medium, Scene
+from .attributes import Attributes
+from .geometry import Geometry
+from .points import SurfacePoints, Surroundings
+from .program import run
+from .textures import Image
+from .vectors import length, pick
+
+if TYPE_CHECKING:
+    from .media import Spans
+
+Array = np.ndarray
+
+GOLDEN = 0.6180339887498949
+LEAST_STEP = 3 / 1024
+"""Of a medium: so rays take about 1024 steps at most."""
+MOST_PAIRS = 2048
+"""Of cells of a span, whatever its numbers are."""
+NEAR, FAR = 1 / 8, 1 / 32
+"""How far a world's cells go: at least so much of its step, and of the way to them, while that is
+less than a step; of the way to them, where that is more.
+"""
+GAUSS = 3**-0.5
+"""Of a pair of cells, where they are asked."""
+FARTHEST = 16384
+"""Steps of a world, beyond which there is one cell more."""
+MOST_DENSE = 1e30
+"""A world unit."""
+MOST_ANISOTROPY = 1 - 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Matter:
+    """What there is in m places: extinction, scattering, emission (3, m) a world unit, anisotropy
+    (m,).
+    """
+
+    extinction: Array
+    scattering: Array
+    emission: Array
+    anisotropy: Array
+
+    @classmethod
+    def of(cls, media: list[Medium]) -> Matter:
+        """What media are where they do not vary."""
+        colors = (
+            np.array([getattr(m, name) for m in media], np.float64).reshape(-1, 3).T
+            for name in ("extinction", "scattering", "emission")
+        )
+        return cls(*colors, np.array([medium.anisotropy for medium in media], np.float64))
+
+    def take(self, index: Array) -> Matter:
+        """That of some places."""
+        return Matter(**{f.name: getattr(self, f.name).take(index, -1) for f in fields(self)})
+
+    def put(self, index: Array, other: Matter) -> None:
+        """Sets that of some places."""
+        for f in fields(self):
+            getattr(self, f.name)[..., index] = getattr(other, f.name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """m points inside of media as programs read them, in place of a surface: `Surface` has the
+    fields.
+    """
+
+    row: Array
+    x: Array
+    v: Array
+    far: Array
+
+    @property
+    def g(self) -> Array:
+        return self.v
+
+    n = mesh_n = g
+
+    @property
+    def outside(self) -> Array:
+        return np.ones(len(self.row), bool)
+
+    @property
+    def past(self) -> Array:
+        return np.zeros((4, len(self.row)))
+
+
+class _MediumPoints(SurfacePoints):
+    """Points of things; of the world where their row is -1, whose space is that of the object."""
+
+    def _matrices(self) -> Array:
+        rows = self._row()
+        if (rows >= 0).all():
+            return super()._matrices()
+        world = np.concatenate([np.eye(3), -self._around.eye], 1)
+        return np.repeat(world[None], len(rows), 0)
+
+    def object_position(self, shift: int) -> Array:
+        matrices = self._matrices()
+        return self._into(matrices[:, :, :3], self._x(shift) - matrices[:, :, 3].T)
+
+    def object_normal(self) -> Array:
+        return self.normal_to_object(self.normal())
+
+    def object_location(self) -> Array:
+        return self._matrices()[:, :, 3].T + self._around.eye
+
+    def normal_to_world(self, normal: Array) -> Array:
+        return super().normal_to_world(normal) if (self._row() >= 0).all() else normal
+
+
+@dataclass(frozen=True, eq=False)
+class Marching:
+    """How rays go through the media of a scene, some of which vary. asked: at how many points."""
+
+    media: list[Medium]
+    around: list[Surroundings]
+    asked: Counter[str]
+
+    @classmethod
+    def of(
+        cls, scene: Scene, media: list[Medium], geometry: Geometry, attributes: Attributes
+    ) -> Marching | None:
+        """None where none of them does."""
+        if all(medium.program is None for medium in media):
+            return None
+        first = [] if scene.world.medium is None else [scene.world.textures]
+        textures = first + [scene.textures] * (len(media) - len(first))
+        around = [
+            Surroundings(
+                attributes,
+                [Image(t) for t in own] if medium.program is not None else [],
+                geometry,
+                scene.camera,
+            )
+            for own, medium in zip(textures, media, strict=True)
+        ]
+        return cls(media, around, Counter())
+
+    def marched(
+        self,
+        spans: Spans,
+        boxes: Array,
+        lines: tuple[Array, Array],
+        near: Array,
+        far: Array,
+        sample: int,
+        kind: str,
+    ) -> Spans:
+        """The spans, those that vary between near and far (n,) cut to cells, in place of the whole.
+
+        boxes: (r, 2, 3) of the rows.  lines: of the rays.
+        """
+        varies = np.array([medium.program is not None for medium in self.media], bool)
+        whole = np.flatnonzero(varies[spans.medium])
+        shift = (0.5 + GOLDEN * sample) % 1.0
+        number, start, end = [np.zeros(0, np.intp)], [np.zeros(0)], [np.zeros(0)]
+        for k in whole:
+            ray = spans.ray[k]
+            low, high = max(spans.start[k], near[ray]), min(spans.end[k], far[ray])
+            speed, step = spans.speed[ray], self.media[spans.medium[k]].step
+            if spans.row[k] < 0:
+                cuts = near[ray] + _growing((high - near[ray]) * speed, step, shift) / speed
+            else:
+                side = (boxes[spans.row[k], 1] - boxes[spans.row[k], 0]).mean()
+                step = max(step, LEAST_STEP) * side
+                cuts = _even(low * speed, high * speed, step, shift) / speed
+            cuts = cuts[(cuts > low) & (cuts < high)]
+            if low < high:
+                first, last = np.concatenate([[low], cuts]), np.concatenate([cuts, [high]])
+                middle = np.where(np.isinf(last), last, (first + last) / 2)
+                start.append(np.stack([first, middle], 1).ravel())
+                end.append(np.stack([middle, last], 1).ravel())
+                number.append(np.full(len(start[-1]), k))
+        number, start, end = (np.concatenate(parts) for parts in (number, start, end))
+        cells = replace(
+            spans,
+            ray=spans.ray[number],
+            medium=spans.medium[number],
+            row=spans.row[number],
+            start=start,
+            end=end,
+            whole=spans.whole[:, number],
+            matter=spans.matter.take(number),
+        )
+        # halves of pairs, one after the other, are asked where Gauss would for the whole
+        some = np.flatnonzero(start < end)
+        side = np.where(np.arange(len(start)) % 2, 1.0, -1.0)[some]
+        cells = _some(cells, some)
+        start, end, ends = cells.start, cells.end, np.isfinite(cells.end)
+        way = np.where(ends, end, start) - start
+        self._fill(cells, start + (0.5 + side * (GAUSS - 0.5)) * way, lines, kind)
+        cells.matter.emission[:, ~ends] = 0.0
+        return _joined(_some(spans, np.flatnonzero(~varies[spans.medium])), cells)
+
+    def _fill(self, cells: Spans, at: Array, lines: tuple[Array, Array], kind: str) -> None:
+        """Asks the programs at a place (m,) in each cell."""
+        for number in np.unique(cells.medium):
+            some = np.flatnonzero(cells.medium == number)
+            medium, ray = self.media[number], cells.ray[some]
+            o, d = (pick(line, ray) for line in lines)
+            v = -d / length(d)
+            far = at[some] * cells.speed[ray]
+            places = _Places(cells.row[some], o + at[some] * d, v, far)
+            points = _MediumPoints(self.around[number], places, np.arange(len(some)), kind)
+            values = run(medium.program, points, len(some))
+            self.asked["media points"] += len(some)
+            cells.matter.put(some, _matter(medium, values, len(some)))
+
+
+def _matter(medium: Medium, values: list[Array], count: int) -> Matter:
+    def color(name: str, least: float = 0.0) -> Array:
+        output = getattr(medium, f"{name}_output")
+        if output < 0:
+            return np.repeat(np.array(getattr(medium, name), np.float64)[:, None], count, 1)
+        value = values[output]
+        return np.where(np.isfinite(value), np.clip(value, least, MOST_DENSE), 0.0)
+
+    scattering, anisotropy = color("scattering"), np.full(count, float(medium.anisotropy))
+    if medium.anisotropy_output >= 0:
+        value = values[medium.anisotropy_output][0]
+        kept = np.clip(value, -MOST_ANISOTROPY, MOST_ANISOTROPY)
+        anisotropy = np.where(np.isfinite(value), kept, 0.0)
+    emission = color("emission", -MOST_DENSE)
+    return Matter(color("absorption") + scattering, scattering, emission, anisotropy)
+
+
+def _even(low: float, high: float, step: float, shift: float) -> Array:
+    """Where pairs of cells of one step end, from where the ray begins: what is beside it has its
+    cells beside.
+    """
+    pair = 2 * step
+    if not (pair > 0 and high < np.inf and (high - low) / pair < MOST_PAIRS):
+        return np.zeros(0)
+    first = np.floor(low / pair - shift) + 1
+    return (np.arange(first, first + (high - low) / pair + 2) + shift) * pair
+
+
+def _growing(way: float, step: float, shift: float) -> Array:
+    """Where pairs of cells end that grow with the way, up to where one is the rest."""
+    cuts, most, following = [], min(way, FARTHEST * step), 2 * shift * NEAR * step
+    while following < most:
+        cuts.append(following)
+        following += 2 * max(NEAR * step, min(step, NEAR * following), FAR * following)
+    return np.array(cuts)
+
+
+def _some(spans: Spans, index: Array) -> Spans:
+    columns = {name: getattr(spans, name)[index] for name in ("ray", "medium", "row")}
+    columns |= {name: getattr(spans, name)[index] for name in ("start", "end")}
+    return replace(spans, **columns, whole=spans.whole[:, index], matter=spans.matter.take(index))
+
+
+def _joined(a: Spans, b: Spans) -> Spans:
+    names = ("ray", "medium", "row", "start", "end")
+    columns = {name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in names}
+    matter = Matter(
+        *(
+            np.concatenate([getattr(a.matter, f.name), getattr(b.matter, f.name)], -1)
+            for f in fields(Matter)
+        )
+    )
+    return replace(a, **columns, whole=np.concatenate([a.whole, b.whole], 1), matter=matter)
