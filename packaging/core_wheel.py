@@ -86,7 +86,13 @@ def library_of(wheel: Path, name: str = "libglint_core.so") -> bytes:
 def retag(blender: tree.Blender, wheel: Path, tag: str) -> None:
     """Give a wheel the name of another platform."""
     command = [blender.interpreter, "-m", "wheel", "tags", "--remove", "--platform-tag", tag, wheel]
-    tree.call(command, "The wheel cannot be renamed.", cwd=wheel.parent)
+    environ = {**os.environ, **_timeless()}
+    tree.call(command, "The wheel cannot be renamed.", cwd=wheel.parent, env=environ)
+
+
+def _timeless() -> dict[str, str]:
+    """What keeps the time of building out of a wheel."""
+    return {"SOURCE_DATE_EPOCH": str(tree.source_date())}
 
 
 def _wheels() -> list[Path]:
@@ -115,7 +121,8 @@ def pip_wheel(
     path = os.pathsep.join([str(blender.interpreter.parent), os.environ.get("PATH", "")])
     cores = os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL", str(os.cpu_count() or 1))
     remedy = "The core needs a C++20 compiler: GCC 12 or Clang 14, or later."
-    environ = {**os.environ, "PATH": path, "CMAKE_BUILD_PARALLEL_LEVEL": cores, **(variables or {})}
+    more = {"PATH": path, "CMAKE_BUILD_PARALLEL_LEVEL": cores, **(variables or {})}
+    environ = {**os.environ, **_timeless(), **more}
     tree.call([*command, *options, "--wheel-dir", folder, tree.ROOT], remedy, env=environ)
 
 

@@ -107,7 +107,6 @@ def variables(blender: tree.Blender, target: Target) -> dict[str, str]:
         "GLINT_ZIG_SYSTEM": target.system,
         "GLINT_ZIG_PROCESSOR": target.processor,
         "CMAKE_ARGS": f"-DCMAKE_TOOLCHAIN_FILE={TOOLCHAIN}",
-        "SOURCE_DATE_EPOCH": str(tree.source_date()),
     }
 
 

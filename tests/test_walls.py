@@ -36,6 +36,7 @@ ENGINES_DOOR = {
     "engine.program.operations_math",
     "engine.program.operations_noise",
     "engine.program.operations_pattern",
+    "engine.program.operations_rays",
     "engine.program.operations_vector",
     "engine.program.operations_voronoi",
     "engine.program.program",

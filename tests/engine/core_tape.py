@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import conftest  # noqa: F401  (makes the tree importable as `glint`)
 import reference_renders as references
 from glint.engine import native
-from glint.engine.native import core_types, packer, packing, packing_settings
+from glint.engine.native import core_types, packer
 from glint.engine.native.core_types import State
 
 MAGIC = int.from_bytes(b"GLNTTAPE", "little")
@@ -175,7 +175,9 @@ class Recorder:
 @contextmanager
 def _listening(recorder: Recorder):
     """Everything that packs for the core and asks it does so through the recorder."""
-    places = [(module, "address") for module in (packer, packing, packing_settings)]
+    modules = [m for name, m in sys.modules.items() if name.startswith(native.__name__)]
+    own = packer.address
+    places = [(module, "address") for module in modules if vars(module).get("address") is own]
     before = [getattr(*place) for place in places]
     library = native.library
     try:

@@ -149,6 +149,9 @@ def test_only_local_on_solids(backend: str) -> None:
     ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
     scene = replace(scene, camera=view, geometries=(pair, ball), instances=(other, own))
     np.testing.assert_allclose(seen(scene, backend), 1 - 1 / 2.0**2, atol=SPREAD)
+    for local, far in ((0, 0.2), (1, 1.0)):
+        scene = replace(scene, materials=(cast(DISTANCE, only_local=local), scene.materials[1]))
+        np.testing.assert_allclose(seen(scene, backend, samples=1), far, atol=0.01)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -302,6 +305,18 @@ def test_pixels_that_stop_early_have_looked_round() -> None:
     scene = floor_of(occlusion(1e4, samples=1), (square(1.0), upright(1.5, 1.0)))
     film = draw(scene, "Samples", samples=64, error_threshold=1.0)
     assert film.passes["Samples"].min() >= 16
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_things_hide_where_they_are_in_a_moment(backend: str) -> None:
+    """A ceiling that rises evenly from 0.5 to 1.5: the mean of a quarter of its height squared."""
+    scene = floor_of(occlusion(), (square(WIDE), at((0, 0, 1.0))))
+    keys = np.stack([at((0, 0, z)) for z in (0.5, 1.5)])
+    moving = replace(
+        scene, instances=(scene.instances[0], replace(scene.instances[1], motion=keys))
+    )
+    found = seen(moving, backend)
+    np.testing.assert_allclose(found, (1.5**3 - 0.5**3) / 3 / 4, atol=2 * SPREAD)
 
 
 # --- bevels
@@ -490,8 +505,10 @@ def test_rays_from_elsewhere(backend: str) -> None:
 def test_what_is_unseen_by_some_rays_stops_these(backend: str) -> None:
     """Not what no rays see."""
     scene = floor_of(cast(HIT), CEILING)
-    kinds = {"visible_camera": False, "visible_mirror": False}
-    for more, there in ((kinds, 1), ({**kinds, "visible_shadow": False}, 0)):
+    unseen = dict.fromkeys(("visible_camera", "visible_mirror", "visible_shadow"), False)
+    for seen_by in ("visible_mirror", "visible_shadow", None):
+        there = seen_by is not None
+        more = {**unseen, **({seen_by: True} if there else {})}
         block = replace(scene.instances[1], **more)
         some = replace(scene, instances=(scene.instances[0], block))
         np.testing.assert_allclose(normals_of(some, backend, samples=1), there)

@@ -1,5 +1,6 @@
 """What makes a release repeatable, and what it says of itself."""
 
+import io
 import json
 import tomllib
 import zipfile
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from packed import bill_of_materials, blender, extension_zips, foreign, release
+from packed import bill_of_materials, blender, extension_zips, foreign, pack, release
 
 WHEELS = {
     "linux-x64": "glint_core-0.1.0+ab-py3-none-manylinux_2_17_x86_64.whl",
@@ -56,6 +57,16 @@ def test_the_same_contents_are_the_same_zip(tmp_path):
     assert made[0].read_bytes() == made[1].read_bytes()
     with zipfile.ZipFile(made[0]) as archive:
         assert archive.namelist() == ["x", "y"] and archive.read("x") == b"x" * 1000
+
+
+def test_no_file_tells_when_it_was_packed():
+    """Neither in the zip of this machine's edition nor in the wheel inside."""
+    with zipfile.ZipFile(pack("full")) as archive:
+        [name] = [name for name in archive.namelist() if name.endswith(".whl")]
+        entries = archive.infolist()
+        with zipfile.ZipFile(io.BytesIO(archive.read(name))) as wheel:
+            entries += wheel.infolist()
+    assert {entry.date_time for entry in entries} == {(1980, 1, 1, 0, 0, 0)}
 
 
 def test_a_repository_lists_its_zips_by_name(zips):

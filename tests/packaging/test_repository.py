@@ -153,11 +153,25 @@ def _raised(path: Path, version: str, folder: Path) -> Path:
     return made
 
 
+def _for_another_platform(path: Path) -> None:
+    """Beside a zip one of the same name and version that Blender must not choose here."""
+    with zipfile.ZipFile(path) as old:
+        manifest = old.read("blender_manifest.toml").decode()
+    head, rest = manifest.split("platforms = [", 1)
+    manifest = f'{head}platforms = ["macos-arm64"{rest[rest.index("]") :]}'
+    assert '["macos-arm64"]' in manifest
+    with zipfile.ZipFile(path.with_name(f"a-{path.name}"), "w") as new:
+        new.writestr("blender_manifest.toml", manifest)
+        new.writestr("__init__.py", "raise ImportError('this is for another platform')\n")
+        new.writestr(manifest.split('wheels = ["./')[1].split('"')[0], "")
+
+
 def _offer(folder: Path, version: str) -> Path:
     """Put a repository with this version of the full edition into the folder; its zip."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     zip_path = _raised(packed.pack("full"), version, folder)
+    _for_another_platform(zip_path)
     packed.make_repository(folder)
     return zip_path
 

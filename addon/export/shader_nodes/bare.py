@@ -8,8 +8,9 @@ from typing import Any
 
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import NormalSpace
+from ....engine.program.operations_rays import ASKING
 from .objects import VIEW_LAYER
-from .rays import ASKING, without_rays
+from .rays import without_rays
 from .reader import FARTHEST, TreeReader
 
 ZERO = (0.0, 0.0, 0.0)

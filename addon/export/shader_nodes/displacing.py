@@ -8,9 +8,10 @@ from typing import Any
 
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
+from ....engine.program.operations_rays import ASKING
 from ....engine.program.operations_vector import VectorMeasure, VectorOperation
 from ..materials.graph import Place, kind_of, trail
-from .rays import ASKING, without_rays
+from .rays import without_rays
 from .reader import (
     TANGENT,
     UNDISPLACED,

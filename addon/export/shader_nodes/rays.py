@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from ....engine.program.graph import Value
+from ....engine.program.operations_rays import MOST_ASKED
 from .normals import given_normal
 from .reader import READERS, NodeInputs, Outputs, TreeReader
 
-ASKING = frozenset(("ambient_occlusion", "bevel", "raycast"))
-"""Operations that ask for rays."""
-_LEAST_BEVEL = 16
-"""Rays of a bevel: with fewer its normals jump where all pixels' next ray finds the edge."""
+_BEVEL_RAYS = 4
+"""For each of a bevel's Samples: with fewer normals jump where all pixels' next ray finds an
+edge.
+"""
 
 
 def without_rays(
@@ -42,7 +43,7 @@ def _ambient_occlusion(view: NodeInputs) -> Outputs:
 
 def _bevel(view: NodeInputs) -> Outputs:
     """A Normal that comes in is bent by as much as the mesh's is."""
-    samples = max(view.node.samples, _LEAST_BEVEL)
+    samples = min(_BEVEL_RAYS * view.node.samples, MOST_ASKED)
     bent = view.apply("bevel", view.value("Radius"), samples=samples)[0]
     if not view.is_linked("Normal"):
         return {"Normal": bent}
