@@ -339,9 +339,11 @@ class BouncedSource(MeshSource):
         form = np.where(facing, form, 0.0)
         size = length(form)
         share = self._table.spread[number] / (np.pi * self._table.each)
+        z = dot(n, m)
+        more = 1 + mirrored(dot(n, to), np.sqrt(r2 * np.maximum(1 - z * z, 0.0)), size)
         return LightSample(
             unit(form),
-            np.where(facing, share / r2 * size, 0.0),
+            np.where(facing, share / r2 * size * more, 0.0),
             q,
             size,
             np.clip(self._table.front[number], -HUGE, HUGE)[:, None],
@@ -378,3 +380,14 @@ def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:
         t = np.where(hit, t, np.inf)
         index[here], distance[here] = t.argmin(1), t.min(1)
     return distance, index
+
+
+def mirrored(height: Array, reach: Array, near: Array) -> Array:
+    """(k,) how much more discs give because what they have beyond the plane of a point's surface is
+    light of places before it, as a share. height: of their middle above
+    the plane. reach: how far they go from there towards it. near: the length of the form factor.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.where((height >= 0) & (height < reach), height / reach, 1.0)
+    q = (1 - t) ** 4
+    return q + near**3 * (1 - q) * (1 - t**3)

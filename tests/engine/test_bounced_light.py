@@ -114,8 +114,9 @@ def test_what_a_ball_throws_back_is_even_wherever_the_lamp_is(name: str) -> None
     light, power = LAMPS[name]
     truth = ALBEDO**2 * power / (4 * np.pi**2)  # radiance: albedo / π of the albedo of Φ / 4π
     found = added(room(light))
-    assert np.abs(found.mean((0, 1)) / truth - 1).max() < 2 / 64
-    assert np.abs(found / truth - 1).max() < 0.08
+    # what discs have beyond planes that touch a bent wall, they have beside the wall as well
+    assert np.abs(found.mean((0, 1)) / truth - 1).max() < 3 / 64
+    assert np.abs(found / truth - 1).max() < 0.12
 
 
 def test_so_is_it_where_a_panel_glows() -> None:
@@ -167,10 +168,12 @@ def wall_over_ground(*lights: Light) -> Scene:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_ground_without_end_lights_a_wall_by_half(backend: str) -> None:
-    """A sun straight above grazes the wall. The ground is 10 000 times as wide as the wall."""
+    """A sun straight above grazes the wall. The ground is 10 000 times as wide as the wall, and
+    discs that are half as wide as they are far away overlap by ln 3 - 1: a tenth.
+    """
     found = added(wall_over_ground(lamp("SUN", strength=2.0)), backend, samples=256)
     truth = 2.0 / np.pi * ALBEDO / 2
-    assert np.abs(found / truth - 1).max() < 0.05
+    assert np.abs(found / truth - 1).max() < 0.12
 
 
 def test_so_it_does_under_an_even_sky() -> None:
@@ -178,8 +181,8 @@ def test_so_it_does_under_an_even_sky() -> None:
     sky = Light("sky", "DOME", HERE, radiance=np.ones((4, 8, 3), np.float32))
     found = added(wall_over_ground(sky), samples=1024).mean((0, 1))
     truth = ALBEDO / 2
-    assert (found < 1.05 * truth).all()
-    assert (found > 0.85 * truth).all()
+    assert (found < 1.13 * truth).all()
+    assert (found > 0.95 * truth).all()
 
 
 def mixed() -> Scene:
@@ -492,13 +495,13 @@ def floor_and_wall(bottom: float = 0.0) -> Scene:
 
 def test_a_wall_is_lit_down_to_its_foot() -> None:
     """At the foot half of what is seen is floor. Points from no nearer than their distance would
-    leave it dark.
+    leave it dark, and discs cut by the wall's plane half as bright.
     """
     found = added(floor_and_wall(), samples=256) / (2.0 / np.pi * ALBEDO)
     assert (
         found.shape[0] == 16
-        and (found > 0.2).all()
-        and (found[8:] > 0.36).all()
+        and (found > 0.36).all()
+        and (found[8:] > 0.44).all()
         and (found < 0.55).all()
     ), found[:, 0, 0]
 

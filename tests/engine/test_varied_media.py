@@ -311,8 +311,13 @@ def test_pixels_are_explained() -> None:
         np.testing.assert_allclose(found, picture[y - 20, x - 28, :3], rtol=1e-5, atol=1e-9)
 
 
+def endless(tree: Tree, number: Value) -> Value:
+    """Infinite on one side, next to nothing on the other."""
+    return tree.math("EXPONENT", tree.math("MULTIPLY", number, 1e6))
+
+
 BAD = {
-    "nan": lambda t, x, y, z: t.math("POWER", x, 0.5),
+    "nan": lambda t, x, y, z: t.math("SUBTRACT", endless(t, x), endless(t, y)),
     "infinite": lambda t, x, y, z: t.math("EXPONENT", t.math("MULTIPLY", x, 1e4)),
     "negative": lambda t, x, y, z: t.math("SUBTRACT", x, 5.0),
     "huge": lambda t, x, y, z: t.math("MULTIPLY", t.math("ADD", x, 2.0), 1e30),
@@ -342,6 +347,39 @@ def test_bad_numbers(kind: str, backend: str) -> None:
                 np.testing.assert_allclose(film.combined[..., :3], 1.0, rtol=1e-6)
         film = engine.render(replace(scene, instances=(), world=s.World(medium=medium)), settings)
         assert np.isfinite(film.combined).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_dims_less_than_nothing_takes_nothing_from_others(backend: str) -> None:
+    """In a box of what glows and dims evenly: (1 - e^-2)."""
+    tree = Tree()
+    value = tree.colored(BAD["negative"](tree, *tree.place()))
+    less = tree.medium(absorption=value, scattering=value)
+    even = s.Medium((1.0, 1.0, 1.0), emission=(1.0, 1.0, 1.0))
+    scene = things(
+        (box_mesh(), at(), filled("even", even)),
+        (box_mesh(), at(linear=1.5), filled("less", less)),
+        camera=orthographic(half=0.5),
+    )
+    settings = engine.Settings(samples=1, filter_width=0.0, backend=backend)
+    found = engine.render(scene, settings).combined[8, 8, :3]
+    np.testing.assert_allclose(found, 1 - np.exp(-2), rtol=1e-5)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_glows_without_end_is_finite(backend: str) -> None:
+    """A sky of a glow that hardly dims: no more of it than its cells reach, 16384 steps."""
+    tree = Tree()
+    same = tree.math("MULTIPLY_ADD", tree.place()[0], 0.0, 1.0)
+    medium = tree.medium(
+        step=1.0,
+        emission=tree.colored(same, (1.0, 1.0, 1.0)),
+        absorption=tree.colored(tree.math("MULTIPLY", same, 1e-12)),
+    )
+    scene = things(camera=orthographic(), world=s.World(medium=medium))
+    settings = engine.Settings(samples=1, filter_width=0.0, backend=backend)
+    found = engine.render(scene, settings).combined[8, 8, :3]
+    np.testing.assert_allclose(found, 16384.0, rtol=0.07)
 
 
 def test_many_cells_are_bounded() -> None:

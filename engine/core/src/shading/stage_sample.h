@@ -237,6 +237,14 @@ inline Mask faces(const LightStage& s, const Three& to, const Three& n) {
   return (dot(to, splat3(s.axis)) < -4 * s.size) & (dot(n, to) > 4 * s.size);
 }
 
+/// What a disc has beyond the plane of a point's surface is light of places before it: how much
+/// more it gives for that, as a share. height: of its middle above the plane. reach: how far the
+/// disc goes from there towards it. near: the length of its form factor.
+inline Doubles mirrored(const Doubles& height, const Doubles& reach, const Doubles& near) {
+  const Doubles t = height / reach, rest = 1 - t, rest2 = rest * rest, q = rest2 * rest2;
+  return where(height < reach, q + near * near * near * (1 - q) * (1 - t * t * t));
+}
+
 /// The disc that a point of bounced light stands for, by its vector form factor: the direction, and
 /// as `spread` the length, which is sin² of the half angle of a ball that gives as much. Where
 /// others stand nearer, the disc is smaller and brighter.
@@ -248,9 +256,12 @@ inline Sample sample_bounced(const LightStage& s, size_t k, const Three& x, cons
                 along = choose(outside > 0, 2 * r2 * h2 / (apart * (apart + outside)),
                                0.5 * (apart - outside) / apart);
   const Three f = (2 * r2 * h / (apart * (apart + d2 + r2))) * (to + h * m) - along * m;
-  const Doubles length = root(dot(f, f));
-  return {(1 / length) * f, q + splat(s.size) * m, s.spread / (kCircle * s.share) / r2 * length,
-          length, faces(s, to, n) & (length > 0)};
+  const Doubles length = root(dot(f, f)), z = dot(n, m),
+                reach = root(r2 * larger(1 - z * z, splat(0))),
+                more = 1 + mirrored(dot(n, to), reach, length);
+  return {(1 / length) * f, q + splat(s.size) * m,
+          s.spread / (kCircle * s.share) / r2 * length * more, length,
+          faces(s, to, n) & (length > 0)};
 }
 
 /// The mean cosine to a ball of which the horizon cuts a part off: exact where it cuts nothing and
