@@ -44,6 +44,8 @@ IDLE = {
     },
     # Cycles' Mix (Legacy) has no alpha
     "ShaderNodeMixRGB": {"use_alpha"},
+    # which of the attributes the panel shows
+    "ShaderNodeRaycast": {"active_index"},
     # names of files; the tests of images and lamps read them
     "ShaderNodeTexIES": {"filepath"},
 }

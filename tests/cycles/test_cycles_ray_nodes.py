@@ -348,3 +348,19 @@ def test_cycles_casts_the_same_rays(name: str) -> None:
     assert not any("Raycast" in note for note in notes)
     assert truth.std() > 0.04
     np.testing.assert_allclose(glint, truth, atol=1e-4)
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 2), reason="the node is new in Blender 5.2")
+def test_attributes_at_the_end_of_a_ray_are_told() -> None:
+    def read():
+        material, tree, node = cast("Is Hit")
+        node.sample_attribute_items.new("RGBA", "Col")
+        shines = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeEmission")
+        tree.links.new(node.outputs["Col"], shines.inputs["Color"])
+        return material, tree, node
+
+    cube_on_plane(read)
+    export = export_scene(bpy.context.evaluated_depsgraph_get())
+    [note] = [note for note in export.notes if "Raycast" in note]
+    assert "attributes" in note and "'cast'" in note
+    assert not render(export.scene, Settings(samples=1)).combined[..., :3].any()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ....engine.program.graph import Value
 from ....engine.program.operations_rays import MOST_ASKED
 from .normals import given_normal
-from .reader import READERS, NodeInputs, Outputs, TreeReader
+from .reader import READERS, VECTOR_TYPES, NodeInputs, Outputs, TreeReader
 
 _BEVEL_RAYS = 4
 """For each of a bevel's Samples: with fewer normals jump where all pixels' next ray finds an
@@ -71,6 +71,8 @@ def _raycast(view: NodeInputs) -> Outputs:
     outputs = dict(zip(names, found, strict=True))
     for socket in view.node.outputs:
         if socket.is_linked and socket.identifier.startswith("Attribute_"):
+            is_wide = socket.type in VECTOR_TYPES
+            outputs[socket.identifier] = view.reader.graph.constant((0.0,) * (3 if is_wide else 1))
             view.reader.note(
                 "Node 'Raycast' does not read attributes where its ray ends in {}: they are 0; use "
                 "Hit Position or Hit Normal"
