@@ -113,8 +113,21 @@ def met_surfaces(
         lobes = replace(lobes, transparent=towards_light.transparent)
     hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
     # strands stand closer together than points can tell apart: they would be specks
-    dark = np.where(np.array(hair, bool)[block], 0.0, lobes.diffuse)
+    given = np.where(_is_varnished(some, surface), lobes.ambient, lobes.diffuse)
+    dark = np.where(np.array(hair, bool)[block], 0.0, given)
     return hit[seen], surface, replace(lobes, diffuse=dark), sets, caught
+
+
+def _is_varnished(scene: Scene, surface: Surface) -> Array:
+    """(m,) bool: where rough gloss lies on something matt. It throws light on as well, if to other
+    sides; AMBIENT lobes of such materials say how much both do for light from one direction.
+    """
+    varnished = [
+        any(lobe.is_glossy and lobe.fresnel for lobe in material.lobes)
+        and any(lobe.kind == "AMBIENT" for lobe in material.lobes)
+        for material in scene.materials
+    ]
+    return np.array(varnished, bool)[surface.material]
 
 
 def _knows_its_ray(material: Material) -> bool:

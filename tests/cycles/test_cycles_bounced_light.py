@@ -11,7 +11,18 @@ import pytest
 import cycles_reference as cycles
 from cycles_reference import bpy
 from glint_picture import render_glint
-from small_scenes import add, add_camera, add_light, cube, lambert, looking_at, metal, moved, plane
+from small_scenes import (
+    add,
+    add_camera,
+    add_light,
+    cube,
+    lambert,
+    looking_at,
+    metal,
+    moved,
+    new_material,
+    plane,
+)
 
 WHITE = (0.75, 0.75, 0.75)
 
@@ -74,3 +85,59 @@ def test_rooms_are_as_bright_as_in_cycles(make: Callable, bounces: int) -> None:
     assert np.abs(mean - 1).max() < 0.05, mean
     off = np.sqrt(((glint - reference) ** 2).mean()) / np.sqrt((reference**2).mean())
     assert off < 0.08
+
+
+def painted(color, roughness: float):
+    """A Principled BSDF as it comes, but for its colour and roughness."""
+    material, tree, output = new_material("Paint")
+    node = tree.nodes.new("ShaderNodeBsdfPrincipled")
+    node.inputs["Base Color"].default_value = (*color, 1.0)
+    node.inputs["Roughness"].default_value = roughness
+    tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
+    return material
+
+
+def window_room():
+    """A painted room that the sky lights through a window in the wall at x = 0."""
+    scene = cycles.empty_scene(48, 36)
+    cycles.set_world(scene, (0.6, 0.75, 1.0), 3.0)
+    white, red = painted((0.8, 0.8, 0.8), 0.6), painted((0.7, 0.25, 0.2), 0.6)
+    wood = painted((0.45, 0.32, 0.2), 0.4)
+    for number, (paint, low, high) in enumerate(
+        (
+            (wood, (-0.2, -0.2, -0.2), (5.2, 4.2, 0)),
+            (white, (-0.2, -0.2, 2.7), (5.2, 4.2, 2.9)),
+            (white, (5, -0.2, 0), (5.2, 4.2, 2.7)),
+            (red, (0, 4, 0), (5, 4.2, 2.7)),
+            (white, (0, -0.2, 0), (5, 0, 2.7)),
+            (white, (-0.2, 0, 0), (0, 1.2, 2.7)),
+            (white, (-0.2, 2.8, 0), (0, 4, 2.7)),
+            (white, (-0.2, 1.2, 0), (0, 2.8, 0.9)),
+            (white, (-0.2, 1.2, 2.2), (0, 2.8, 2.7)),
+        )
+    ):
+        middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+        half = [(b - a) / 2 for a, b in zip(low, high, strict=True)]
+        add(scene, f"wall {number}", cube(paint), moved(*middle, *half))
+    add_camera(scene, (4.7, 0.4, 1.5), (0.0, 3.0, 1.2), lens=20)
+    return scene
+
+
+def test_a_painted_room_behind_a_window_is_as_bright_as_in_cycles() -> None:
+    """Paint is varnished: a twentieth of what comes is thrown on by its gloss, and again by the
+    next wall. What is seen of that in the gloss itself is left out, as rough dielectrics reflect no
+    surfaces by default.
+    """
+    scene = window_room()
+    film = render_glint(
+        scene, "NATIVE", samples=64, light_samples=2, filter_width=0.01, diffuse_bounces=4
+    )
+    cycles.make_exact(scene, 400)
+    scene.cycles.max_bounces, scene.cycles.diffuse_bounces = 12, 4
+    scene.cycles.glossy_bounces = 4
+    glint, reference = (
+        passes["Combined"][..., :3] for passes in (film.passes, cycles.render_passes(scene))
+    )
+    wall = reference.max(-1) < 2.0  # the sky apart
+    mean = glint[wall].mean(0) / reference[wall].mean(0)
+    assert (mean > 0.9).all() and (mean < 1.01).all(), mean

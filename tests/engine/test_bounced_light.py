@@ -552,3 +552,21 @@ def test_explain_tells_how_many_shadows_are_asked_for() -> None:
     assert "8 of 32 points of bounced light" in lines[0]
     none = explanation_lines(PixelExplainer(room(lamp()), Settings()).pixel(3, 3))
     assert "bounced light" not in none[0]
+
+
+def test_varnish_throws_light_on_and_metal_does_not() -> None:
+    """What AMBIENT lobes say of gloss on something matt; a metal's gloss ends a walk."""
+
+    def power(*lobes: Lobe) -> float:
+        scene = replace(room(lamp()), materials=(Material("wall", lobes),))
+        found = bounced_light(scene, 1).bounces
+        return float((found.radiance[:, 0] * found.spreads).sum() / len(found.spreads))
+
+    matt_one = Lobe("DIFFUSE", (Input((0.5,) * 3),))
+    both = Lobe("AMBIENT", (Input((0.6,) * 3),))
+    gloss = Lobe("SPECULAR", (Input((0.1,) * 3),), exponent=20.0, masking=0.3)
+    plain = power(matt_one)
+    assert power(matt_one, both) == pytest.approx(plain, rel=1e-6)
+    assert power(matt_one, both, gloss) == pytest.approx(plain, rel=1e-6)
+    varnish = replace(gloss, fresnel=True, ior=1.5)
+    assert power(matt_one, both, varnish) == pytest.approx(1.2 * plain, rel=1e-6)
