@@ -634,6 +634,25 @@ GlintAccelData accel(Dice& dice, Arena& arena) {
   return d;
 }
 
+/// Rectangles through which a dome is sampled too, at times.
+void set_openings(Dice& dice, Arena& arena, GlintRenderSettings& s) {
+  if (!dice.chance(0.3)) return;
+  const auto sound = [&] {
+    const double x = dice.number();
+    return std::isfinite(x) || dice.chance(0.02 * dice.wildness) ? x : 1;
+  };
+  s.opening_count = 1 + dice.below(3);
+  s.opening_samples = uint32_t(1 + dice.below(5));
+  s.opening_point_count = uint64_t(s.opening_samples) * (1 + dice.below(s.samples));
+  s.openings = arena.fill<double>(13 * s.opening_count, sound);
+  uint64_t column = 0;
+  s.opening_points = arena.fill<double>(3 * s.opening_point_count, [&] {
+    return column++ % 3 ? dice.uniform(-1, 1) : double(dice.below(s.opening_count));
+  });
+  if (dice.chance(0.05 * dice.wildness)) s.opening_point_count = 0;
+  if (dice.chance(0.05 * dice.wildness)) s.opening_points = nullptr;
+}
+
 /// What a DOME light needs: its directions and maps.
 void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.dome_samples = uint32_t(1 + dice.below(9));
@@ -736,6 +755,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.light_square = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   set_dome(dice, arena, s);
+  set_openings(dice, arena, s);
   set_mesh_points(dice, arena, s);
   set_reflections(dice, arena, s);
   set_lens(dice, arena, s);
