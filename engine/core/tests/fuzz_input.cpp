@@ -462,7 +462,8 @@ void set_media(Dice& dice, Arena& arena, GlintSceneData& d, std::vector<GlintMat
     medium.step = dice.chance(0.05 * dice.wildness) ? dice.number() : dice.uniform(0.05, 1);
     if (d.program_count > 0 && dice.chance(0.5)) {
       medium.program = 1 + int32_t(dice.index(size_t(d.program_count)));
-      const uint32_t slots = d.programs[medium.program - 1].slots;
+      const bool known = medium.program >= 1 && uint64_t(medium.program) <= d.program_count;
+      const uint32_t slots = known ? d.programs[medium.program - 1].slots : 3;
       for (int32_t* slot : {&medium.absorption_slot, &medium.scattering_slot, &medium.emission_slot,
                             &medium.anisotropy_slot})
         if (slots >= 3 && dice.chance(0.5)) *slot = 1 + int32_t(dice.below(slots - 2));

@@ -560,8 +560,8 @@ Report check_all_else(const GlintSceneData& data) {
   check_surroundings(data, report);
   check_light_groups(data, report);
   check_textures(data, report);
-  check_media(data, report);
   check_materials(data, report);
+  check_media(data, report);  // whose programs are sound
   if (report.good()) check_sky(data, report);
   for (uint64_t i = 0; report.good() && i < data.light_count; ++i) check_light(data, i, report);
   check_instances(data, report);
