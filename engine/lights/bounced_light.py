@@ -19,6 +19,7 @@ from ..sampling import chosen, concentric_disc, dome_points, tabled, walk_points
 from ..scene import EVERYTHING, Bounces, Light, Scene
 from .mesh_lights import MeshTable, along_a_curve
 from .met_surfaces import joined, met_surfaces
+from .same import Same
 from .walk_starts import FEWEST, ROUNDED, Start, cosine_around, starts
 
 if TYPE_CHECKING:
@@ -50,36 +51,12 @@ def bounced_light(scene: Scene, bounces: int) -> Light | None:
     """
     if not (bounces and scene.instances and scene.lights):
         return None
-    return _light(_Same(scene), bounces)
-
-
-class _Same:
-    """Those parts of a scene on which its bounced light depends, as a key: equal where they are the
-    same objects.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self._things = (
-            *scene.geometries,
-            *scene.instances,
-            *scene.materials,
-            *scene.textures,
-            *scene.lights,
-        )
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and (
-            len(self._things) == len(other._things)
-            and all(a is b for a, b in zip(self._things, other._things, strict=True))
-        )
-
-    def __hash__(self) -> int:
-        return hash(tuple(map(id, self._things)))
+    surfaces = (*scene.geometries, *scene.instances, *scene.materials, *scene.textures)
+    return _light(Same(scene, *surfaces, *scene.lights), bounces)
 
 
 @functools.lru_cache(maxsize=2)
-def _light(same: _Same, bounces: int) -> Light | None:
+def _light(same: Same, bounces: int) -> Light | None:
     # near the scene: sums of large and small coordinates lose the small ones' last digits
     first = np.array(same.scene.instances[0].world_from_object[0, :, 3], np.float64)
     found = _Walks(same.scene, first, bounces).found()

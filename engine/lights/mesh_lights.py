@@ -13,6 +13,7 @@ import numpy as np
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
 from .dome import LARGEST
+from .same import Same
 
 Array = np.ndarray
 
@@ -55,45 +56,31 @@ def mesh_lights(scene: Scene) -> tuple[Light, ...]:
         for block in (scene.instances if glowing else ())
         if not (block.holdout or block.catcher or glowing.isdisjoint(block.materials))
     ]
-    return _lights(_Same(scene, blocks)) if blocks else ()
+    return _lights(_what_glows(scene, blocks)) if blocks else ()
 
 
 def _glows(material: Material) -> bool:
     return any(lobe.kind == "EMISSION" for lobe in material.lobes)
 
 
-class _Same:
-    """Those things of a scene on which its MESH lights depend, as a key: equal where they are the
-    same objects.
-    """
-
-    def __init__(self, scene: Scene, blocks: list[Instances]) -> None:
-        used = {block.geometry for block in blocks}
-        geometries = [g if k in used else _NOTHING for k, g in enumerate(scene.geometries)]
-        self.scene = replace(
-            scene, geometries=tuple(geometries), instances=tuple(blocks), lights=()
-        )
-        glowing = {k: scene.materials[k] for block in blocks for k in block.materials}
-        varied = [m for m in glowing.values() if _varies(m)]
-        self._things = (
-            *blocks,
-            *(scene.geometries[block.geometry] for block in blocks),
-            *glowing.values(),
-            *(scene.textures if varied else ()),
-        )
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and (
-            len(self._things) == len(other._things)
-            and all(a is b for a, b in zip(self._things, other._things, strict=True))
-        )
-
-    def __hash__(self) -> int:
-        return hash(tuple(map(id, self._things)))
+def _what_glows(scene: Scene, blocks: list[Instances]) -> Same:
+    """The blocks alone, as a key of those things on which their MESH lights depend."""
+    used = {block.geometry for block in blocks}
+    geometries = [g if k in used else _NOTHING for k, g in enumerate(scene.geometries)]
+    alone = replace(scene, geometries=tuple(geometries), instances=tuple(blocks), lights=())
+    glowing = {k: scene.materials[k] for block in blocks for k in block.materials}
+    varied = any(_varies(material) for material in glowing.values())
+    return Same(
+        alone,
+        *blocks,
+        *(scene.geometries[block.geometry] for block in blocks),
+        *glowing.values(),
+        *(scene.textures if varied else ()),
+    )
 
 
 @functools.lru_cache(maxsize=2)
-def _lights(same: _Same) -> tuple[Light, ...]:
+def _lights(same: Same) -> tuple[Light, ...]:
     linked: dict[tuple[int, int], list[Instances]] = {}
     for block in same.scene.instances:
         linked.setdefault((block.receivers, block.blockers), []).append(block)

@@ -18,6 +18,7 @@ import numpy as np
 from ..accelerator import Accelerator
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Instances, Light, Mesh, Openings, Scene
+from .same import Same
 
 Array = np.ndarray
 
@@ -71,7 +72,9 @@ def openings(scene: Scene) -> Openings | None:
     """Where the surfaces of a scene leave rooms open to the sky; None where they do nowhere, or
     everywhere. They do not depend on lights or the camera.
     """
-    return _found(_Same(scene)) if scene.instances else None
+    if not scene.instances:
+        return None
+    return _found(Same(scene, *scene.geometries, *scene.instances, *scene.materials))
 
 
 def opened(light: Light, scene: Scene) -> Light:
@@ -121,25 +124,8 @@ def density(found: Openings, x: Array, d: Array) -> Array:
     return total
 
 
-class _Same:
-    """The surfaces of a scene as a key: equal where they are the same objects."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self._things = (*scene.geometries, *scene.instances, *scene.materials)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and (
-            len(self._things) == len(other._things)
-            and all(a is b for a, b in zip(self._things, other._things, strict=True))
-        )
-
-    def __hash__(self) -> int:
-        return hash(tuple(map(id, self._things)))
-
-
 @functools.lru_cache(maxsize=2)
-def _found(same: _Same) -> Openings | None:
+def _found(same: Same) -> Openings | None:
     scene = same.scene
     point, normal = _probes(scene)
     if not len(point):

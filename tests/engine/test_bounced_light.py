@@ -168,8 +168,8 @@ def wall_over_ground(*lights: Light) -> Scene:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_ground_without_end_lights_a_wall_by_half(backend: str) -> None:
-    """A sun straight above grazes the wall. The ground is 10 000 times as wide as the wall, and
-    discs that are half as wide as they are far away overlap by ln 3 - 1: a tenth.
+    """A sun straight above grazes the wall. The ground is 10 000 times as wide as the wall. Discs
+    of a radius κ times their distance cover it -ln(1 - κ²)/κ² times: 1.1 for κ = 0.42.
     """
     found = added(wall_over_ground(lamp("SUN", strength=2.0)), backend, samples=256)
     truth = 2.0 / np.pi * ALBEDO / 2
