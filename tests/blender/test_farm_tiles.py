@@ -147,7 +147,7 @@ def _texts(path: Path) -> dict[str, str]:
 @pytest.mark.slow
 def test_other_programs_can_merge_tiles(tmp_path):
     """They lie at their places in the frame, under Blender's names of channels: OpenImageIO's paste
-    (`oiiotool --paste +0+0`) makes the frame.
+    (`oiiotool … --paste:all=1:mergeroi=1 +0+0`) makes the frame.
     """
     shot = Shot(tmp_path)
     run = shot.blender.run(MAKE + EVERY_PASS + BOTH)
