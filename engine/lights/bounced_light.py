@@ -32,9 +32,9 @@ POINTS = 1 << 13
 """About so many points, of all bounces together."""
 BESIDE, NEIGHBOURS = 24, 8
 """A point's surroundings are a disc to the eighth of so many to each side of it."""
-MERGED = 1.5
+MERGED = 1.25
 """As `mesh_lights.MERGED`: fewer, as these points are strewn less evenly, and discs."""
-GROWTH = 0.25
+GROWTH = 0.15
 """How much wider than a neighbour's a disc may be for each unit that it is away: where discs of a
 radius κ times their distance lie, they cover a surface -ln(1 - κ²)/κ² times.
 """
