@@ -4,7 +4,7 @@
 #   make render BPY=4.2.x                                with another Blender: 4.2.x, 4.5.x, 5.0.x (default), 5.2.x
 #   make test ARGS="-k camera"                           pass options to pytest
 
-.PHONY: help setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet references lint clean
+.PHONY: help setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet references lint manual clean
 .DEFAULT_GOAL := help
 
 BPY ?=
@@ -23,7 +23,7 @@ GO := $(START) packaging
 
 help:
 	@awk '/^#/ { sub(/^# ?/, ""); print; next } { exit }' Makefile
-	@echo "targets: setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet references lint clean"
+	@echo "targets: setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet references lint manual clean"
 
 setup:
 	@$(GO)/environment.py --bpy "$(BPY)"
@@ -66,6 +66,9 @@ references:
 
 lint:
 	@$(GO)/lint.py --bpy "$(BPY)"
+
+manual:
+	@$(GO)/manual.py --bpy "$(BPY)"
 
 clean:
 	rm -rf build dist out .pytest_cache .ruff_cache .hypothesis

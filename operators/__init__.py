@@ -18,6 +18,20 @@ def unregister() -> None:
 
 
 def _modules() -> list[ModuleType]:
-    from . import add_demo_scene, command_line, compare_cycles, explain_pixel, measure_scene
+    from . import (
+        add_demo_scene,
+        command_line,
+        compare_cycles,
+        explain_pixel,
+        measure_scene,
+        switch_engine,
+    )
 
-    return [add_demo_scene, measure_scene, compare_cycles, explain_pixel, command_line]
+    return [
+        add_demo_scene,
+        switch_engine,
+        measure_scene,
+        compare_cycles,
+        explain_pixel,
+        command_line,
+    ]

@@ -16,6 +16,7 @@ import bpy
 from .. import engine
 from ..addon.render.stamp import manifest
 from ..engine.analysis.trade import KNOBS, SIDE, SQUARES
+from .tiles import Grid
 
 _INTERRUPTED = 130
 """Exit code after Ctrl-C, as in a shell."""
@@ -72,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
             "--check finds one that is not the scene's",
         )
     )
+    _add_merge(actions.add_parser("merge", help="make frames of tiles that were drawn apart"))
     _add_job(actions.add_parser("job", help="write a job for a render farm"))
     verify = actions.add_parser(
         "verify",
@@ -173,12 +175,36 @@ def _add_target(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(act=_target)
 
 
-def _add_frames(parser: argparse.ArgumentParser) -> None:
+def _grid(text: str) -> Grid:
+    """Tiles of a frame."""
+    try:
+        return Grid.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _add_which_frames(parser: argparse.ArgumentParser, tiles: str, *, required: bool) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
     parser.add_argument("frames", help="such as 1-240, 1-240:2 or 1,5,9")
     parser.add_argument("--out", type=Path, required=True, help="folder for the pictures")
+    parser.add_argument("--tiles", type=_grid, metavar="CxR", required=required, help=tiles)
+    parser.add_argument(
+        "--threads", type=int, default=0, metavar="N", help="to draw with; the file's if left out"
+    )
+
+
+def _add_frames(parser: argparse.ArgumentParser) -> None:
+    _add_which_frames(parser, "columns and rows that a frame is cut into", required=False)
+    parser.add_argument(
+        "--tile", type=_count, metavar="K", help="the one to draw, from 1 at the bottom left"
+    )
     parser.add_argument("--check", action="store_true", help="draw nothing, say what is there")
     parser.set_defaults(act=_frames)
+
+
+def _add_merge(parser: argparse.ArgumentParser) -> None:
+    _add_which_frames(parser, "columns and rows that the frames were cut into", required=True)
+    parser.set_defaults(act=_merge)
 
 
 def _add_job(parser: argparse.ArgumentParser) -> None:
@@ -186,6 +212,9 @@ def _add_job(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--engine", choices=["openjd"], required=True, help="of the farm")
     parser.add_argument("--frames", required=True, help="such as 1-240, 1-240:2 or 1,5,9")
     parser.add_argument("--per-task", type=_count, default=10, metavar="N", help="frames of a task")
+    parser.add_argument(
+        "--tiles", type=_grid, metavar="CxR", help="columns and rows to cut each frame into"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for the pictures")
     parser.add_argument(
         "--template", type=Path, help="file to write; beside the .blend file if left out"
@@ -249,28 +278,56 @@ def _frames(options: argparse.Namespace) -> int:
     from . import farm
 
     numbers = farm.frame_numbers(options.frames)
-    scene, _ = _open(options.file)
     if options.check:
+        if options.tiles or options.tile:
+            raise ValueError("--check looks at whole frames: leave out --tiles and --tile")
+        scene, _ = _open(options.file)
         verdicts = []
         for is_good, line in farm.check_frames(scene, numbers, options.out):
             verdicts.append(is_good)
             _tell([line])
         _tell([f"{sum(verdicts)} of {len(verdicts)} frames verified"])
         return 0 if all(verdicts) else 1
-    for line in farm.draw_frames(scene, numbers, options.out):
+    if (options.tiles is None) != (options.tile is None):
+        raise ValueError("--tiles says how a frame is cut and --tile which part to draw: give both")
+    scene = _open_for_frames(options)
+    if options.tile is None:
+        lines = farm.draw_frames(scene, numbers, options.out)
+    else:
+        lines = farm.draw_tiles(scene, numbers, options.out, options.tiles, options.tile)
+    for line in lines:
         _tell([line])
     return 0
 
 
-def _job(options: argparse.Namespace) -> int:
+def _merge(options: argparse.Namespace) -> int:
     from . import farm
+
+    numbers = farm.frame_numbers(options.frames)
+    scene = _open_for_frames(options)
+    for line in farm.merge_frames(scene, numbers, options.out, options.tiles):
+        _tell([line])
+    return 0
+
+
+def _open_for_frames(options: argparse.Namespace) -> bpy.types.Scene:
+    scene, _ = _open(options.file)
+    if options.threads > 0:
+        scene.glint.final.threads = options.threads
+    return scene
+
+
+def _job(options: argparse.Namespace) -> int:
+    from . import farm_jobs
 
     if not options.file.is_file():
         raise ValueError(f"there is no file {options.file}")
     place = options.template or options.file.with_suffix(".openjd.json")
-    template = farm.job_template(options.file, options.frames, options.per_task, options.out, place)
+    template = farm_jobs.job_template(
+        options.file, options.frames, options.per_task, options.out, place, options.tiles
+    )
     place.write_text(json.dumps(template, indent=2) + "\n", encoding="utf-8")
-    more = farm.without_default(template, {"Scene": options.file, "Out": options.out})
+    more = farm_jobs.without_default(template, {"Scene": options.file, "Out": options.out})
     run = ["openjd", "run", str(place), "--step", "Check", "--run-dependencies", *more]
     _tell([f"wrote {place}; to run it on this machine: {shlex.join(run)}"])
     return 0
@@ -307,6 +364,7 @@ def _progress() -> Callable[[float], None]:
 
 def _tell(lines: list[str]) -> None:
     sys.stdout.write("".join(f"{line}\n" for line in lines))
+    sys.stdout.flush()  # a worker that is killed has told how far it came
 
 
 def register() -> None:

@@ -1,5 +1,5 @@
-"""Frames for render farms: each is drawn once, is there whole or not at all, and says by its stamp
-whether it is the scene's; and the Open Job Description template that hands them out.
+"""Frames for render farms, and their tiles: each is drawn once, is there whole or not at all, and
+says by its stamp whether it is the scene's.
 """
 
 from __future__ import annotations
@@ -7,15 +7,19 @@ from __future__ import annotations
 import os
 import re
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import bpy
 
+from .. import engine
 from ..addon.export.images.images import IS_MAGENTA
 from ..addon.render import final, stamp, statistics
+from ..addon.render.interrupts import interrupts_held
+from . import tiles
 from .pictures import check_whole, header_texts
+from .tiles import Grid
 from .verify import read_stamps
 
 _FORMATS = ("PNG", "OPEN_EXR", "OPEN_EXR_MULTILAYER")
@@ -72,69 +76,157 @@ class Frames:
         name = f"{self._stem}_{frame:04d}{self._scene.render.file_extension}"
         return self._folder / name
 
+    def tile_path(self, frame: int, grid: Grid, tile: int) -> Path:
+        """Where a tile is until its frame is whole."""
+        return self._folder / f"{self._stem}_{frame:04d}.{grid}-{tile}.exr"
+
     def state(self, frame: int) -> str:
         """ "" where the frame is there and its stamps are those that the scene would give now, else
         what is wrong with it. Reads the scene, and traces nothing.
         """
-        path = self.path(frame)
-        if not path.is_file():
-            return "missing"
-        try:
-            check_whole(path)
-            stamps = read_stamps(header_texts(path))
-        except (OSError, ValueError) as error:
-            return str(error)
-        wanted = self._stamps(frame)
-        if stamps.keys() != wanted.keys():
-            return "of other view layers" if stamps else "without a stamp"
-        changed = sorted(
-            {
-                field
-                for layer, fields in wanted.items()
-                for field, text in fields.items()
-                if stamps[layer][field] != text
-            }
-        )
-        return f"of another {', '.join(changed)}" if changed else ""
+        stamps, wrong = _stamps_of(self.path(frame))
+        return wrong or _difference(stamps, self._jobs(frame))
 
     def draw(self, frame: int) -> None:
         """Render a frame under another name, look at what was written, and give it its own name.
         Raises RuntimeError, ValueError or OSError with the reason; then nothing has its name.
         """
-        path, scene = self.path(frame), self._scene
-        self._folder.mkdir(parents=True, exist_ok=True)
-        worker = f"{socket.gethostname()}-{os.getpid()}"
-        part = path.with_name(f".{path.stem}.{worker}{path.suffix}")
+        try:
+            with _hidden(self.path(frame)) as part:
+                self._render(frame, part)
+        except OSError:
+            if self.state(frame):  # not drawn meanwhile by another worker, which then cleaned up
+                raise
+
+    def draw_tile(self, frame: int, grid: Grid, tile: int) -> str:
+        """The same of a tile, where neither it nor its frame is there as the scene gives it now;
+        "" or what was wrong with the tile.
+        """
+        jobs, path = self._jobs(frame), self.tile_path(frame, grid, tile)
+        stamps, wrong = _stamps_of(self.path(frame))
+        if not (wrong or _difference(stamps, jobs)):
+            return ""
+        stamps, wrong = _stamps_of(path)
+        wrong = wrong or _difference(stamps, jobs)
+        if wrong:
+            drawn = []
+            with interrupts_held() as is_interrupted, _hidden(path) as part:
+                for job in jobs:
+                    region = grid.region(tile, tiles.whole_region(job))
+                    film = tiles.draw_tile(job, region, is_interrupted)
+                    _check_images(frame, (*job.notes, *film.notes))
+                    drawn.append((job, region, film))
+                tiles.write_tile(part, f"{tile} of {grid}", drawn)
+                check_whole(part)
+        return wrong
+
+    def merge(self, frame: int, grid: Grid) -> str:
+        """Give Blender the tiles of a frame as if it had been drawn here, and take the tiles away;
+        "" where the frame is there already as the scene gives it now, else what was wrong with it.
+        Raises ValueError or OSError where a tile is not as the scene gives it now.
+        """
+        jobs = self._jobs(frame)
+        stamps, wrong = _stamps_of(self.path(frame))
+        wrong = wrong or _difference(stamps, jobs)
+        paths = [self.tile_path(frame, grid, tile) for tile in range(1, grid.count + 1)]
+        if wrong:
+            films = self._merged(frame, grid, paths, jobs)
+            with final.films_from(lambda job: films[job.title]):
+                self.draw(frame)
+        for path in paths:
+            path.unlink(missing_ok=True)
+        return wrong
+
+    def _merged(
+        self, frame: int, grid: Grid, paths: list[Path], jobs: list[final.Job]
+    ) -> dict[str, engine.Film]:
+        """Title of a job → the film of its whole frame."""
+        found = []
+        for tile, path in enumerate(paths, start=1):
+            stamps, wrong = _stamps_of(path)
+            wrong = wrong or _difference(stamps, jobs)
+            if wrong:
+                raise ValueError(
+                    f"frame {frame}: tile {tile} of {grid} is {wrong}: draw it first (frames "
+                    f"--tiles {grid} --tile {tile})"
+                )
+            found.append(tiles.read_tile(path))
+        return {
+            job.title: tiles.merge(tiles.whole_region(job), [part[job.title] for part in found])
+            for job in jobs
+        }
+
+    def _render(self, frame: int, part: Path) -> None:
+        scene = self._scene
         scene.frame_set(frame)
         scene.render.filepath, scene.render.use_file_extension = str(part), True
         statistics.forget(scene.name)
-        try:
-            bpy.ops.render.render(write_still=True, scene=scene.name)
-            check_whole(part)
-            if not read_stamps(header_texts(part)):
-                raise ValueError(
-                    f"frame {frame} has no stamp: Glint must draw it itself (no strips, a view "
-                    "layer that renders)"
-                )
-            self._check_images(frame)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-        for left in path.parent.glob(f".{path.stem}.*{path.suffix}"):  # of workers that were killed
-            left.unlink(missing_ok=True)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        check_whole(part)
+        if not read_stamps(header_texts(part)):
+            raise ValueError(
+                f"frame {frame} has no stamp: Glint must draw it itself (no strips, a view "
+                "layer that renders)"
+            )
+        layers = statistics.by_layer(scene.name).values()
+        _check_images(frame, [note for layer in layers for note in layer.notes])
 
-    def _check_images(self, frame: int) -> None:
-        layers = statistics.by_layer(self._scene.name).values()
-        missing = [note for layer in layers for note in layer.notes if IS_MAGENTA in note]
-        if missing:
-            raise ValueError(f"frame {frame}: {missing[0]}")
-
-    def _stamps(self, frame: int) -> dict[str, dict[str, str]]:
-        """View layer → what its stamp would say, but for the hash of the pixels."""
+    def _jobs(self, frame: int) -> list[final.Job]:
+        """What a render of the frame would trace."""
         self._scene.frame_set(frame)
         with final.reading_only() as jobs:
             bpy.ops.render.render(scene=self._scene.name)
-        return {job.title: stamp.expected(job.scene, job.settings, job.frame) for job in jobs}
+        return jobs
+
+
+@contextmanager
+def _hidden(path: Path) -> Iterator[Path]:
+    """Another name in the same folder, to write to and to look at; what is there at the end gets
+    its own.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    worker = f"{socket.gethostname()}-{os.getpid()}"
+    part = path.with_name(f".{path.stem}.{worker}{path.suffix}")
+    try:
+        yield part
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    for left in path.parent.glob(f".{path.stem}.*{path.suffix}"):  # of workers that were killed
+        left.unlink(missing_ok=True)
+
+
+def _stamps_of(path: Path) -> tuple[dict[str, dict[str, str]], str]:
+    """What stands in a file, and what is wrong with it."""
+    if not path.is_file():
+        return {}, "missing"
+    try:
+        check_whole(path)
+        return read_stamps(header_texts(path)), ""
+    except (OSError, ValueError) as error:
+        return {}, str(error)
+
+
+def _difference(stamps: Mapping[str, Mapping[str, str]], jobs: Sequence[final.Job]) -> str:
+    """From what the stamps of these jobs would say, but for the hash of the pixels."""
+    wanted = {job.title: stamp.expected(job.scene, job.settings, job.frame) for job in jobs}
+    if stamps.keys() != wanted.keys():
+        return "of other view layers" if stamps else "without a stamp"
+    changed = sorted(
+        {
+            field
+            for layer, fields in wanted.items()
+            for field, text in fields.items()
+            if stamps[layer][field] != text
+        }
+    )
+    return f"of another {', '.join(changed)}" if changed else ""
+
+
+def _check_images(frame: int, notes: Sequence[str]) -> None:
+    missing = [note for note in notes if IS_MAGENTA in note]
+    if missing:
+        raise ValueError(f"frame {frame}: {missing[0]}")
 
 
 def draw_frames(scene: bpy.types.Scene, numbers: list[int], folder: Path) -> Iterator[str]:
@@ -147,6 +239,29 @@ def draw_frames(scene: bpy.types.Scene, numbers: list[int], folder: Path) -> Ite
         yield f"frame {number}: {f'drawn (was {before})' if before else 'there'}"
 
 
+def draw_tiles(
+    scene: bpy.types.Scene, numbers: list[int], folder: Path, grid: Grid, tile: int
+) -> Iterator[str]:
+    """The same of a tile of each frame."""
+    frames = Frames(scene, folder)
+    for number in numbers:
+        before = frames.draw_tile(number, grid, tile)
+        yield (
+            f"frame {number}, tile {tile} of {grid}: "
+            f"{f'drawn (was {before})' if before else 'there'}"
+        )
+
+
+def merge_frames(
+    scene: bpy.types.Scene, numbers: list[int], folder: Path, grid: Grid
+) -> Iterator[str]:
+    """Make frames of their tiles; a line for each."""
+    frames = Frames(scene, folder)
+    for number in numbers:
+        before = frames.merge(number, grid)
+        yield f"frame {number}: {f'merged (was {before})' if before else 'there'}"
+
+
 def check_frames(
     scene: bpy.types.Scene, numbers: list[int], folder: Path
 ) -> Iterator[tuple[bool, str]]:
@@ -155,66 +270,3 @@ def check_frames(
     for number in numbers:
         state = frames.state(number)
         yield not state, f"{number:6d}  {state or 'verified'}"
-
-
-def job_template(blend: Path, text: str, chunk: int, folder: Path, place: Path) -> dict[str, Any]:
-    """The template that draws these frames into a folder, several at a time, and then looks at all
-    of them. place: of the template; only paths below its folder can be defaults there.
-    """
-    numbers = frame_numbers(text)
-    task = ["-b", "--command", "glint", "frames", "{{Param.Scene}}"]
-    where = ["--out", "{{Param.Out}}"]
-    return {
-        "specificationVersion": "jobtemplate-2023-09",
-        "extensions": ["TASK_CHUNKING"],
-        "name": f"{blend.stem[:40]}, {len(numbers)} frames",
-        "parameterDefinitions": [
-            _path("Scene", "FILE", "IN", blend, place),
-            _path("Out", "DIRECTORY", "OUT", folder, place),
-            {"name": "Frames", "type": "STRING", "default": text},
-            {"name": "FramesPerTask", "type": "INT", "default": chunk, "minValue": 1},
-            {"name": "Blender", "type": "STRING", "default": bpy.app.binary_path or "blender"},
-        ],
-        "steps": [
-            {
-                "name": "Frames",
-                "parameterSpace": {
-                    "taskParameterDefinitions": [
-                        {
-                            "name": "Frames",
-                            "type": "CHUNK[INT]",
-                            "range": "{{Param.Frames}}",
-                            "chunks": {
-                                "defaultTaskCount": "{{Param.FramesPerTask}}",
-                                "rangeConstraint": "NONCONTIGUOUS",
-                            },
-                        }
-                    ]
-                },
-                "script": _script([*task, "{{Task.Param.Frames}}", *where]),
-            },
-            {
-                "name": "Check",
-                "dependencies": [{"dependsOn": "Frames"}],
-                "script": _script([*task, "{{Param.Frames}}", *where, "--check"]),
-            },
-        ],
-    }
-
-
-def _script(arguments: list[str]) -> dict[str, Any]:
-    return {"actions": {"onRun": {"command": "{{Param.Blender}}", "args": arguments}}}
-
-
-def _path(name: str, kind: str, flow: str, path: Path, place: Path) -> dict[str, str]:
-    told = {"name": name, "type": "PATH", "objectType": kind, "dataFlow": flow}
-    top = place.resolve().parent
-    if path.resolve().is_relative_to(top):
-        told["default"] = path.resolve().relative_to(top).as_posix()
-    return told
-
-
-def without_default(template: dict[str, Any], values: dict[str, Path]) -> list[str]:
-    """What has to be given on the command line of `openjd run`."""
-    given = [told["name"] for told in template["parameterDefinitions"] if "default" not in told]
-    return [word for name in given for word in ("-p", f"{name}={values[name].resolve()}")]

@@ -50,7 +50,7 @@ def read_planes(path: Path) -> dict[str, np.ndarray] | None:
     """Every channel of every layer by name, (h, w) float32 each, row 0 at the bottom; None for a
     multilayer file where this Blender has no OpenImageIO to look into it.
     """
-    oiio = _open_image_io()
+    oiio = _find_image_io()
     if oiio is None:
         return (
             None
@@ -70,7 +70,18 @@ def read_planes(path: Path) -> dict[str, np.ndarray] | None:
     return planes
 
 
-def _open_image_io() -> ModuleType | None:
+def open_image_io() -> ModuleType:
+    """The module OpenImageIO. Raises RuntimeError where this Blender has none."""
+    oiio = _find_image_io()
+    if oiio is None:
+        raise RuntimeError(
+            "this Blender has no OpenImageIO, which tiles are kept with: install it into its "
+            "Python (pip install OpenImageIO), or draw whole frames"
+        )
+    return oiio
+
+
+def _find_image_io() -> ModuleType | None:
     """Blender's wheel hides its OpenImageIO until it is asked; the one of 4.2 has none."""
     if hasattr(bpy.utils, "expose_bundled_modules"):
         bpy.utils.expose_bundled_modules()

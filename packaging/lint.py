@@ -1,5 +1,5 @@
 """`make lint`: ruff's rules and format over the Python of the tree; clang-format over the C++, and
-one statement a line there.
+one statement a line there; the manual's page of messages.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import subprocess
 
 import commas
 import environment
+import messages
 import tree
 
 
@@ -22,7 +23,7 @@ def main() -> int:
         [programs / "ruff", "format", "--check", "."],
         [programs / "clang-format", "--dry-run", "--Werror", *sources],
     )
-    joined = commas.problems(sources)
+    joined = commas.problems(sources) + messages.problems()
     print(*joined, sep="\n", end="\n" if joined else "")
     codes = [
         subprocess.run([str(word) for word in check], cwd=tree.ROOT).returncode for check in checks

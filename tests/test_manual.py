@@ -35,7 +35,15 @@ def setting_names(path: Path) -> Iterator[str]:
             )
 
 
-@pytest.mark.parametrize("module", ["addon/ui/panels.py", "addon/ui/sphere.py"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "addon/ui/panels.py",
+        "addon/ui/sphere.py",
+        "operators/measure_scene.py",
+        "operators/switch_engine.py",
+    ],
+)
 def test_every_panel_is_in_the_manual(module):
     labels = list(panel_labels(ROOT / module))
     assert labels

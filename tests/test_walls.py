@@ -59,6 +59,8 @@ MEASURES = {
 }
 ADDONS_DOOR = {
     "addon.render.final",
+    "addon.render.interrupts",
+    "addon.render.result",
     "addon.ui.lines",
     "addon.render.stamp",
     "addon.render.statistics",

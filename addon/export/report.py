@@ -6,6 +6,17 @@ SHOWN = 4
 """Names that a note spells out before it counts the rest."""
 
 
+class Note(str):
+    """A sentence, and the names of all things that it is about, those that it counts too."""
+
+    names: tuple[str, ...]
+
+    def __new__(cls, sentence: str, names: tuple[str, ...] = ()) -> Note:
+        note = super().__new__(cls, sentence)
+        note.names = names
+        return note
+
+
 class Report:
     """Collects notes. The same note is kept once; notes of one kind share a sentence that lists the
     things it is about.
@@ -31,12 +42,12 @@ class Report:
         for sentence, names in other._names.items():
             self._names.setdefault(sentence, {}).update(names)
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Note, ...]:
         """One sentence per kind of note, in the order in which they came up first, each on one line
         whatever the names hold.
         """
         return tuple(
-            _on_one_line(sentence.replace("{}", _listed(list(names))))
+            Note(_on_one_line(sentence.replace("{}", _listed(list(names)))), tuple(names))
             for sentence, names in self._names.items()
         )
 

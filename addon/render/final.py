@@ -64,6 +64,7 @@ class Job:
 
 
 _readers: list[list[Job]] = []
+_painters: list[Callable[[Job], engine.Film]] = []
 _decoded = Decoded() if bpy.app.background else None
 """For the frames of animations. Where a person works, the memory between renders is theirs."""
 
@@ -79,6 +80,18 @@ def reading_only() -> Iterator[list[Job]]:
         yield jobs
     finally:
         _readers.remove(jobs)
+
+
+@contextmanager
+def films_from(painter: Callable[[Job], engine.Film]) -> Iterator[None]:
+    """Renders within read the scene as ever, and `painter` gives their films instead of a tracer:
+    what was drawn elsewhere reaches Blender's passes and files as if it had been drawn here.
+    """
+    _painters.append(painter)
+    try:
+        yield
+    finally:
+        _painters.remove(painter)
 
 
 def prepare(
@@ -225,14 +238,17 @@ def _trace(
         progress.end_wave(film, film.samples / job.settings.samples)
         picture.show(film)
 
-    draw = engine.render if job.renderer is None else job.renderer.render
-    film = draw(
-        job.scene,
-        replace(job.settings, passes=passes | {"Error"}) if is_seen else job.settings,
-        should_stop=should_stop,
-        on_progress=lambda fraction: progress.trace(fraction, job.settings),
-        on_wave=None if bpy.app.background else show,
-    )
+    if _painters and not job.preview:
+        film = _painters[-1](job)
+    else:
+        draw = engine.render if job.renderer is None else job.renderer.render
+        film = draw(
+            job.scene,
+            replace(job.settings, passes=passes | {"Error"}) if is_seen else job.settings,
+            should_stop=should_stop,
+            on_progress=lambda fraction: progress.trace(fraction, job.settings),
+            on_wave=None if bpy.app.background else show,
+        )
     film = replace(
         film,
         passes={

@@ -130,6 +130,16 @@ def blender_name(name: str) -> str:
     return name if bpy.app.version >= (5, 0, 0) else _NAMES_BEFORE_5_0.get(name, name)
 
 
+def channel_names(name: str, count: int) -> list[str]:
+    """Of a film's pass in picture files: those that Blender 5 gives it, but that AOVs and light
+    groups keep their films' names.
+    """
+    if name in engine.CRYPTOMATTES:
+        return [f"{_crypto_name(name, k // 4)}.{'RGBA'[k % 4]}" for k in range(count)]
+    letters = _CHANNELS.get(name, {1: "X", 3: "RGB", 4: "RGBA"}[count])
+    return [f"{name}.{letter}" for letter in letters]
+
+
 def register_passes(
     render_engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
 ) -> None:

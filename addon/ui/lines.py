@@ -20,12 +20,16 @@ _FEWEST = 16
 
 
 def draw_text(
-    column: bpy.types.UILayout, lines: Iterable[str], region: bpy.types.Region, bullet: str = ""
+    column: bpy.types.UILayout,
+    lines: Iterable[str],
+    region: bpy.types.Region,
+    bullet: str = "",
+    beside: int = 0,
 ) -> None:
-    """Draw lines, broken to the width of the region. They are set in by four spaces and their
-    own.
+    """Draw lines, broken to the width of the region less the pixels that something takes `beside`
+    them. They are set in by four spaces and their own.
     """
-    width = region.width / bpy.context.preferences.system.ui_scale - _MARGIN
+    width = region.width / bpy.context.preferences.system.ui_scale - _MARGIN - beside
     for line in lines:
         text = line.lstrip(" ")
         indent = " " * (4 + len(line) - len(text))

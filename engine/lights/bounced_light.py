@@ -32,8 +32,14 @@ POINTS = 1 << 13
 """About so many points, of all bounces together."""
 BESIDE, NEIGHBOURS = 24, 8
 """A point's surroundings are a disc to the eighth of so many to each side of it."""
-MERGED = 2
+MERGED = 1.25
 """As `mesh_lights.MERGED`: fewer, as these points are strewn less evenly, and discs."""
+GROWTH = 0.15
+"""How much wider than a neighbour's a disc may be for each unit that it is away: where discs of a
+radius κ times their distance lie, they cover a surface -ln(1 - κ²)/κ² times.
+"""
+SMALLEST = 1 / 16
+"""Of their area discs keep."""
 MOST_MORE = 8
 """Times as many walks where few of them meet anything."""
 PILOT = 8
@@ -79,7 +85,7 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
     """What tracers know of a BOUNCED light of which each of `samples` samples of a pixel takes
     `each` points, as `mesh_lights.mesh_table`.
     """
-    b = light.bounces
+    b = _even(light.bounces, each)
     count = tabled(samples, each)
     u = dome_points(count)
     index, share = _taken(b, count)
@@ -98,6 +104,25 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
         b.caught[index],
         b.light_group[index],
     )
+
+
+def _even(b: Bounces, each: int) -> Bounces:
+    """The same light of discs, `each` of which a sample takes, that grow at most by GROWTH from
+    one to the next.
+    """
+    radii = np.sqrt(b.spreads / (MERGED * np.pi * each))
+    least = radii.copy()
+    # in the order of a curve, by ever longer steps: what one pass misses chains of the next reach
+    for _ in range(2):
+        step = 1
+        while step < len(radii):
+            grown = GROWTH * np.sqrt(((b.points[step:] - b.points[:-step]) ** 2).sum(1))
+            before = least[:-step].copy()
+            least[:-step] = np.minimum(before, least[step:] + grown)
+            least[step:] = np.minimum(least[step:], before + grown)
+            step *= 2
+    kept = np.maximum((least / radii) ** 2, SMALLEST)
+    return replace(b, spreads=b.spreads * kept, radiance=b.radiance / kept[:, None])
 
 
 def _taken(b: Bounces, count: int) -> tuple[Array, Array]:

@@ -26,8 +26,6 @@ SKY_DRAWS = 1 / 8
 """Directions that highlights draw for each of the sky's."""
 MOST_PAIRS = 1 << 21
 """Of rays and triangles that are tested at once."""
-SMALLEST = 1 / 16
-"""Of their area discs of bounced light keep."""
 ROUNDED = 8 * 2.0**-24
 """Of coordinates: what single precision may move things by."""
 
@@ -293,16 +291,8 @@ class BouncedSource(MeshSource):
     def seen_from(
         self, x: Array, n: Array, numbers: Sequence[int], count: int
     ) -> Callable[[MeshPoint], LightSample]:
-        """As discs, which are smaller where others of these points stand nearer."""
-        spacing2 = np.full(x.shape[1], np.inf)
-        for number in numbers:
-            to, facing = self._disc(x, n, number)
-            nearest = np.maximum(dot(to, to), self._radius2(number))
-            spacing2 = np.where(facing, np.minimum(spacing2, nearest), spacing2)
-        return lambda point: self.seen_disc(x, n, point.number, spacing2)
-
-    def _radius2(self, number: int) -> float:
-        return float(merged(self._table.spread[number], self._table.each, self.merged))
+        """As discs."""
+        return lambda point: self.seen_disc(x, n, point.number)
 
     def _disc(self, x: Array, n: Array, number: int) -> tuple[Array, Array]:
         """The way (3, k) to a point, and whether it and the points x with the normals n face each
@@ -317,15 +307,13 @@ class BouncedSource(MeshSource):
         at, normal = self._table.point[number], self._table.normal[number]
         return self._axes @ at[:, None] + self.position, unit(self._axes @ normal[:, None])
 
-    def seen_disc(self, x: Array, n: Array, number: int, spacing2: Array) -> LightSample:
-        """The disc of a point as x (3, k) with the normals n (3, k) see it, whose others are
-        spacing2 (k,) world units squared away: by its vector form factor, that of a ball in its
-        direction.
+    def seen_disc(self, x: Array, n: Array, number: int) -> LightSample:
+        """The disc of a point as x (3, k) with the normals n (3, k) see it: by its vector form
+        factor, that of a ball in its direction.
         """
         q, m = self._placed(number)
         to, facing = self._disc(x, n, number)
-        whole = self._radius2(number)
-        r2 = np.clip(spacing2, whole * SMALLEST, whole)
+        r2 = float(merged(self._table.spread[number], self._table.each, self.merged))
         h, d2 = -dot(to, m), dot(to, to)
         outside = d2 - r2
         apart = np.hypot(outside, 2 * np.sqrt(r2) * h)
@@ -340,7 +328,8 @@ class BouncedSource(MeshSource):
         size = length(form)
         share = self._table.spread[number] / (np.pi * self._table.each)
         z = dot(n, m)
-        more = 1 + mirrored(dot(n, to), np.sqrt(r2 * np.maximum(1 - z * z, 0.0)), size)
+        more = mirrored(dot(n, to), np.sqrt(r2 * np.maximum(1 - z * z, 0.0)), size)
+        more = 1 + np.clip(2 * (1 - z), 0.0, 1.0) * more
         return LightSample(
             unit(form),
             np.where(facing, share / r2 * size * more, 0.0),

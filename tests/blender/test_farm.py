@@ -14,40 +14,8 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("bpy")
-from blender_process import REGISTER_TREE, Blender, Run
+from farm_shot import PROGRAM, Shot
 from glint.operators import farm
-
-# What stands for the program `blender`: the bpy of this environment with the tree as its add-on.
-PROGRAM = (
-    f"#!{sys.executable}\nimport bpy\n"
-    + REGISTER_TREE
-    + """
-from glint.operators import command_line
-assert sys.argv[1:4] == ["-b", "--command", "glint"], sys.argv
-exit_code = command_line.run(sys.argv[4:])
-sys.exit(exit_code)
-"""
-)
-
-MAKE = (
-    REGISTER_TREE
-    + """
-bpy.ops.wm.read_homefile(use_factory_startup=True)
-scene = bpy.context.scene
-scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 16, 100
-scene.glint.final.samples = scene.glint.final.light_samples = 1
-scene.glint.final.backend = "NUMPY"
-image = scene.render.image_settings
-if hasattr(image, "media_type"):
-    image.media_type = "IMAGE"
-image.file_format = "OPEN_EXR"
-cube = bpy.data.objects["Cube"]
-cube.keyframe_insert("location", frame=1)
-cube.location.x = 1.0
-cube.keyframe_insert("location", frame=5)
-"""  # noqa: E501 - a script for another Blender
-)
-SAVE = 'bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "shot.blend"))\n'
 
 WITHOUT_TEXTURE = """
 material = cube.data.materials[0]
@@ -63,38 +31,9 @@ material.node_tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
 """
 
 
-class _Shot:
-    """A scene in a folder, and the program that draws it."""
-
-    def __init__(self, folder: Path) -> None:
-        self.blender, self.folder, self.out = Blender(folder), folder, folder / "frames"
-        self.program = folder / "blender"
-        self.program.write_text(PROGRAM)
-        self.program.chmod(0o755)
-
-    def make(self, more: str = "") -> None:
-        run = self.blender.run(MAKE + more + SAVE)
-        assert run.returncode == 0, run.output
-
-    def command(self, *words: str) -> list[str]:
-        return [str(self.program), "-b", "--command", "glint", *words]
-
-    def glint(self, *words: str, **options: object) -> Run:
-        return self.blender.start(self.command(*words), **options)
-
-    def frames(self, numbers: str, *more: str) -> Run:
-        blend = str(self.folder / "shot.blend")
-        return self.glint("frames", blend, numbers, "--out", str(self.out), *more)
-
-    @property
-    def names(self) -> list[str]:
-        """Of all files that are there, hidden ones too."""
-        return sorted(path.name for path in self.out.iterdir()) if self.out.exists() else []
-
-
 @pytest.fixture
-def shot(tmp_path: Path) -> _Shot:
-    return _Shot(tmp_path)
+def shot(tmp_path: Path) -> Shot:
+    return Shot(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +89,7 @@ def test_a_job_runs_draws_what_lacks_and_nothing_twice(shot):
         assert (shot.out / f"shot_{k:04d}.exr").read_bytes() == whole[f"shot_{k:04d}.exr"]
 
 
-def _openjd(shot: _Shot, template: Path) -> str:
+def _openjd(shot: Shot, template: Path) -> str:
     command = [sys.executable, "-m", "openjd", "run", str(template)]
     options = ["--step", "Check", "--run-dependencies", "-p", f"Blender={shot.program}"]
     run = subprocess.run([*command, *options], capture_output=True, text=True, timeout=300)

@@ -10,7 +10,7 @@ import pytest
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lights import met_surfaces
-from glint.engine.lights.bounced_light import bounced_light, bounced_table
+from glint.engine.lights.bounced_light import MERGED, bounced_light, bounced_table
 from glint.engine.reference.lights import above_horizon
 from glint.engine.reference.tabled_lights import BouncedSource
 from glint.engine.scene import (
@@ -114,9 +114,8 @@ def test_what_a_ball_throws_back_is_even_wherever_the_lamp_is(name: str) -> None
     light, power = LAMPS[name]
     truth = ALBEDO**2 * power / (4 * np.pi**2)  # radiance: albedo / π of the albedo of Φ / 4π
     found = added(room(light))
-    # what discs have beyond planes that touch a bent wall, they have beside the wall as well
-    assert np.abs(found.mean((0, 1)) / truth - 1).max() < 3 / 64
-    assert np.abs(found / truth - 1).max() < 0.12
+    assert np.abs(found.mean((0, 1)) / truth - 1).max() < 2 / 64
+    assert np.abs(found / truth - 1).max() < 0.08
 
 
 def test_so_is_it_where_a_panel_glows() -> None:
@@ -166,14 +165,17 @@ def wall_over_ground(*lights: Light) -> Scene:
     )
 
 
+@pytest.mark.parametrize("light_samples", [1, 2])
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_ground_without_end_lights_a_wall_by_half(backend: str) -> None:
+def test_a_ground_without_end_lights_a_wall_by_half(backend: str, light_samples: int) -> None:
     """A sun straight above grazes the wall. The ground is 10 000 times as wide as the wall. Discs
-    of a radius κ times their distance cover it -ln(1 - κ²)/κ² times: 1.1 for κ = 0.42.
+    of a radius κ times their distance cover it -ln(1 - κ²)/κ² times: 1.39 for κ = 0.7, as points
+    fall. So they grow less.
     """
-    found = added(wall_over_ground(lamp("SUN", strength=2.0)), backend, samples=256)
+    scene = wall_over_ground(lamp("SUN", strength=2.0))
+    found = added(scene, backend, samples=256, light_samples=light_samples)
     truth = 2.0 / np.pi * ALBEDO / 2
-    assert np.abs(found / truth - 1).max() < 0.12
+    assert np.abs(found / truth - 1).max() < 0.05
 
 
 def test_so_it_does_under_an_even_sky() -> None:
@@ -181,7 +183,7 @@ def test_so_it_does_under_an_even_sky() -> None:
     sky = Light("sky", "DOME", HERE, radiance=np.ones((4, 8, 3), np.float32))
     found = added(wall_over_ground(sky), samples=1024).mean((0, 1))
     truth = ALBEDO / 2
-    assert (found < 1.13 * truth).all()
+    assert (found < 1.05 * truth).all()
     assert (found > 0.95 * truth).all()
 
 
@@ -459,7 +461,7 @@ def test_the_form_factor_of_a_disc() -> None:
     normal = table.normal[0]
     up, side = normal, np.cross(normal, (0.3, 0.5, 0.8))
     side = side / np.linalg.norm(side)
-    radius = np.sqrt(table.spread[0] / (2 * np.pi * 4))
+    radius = np.sqrt(table.spread[0] / (MERGED * np.pi * 4))
     place, turn = np.meshgrid((np.arange(600) + 0.5) / 600, (np.arange(600) + 0.5) / 600)
     across = np.cross(up, side)
     disc = (
@@ -477,7 +479,7 @@ def test_the_form_factor_of_a_disc() -> None:
         d2 = (to**2).sum(-1)
         weight = -(to @ up) / d2**2 / np.pi
         truth = (to * weight[..., None]).mean((0, 1)) * np.pi * radius**2
-        seen = source.seen_disc(x[:, None], -up[:, None], 0, np.array([np.inf]))
+        seen = source.seen_disc(x[:, None], -up[:, None], 0)
         found = seen.direction[:, 0] * seen.round[0]
         assert np.abs(found - truth).max() < 2e-3 * np.abs(truth).max()
 

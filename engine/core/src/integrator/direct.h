@@ -27,11 +27,10 @@ struct SharedLight {
   std::vector<double> color_sums;              // as ShareStage has them
   std::vector<int64_t> near;                   // mask of points
   std::vector<std::vector<int64_t>> receives;  // masks, of lamps that light but some
-  Columns columns{15};
+  Columns columns{14};
   double *diffuse[3] = {}, *specular[3] = {}, *total = nullptr;  // as ShareStage has them
   double *asked[3] = {}, *passed[3] = {};  // of the samples asked: light, and what got through
   double* ones = nullptr;
-  double* spacing2 = nullptr;
   std::vector<double> given;
   std::vector<uint32_t> reaching;
   std::vector<AskedLamp> chosen, sorted;  // sorted: by sample

@@ -50,8 +50,7 @@ void place_sums(SharedLight& shared, size_t points) {
   for (auto* sum : {&shared.diffuse, &shared.specular, &shared.asked, &shared.passed})
     for (double*& column : *sum) column = columns[next++];
   shared.total = columns[next++];
-  shared.ones = columns[next++];
-  shared.spacing2 = columns[next];
+  shared.ones = columns[next];
   std::fill_n(shared.ones, columns.rows(), 1.0);
   for (size_t c = 0; c < 3; ++c) {
     std::fill_n(shared.asked[c], points, 0.0);
@@ -191,7 +190,6 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
     const LightPoint point = plan_.light_point(light, sample, j);
     if (alone_ && light.is_bounced() && !point.on_catcher) continue;
     LightStage stage = stage_;
-    stage.spacing2 = shared.spacing2;
     light.set(stage, point, count, plan_.physical);
     stage.lit = lit;
     for (const bool drawn : {false, true}) {
@@ -229,7 +227,6 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
     stage.n[c] = batch.points.n[c];
   }
   stage.total = shared.total;
-  stage.spacing2 = shared.spacing2;
   stage.clusters = shared.clusters.data();
   stage.cluster_count = shared.clusters.size();
   stage.clustered = shared.clustered;

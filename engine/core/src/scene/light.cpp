@@ -17,7 +17,7 @@ constexpr double kLeastWide =
 
 /// The share of a mesh light's point, of `count` a sample of a pixel, over the square of the least
 /// distance from which it is seen (MERGED of engine/lights/mesh_lights.py and of bounced_light.py).
-double merged(uint32_t count, bool bounced = false) { return (bounced ? 2 : 64) * kPi * count; }
+double merged(uint32_t count, bool bounced = false) { return (bounced ? 1.25 : 64) * kPi * count; }
 
 constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large
 

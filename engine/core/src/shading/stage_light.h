@@ -293,7 +293,7 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   if (!any(lit)) return false;
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
   const Sample at = given.at =
-      Shape == kBouncedSource ? sample_bounced(s, k, x, n) : sample<Shape>(s, x);
+      Shape == kBouncedSource ? sample_bounced(s, x, n) : sample<Shape>(s, x);
   const Doubles middle = dot(n, at.l),
                 cosine = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle;
   // Light from behind passes through fibres, but for what comes from matt surfaces.

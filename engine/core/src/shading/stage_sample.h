@@ -246,19 +246,18 @@ inline Doubles mirrored(const Doubles& height, const Doubles& reach, const Doubl
 }
 
 /// The disc that a point of bounced light stands for, by its vector form factor: the direction, and
-/// as `spread` the length, which is sin² of the half angle of a ball that gives as much. Where
-/// others stand nearer, the disc is smaller and brighter.
-inline Sample sample_bounced(const LightStage& s, size_t k, const Three& x, const Three& n) {
+/// as `spread` the length, which is sin² of the half angle of a ball that gives as much.
+inline Sample sample_bounced(const LightStage& s, const Three& x, const Three& n) {
   const Three q = splat3(s.end), m = splat3(s.axis), to = q - x;
-  const Doubles r2 = larger(smaller(load(s.spacing2 + k), splat(s.near2)), splat(s.near2 / 16)),
-                h = -dot(to, m), h2 = h * h, d2 = dot(to, to), outside = d2 - r2,
-                apart = root(outside * outside + 4 * r2 * h2),
+  const Doubles r2 = splat(s.near2), h = -dot(to, m), h2 = h * h, d2 = dot(to, to),
+                outside = d2 - r2, apart = root(outside * outside + 4 * r2 * h2),
                 along = choose(outside > 0, 2 * r2 * h2 / (apart * (apart + outside)),
                                0.5 * (apart - outside) / apart);
   const Three f = (2 * r2 * h / (apart * (apart + d2 + r2))) * (to + h * m) - along * m;
   const Doubles length = root(dot(f, f)), z = dot(n, m),
                 reach = root(r2 * larger(1 - z * z, splat(0))),
-                more = 1 + mirrored(dot(n, to), reach, length);
+                bent = smaller(2 * larger(1 - z, splat(0)), splat(1)),
+                more = 1 + bent * mirrored(dot(n, to), reach, length);
   return {(1 / length) * f, q + splat(s.size) * m,
           s.spread / (kCircle * s.share) / r2 * length * more, length,
           faces(s, to, n) & (length > 0)};

@@ -279,22 +279,6 @@ void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, si
   }
 }
 
-/// How near the samples stand that the points [first, end) face, and that face them.
-void find_spacing(const ShareStage& to, size_t first, size_t end) {
-  if (to.sample_count == 0 || to.samples[0].stage.shape != kBouncedSource) return;
-  for (size_t k = first; k < end; k += kLanes) {
-    const Three x = load3(to.x, k), n = load3(to.n, k);
-    Doubles nearest = splat(__builtin_inf());
-    for (size_t i = 0; i < to.sample_count; ++i) {
-      const LightStage& s = to.samples[i].stage;
-      const Three way = splat3(s.end) - x;
-      const Doubles here = smaller(nearest, larger(dot(way, way), splat(s.near2)));
-      nearest = choose(faces(s, way, n), here, nearest);
-    }
-    store(to.spacing2 + k, nearest);
-  }
-}
-
 size_t share(const ShareStage& s) {
   size_t found = 0;
   for (size_t first = 0; first < s.count; first += kShareBlock) {
@@ -306,7 +290,6 @@ size_t share(const ShareStage& s) {
     }
     BlockBounds bounds;
     if (!bound_block(s, first, end, bounds)) continue;
-    find_spacing(s, first, end);
     Reached reached;
     for (size_t i = 0; i < s.clustered; ++i)
       if (may_reach(s.samples[i], bounds))

@@ -367,8 +367,6 @@ struct LightStage {
                    // what comes from its two sides. spread: one over its density by area; near2:
                    // the least distance^2, or the disc's radius^2; size: how far before the surface
                    // segments end
-  const double* spacing2;  // kBouncedSource, of each point: the distance^2 of the nearest sample
-                           // that it faces, no less than that one's near2
   double right[3], up[3], size, half[2], near2, a,
       b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
           // of the distance within which it is seen large; the sample in the square
@@ -440,7 +438,6 @@ struct ShareStage {
   double offset;
   uint32_t asked;
   double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
-  double* spacing2;  // where the samples are kBouncedSource: LightStage's, to be found
   /// Those of the samples from `clustered` on; color_sums: a row of three channels before each
   /// sample and after the last, sums of the lamps' colours.
   const LampCluster* clusters;

@@ -1,0 +1,155 @@
+"""What settings of Cycles and Eevee are in Glint: which of Glint's follow from them, and which have
+no counterpart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ..engine.settings import DECLARED, OFFERED
+
+EEVEES = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
+NAMES = {"CYCLES": "Cycles", **dict.fromkeys(EEVEES, "Eevee")}
+"""Engine -> how people call it, of those that scenes can come from."""
+
+_FEWEST, _MOST = 16, 256
+"""Samples of a pixel that are taken over from a number of Cycles'."""
+_USUAL = {"final": 0.01, "viewport": 0.1}
+"""Cycles' own noise thresholds, for which Glint's own stands."""
+_FINEST, _COARSEST = 0.5, 16.0
+_GROUPS = ("final", "viewport")
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A setting of Glint that follows from one of another engine. group: "final" or "viewport".
+    source: what it follows from, in words.
+    """
+
+    group: str
+    name: str
+    value: Any
+    source: str
+
+    @property
+    def key(self) -> str:
+        return f"{self.group}.{self.name}"
+
+    @property
+    def label(self) -> str:
+        return f"{DECLARED[self.name].label} ({'Render' if self.group == 'final' else 'Viewport'})"
+
+
+def carried(scene: Any) -> list[Carried]:
+    """What follows from the settings of the scene's engine, one of `NAMES`."""
+    of_engine = _of_cycles if scene.render.engine == "CYCLES" else _of_eevee
+    return list(of_engine(scene))
+
+
+def without_counterpart(scene: Any) -> list[str]:
+    """What the scene's engine does by its settings and Glint does otherwise, where no note of the
+    export tells of it: a sentence each, with what to do.
+    """
+    of_engine = _unlike_cycles if scene.render.engine == "CYCLES" else _unlike_eevee
+    return list(of_engine(scene))
+
+
+def _of_cycles(scene: Any) -> Iterator[Carried]:
+    cycles = scene.cycles
+    for group, prefix in zip(_GROUPS, ("", "preview_"), strict=True):
+        samples = getattr(cycles, f"{prefix}samples")
+        yield Carried(
+            group,
+            "samples",
+            samples_for(samples),
+            f"Max Samples {samples}; what has no noise needs about their root",
+        )
+        is_adaptive = getattr(
+            cycles, "use_preview_adaptive_sampling" if prefix else "use_adaptive_sampling"
+        )
+        threshold = getattr(cycles, f"{prefix}adaptive_threshold")
+        yield Carried(
+            group,
+            "error_threshold",
+            levels_for(threshold, _USUAL[group]) if is_adaptive else 0.0,
+            f"Noise Threshold {threshold:.4g}" if is_adaptive else "Noise Threshold off",
+        )
+        mirrors = min(cycles.max_bounces, max(cycles.glossy_bounces, cycles.transmission_bounces))
+        yield Carried(
+            group,
+            "max_bounces",
+            _within("max_bounces", mirrors),
+            f"Glossy {cycles.glossy_bounces}, Transmission {cycles.transmission_bounces}, "
+            f"Total {cycles.max_bounces}",
+        )
+    diffuse = min(cycles.max_bounces, cycles.diffuse_bounces)
+    yield Carried(
+        "final",
+        "diffuse_bounces",
+        _within("diffuse_bounces", diffuse),
+        f"Diffuse {cycles.diffuse_bounces}, Total {cycles.max_bounces}",
+    )
+
+
+def _of_eevee(scene: Any) -> Iterator[Carried]:
+    eevee = scene.eevee
+    for group, name in zip(_GROUPS, ("taa_render_samples", "taa_samples"), strict=True):
+        samples = getattr(eevee, name)
+        chosen = min(_MOST, samples) if samples > 0 else OFFERED.samples  # 0: no end
+        yield Carried(group, "samples", chosen, f"Samples {samples}")
+
+
+def samples_for(samples: int) -> int:
+    """Samples without noise for a number of Cycles', 0 for no end: the power of two at or above
+    the root, as noise falls with the root of their number and what shared points miss with the
+    number itself.
+    """
+    if samples <= 0:
+        return OFFERED.samples
+    return min(_MOST, max(_FEWEST, 1 << math.ceil(math.log2(math.sqrt(samples)))))
+
+
+def levels_for(threshold: float, usual: float) -> float:
+    """Levels of a display for Cycles' noise threshold, 0 for its own choice; `usual` is its
+    default.
+    """
+    if threshold <= 0:
+        return OFFERED.error_threshold
+    levels = OFFERED.error_threshold * threshold / usual
+    return float(round(min(_COARSEST, max(_FINEST, levels)), 1))
+
+
+def _within(name: str, value: int) -> int:
+    return int(min(DECLARED[name].high, max(DECLARED[name].low, value)))
+
+
+def _unlike_cycles(scene: Any) -> Iterator[str]:
+    cycles, render = scene.cycles, scene.render
+    if cycles.filter_width != render.filter_size or cycles.pixel_filter_type != "BLACKMAN_HARRIS":
+        yield (
+            f"The pixel filter is {render.filter_size:.2f} px wide, in Cycles "
+            f"{cycles.filter_width:.2f} px: set Sampling → Pixel Filter"
+        )
+    if cycles.diffuse_bounces > DECLARED["diffuse_bounces"].high:
+        yield "Light bounces 8 times at most; what more bounces add can hardly be seen"
+    if cycles.sample_clamp_direct > 0:
+        yield "Clamp Direct is not rendered: very bright spots stay; lower their lights' power"
+    if cycles.use_fast_gi:
+        yield "Fast GI Approximation is not rendered: light bounces as Diffuse Bounces say"
+    if cycles.use_denoising:
+        yield "Denoise has no effect: there is no noise to take away"
+
+
+def _unlike_eevee(scene: Any) -> Iterator[str]:
+    eevee = scene.eevee
+    yield (
+        "Surfaces throw light onto each other, which Eevee shows by light probes and ray tracing "
+        "alone: set Diffuse Bounces to 0 for light from lamps and the world alone"
+    )
+    if not getattr(eevee, "use_raytracing", True):
+        yield "Mirrors and glass show the scene, also without Eevee's Ray Tracing"
+    if not getattr(eevee, "use_shadows", True):
+        yield "Shadows are off in Eevee: turn off Cast Shadow of the lights"
