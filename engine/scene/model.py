@@ -333,8 +333,8 @@ class Medium:
     @property
     def extinction(self) -> tuple[float, float, float]:
         """RGB, how much light that goes straight on loses a world unit."""
-        pairs = zip(self.absorption, self.scattering, strict=True)
-        return tuple(absorbed + scattered for absorbed, scattered in pairs)
+        (a, b, c), (x, y, z) = self.absorption, self.scattering
+        return a + x, b + y, c + z
 
 
 @dataclass(frozen=True)
@@ -649,8 +649,10 @@ class Scene:
     @property
     def most_asked(self) -> int:
         """How many rays an operation of a program asks for, at most (`Program.most_asked`)."""
-        given = (*self.materials, *(m.aovs for m in self.materials if m.aovs), *self.lights)
-        return max((m.program.most_asked for m in given if m.program is not None), default=0)
+        aovs = (material.aovs for material in self.materials if material.aovs)
+        programs = [thing.program for thing in (*self.materials, *aovs)]
+        programs += [light.program for light in self.lights]
+        return max((program.most_asked for program in programs if program), default=0)
 
     def medium_of(self, instances: Instances) -> Medium | None:
         """What is inside of things that wear these materials; strands have no inside."""
