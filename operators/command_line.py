@@ -40,7 +40,7 @@ def run(arguments: list[str]) -> int:
     for what cannot be answered, 130 after Ctrl-C.
     """
     # argparse takes -2-0 for an option, but nothing that begins with a space
-    options = _parser().parse_args([re.sub(r"^(?=-\d)", " ", word) for word in arguments])
+    options = _parser().parse_args([re.sub(r"^(?=-\d+[-,:])", " ", word) for word in arguments])
     try:
         return options.act(options)
     except (RuntimeError, ValueError, OSError, MemoryError) as error:
