@@ -115,6 +115,14 @@ def test_frames_of_another_scene_are_found_and_drawn_again(shot):
 
 
 @pytest.mark.slow
+def test_frames_before_zero(shot):
+    shot.make()
+    run = shot.frames("-1-0")
+    assert run.returncode == 0 and "frame -1: drawn" in run.output, run.output
+    assert shot.names == ["shot_-001.exr", "shot_0000.exr"]
+
+
+@pytest.mark.slow
 def test_frames_of_another_version_of_glint_are_noticed(shot, tmp_path):
     """An upgrade in the middle of a job."""
     shot.make()
