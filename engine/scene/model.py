@@ -235,6 +235,9 @@ LOBES = (
     "TRANSPARENT",
     "EMISSION",
     "SHEEN",
+    "FIBRE_DIFFUSE",
+    "FIBRE_SPECULAR",
+    "FIBRE_TRANSMISSION",
 )
 
 
@@ -251,7 +254,9 @@ class Lobe:
     none. exponent_output, masking_output: which output of the material's program, a number, gives
     the exponent or masking instead, kept from 0 to what stands here; -1 for none.  ior_output: the
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
-    width as exponent and its lean as masking (SEMANTICS.md).
+    width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
+    fans out round the tangent, 0 for as far as normals do.  fibre_output: of FIBRE lobes, the
+    output with the fibre's tangent in the world, of any length, 0 of what is no fibre; -1: all 0.
     """
 
     kind: str
@@ -264,6 +269,7 @@ class Lobe:
     exponent_output: int = -1
     masking_output: int = -1
     ior_output: int = -1
+    fibre_output: int = -1
 
     @property
     def is_glossy(self) -> bool:

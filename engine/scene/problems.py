@@ -497,7 +497,7 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from strangers
     for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures, outputs)
-    for name in ("exponent_output", "masking_output", "ior_output"):
+    for name in ("exponent_output", "masking_output", "ior_output", "fibre_output"):
         yield from handle(name, getattr(lobe, name), outputs, "outputs", none=True)
 
 

@@ -189,3 +189,36 @@ def test_what_cannot_be_a_frame_is_refused(shot, more, said):
     run = shot.frames("1")
     assert run.returncode == 2 and said in run.output, run.output
     assert shot.names == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tile", [(), ("--tiles", "2x1", "--tile", "1")], ids=["frame", "tile"])
+def test_workers_that_draw_the_same_are_all_content(shot, tile):
+    """As where a farm takes a machine for lost that was only slow."""
+    shot.make()
+    words = ["frames", str(shot.folder / "shot.blend"), "1-2", "--out", str(shot.out), *tile]
+    workers = [shot.blender.launch(shot.command(*words)) for _ in range(3)]
+    said = [worker.communicate(timeout=120)[0] for worker in workers]
+    assert [worker.returncode for worker in workers] == [0, 0, 0], said
+    assert len(shot.names) == 2 and not any(name.startswith(".") for name in shot.names)
+
+
+@pytest.mark.slow
+def test_a_folder_is_verified_as_a_table(shot):
+    """Every picture is rendered again: the same, different, or with what cannot be answered."""
+    shot.make()
+    assert shot.frames("1-3").returncode == 0
+    blend = str(shot.folder / "shot.blend")
+    good = shot.glint("verify", str(shot.out), blend)
+    assert good.returncode == 0, good.output
+    assert good.output.count("exr  same") == 3 and "3 of 3 pictures are the same" in good.output
+    assert shot.frames("1", "--tiles", "2x1", "--tile", "2").returncode == 0
+    (shot.out / "shot_0004.exr").write_bytes((shot.out / "shot_0001.exr").read_bytes()[:-100])
+    shot.make("cube.location.z = 0.25\ncube.keyframe_insert('location', frame=5)\n")
+    mixed = shot.glint("verify", str(shot.out), blend)
+    assert mixed.returncode == 2, mixed.output
+    rows = dict(line.split(None, 1) for line in mixed.output.splitlines() if ".exr  " in line)
+    assert rows["shot_0001.exr"] == "same" and rows["shot_0002.exr"].startswith("different: file")
+    assert "is not whole" in rows["shot_0004.exr"]
+    empty = shot.glint("verify", str(shot.folder / "resources"), blend)
+    assert empty.returncode == 2 and "no EXR or PNG pictures" in empty.output

@@ -72,6 +72,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.max_specular = scene_.max_specular;
   stage_.most_exponent = scene_.most_exponent;
   stage_.has_sheen = scene_.has_sheen;
+  stage_.has_fibre = scene_.has_fibre;
   stage_.specular_columns = scene_.specular_columns;
 }
 

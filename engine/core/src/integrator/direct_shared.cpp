@@ -163,7 +163,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   shared.receives.clear();
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
   const bool is_bounced = &shared == &bounced_;
-  stage_.sheen_alone = is_bounced;
+  stage_.matt_alone = is_bounced;
   stage_.max_specular = is_bounced && !scene_.has_sheen ? 0 : scene_.max_specular;
   stage_.lit = batch.lit.data();
   shared.near.resize(shared.columns.rows());
