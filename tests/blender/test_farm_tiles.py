@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 import pytest
 
 pytest.importorskip("bpy")
-from farm_shot import MAKE, Shot
+from farm_shot import COMPOSITED, MAKE, Shot
 from glint.engine.film import Film
 from glint.operators.pictures import header_texts, read_planes
 from glint.operators.tiles import Grid, merge
@@ -141,6 +141,7 @@ def test_the_work_of_tiles_adds_up():
         pytest.param(HALF + BORDER, id="border"),
         pytest.param(HALF + CROPPED, id="cropped"),
         pytest.param(STEREO, id="stereo"),
+        pytest.param(COMPOSITED, id="composited"),
     ],
 )
 def test_tiles_are_the_whole_frame(tmp_path, more):
