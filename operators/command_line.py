@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shlex
 import sys
 from collections.abc import Callable
@@ -38,7 +39,8 @@ def run(arguments: list[str]) -> int:
     """The command's body; returns the exit code: 0 for success, 1 for a difference or a failure, 2
     for what cannot be answered, 130 after Ctrl-C.
     """
-    options = _parser().parse_args(arguments)
+    # argparse takes -2-0 for an option, but nothing that begins with a space
+    options = _parser().parse_args([re.sub(r"^(?=-\d+[-,:])", " ", word) for word in arguments])
     try:
         return options.act(options)
     except (RuntimeError, ValueError, OSError, MemoryError) as error:

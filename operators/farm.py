@@ -10,6 +10,7 @@ import socket
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import bpy
 
@@ -170,18 +171,19 @@ class Frames:
         bpy.ops.render.render(write_still=True, scene=scene.name)
         check_whole(part)
         if not read_stamps(header_texts(part)):
-            raise ValueError(
-                f"frame {frame} has no stamp: Glint must draw it itself (no strips, a view "
-                "layer that renders)"
-            )
+            _refuse(frame)
         layers = statistics.by_layer(scene.name).values()
         _check_images(frame, [note for layer in layers for note in layer.notes])
 
     def _jobs(self, frame: int) -> list[final.Job]:
-        """What a render of the frame would trace."""
+        """What a render of the frame would trace. Raises ValueError where Blender asks Glint for
+        nothing.
+        """
         self._scene.frame_set(frame)
         with final.reading_only() as jobs:
             bpy.ops.render.render(scene=self._scene.name)
+        if not jobs:
+            _refuse(frame)
         return jobs
 
 
@@ -233,6 +235,13 @@ def _difference(stamps: Mapping[str, Mapping[str, str]], jobs: Sequence[final.Jo
         }
     )
     return f"of another {', '.join(changed)}" if changed else ""
+
+
+def _refuse(frame: int) -> NoReturn:
+    raise ValueError(
+        f"frame {frame} has no stamp: Glint must draw it itself (no strips, a view "
+        "layer that renders)"
+    )
 
 
 def _check_images(frame: int, notes: Sequence[str]) -> None:

@@ -81,6 +81,10 @@ class SlurmFarm:
         _kill(pids)
         self._running.pop(name).wait()
 
+    def is_busy(self, name: str) -> bool:
+        """Whether a worker runs a task."""
+        return bool(self._processes_of(name))
+
     def slurm(self, *command: str, check: bool = True) -> str:
         """What a program of Slurm, or a script that calls them, says."""
         done = subprocess.run(

@@ -14,7 +14,9 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("bpy")
-from farm_shot import PROGRAM, Shot
+import bpy
+
+from farm_shot import COMPOSITED, PROGRAM, Shot
 from glint.operators import farm
 
 WITHOUT_TEXTURE = """
@@ -112,6 +114,47 @@ def test_frames_of_another_scene_are_found_and_drawn_again(shot):
     assert "frame 1: there" in again.output and "frame 2: drawn" in again.output
     shot.make("scene.glint.final.samples = 2\n")
     assert "     1  of another settings" in shot.frames("1", "--check").output
+
+
+@pytest.mark.slow
+def test_frames_before_zero(shot):
+    shot.make()
+    run = shot.frames("-1-0")
+    assert run.returncode == 0 and "frame -1: drawn" in run.output, run.output
+    assert shot.names == ["shot_-001.exr", "shot_0000.exr"]
+
+
+@pytest.mark.slow
+def test_a_look_at_frames_writes_nothing(shot):
+    """Nodes that write files do so when a frame is drawn, not when it is looked at."""
+    shot.make(COMPOSITED)
+    assert shot.frames("1").returncode == 0
+    written = sorted((shot.folder / "composited").iterdir())
+    assert written, "the nodes are at work"
+    for path in written:
+        path.unlink()
+    assert "1 of 1 frames verified" in shot.frames("1", "--check").output
+    assert "frame 1: there" in shot.frames("1").output
+    assert not list((shot.folder / "composited").iterdir())
+
+
+@pytest.mark.slow
+def test_frames_that_blender_makes_of_strips_are_refused(shot):
+    """No stamp could tell what they were made of; one that is there is not taken for good."""
+    strips = "getattr(scene.sequence_editor_create(), %r).new_effect(%s)\n"
+    options = 'name="strip", type="COLOR", channel=1, frame_start=1, '
+    ends = "frame_end=9" if bpy.app.version < (5, 0, 0) else "length=9"
+    name = "sequences" if bpy.app.version < (4, 4, 0) else "strips"
+    shot.make(strips % (name, options + ends))
+    drawn = shot.frames("1")
+    assert drawn.returncode == 2 and "has no stamp" in drawn.output, drawn.output
+    assert shot.names == []
+    shot.out.mkdir(exist_ok=True)
+    shot.make()
+    assert shot.frames("1").returncode == 0
+    shot.make(strips % (name, options + ends))
+    checked = shot.frames("1", "--check")
+    assert checked.returncode == 2 and "has no stamp" in checked.output, checked.output
 
 
 @pytest.mark.slow

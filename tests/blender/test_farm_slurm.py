@@ -13,7 +13,7 @@ from farm_shot import PROGRAM, Shot
 from glint.operators import farm_jobs
 from glint.operators.pictures import header_texts
 from glint.operators.tiles import Grid
-from slurm_farm import missing_programs, slurm_farm
+from slurm_farm import missing_programs, slurm_farm, wait_for
 
 needs_slurm = pytest.mark.skipif(
     bool(missing_programs()),
@@ -74,6 +74,32 @@ def test_a_job_survives_a_killed_worker(tmp_path, tiles):
 
 def _hash(path) -> str:
     return header_texts(path)["glint.ViewLayer.pixels"]
+
+
+@pytest.mark.slow
+@needs_slurm
+def test_a_job_survives_a_worker_without_power(tmp_path):
+    """24 frames; in the middle a machine is gone with all that it ran, and comes back. Slurm itself
+    puts its task into the queue again. How long that takes: tests/bench/farm.py.
+    """
+    shot = Shot(tmp_path)
+    shot.make()
+    serial = tmp_path / "serial"
+    blend = str(tmp_path / "shot.blend")
+    assert shot.glint("frames", blend, "1-24", "--out", str(serial)).returncode == 0
+    script = _job(shot, "--frames", "1-24", "--per-task", "4")
+    with slurm_farm(2) as farm:
+        farm.variables["BLENDER"] = str(shot.program)
+        check = farm.slurm("bash", script)
+        wait_for(lambda: len(shot.names) >= 9, "a third of the frames", 120)
+        wait_for(lambda: farm.is_busy("w2"), "a task of the second worker", 60)
+        farm.kill_worker("w2")
+        farm.start_worker("w2")
+        farm.wait_for_end(300)
+        assert farm.restarts() == 1
+        assert farm.exit_codes(check) == {"0:0"} and "24 of 24 frames verified" in farm.output()
+    assert shot.names == sorted(path.name for path in serial.iterdir())
+    assert {_hash(shot.out / name) == _hash(serial / name) for name in shot.names} == {True}
 
 
 @pytest.mark.slow
