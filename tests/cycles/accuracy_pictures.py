@@ -84,8 +84,8 @@ def by_target(scene, base, truth) -> None:
     for levels in (32.0, 16.0, 8.0):
         chosen = choose_settings(scene, base, Target("LEVELS", levels)).settings
         picture, taken = draw(scene, chosen)
-        text = f"target {levels:g} levels: Samples {chosen.samples}, Threshold {chosen.error_threshold:g}"
-        print(text, f"on average {taken.mean():.1f}")
+        threshold = chosen.error_threshold
+        print(f"target {levels:g} levels: Samples {chosen.samples}, Threshold {threshold:g}")
         rows.append((f"{levels:g} levels: {taken.mean():.0f} samples", picture))
     save("target", rows, truth)
 
