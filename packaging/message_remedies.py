@@ -64,6 +64,8 @@ REMEDIES: dict[str, str] = {
     "frame … has no stamp: Glint must draw it itself (no strips, a view layer that renders)": "Turn off Post Processing → Sequencer, and on Use for Rendering in a view layer",
     "frame …, tile … of …: …": "Read on behind the colon: a file that is missing or cannot be read",
     "this Blender has no OpenImageIO, which tiles are kept with: install it into its Python (pip install OpenImageIO), or draw whole frames": "Install it, or draw whole frames",
+    "… is tile … of a frame: merge it first": "Merge it (`glint merge`), and verify the frame",
+    "there are no EXR or PNG pictures in …": "Name the folder that the pictures are in",
     "tile …: there are tiles 1 to … of …": "Name one of those",
     "tiles …: the picture has … by … pixels only": "Ask for fewer tiles",
     "frames …: from the lower to the higher, in steps of 1 or more": "Write frames as in 1-240 or 1-240:2",

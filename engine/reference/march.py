@@ -255,8 +255,8 @@ def _even(low: float, high: float, step: float, shift: float) -> Array:
 
 
 def _end_in_the_dark(cells: Spans) -> None:
-    """Nothing gets on through cells before which those of their ray, in order, leave next to nothing
-    in any channel.
+    """Nothing gets on through cells before which those of their ray, in order, leave next to
+    nothing in any channel.
     """
     order = np.lexsort((cells.start, cells.ray))
     ray, way = cells.ray[order], (cells.end - cells.start)[order] * cells.speed[cells.ray[order]]
