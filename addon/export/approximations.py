@@ -9,7 +9,7 @@ from typing import Any
 
 from .materials.graph import is_blinn_phong, node_tree, output_of
 
-LOBES = "GGX is drawn as Blinn-Phong lobes (decision 0034)"
+LOBES = "GGX is drawn as Blinn-Phong lobes"
 LEFT_OUT = f"{LOBES}; anisotropy and thin film are left out"
 
 APPROXIMATED: dict[str, str] = {

@@ -15,7 +15,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scontrol")
@@ -84,6 +84,15 @@ class SlurmFarm:
     def is_busy(self, name: str) -> bool:
         """Whether a worker runs a task."""
         return bool(self._processes_of(name))
+
+    def cpu_seconds(self, name: str) -> float:
+        """What the task that a worker runs has taken so far."""
+        ticks = 0
+        for pid in self._processes_of(name):
+            with suppress(OSError):
+                fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+                ticks += int(fields[11]) + int(fields[12])
+        return ticks / os.sysconf("SC_CLK_TCK")
 
     def slurm(self, *command: str, check: bool = True) -> str:
         """What a program of Slurm, or a script that calls them, says."""

@@ -35,18 +35,18 @@ KEPT = ROOT / "build" / "gallery"
 SIDE, QUALITY, BOUNCES, DIFFUSE = 400, 85, 12, 4
 SECONDS_ALLOWED = 590
 CHOSEN = {
-    "living_room": "A room lit by lamps: light bounces off walls and floor",
     "iso_room_ortho": "A parallel camera, area lights, 17 materials",
-    "occlusion_room": "An interior with mixed smooth and flat normals",
-    "zdm2_level": "A level of a game with its images",
-    "tps_lights": "Lamps and cables of a game, with normal maps",
     "lights_all_types": "Sun, point, spot and area lights in one scene",
-    "gn_grass": "Geometry nodes that instance grass",
-    "appleseed_particles": "An emitter that instances objects",
-    "robot_expressive": "An armature with shape keys",
+    "area_rect_interior": "An area light that shines through a hole into a box",
+    "living_room": "A house from outside, its rooms by light that bounces",
+    "occlusion_room": "A room with custom normals, lit by its doors",
     "FlightHelmet": "Leather, glass and metal from images",
-    "SheenChair": "Sheen of a fabric",
     "ToyCar": "Clear coat, glass and cloth",
+    "SheenChair": "Sheen of a fabric",
+    "EmissiveStrengthTest": "Cubes that glow",
+    "AlphaBlendModeTest": "Alpha: opaque, cut out, blended",
+    "SimpleInstancing": "125 instances",
+    "appleseed_particles": "An emitter that instances objects",
 }
 _HEAD = """# Gallery
 
@@ -126,13 +126,21 @@ def page(entries: dict[str, dict[str, str]]) -> str:
             continue
         entry = entries[name]
         times = f"Glint {seconds(name, 'glint'):.1f} s, Cycles {seconds(name, 'cycles'):.1f} s"
-        origin = f"<https://github.com/{entry['source_repo']}>"
+        credit = credit_of(name, entry)
         text += (
             f"\n## {name}\n\n{what}. {times}.\n\n![{name} in Glint and in Cycles]"
-            f"(pictures/{name}.jpg)\n\n*{entry['credit']}, {entry['licence'].split(' (')[0]}, "
-            f"{origin}*\n"
+            f"(pictures/{name}.jpg)\n\n*{credit}; {entry['licence'].split(' (')[0]}*  \n"
+            f"<https://github.com/{entry['source_repo']}>\n"
         )
     return text
+
+
+def credit_of(name: str, entry: dict[str, str]) -> str:
+    """Who made a scene: the manifest's word, or that of the list beside a glTF model."""
+    if "metadata.json" not in entry["credit"]:
+        return entry["credit"].strip()
+    legal = json.loads((SCENES / name / "metadata.json").read_text(encoding="utf-8"))["legal"]
+    return ", ".join(dict.fromkeys(part["artist"] for part in legal))
 
 
 def work(source: str, stem: str, engine: str) -> int:
