@@ -367,6 +367,8 @@ class Explainer:
             np.zeros(3),
         )
         specular = specular * balance(narrow, np.zeros(1, np.intp), sample)
+        even = self.stage.lighting.even_gloss(source, surface, coefficients)[:, 0]
+        specular = specular + even * n_dot_l
         matt = sheens(surface, coefficients.sheens, np.zeros(1, np.intp), sample.direction)
         diffuse = coefficients.diffuse[:, 0] * n_dot_l + matt[:, 0]
         shadow, blocker, distance = (

@@ -167,6 +167,7 @@ void Scene::compare_lobes(Material& material) {
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     has_gloss = has_gloss || shaped;
     has_metals = has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
+    has_varnish = has_varnish || (shaped && lobe.fresnel & GLINT_DIELECTRIC);
     if (lobe.kind == GLINT_SHEEN ||
         (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       specular_columns = SpecularTerm::kShaped;
