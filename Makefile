@@ -4,7 +4,7 @@
 #   make render BPY=4.2.x                                with another Blender: 4.2.x, 4.5.x, 5.0.x (default), 5.2.x
 #   make test ARGS="-k camera"                           pass options to pytest
 
-.PHONY: help setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet references lint manual clean
+.PHONY: help setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet gallery references lint manual clean
 .DEFAULT_GOAL := help
 
 BPY ?=
@@ -23,7 +23,7 @@ GO := $(START) packaging
 
 help:
 	@awk '/^#/ { sub(/^# ?/, ""); print; next } { exit }' Makefile
-	@echo "targets: setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet references lint manual clean"
+	@echo "targets: setup render test slow test-blenders sanitize extension wheels windows release bench contact-sheet gallery references lint manual clean"
 
 setup:
 	@$(GO)/environment.py --bpy "$(BPY)"
@@ -60,6 +60,10 @@ bench:
 
 contact-sheet:
 	@$(GO)/run_tool.py --bpy "$(BPY)" tests/cycles/contact_sheet.py $(ARGS)
+
+gallery:
+	@$(GO)/run_tool.py --bpy "$(BPY)" tests/cycles/gallery.py $(ARGS)
+	@$(GO)/run_tool.py --bpy "$(BPY)" tests/cycles/accuracy_pictures.py
 
 references:
 	@$(GO)/run_tool.py --bpy "$(BPY)" tests/engine/renew_references.py $(ARGS)

@@ -7,6 +7,7 @@ _MODULES = (
     "ui.former_node",
     "ui.node_menu",
     "render.render_engine",
+    "ui.presets",
     "ui.panels",
     "ui.sphere",
 )

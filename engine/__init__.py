@@ -117,12 +117,20 @@ def render(
     """
     settings = settings or Settings()
     check(scene, settings)
-    if settings.backend == "NATIVE":
-        from .native import render_native as tracer
-    else:
-        from .reference import render_reference as tracer
+    tracer = _tracer(settings.backend)
     scene = scene.as_lit(**settings.lighting)
     return tracer(scene, settings, should_stop, on_progress, on_wave)
+
+
+def _tracer(backend: str) -> Callable[..., Film]:
+    """The one that draws, loaded when it is first asked for."""
+    if backend == "NATIVE":
+        from .native import render_native
+
+        return render_native
+    from .reference import render_reference
+
+    return render_reference
 
 
 def check(scene: Scene, settings: Settings) -> None:

@@ -229,8 +229,15 @@ def _bare(group: Instances) -> Instances:
         raise SceneError(
             f"{type(group).__name__} is no block of instances: use engine.scene.Instances"
         )
-    shown = {f"visible_{kind}": bool(getattr(group, f"visible_{kind}")) for kind in KINDS}
-    return Instances(group.name, group.geometry, group.world_from_object, (), **shown)
+    return Instances(
+        group.name,
+        group.geometry,
+        group.world_from_object,
+        (),
+        visible_camera=bool(group.visible_camera),
+        visible_mirror=bool(group.visible_mirror),
+        visible_shadow=bool(group.visible_shadow),
+    )
 
 
 def _check_options(threads: Any, backend: Any) -> None:

@@ -16,11 +16,15 @@ import time
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from .errors import SceneError
 from .film import Film
 from .scene import Scene
 from .settings import Settings
+
+if TYPE_CHECKING:
+    from .native.live import NativeLive
 
 log = logging.getLogger(__name__)
 
@@ -243,7 +247,7 @@ class _Tracers:
     """The tracer of each task, and what is kept from one task to the next."""
 
     def __init__(self) -> None:
-        self._native = None
+        self._native: NativeLive | None = None
 
     def render(
         self, task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]

@@ -8,6 +8,7 @@ centre is the point (i, j).
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def point_sample(image: Image, nx: int, ny: int, offsets: Array = CENTER) -> Arr
     `sampling.pixel_offsets` gives a filter.
     """
     x, y = np.meshgrid(np.arange(nx, dtype=np.float64), np.arange(ny, dtype=np.float64))
-    total = sum(np.asarray(image(x + dx, y + dy), np.float64) for dx, dy in offsets)
+    total: Any = sum(np.asarray(image(x + dx, y + dy), np.float64) for dx, dy in offsets)
     return total / len(offsets)
 
 

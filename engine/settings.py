@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
 from math import inf
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypedDict
 
 from .film import PASSES
 
@@ -118,6 +118,14 @@ BUILDS = ACCELERATIONS[1:]
 MOST_LIGHT_POINTS = 1 << 23
 """Largest samples × light_samples: the table of points on the lights is made before the first ray.
 """
+
+
+class Lighting(TypedDict):
+    """What `Scene.as_lit` is told."""
+
+    by_world: bool
+    by_meshes: bool
+    bounces: int
 
 
 @dataclass(frozen=True)
@@ -317,7 +325,7 @@ class Settings:
             object.__setattr__(self, "passes", frozenset(self.passes))
 
     @property
-    def lighting(self) -> dict[str, int]:
+    def lighting(self) -> Lighting:
         """What `Scene.as_lit` is told: whether surfaces hide the world's light, whether what glows
         lights, and how often light bounces.
         """

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shlex
 import sys
 from collections.abc import Callable
@@ -38,7 +39,8 @@ def run(arguments: list[str]) -> int:
     """The command's body; returns the exit code: 0 for success, 1 for a difference or a failure, 2
     for what cannot be answered, 130 after Ctrl-C.
     """
-    options = _parser().parse_args(arguments)
+    # argparse takes -2-0 for an option, but nothing that begins with a space
+    options = _parser().parse_args([re.sub(r"^(?=-\d+[-,:])", " ", word) for word in arguments])
     try:
         return options.act(options)
     except (RuntimeError, ValueError, OSError, MemoryError) as error:
@@ -80,7 +82,11 @@ def _parser() -> argparse.ArgumentParser:
         help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has "
         "no stamp",
     )
-    verify.add_argument("picture", type=Path, help="EXR or PNG file that a render wrote")
+    verify.add_argument(
+        "picture",
+        type=Path,
+        help="EXR or PNG file that a render wrote, or a folder of them: prints a table",
+    )
     verify.add_argument(
         "file", type=Path, nargs="?", help=".blend file; the one that the picture names if left out"
     )
@@ -209,7 +215,9 @@ def _add_merge(parser: argparse.ArgumentParser) -> None:
 
 def _add_job(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
-    parser.add_argument("--engine", choices=["openjd"], required=True, help="of the farm")
+    parser.add_argument(
+        "--engine", choices=["openjd", "slurm", "flamenco"], required=True, help="of the farm"
+    )
     parser.add_argument("--frames", required=True, help="such as 1-240, 1-240:2 or 1,5,9")
     parser.add_argument("--per-task", type=_count, default=10, metavar="N", help="frames of a task")
     parser.add_argument(
@@ -322,20 +330,36 @@ def _job(options: argparse.Namespace) -> int:
 
     if not options.file.is_file():
         raise ValueError(f"there is no file {options.file}")
-    place = options.template or options.file.with_suffix(".openjd.json")
-    template = farm_jobs.job_template(
-        options.file, options.frames, options.per_task, options.out, place, options.tiles
-    )
-    place.write_text(json.dumps(template, indent=2) + "\n", encoding="utf-8")
-    more = farm_jobs.without_default(template, {"Scene": options.file, "Out": options.out})
-    run = ["openjd", "run", str(place), "--step", "Check", "--run-dependencies", *more]
-    _tell([f"wrote {place}; to run it on this machine: {shlex.join(run)}"])
+    suffix = {"openjd": ".openjd.json", "slurm": ".slurm.sh", "flamenco": ".flamenco.js"}
+    place = options.template or options.file.with_suffix(suffix[options.engine])
+    frames = options.frames, options.per_task, options.out
+    if options.engine == "openjd":
+        template = farm_jobs.job_template(options.file, *frames, place, options.tiles)
+        text = json.dumps(template, indent=2) + "\n"
+        more = farm_jobs.without_default(template, {"Scene": options.file, "Out": options.out})
+        run = ["openjd", "run", str(place), "--step", "Check", "--run-dependencies", *more]
+        remedy = f"to run it on this machine: {shlex.join(run)}"
+    elif options.engine == "slurm":
+        text = farm_jobs.slurm_script(options.file, *frames, options.tiles)
+        remedy = f"to hand it to Slurm: {shlex.join(['bash', str(place)])}"
+    else:
+        text = farm_jobs.flamenco_job_type(*frames, options.tiles)
+        remedy = "put it into the folder scripts beside flamenco-manager and start that again"
+    place.write_text(text, encoding="utf-8")
+    _tell([f"wrote {place}; {remedy}"])
     return 0
 
 
 def _verify(options: argparse.Namespace) -> int:
-    from .verify import verify
+    from .verify import verify, verify_all
 
+    if options.picture.is_dir():
+        codes = []
+        for code, row in verify_all(options.picture, options.file):
+            codes.append(code)
+            _tell([row])
+        _tell([f"{codes.count(0)} of {len(codes)} pictures are the same"])
+        return max(codes)
     verdict = verify(options.picture, options.file)
     _tell([*verdict.lines, "same" if verdict.same else "different"])
     return 0 if verdict.same else 1

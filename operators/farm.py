@@ -10,6 +10,7 @@ import socket
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import bpy
 
@@ -103,22 +104,30 @@ class Frames:
         "" or what was wrong with the tile.
         """
         jobs, path = self._jobs(frame), self.tile_path(frame, grid, tile)
-        stamps, wrong = _stamps_of(self.path(frame))
-        if not (wrong or _difference(stamps, jobs)):
+        if not _wrong(self.path(frame), jobs):
             return ""
-        stamps, wrong = _stamps_of(path)
-        wrong = wrong or _difference(stamps, jobs)
+        wrong = _wrong(path, jobs)
         if wrong:
-            drawn = []
-            with interrupts_held() as is_interrupted, _hidden(path) as part:
-                for job in jobs:
-                    region = grid.region(tile, tiles.whole_region(job))
-                    film = tiles.draw_tile(job, region, is_interrupted)
-                    _check_images(frame, (*job.notes, *film.notes))
-                    drawn.append((job, region, film))
-                tiles.write_tile(part, f"{tile} of {grid}", drawn)
-                check_whole(part)
+            try:
+                with _hidden(path) as part:
+                    self._draw_tile(frame, grid, tile, jobs, part)
+            except OSError:
+                if _wrong(path, jobs):  # not drawn meanwhile by another worker
+                    raise
         return wrong
+
+    def _draw_tile(
+        self, frame: int, grid: Grid, tile: int, jobs: list[final.Job], part: Path
+    ) -> None:
+        drawn = []
+        with interrupts_held() as is_interrupted:
+            for job in jobs:
+                region = grid.region(tile, tiles.whole_region(job))
+                film = tiles.draw_tile(job, region, is_interrupted)
+                _check_images(frame, (*job.notes, *film.notes))
+                drawn.append((job, region, film))
+        tiles.write_tile(part, f"{tile} of {grid}", drawn)
+        check_whole(part)
 
     def merge(self, frame: int, grid: Grid) -> str:
         """Give Blender the tiles of a frame as if it had been drawn here, and take the tiles away;
@@ -126,8 +135,7 @@ class Frames:
         Raises ValueError or OSError where a tile is not as the scene gives it now.
         """
         jobs = self._jobs(frame)
-        stamps, wrong = _stamps_of(self.path(frame))
-        wrong = wrong or _difference(stamps, jobs)
+        wrong = _wrong(self.path(frame), jobs)
         paths = [self.tile_path(frame, grid, tile) for tile in range(1, grid.count + 1)]
         if wrong:
             films = self._merged(frame, grid, paths, jobs)
@@ -143,8 +151,7 @@ class Frames:
         """Title of a job → the film of its whole frame."""
         found = []
         for tile, path in enumerate(paths, start=1):
-            stamps, wrong = _stamps_of(path)
-            wrong = wrong or _difference(stamps, jobs)
+            wrong = _wrong(path, jobs)
             if wrong:
                 raise ValueError(
                     f"frame {frame}: tile {tile} of {grid} is {wrong}: draw it first (frames "
@@ -164,18 +171,19 @@ class Frames:
         bpy.ops.render.render(write_still=True, scene=scene.name)
         check_whole(part)
         if not read_stamps(header_texts(part)):
-            raise ValueError(
-                f"frame {frame} has no stamp: Glint must draw it itself (no strips, a view "
-                "layer that renders)"
-            )
+            _refuse(frame)
         layers = statistics.by_layer(scene.name).values()
         _check_images(frame, [note for layer in layers for note in layer.notes])
 
     def _jobs(self, frame: int) -> list[final.Job]:
-        """What a render of the frame would trace."""
+        """What a render of the frame would trace. Raises ValueError where Blender asks Glint for
+        nothing.
+        """
         self._scene.frame_set(frame)
         with final.reading_only() as jobs:
             bpy.ops.render.render(scene=self._scene.name)
+        if not jobs:
+            _refuse(frame)
         return jobs
 
 
@@ -207,6 +215,12 @@ def _stamps_of(path: Path) -> tuple[dict[str, dict[str, str]], str]:
         return {}, str(error)
 
 
+def _wrong(path: Path, jobs: Sequence[final.Job]) -> str:
+    """What is wrong with a file that these jobs are to have made; "" where nothing is."""
+    stamps, wrong = _stamps_of(path)
+    return wrong or _difference(stamps, jobs)
+
+
 def _difference(stamps: Mapping[str, Mapping[str, str]], jobs: Sequence[final.Job]) -> str:
     """From what the stamps of these jobs would say, but for the hash of the pixels."""
     wanted = {job.title: stamp.expected(job.scene, job.settings, job.frame) for job in jobs}
@@ -221,6 +235,13 @@ def _difference(stamps: Mapping[str, Mapping[str, str]], jobs: Sequence[final.Jo
         }
     )
     return f"of another {', '.join(changed)}" if changed else ""
+
+
+def _refuse(frame: int) -> NoReturn:
+    raise ValueError(
+        f"frame {frame} has no stamp: Glint must draw it itself (no strips, a view "
+        "layer that renders)"
+    )
 
 
 def _check_images(frame: int, notes: Sequence[str]) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import re
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -84,3 +87,104 @@ def without_default(template: dict[str, Any], values: dict[str, Path]) -> list[s
     """What has to be given on the command line of `openjd run`."""
     given = [told["name"] for told in template["parameterDefinitions"] if "default" not in told]
     return [word for name in given for word in ("-p", f"{name}={values[name].resolve()}")]
+
+
+def slurm_script(blend: Path, text: str, chunk: int, folder: Path, grid: Grid | None = None) -> str:
+    """A Slurm array script that draws these frames, several at a time, for `sbatch`; started as a
+    program it hands itself to `sbatch` for each stage, with its own arguments as options, and looks
+    at all frames at the end. Raises ValueError for more tasks than Slurm takes.
+    """
+    numbers = frame_numbers(text)
+    chunks = [numbers[first : first + chunk] for first in range(0, len(numbers), chunk)]
+    tasks = len(chunks) * (grid.count if grid else 1)
+    if tasks > _SLURM_TASKS:
+        raise ValueError(
+            f"{tasks} tasks are more than the {_SLURM_TASKS} that Slurm takes in an array: give "
+            "each more frames (--per-task)"
+        )
+    return _SLURM.format(
+        name=re.sub(r"[^\w.-]", "_", f"glint-{blend.stem[:40]}", flags=re.ASCII),
+        last=tasks - 1,
+        blender=shlex.quote(bpy.app.binary_path or "blender"),
+        scene=shlex.quote(str(blend.resolve())),
+        out=shlex.quote(str(folder.resolve())),
+        frames=shlex.quote(text.replace(" ", "")),
+        chunks=" ".join(_as_range(some) for some in chunks),
+        grid=grid or "",
+        tiles=grid.count if grid else 1,
+    )
+
+
+_SLURM_TASKS = 1000
+"""Array indices lie below MaxArraySize, which is 1001 where nobody has set it."""
+_SLURM = """\
+#!/bin/bash
+# Frames for Glint. `bash THIS_FILE [options of sbatch]` draws them, merges tiles, and checks all at
+# the end; `sbatch THIS_FILE` draws alone. Frames that are there as the scene gives them are kept.
+#SBATCH --job-name={name}
+#SBATCH --array=0-{last}
+#SBATCH --requeue
+#SBATCH --open-mode=append
+set -u
+blender="${{BLENDER:-}}"
+[ -n "$blender" ] || blender={blender}
+scene={scene}
+out={out}
+frames={frames}
+chunks=({chunks})
+grid={grid}
+tiles={tiles}
+
+if [ -z "${{SLURM_ARRAY_TASK_ID:-}}" ]; then
+  last=$((${{#chunks[@]}} - 1))
+  job=$(sbatch --parsable "$@" --export=ALL,GLINT_STAGE=draw "$0") || exit
+  if [ -n "$grid" ]; then
+    job=$(sbatch --parsable "$@" --export=ALL,GLINT_STAGE=merge --array="0-$last" \\
+      --dependency="afterany:${{job%%;*}}" "$0") || exit
+  fi
+  exec sbatch --parsable "$@" --export=ALL,GLINT_STAGE=check --array=0 \\
+    --dependency="afterany:${{job%%;*}}" "$0"
+fi
+
+task=$SLURM_ARRAY_TASK_ID
+case ${{GLINT_STAGE:-draw}} in
+  draw)
+    words=(frames "$scene" "${{chunks[task / tiles]}}")
+    [ -z "$grid" ] || words+=(--tiles "$grid" --tile $((task % tiles + 1)))
+    ;;
+  merge) words=(merge "$scene" "${{chunks[task]}}" --tiles "$grid") ;;
+  check) words=(frames "$scene" "$frames" --check) ;;
+esac
+"$blender" -b --command glint "${{words[@]}}" --out "$out" --threads "${{SLURM_CPUS_ON_NODE:-0}}"
+code=$?
+# 128 and the number of the signal that ended Blender, but for Ctrl-C
+if [ $code -gt 128 ] && [ $code -ne 130 ] && [ "${{SLURM_RESTART_COUNT:-0}}" -lt 3 ]; then
+  echo "glint: the worker was killed (exit code $code); its task goes back into the queue"
+  scontrol requeue "$SLURM_JOB_ID"
+fi
+exit $code
+"""
+
+
+def _as_range(numbers: list[int]) -> str:
+    """[1, 2, 3, 7] → "1-3,7"."""
+    parts: list[list[int]] = []
+    for number in numbers:
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1][1:] = [number]
+        else:
+            parts.append([number])
+    return ",".join("-".join(map(str, part)) for part in parts)
+
+
+def flamenco_job_type(text: str, chunk: int, folder: Path, grid: Grid | None = None) -> str:
+    """A job compiler script of Flamenco, whose settings begin as these."""
+    given = {
+        "frames": _as_range(frame_numbers(text)),
+        "chunk_size": chunk,
+        "columns": grid.columns if grid else 1,
+        "rows": grid.rows if grid else 1,
+        "out": str(folder.resolve()),
+    }
+    script = Path(__file__).with_name("flamenco_job_type.js").read_text(encoding="utf-8")
+    return f"const GIVEN = {json.dumps(given)};\n\n{script}"

@@ -281,11 +281,7 @@ class GLINT_RENDER_PT_switched(bpy.types.Panel):
 
     def draw(self, context):
         column, state = self.layout.column(), context.scene.glint_switch
-        buttons = column.row(align=True)
-        buttons.operator(
-            GLINT_OT_switch_back.bl_idname, text=f"Back to {NAMES[state.engine]}", icon="LOOP_BACK"
-        )
-        buttons.operator("glint.compare_cycles", icon="IMAGE_REFERENCE")
+        column.operator("glint.compare_cycles", icon="IMAGE_REFERENCE")
         for kind, title, _ in _KINDS:
             rows = [(k, row) for k, row in enumerate(state.rows) if row.kind == kind]
             if rows:
@@ -310,8 +306,12 @@ def _draw_row(
 
 def _draw_switch(self: bpy.types.Panel, context: bpy.types.Context) -> None:
     """Below the choice of the engine."""
-    if context.scene.render.engine in NAMES:
+    scene = context.scene
+    if scene.render.engine in NAMES:
         self.layout.operator(GLINT_OT_switch_to_glint.bl_idname, icon="FORWARD")
+    elif scene.render.engine == "GLINT" and scene.glint_switch.engine:
+        back = f"Back to {NAMES[scene.glint_switch.engine]}"
+        self.layout.operator(GLINT_OT_switch_back.bl_idname, text=back, icon="LOOP_BACK")
 
 
 _CLASSES = (

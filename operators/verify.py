@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +43,8 @@ def verify(picture: Path, blend: Path | None = None) -> Verdict:
             f"{picture} carries no stamp of Glint: only files that a render itself wrote do "
             "(metadata must be on)"
         )
+    if "glint.tile" in texts:
+        raise NoStampError(f"{picture} is tile {texts['glint.tile']} of a frame: merge it first")
     source = blend or Path(texts.get("File", ""))
     if not source.is_file():
         raise NoStampError(
@@ -61,6 +63,24 @@ def verify(picture: Path, blend: Path | None = None) -> Verdict:
         verdicts = [_compare_stamps(name, old, new.get(name, {})) for name, old in stamps.items()]
         verdicts.append(_compare_files(picture, again))
     return Verdict(all(v.same for v in verdicts), tuple(line for v in verdicts for line in v.lines))
+
+
+def verify_all(folder: Path, blend: Path | None = None) -> Iterator[tuple[int, str]]:
+    """Verify every picture of a folder; for each the exit code of `verify` on the command line, and
+    a row of a table.
+    """
+    pictures = sorted(path for path in folder.iterdir() if path.suffix.lower() in (".exr", ".png"))
+    pictures = [path for path in pictures if not path.name.startswith(".")]
+    if not pictures:
+        raise ValueError(f"there are no EXR or PNG pictures in {folder}")
+    width = max(len(path.name) for path in pictures)
+    for path in pictures:
+        try:
+            verdict = verify(path, blend)
+            code, said = (0, "same") if verdict.same else (1, f"different: {verdict.lines[-1]}")
+        except (ValueError, OSError, RuntimeError) as error:
+            code, said = 2, " ".join(str(error).split())
+        yield code, f"{path.name:{width}}  {said}"
 
 
 def read_stamps(texts: Mapping[str, str]) -> dict[str, dict[str, str]]:

@@ -32,6 +32,8 @@ DEBIAN_PACKAGES = {
     "libEGL.so.1": "libegl1",
     "libgomp.so.1": "libgomp1",
 }
+# What Debian and Ubuntu call the farm that tests run; where it is missing they say so.
+TEST_PACKAGES = ("munge", "slurm-client", "slurmctld", "slurmd")
 CXX20_PROGRAM = (
     "#include <bit>\n#include <span>\nint main() { int a[2] = {1, 2}; return "
     "std::span(a).size() == 2 ? 0 : 1; }\n"
@@ -173,11 +175,11 @@ def main() -> None:
     parser.add_argument(
         "--list-debian-packages",
         action="store_true",
-        help="print what bpy needs from the system, and stop",
+        help="print what bpy and the tests need from the system, and stop",
     )
     options = parser.parse_args()
     if options.list_debian_packages:
-        print(" ".join(DEBIAN_PACKAGES.values()))
+        print(" ".join([*DEBIAN_PACKAGES.values(), *TEST_PACKAGES]))
         return
     blender = prepare(options.bpy)
     print(f"glint: {blender.venv.name} is ready: bpy {blender.version}, Python {blender.python}")

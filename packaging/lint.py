@@ -1,5 +1,5 @@
 """`make lint`: ruff's rules and format over the Python of the tree; clang-format over the C++, and
-one statement a line there; the manual's page of messages.
+one statement a line there; mypy over the engine; the manual's page of messages.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ def main() -> int:
     checks = (
         [programs / "ruff", "check", "."],
         [programs / "ruff", "format", "--check", "."],
+        [programs / "python", "-m", "mypy"],
         [programs / "clang-format", "--dry-run", "--Werror", *sources],
     )
     joined = commas.problems(sources) + messages.problems()

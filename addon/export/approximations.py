@@ -9,7 +9,7 @@ from typing import Any
 
 from .materials.graph import is_blinn_phong, node_tree, output_of
 
-LOBES = "GGX is drawn as Blinn-Phong lobes (decision 0034)"
+LOBES = "GGX is drawn as Blinn-Phong lobes"
 LEFT_OUT = f"{LOBES}; anisotropy and thin film are left out"
 
 APPROXIMATED: dict[str, str] = {
@@ -28,9 +28,9 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeSubsurfaceScattering": "as diffuse",
     "ShaderNodeBsdfToon": "as diffuse",
     "ShaderNodeBsdfVelvet": "as diffuse",
-    "ShaderNodeBsdfHair": "Reflection as a highlight on the round fibre; Transmission is black",
-    "ShaderNodeBsdfHairPrincipled": "diffuse in the colour of a mass of such hair, under a "
-    "highlight",
+    "ShaderNodeBsdfHair": "highlights round the strand; Offset is left out",
+    "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand; a matt "
+    "share stands for light from strand to strand",
     "ShaderNodeHoldout": "black; the object's own holdout is exact",
     **dict.fromkeys(
         (

@@ -72,9 +72,9 @@ def note_catchers(
 ) -> None:
     """Say which materials of shadow catchers do what a catcher does not show."""
     for block in instances:
-        kinds = {lobe.kind for k in block.materials for lobe in materials[k].lobes}
         if not block.catcher or block.holdout:
             continue
+        kinds = {lobe.kind for k in block.materials for lobe in materials[k].lobes}
         if not kinds.isdisjoint({"MIRROR", "REFRACTION"}):
             report.note(
                 "Shadow catchers show no reflections, and nothing through glass: {}; render what "
@@ -108,6 +108,8 @@ def note_media(
     instances: tuple[Instances, ...], materials: tuple[Material, ...], report: Report
 ) -> None:
     """Say which things have several media inside, of which the first fills all of them."""
+    if len({material.medium for material in materials} - {None}) < 2:
+        return
     for block in instances:
         media = {materials[k].medium for k in block.materials} - {None}
         if len(media) > 1:

@@ -42,3 +42,9 @@ def draw_if_known(
     """
     if hasattr(owner, name):
         column.prop(owner, name, **look)
+
+
+def draw_reason(layout: bpy.types.UILayout, is_grey: bool, reason: str) -> None:
+    """Where something beside this is greyed out, say why."""
+    if is_grey:
+        layout.label(text=reason, icon="INFO")

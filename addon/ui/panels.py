@@ -35,7 +35,7 @@ from .data_panels import (
     GLINT_WORLD_PT_volume_steps,
 )
 from .lines import draw_text
-from .panel import ENGINE, EnginePanel, draw_if_known
+from .panel import ENGINE, EnginePanel, draw_if_known, draw_reason
 from .properties import LIGHT_GROUP
 
 _REPLACED_OR_WITHOUT_EFFECT = {
@@ -89,12 +89,16 @@ def _draw_pass(layout: bpy.types.UILayout, context: bpy.types.Context, **look: s
 class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
     bl_label = "Sampling"
 
+    def draw_header_preset(self, context):
+        self.layout.menu("GLINT_MT_presets", text="", icon="PRESET")
+
     def draw(self, context):
         column = self.column
         settings = context.scene.glint
         column.prop(settings.final, "illumination")
         physical = column.column()
         physical.active = settings.final.illumination == "PHYSICAL"
+        draw_reason(column, not physical.active, "Classic illumination has none of these")
         physical.prop(settings.final, "world_light")
         physical.prop(settings.final, "mesh_light")
         physical.prop(settings.final, "reflections")
@@ -129,8 +133,13 @@ class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
     group = "final"
 
     def draw(self, context):
-        self.layout.active = context.scene.glint.target == "NONE"
-        super().draw(context)
+        has_target = context.scene.glint.target != "NONE"
+        draw_reason(self.layout, has_target, "Quality Target finds the first three")
+        column = self.column
+        found, chosen = column.column(), column.column()
+        found.active = not has_target
+        for number, name in enumerate(self.names):
+            (found if number < 3 else chosen).prop(context.scene.glint.final, name)
 
 
 class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):
@@ -215,6 +224,7 @@ class GLINT_RENDER_PT_performance(EnginePanel, bpy.types.Panel):
         column.prop(group, "backend")
         native = column.column()
         native.active = group.backend == "NATIVE"
+        draw_reason(column, not native.active, "Of the native tracer alone")
         native.prop(group, "acceleration")
         native.prop(group, "threads")
         column.prop(context.scene.render, "preview_pixel_size", text="Viewport Pixel Size")
@@ -279,6 +289,8 @@ class GLINT_VIEWLAYER_PT_passes(EnginePanel, bpy.types.Panel):
                 row = data.row(align=True)
                 row.active = name != "Vector" or not context.scene.render.use_motion_blur
                 row.prop(context.view_layer, switch)
+                is_asked = getattr(context.view_layer, switch)
+                draw_reason(data, is_asked and not row.active, "Vector is empty with Motion Blur")
         if context.view_layer.use_pass_ambient_occlusion and context.scene.world is not None:
             data.prop(context.scene.world.light_settings, "distance", text="Occlusion Distance")
         cycles = getattr(context.view_layer, "cycles", None)

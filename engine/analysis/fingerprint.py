@@ -49,7 +49,7 @@ def picture_fingerprint(
 
 
 def _blocks(picture: np.ndarray) -> list[memoryview]:
-    whole = memoryview(picture).cast("B")
+    whole = picture.data.cast("B")
     return [whole[first : first + _BLOCK] for first in range(0, len(whole), _BLOCK)]
 
 

@@ -48,9 +48,9 @@ def flip(picture: Array, reference: Array, pixels_per_degree: float = PIXELS_PER
             f"the picture is {np.shape(picture)} and the reference {np.shape(reference)}: compare "
             "equal shapes"
         )
-    opponents = [_opponent_from_linear(_clipped(image)) for image in (reference, picture)]
-    color = _color_difference(*opponents, pixels_per_degree)
-    feature = _feature_difference(*opponents, pixels_per_degree)
+    true, seen = (_opponent_from_linear(_clipped(image)) for image in (reference, picture))
+    color = _color_difference(true, seen, pixels_per_degree)
+    feature = _feature_difference(true, seen, pixels_per_degree)
     return color ** (1 - feature)
 
 

@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -191,7 +192,8 @@ def _sum_around(image: Array) -> Array:
     """(h, w): of each pixel and its eight neighbours."""
     height, width = image.shape
     padded = np.pad(image, 1)
-    return sum(padded[j : j + height, i : i + width] for j in range(3) for i in range(3))
+    around: Any = sum(padded[j : j + height, i : i + width] for j in range(3) for i in range(3))
+    return around
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +303,8 @@ class _Pilot:
         self._scale = area([look.frame]) / area(self._crops)
         self._known: dict[tuple[int, float], Rendered] = {}
         self._errors: dict[tuple[int, float], float] = {}
-        self._truth_samples, self._truth = 0, []
+        self._truth_samples = 0
+        self._truth: Sequence[Array] = ()
 
     def forecast(self, began: float) -> Forecast:
         """began: when finding out began, by time.perf_counter."""

@@ -90,7 +90,7 @@ def has_soft_lights(scene: Scene, settings: Settings) -> bool:
     glows = any(lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes)
     sky = any(light.kind == "DOME" for light in scene.lights)
     return (
-        (glows and lit["by_meshes"])
+        bool(glows and lit["by_meshes"])
         or (sky and lit["by_world"])
         or scatters(scene, settings)
         or any(is_soft(light) for light in scene.lights)
@@ -406,14 +406,14 @@ class _Work:
         width, height = self._renderer.scene.camera.resolution
         stride = _stride(width * height, count * side**2)
         with self._renderer.smaller(stride):
-            whole, *others = (
+            whole, *coarser = (
                 self._renderer.render(settings)
                 for settings in (few, replace(few, samples=1), least)
             )
             picture = whole.pictures[0].astype(float)
             apart = [
                 np.nan_to_num(((picture - other.pictures[0]) ** 2).sum(-1), posinf=0.0)
-                for other in others
+                for other in coarser
             ]
             work = sum(image / max(image.sum(), 1e-300) for image in apart)
             timed, others = pick_squares(work, count, side).halves()
@@ -538,7 +538,7 @@ class _Work:
         marked = with_front(with_bounds(ordered))
         return {by_row[id(row)]: new for row, new in zip(ordered, marked, strict=True)}
 
-    def _row(self, settings: Settings, errors: dict[str, float]) -> Row:
+    def _row(self, settings: Settings, errors: Mapping[str, Any]) -> Row:
         rendered = self._rendered[settings]
         each = np.maximum(np.array(rendered.each) - self._overhead, 0.02 * np.array(rendered.each))
         frame_seconds = float(np.dot(each, self._squares.weights)) + self._renderer.build_seconds

@@ -62,7 +62,8 @@ class Squares:
         """
         if len(self.crops) == 1:
             return self, self
-        return tuple(Squares(self.crops[k::2], 2 * self.weights[k::2]) for k in range(2))
+        even, odd = (Squares(self.crops[k::2], 2 * self.weights[k::2]) for k in range(2))
+        return even, odd
 
 
 def pick_squares(apart: Array, count: int, side: int) -> Squares:
@@ -144,9 +145,9 @@ class CropRenderer:
         """The frame has so many times fewer pixels each way meanwhile, and is one crop."""
         whole = self.scene, self.crops
         camera = self.scene.camera
-        size = tuple(-(-side // stride) for side in camera.resolution)
-        self.scene = replace(self.scene, camera=replace(camera, resolution=size))
-        self.crops = ((0, 0, *size),)
+        width, height = (-(-side // stride) for side in camera.resolution)
+        self.scene = replace(self.scene, camera=replace(camera, resolution=(width, height)))
+        self.crops = ((0, 0, width, height),)
         try:
             yield
         finally:

@@ -18,6 +18,7 @@ import numpy as np
 from ..accelerator import Accelerator
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Instances, Light, Mesh, Openings, Scene
+from .met_surfaces import joined
 from .same import Same
 
 Array = np.ndarray
@@ -130,11 +131,12 @@ def _found(same: Same) -> Openings | None:
     point, normal = _probes(scene)
     if not len(point):
         return None
-    with Accelerator(scene.geometries, scene.instances) as surfaces:
+    few = replace(scene, instances=joined(scene.instances))
+    with Accelerator(few.geometries, few.instances) as surfaces:
         if not np.isfinite(surfaces.bounds).all():
             return None
         origin = surfaces.bounds.mean(0)
-        sky = _Sky(scene, surfaces, origin)
+        sky = _Sky(few, surfaces, origin)
         lines, enclosed = _lines(sky, (point - origin).T, normal.T)
     if lines is None:
         return None

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 41
+ABI_VERSION = 42
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -76,6 +76,9 @@ class LobeKind(IntEnum):
     TRANSPARENT = 5
     EMISSION = 6
     SHEEN = 7
+    FIBRE_DIFFUSE = 8
+    FIBRE_SPECULAR = 9
+    FIBRE_TRANSMISSION = 10
 
 
 class Fresnel(IntEnum):
@@ -290,7 +293,7 @@ class LobeData(Structure):
     _fields_ = [
         *_each(c_double, "exponent ior masking"),
         *_each(c_uint32, "first_input input_count"),
-        *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot reserved"),
+        *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot fibre_slot"),
     ]
 
 

@@ -14,7 +14,7 @@ from . import catchers
 from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import balance, highlight, sheens
+from .lighting import balance, fibres, highlight, matt_lobes
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
 from .media import Spans
@@ -308,7 +308,7 @@ class Explainer:
             ):
                 if diffuse is coefficients.diffuse or sample.intensity[0]:
                     is_drawn = diffuse is not coefficients.diffuse
-                    own = replace(coefficients, diffuse=diffuse, sheens=[])
+                    own = replace(coefficients, diffuse=diffuse, sheens=[], fibres=[])
                     own = own if is_drawn else coefficients
                     term = self._light(surface, own, source, narrow, sample, j)
                     lost = np.array(term.shadow) != 1.0
@@ -357,20 +357,28 @@ class Explainer:
     ) -> LightTerm:
         n_dot_l = float(sample.cosine(surface.n)[0])
         intensity = sample.light_of(source)[:, 0]
-        reached = sample.reaches(surface.g, surface.n) & self.stage.lighting.lights(source, surface)
+        glossy = source.has_highlights
+        through = coefficients.lets_through() if glossy else False
+        sample = replace(sample, leaves=through is not False)
+        reached = sample.reaches(surface.g, surface.n, through)
+        reached &= self.stage.lighting.lights(source, surface)
         lit = reached[0] and intensity.any()
         specular = sum(
             (
                 term.k[:, 0] * self._highlight(surface, sample, term)
-                for term in (coefficients.highlights if source.has_highlights else ())
+                for term in (coefficients.highlights if glossy and n_dot_l > 0 else ())
             ),
             np.zeros(3),
         )
-        specular = specular * balance(narrow, np.zeros(1, np.intp), sample)
+        seen = np.zeros(1, np.intp)
+        specular = specular * balance(narrow, seen, sample)
+        if glossy and coefficients.fibres:
+            all_ = fibres(surface, coefficients.fibres, seen, sample.direction, matt=False)
+            specular = specular + all_[:, 0]
         even = self.stage.lighting.even_gloss(source, surface, coefficients)[:, 0]
-        specular = specular + even * n_dot_l
-        matt = sheens(surface, coefficients.sheens, np.zeros(1, np.intp), sample.direction)
-        diffuse = coefficients.diffuse[:, 0] * n_dot_l + matt[:, 0]
+        specular = specular + even * max(n_dot_l, 0.0)
+        matt = matt_lobes(surface, coefficients, seen, sample.direction)
+        diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) + matt[:, 0]
         shadow, blocker, distance = (
             self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
         )

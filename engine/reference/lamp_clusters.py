@@ -98,9 +98,17 @@ class LampClusters:
         )
 
     def lights(
-        self, surface: Surface, terms: list[Term], diffuse: Array, lit: Array, lobes: Lobes
+        self,
+        surface: Surface,
+        terms: list[Term],
+        diffuse: Array,
+        lit: Array,
+        apart: Array,
+        lobes: Lobes,
     ) -> Iterator[tuple[Source, FarLight]]:
-        """What lit points get of each lamp. terms: highlights.  diffuse: (3, n) k_d."""
+        """What lit points get of each lamp. terms: highlights.  diffuse: (3, n) k_d.  apart: (n,)
+        bool, points that look at each lamp.
+        """
         if not self._roots:
             return
         far2 = np.full(len(surface), FAR2)
@@ -132,7 +140,7 @@ class LampClusters:
                 yield from walk(part, open_ & ~ok, far)
 
         for root in self._roots:
-            yield from walk(root, lit, start)
+            yield from walk(root, lit & ~apart, start)
 
 
 def _with(values: Array, index: Array, some: Array) -> Array:

@@ -17,7 +17,7 @@ from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
-from .optics import blinn_phong, gloss, sheen
+from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen
 from .pulse import Pulse
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
@@ -140,7 +140,7 @@ class Lighting:
         rows = (3,) * 7 + (3 * self.light_groups,)
         total = DirectLight(*(np.zeros((count, len(surface))) for count in rows))
         given = coefficients.diffuse.any(0)
-        for term in (*coefficients.highlights, *coefficients.sheens):
+        for term in (*coefficients.highlights, *coefficients.sheens, *coefficients.fibres):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for source in self.sources if given.any() else ():
             lit = given & self.lights(source, surface)
@@ -251,12 +251,15 @@ class Lighting:
 
         def lobes(seen: Array, direction: Array) -> tuple[Array, Array]:
             return (
-                sheens(surface, coefficients.sheens, seen, direction),
+                matt_lobes(surface, coefficients, seen, direction),
                 highlights(surface, coefficients.highlights, seen, direction),
             )
 
+        apart = np.zeros(len(surface), bool)
+        for term in coefficients.fibres:
+            apart[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         yield from self._clusters.lights(
-            surface, coefficients.highlights, coefficients.diffuse, given, lobes
+            surface, coefficients.highlights, coefficients.diffuse, given, apart, lobes
         )
 
     def _from_afar(
@@ -367,21 +370,29 @@ class Lighting:
         """
         self.pulse.beat()
         cosine = sample.cosine(surface.n)
-        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n))
+        is_drawn = diffuse is not coefficients.diffuse
+        glossy = source.has_highlights
+        through = coefficients.lets_through() if glossy and not is_drawn else False
+        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n, through))
         if not source.color.any():
             seen = seen[:0]
-        chosen = replace(sample.taken(seen), inner=None)
+        chosen = replace(sample.taken(seen), inner=None, leaves=through is not False)
         light = chosen.light_of(source)
-        terms = coefficients.highlights if source.has_highlights else []
-        is_drawn = diffuse is not coefficients.diffuse
-        diffuse = pick(diffuse, seen) * light * cosine[seen]
+        terms = coefficients.highlights if glossy else []
+        front = cosine[seen] > 0
+        diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0)
         if not is_drawn:
-            diffuse = diffuse + sheens(surface, coefficients.sheens, seen, chosen.direction) * light
+            diffuse = diffuse + matt_lobes(surface, coefficients, seen, chosen.direction) * light
         specular = (
-            highlights(surface, terms, seen, chosen.direction)
+            np.where(front, highlights(surface, terms, seen, chosen.direction), 0.0)
             * light
             * balance(narrow, seen, chosen)
-        ) + pick(self.even_gloss(source, surface, coefficients), seen) * light * cosine[seen]
+        )
+        gloss = pick(self.even_gloss(source, surface, coefficients), seen)
+        specular = specular + gloss * light * np.where(front, cosine[seen], 0.0)
+        if glossy and not is_drawn and coefficients.fibres:
+            shine = fibres(surface, coefficients.fibres, seen, chosen.direction, matt=False)
+            specular = specular + shine * light
 
         def open_(places: Array) -> Array:
             shadows = self.shadows_of(source)
@@ -426,9 +437,33 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
     return _summed(highlight, surface, terms, seen, direction)
 
 
-def sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
-    """The same of SHEEN lobes."""
+def matt_lobes(
+    surface: Surface, coefficients: Coefficients, seen: Array, direction: Array
+) -> Array:
+    """The same of SHEEN and FIBRE_DIFFUSE lobes."""
+    total = _sheens(surface, coefficients.sheens, seen, direction)
+    if not coefficients.fibres:
+        return total
+    return total + fibres(surface, coefficients.fibres, seen, direction, matt=True)
 
+
+def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, matt: bool) -> Array:
+    """The same of FIBRE_DIFFUSE lobes, or of the others."""
+
+    def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
+        cosine, t = dot(n, l), pick(term.fibre, chosen)
+        if matt:
+            return np.where(cosine > 0, fibre_diffuse(t, l), 0.0)
+        behind = term.lobe.kind == "FIBRE_TRANSMISSION"
+        numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
+        given = fibre_highlight(t, v, l, *numbers, behind)
+        return np.where((cosine < 0) if behind else (cosine > 0), given, 0.0)
+
+    chosen = [term for term in terms if (term.lobe.kind == "FIBRE_DIFFUSE") == matt]
+    return _summed(lobe, surface, chosen, seen, direction)
+
+
+def _sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
     def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
         given = sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
         return np.where(dot(n, l) > 0, given, 0.0)

@@ -54,7 +54,8 @@ class LightSample:
     end's coordinates the segments are shorter, for what the light is part of.  round: (n,) of what
     the horizon may cut in part, sin² of the half angle of a ball that gives as much light.  group:
     (1,) or (n,) light groups instead of the light's, None for that.  counts: whether it tells how
-    much of a sky is hidden.
+    much of a sky is hidden.  leaves: whether points may lie on what segments leave on the other
+    side, so that these begin there and not at the light.
     """
 
     direction: Array
@@ -67,6 +68,7 @@ class LightSample:
     round: Array | None = None
     group: Array | None = None
     counts: bool = True
+    leaves: bool = False
 
     def cosine(self, n: Array) -> Array:
         """(k,) n·l of points with the normals n (3, k), or what stands for it: how much of this
@@ -75,9 +77,12 @@ class LightSample:
         cosine = dot(n, self.direction)
         return cosine if self.round is None else above_horizon(cosine, self.round)
 
-    def reaches(self, g: Array, n: Array) -> Array:
-        """(k,) bool: points with the normals g, n (3, k), whatever stands between."""
-        reached = (self.cosine(n) > 0) & (self.intensity != 0)
+    def reaches(self, g: Array, n: Array, through: Array | bool = False) -> Array:
+        """(k,) bool: points with the normals g, n (3, k), whatever stands between. through: (k,)
+        bool, those that light from behind reaches too.
+        """
+        cosine = self.cosine(n)
+        reached = ((cosine > 0) | (through & (cosine < 0))) & (self.intensity != 0)
         return (
             reached
             if self.inner is None

@@ -36,6 +36,10 @@ GAUSS = 3**-0.5
 """Of a pair of cells, where they are asked."""
 FARTHEST = 16384
 """Steps of a world, beyond which there is one cell more."""
+SHADOW_STEPS = 2.0
+"""Steps of rays to lights, over those of others."""
+OPAQUE = 12.0
+"""Optical depth beyond which it is dark."""
 MOST_DENSE = 1e30
 """A world unit."""
 MOST_ANISOTROPY = 1 - 1e-3
@@ -166,16 +170,17 @@ class Marching:
         varies = np.array([medium.program is not None for medium in self.media], bool)
         whole = np.flatnonzero(varies[spans.medium])
         shift = (0.5 + GOLDEN * sample) % 1.0
+        coarse = SHADOW_STEPS if kind == "shadow" else 1.0
         number, start, end = [np.zeros(0, np.intp)], [np.zeros(0)], [np.zeros(0)]
         for k in whole:
             ray = spans.ray[k]
             low, high = max(spans.start[k], near[ray]), min(spans.end[k], far[ray])
-            speed, step = spans.speed[ray], self.media[spans.medium[k]].step
+            speed, step = spans.speed[ray], coarse * self.media[spans.medium[k]].step
             if spans.row[k] < 0:
-                cuts = near[ray] + _growing((high - near[ray]) * speed, step, shift) / speed
+                cuts = near[ray] + _growing((high - near[ray]) * speed, step, shift, coarse) / speed
             else:
                 side = (boxes[spans.row[k], 1] - boxes[spans.row[k], 0]).mean()
-                step = max(step, LEAST_STEP) * side
+                step = max(step, coarse * LEAST_STEP) * side
                 cuts = _even(low * speed, high * speed, step, shift) / speed
             cuts = cuts[(cuts > low) & (cuts < high)]
             if low < high:
@@ -203,6 +208,7 @@ class Marching:
         way = np.where(ends, end, start) - start
         self._fill(cells, start + (0.5 + side * (GAUSS - 0.5)) * way, lines, kind)
         cells.matter.emission[:, ~ends] = 0.0
+        _end_in_the_dark(cells)
         return _joined(_some(spans, np.flatnonzero(~varies[spans.medium])), cells)
 
     def _fill(self, cells: Spans, at: Array, lines: tuple[Array, Array], kind: str) -> None:
@@ -248,12 +254,30 @@ def _even(low: float, high: float, step: float, shift: float) -> Array:
     return (np.arange(first, first + (high - low) / pair + 2) + shift) * pair
 
 
-def _growing(way: float, step: float, shift: float) -> Array:
+def _end_in_the_dark(cells: Spans) -> None:
+    """Nothing gets on through cells before which those of their ray, in order, leave next to
+    nothing in any channel.
+    """
+    order = np.lexsort((cells.start, cells.ray))
+    ray, way = cells.ray[order], (cells.end - cells.start)[order] * cells.speed[cells.ray[order]]
+    sigma = cells.matter.extinction[:, order]
+    with np.errstate(invalid="ignore"):
+        depth = np.where(sigma > 0, sigma * way, 0.0)
+    new = np.flatnonzero(np.diff(ray, prepend=-1))
+    for first, end in zip(new, np.append(new, len(ray))[1:], strict=True):
+        before = np.cumsum(np.insert(depth[:, first : end - 1], 0, 0.0, 1), 1)
+        dark = order[first:end][np.maximum.accumulate((before > OPAQUE).all(0))]
+        cells.matter.extinction[:, dark] = MOST_DENSE
+        cells.matter.scattering[:, dark] = cells.matter.emission[:, dark] = 0.0
+
+
+def _growing(way: float, step: float, shift: float, coarse: float) -> Array:
     """Where pairs of cells end that grow with the way, up to where one is the rest."""
-    cuts, most, following = [], min(way, FARTHEST * step), 2 * shift * NEAR * step
+    near, far = coarse * NEAR, coarse * FAR
+    cuts, most, following = [], min(way, FARTHEST * step), 2 * shift * near * step
     while following < most:
         cuts.append(following)
-        following += 2 * max(NEAR * step, min(step, NEAR * following), FAR * following)
+        following += 2 * max(near * step, min(step, near * following), far * following)
     return np.array(cuts)
 
 

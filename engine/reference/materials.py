@@ -39,7 +39,7 @@ class Term:
     """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m).
 
     exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
-    number.
+    number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.
     """
 
     index: Array
@@ -48,6 +48,7 @@ class Term:
     exponent: Array | float
     masking: Array | float
     ior: Array | float
+    fibre: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +63,14 @@ class Coefficients:
     mirrors: list[Term]
     refractions: list[Term]
     sheens: list[Term]
+    fibres: list[Term]
 
     def matt(self) -> Array:
         """(3, n): about what of even light all but these, mirrors and glass give back."""
         total = self.diffuse.copy()
-        for term in self.sheens:
-            add_at(total, term.index, term.k)
+        for term in (*self.sheens, *self.fibres):
+            if term.lobe.kind in ("SHEEN", "FIBRE_DIFFUSE"):
+                add_at(total, term.index, term.k)
         return total
 
     def glossy(self) -> Array:
@@ -75,14 +78,26 @@ class Coefficients:
         total = np.zeros_like(self.diffuse)
         for term in self.highlights:
             add_at(total, term.index, 8 / (term.exponent + 2) * term.k)
+        for term in self.fibres:
+            if term.lobe.kind != "FIBRE_DIFFUSE":
+                add_at(total, term.index, term.k)
         return total
+
+    def lets_through(self) -> Array:
+        """(n,) bool: where light from behind is seen through fibres."""
+        found = np.zeros(self.diffuse.shape[1], bool)
+        for term in self.fibres:
+            if term.lobe.kind == "FIBRE_TRANSMISSION":
+                found[term.index] |= term.k.any(0)
+        return found
 
     def albedo(self) -> Array:
         """(3, n): about what of even light the points give back; mirrors and glass without what
         Fresnel says.
         """
         total = self.diffuse + self.glossy()
-        for term in (*self.mirrors, *self.refractions, *self.sheens):
+        matt = [term for term in self.fibres if term.lobe.kind == "FIBRE_DIFFUSE"]
+        for term in (*self.mirrors, *self.refractions, *self.sheens, *matt):
             add_at(total, term.index, term.k)
         return total
 
@@ -121,14 +136,41 @@ class Shader:
         """
         shape = (3, len(surface.primitive))
         sums = {name: np.zeros(shape) for name in _SUMMED.values()}
-        terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": [], "SHEEN": []}
+        kinds = ("SPECULAR", "MIRROR", "REFRACTION", "SHEEN", "FIBRE")
+        terms: dict[str, list[Term]] = {kind: [] for kind in kinds}
+
+        def add_fibre(
+            lobe: Lobe,
+            index: Array,
+            k: Array,
+            t: Array,
+            exponent: Array | float,
+            masking: Array | float,
+        ) -> None:
+            here, bare = t.any(0), ~t.any(0)
+            k, exponent = np.broadcast_to(k, t.shape), np.broadcast_to(exponent, t.shape[1:])
+            masking = np.broadcast_to(masking, t.shape[1:])[here]
+            if lobe.kind == "FIBRE_DIFFUSE":
+                add_at(sums["diffuse"], index[bare], k[:, bare])
+            elif lobe.kind == "FIBRE_SPECULAR" and bare.any():
+                p = exponent[bare]
+                highlight = Lobe("SPECULAR", exponent=lobe.exponent)
+                wide = (p + 2) / 8 * k[:, bare]
+                terms["SPECULAR"].append(Term(index[bare], wide, highlight, p, 0.0, 1.0))
+            terms["FIBRE"].append(
+                Term(index[here], k[:, here], lobe, exponent[here], masking, 1.0, t[:, here])
+            )
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
             exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
             if lobe.exponent > 0 and lobe.kind in ("AMBIENT", "DIFFUSE"):
                 seen = dot(pick(surface.n, index), pick(surface.v, index))
                 k = k * (1 - np.clip(seen, 0.0, 1.0)) ** exponent
-            if lobe.kind in _SUMMED:
+            if lobe.kind.startswith("FIBRE"):
+                masking = _number(lobe.masking, lobe.masking_output, outputs)
+                tangents = _tangents(lobe, outputs, len(index))
+                add_fibre(lobe, index, k, tangents, exponent, masking)
+            elif lobe.kind in _SUMMED:
                 add_at(sums[_SUMMED[lobe.kind]], index, k)
             else:
                 masking = _number(lobe.masking, lobe.masking_output, outputs)
@@ -142,6 +184,7 @@ class Shader:
             mirrors=terms["MIRROR"],
             refractions=terms["REFRACTION"],
             sheens=terms["SHEEN"],
+            fibres=terms["FIBRE"],
         )
 
     def bent(self, surface: Surface, kind: str, queries: SceneQueries | None = None) -> Surface:
@@ -257,6 +300,14 @@ class Shader:
 def taken(number: Array | float, chosen: Array | slice) -> Array | float:
     """The places `chosen` of a number that differs from point to point, or the one for all."""
     return number[chosen] if isinstance(number, np.ndarray) else number
+
+
+def _tangents(lobe: Lobe, outputs: list[Array], count: int) -> Array:
+    """(3, m) of a FIBRE lobe; 0 where there is no fibre."""
+    if lobe.fibre_output < 0:
+        return np.zeros((3, count))
+    given = np.broadcast_to(outputs[lobe.fibre_output], (3, count))
+    return np.where(np.isfinite(given), given, 0.0)
 
 
 def _index(lobe: Lobe, outputs: list[Array]) -> Array | float:

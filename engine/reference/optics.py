@@ -68,6 +68,49 @@ def sheen(n: Array, v: Array, l: Array, width: Array | float, lean: Array | floa
         return nl * width * width / (square * square)
 
 
+def fibre_diffuse(t: Array, l: Array) -> Array:  # noqa: E741
+    """(m,) Kajiya and Kay's sine of the angle to the tangent t of a fibre, of any length, times
+    2 / pi: over the fibre's width, of which half sees a light from the side, all of a uniform world
+    comes back.
+    """
+    return 2 / np.pi * _across(dot(unit(t), l))
+
+
+def fibre_highlight(
+    t: Array,
+    v: Array,
+    l: Array,  # noqa: E741
+    exponent: Array | float,
+    fan: Array | float = 0.0,
+    behind: bool = False,
+) -> Array:
+    """(m,) max(0, n·h)^p round a fibre, n across its tangent t and h half way from v to l turned
+    round t to v's side, times what keeps the light of a uniform world (SEMANTICS.md).  fan: how far
+    light fans out round t from v's side, or from behind, 0 to 1; 0 for as far as normals do.
+    """
+    t = unit(t)
+    to_l, to_v = dot(t, l), dot(t, v)
+    across_l, across_v = _across(to_l), _across(to_v)
+    across = across_l + across_v
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tangent2 = (to_l + to_v) ** 2 / across**2
+        power = np.exp(-exponent / 2 * np.log1p(tangent2))
+    widest = np.maximum(np.maximum(across_l, across_v), 1 / 8)
+    size = np.sqrt((exponent + 0.5) / (8 * np.pi))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        both = across_l * across_v
+        turned = np.where(both > 0, (dot(l, v) - to_l * to_v) / both, 0.0)
+        u = 0.5 * (1 + (-1 if behind else 1) * np.clip(turned, -1.0, 1.0))
+        q = 1 / np.where(np.greater(fan, 0), fan, 1.0)
+        power = power * np.where(u > 0, u ** (q - 1), 0.0)
+    size = size * np.where(np.greater(fan, 0), np.sqrt(np.pi * (2 * q + 0.5) / 8), 1.0)
+    return np.where(across > 0, size * power * across_l / widest**2, 0.0)
+
+
+def _across(cosine: Array) -> Array:
+    return np.sqrt(np.maximum(1 - cosine * cosine, 0.0))
+
+
 def reflected(d: Array, n: Array, g: Array) -> Array:
     """d − 2(d·n)n; where that points below the surface, with g in the place of n."""
     r = d - 2 * dot(d, n) * n

@@ -106,6 +106,8 @@ class Shadows:
             return self._blocked(
                 Bundle.of(start, sample.direction, np.zeros(m), np.full(m, np.inf))
             )
+        if sample.leaves:
+            return self._each(start, np.broadcast_to(end, start.shape), sample.short)
         if end.shape[1] == 1:
             return self._through(start, end[:, 0], sample.short)
         return self._each(start, end, sample.short)

@@ -5,14 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import isfinite
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
 Found = Iterator[str]
 
-REAL = (float, int, Real)
+_REAL = (float, int, Real)
 """For isinstance, the plain ones first: asking an abstract class takes ten times as long."""
+
+
+def is_real(value: Any) -> TypeGuard[float]:
+    """Whether it is a real number, NumPy's too, finite or not."""
+    return isinstance(value, _REAL)
+
+
+def is_whole(value: Any) -> TypeGuard[int]:
+    """Whether it is a whole number, NumPy's too."""
+    return isinstance(value, (int, Integral))
 
 
 def holds(name: str, things: Any, kinds: tuple[type, ...]) -> Found:
@@ -56,13 +66,13 @@ def finite_array(name: str, array: np.ndarray) -> Found:
 
 
 def finite(name: str, value: Any) -> Found:
-    if not (isinstance(value, REAL) and np.isfinite(value)):
+    if not (is_real(value) and np.isfinite(value)):
         yield f"{name} is {value!r}: use a finite number"
 
 
 def at_least(name: str, value: Any, low: float, high: float = np.inf) -> Found:
     """A finite number within [low, high]."""
-    if not (isinstance(value, REAL) and np.isfinite(value) and low <= value <= high):
+    if not (is_real(value) and np.isfinite(value) and low <= value <= high):
         span = f"{low:g} or more" if np.isinf(high) else f"{low:g} to {high:g}"
         yield f"{name} is {value!r}: use a finite number, {span}"
 
@@ -75,7 +85,7 @@ def one_of(name: str, value: Any, names: tuple[str, ...]) -> Found:
 def numbers(name: str, values: Any, count: int) -> Found:
     """A tuple (or row) of finite numbers."""
     try:
-        sound = len(values) == count and all(isinstance(v, REAL) and isfinite(v) for v in values)
+        sound = len(values) == count and all(is_real(v) and isfinite(v) for v in values)
     except (TypeError, OverflowError):
         sound = False
     if not sound:
@@ -84,11 +94,11 @@ def numbers(name: str, values: Any, count: int) -> Found:
 
 def handle(name: str, handle: Any, count: int, things: str, none: bool = False) -> Found:
     low = -1 if none else 0
-    if not (isinstance(handle, (int, Integral)) and low <= handle < count):
+    if not (is_whole(handle) and low <= handle < count):
         remedy = f"use {low} to {count - 1}" if count else f"add one of the {things}"
         yield f"{name} is {handle!r} but the scene has {count} {things}: {remedy}"
 
 
 def whole(name: str, value: Any) -> Found:
-    if not (isinstance(value, Integral) and -(2**31) <= value < 2**31):
+    if not (is_whole(value) and -(2**31) <= value < 2**31):
         yield f"{name} is {value!r}: use a whole number of 32 bits"

@@ -235,6 +235,9 @@ LOBES = (
     "TRANSPARENT",
     "EMISSION",
     "SHEEN",
+    "FIBRE_DIFFUSE",
+    "FIBRE_SPECULAR",
+    "FIBRE_TRANSMISSION",
 )
 
 
@@ -251,7 +254,9 @@ class Lobe:
     none. exponent_output, masking_output: which output of the material's program, a number, gives
     the exponent or masking instead, kept from 0 to what stands here; -1 for none.  ior_output: the
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
-    width as exponent and its lean as masking (SEMANTICS.md).
+    width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
+    fans out round the tangent, 0 for as far as normals do.  fibre_output: of FIBRE lobes, the
+    output with the fibre's tangent in the world, of any length, 0 of what is no fibre; -1: all 0.
     """
 
     kind: str
@@ -264,6 +269,7 @@ class Lobe:
     exponent_output: int = -1
     masking_output: int = -1
     ior_output: int = -1
+    fibre_output: int = -1
 
     @property
     def is_glossy(self) -> bool:
@@ -327,8 +333,8 @@ class Medium:
     @property
     def extinction(self) -> tuple[float, float, float]:
         """RGB, how much light that goes straight on loses a world unit."""
-        pairs = zip(self.absorption, self.scattering, strict=True)
-        return tuple(absorbed + scattered for absorbed, scattered in pairs)
+        (a, b, c), (x, y, z) = self.absorption, self.scattering
+        return a + x, b + y, c + z
 
 
 @dataclass(frozen=True)
@@ -643,8 +649,10 @@ class Scene:
     @property
     def most_asked(self) -> int:
         """How many rays an operation of a program asks for, at most (`Program.most_asked`)."""
-        given = (*self.materials, *(m.aovs for m in self.materials if m.aovs), *self.lights)
-        return max((m.program.most_asked for m in given if m.program is not None), default=0)
+        aovs = (material.aovs for material in self.materials if material.aovs)
+        programs = [thing.program for thing in (*self.materials, *aovs)]
+        programs += [light.program for light in self.lights]
+        return max((program.most_asked for program in programs if program), default=0)
 
     def medium_of(self, instances: Instances) -> Medium | None:
         """What is inside of things that wear these materials; strands have no inside."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import inf, pi
 from typing import Any
 
-from .checks import REAL, Found, numbers, one_of
+from .checks import Found, is_real, numbers, one_of
 
 PROJECTIONS = (
     "EQUIRECTANGULAR",
@@ -88,7 +88,7 @@ def _eye_problems(eye: Any) -> Found:
         yield f"panorama's eye is a {type(eye).__name__}: use an Eye or None"
         return
     yield from numbers("panorama's eye", (eye.offset,), 1)
-    if not (isinstance(eye.convergence, REAL) and eye.convergence > 0):
+    if not (is_real(eye.convergence) and eye.convergence > 0):
         yield f"the eye's convergence is {eye.convergence!r}: use a distance above 0"
     if eye.pole_merge is None:
         return
@@ -99,5 +99,5 @@ def _eye_problems(eye: Any) -> Found:
 
 
 def _above_zero(name: str, value: Any) -> Found:
-    if not (isinstance(value, REAL) and 0 < value < inf):
+    if not (is_real(value) and 0 < value < inf):
         yield f"{name} is {value!r}: use a finite number above 0"

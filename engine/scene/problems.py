@@ -8,7 +8,7 @@ primitives the tracers drop. Flattened placements and negative light are sound.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from numbers import Integral
@@ -21,7 +21,6 @@ from ..program.operations import Reference
 from ..program.problems import program_problems
 from ..program.program import Program, instructions
 from .checks import (
-    REAL,
     Found,
     array,
     at_least,
@@ -30,6 +29,7 @@ from .checks import (
     finite_array,
     handle,
     holds,
+    is_real,
     numbers,
     one_of,
     whole,
@@ -125,7 +125,8 @@ def _light_groups(scene: Scene) -> Found:
     count = len(scene.light_groups)
     if count > MOST_LIGHT_GROUPS:
         yield f"scene has {count} light groups: use at most {MOST_LIGHT_GROUPS}"
-    for thing in (*scene.lights, *scene.instances, scene.world):
+    things: tuple[Any, ...] = (*scene.lights, *scene.instances, scene.world)
+    for thing in things:
         group = thing.light_group
         if type(group) is int and -1 <= group < count:
             continue
@@ -217,7 +218,12 @@ def _label(thing: Any) -> str:
 
 
 def _geometry(geometry: Any) -> Found:
-    checks = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons, Strands: _strands}
+    checks: dict[type, Callable[[Any], Found]] = {
+        Mesh: _mesh,
+        Spheres: _spheres,
+        Polygons: _polygons,
+        Strands: _strands,
+    }
     yield from next(check for kind, check in checks.items() if isinstance(geometry, kind))(geometry)
 
 
@@ -273,7 +279,7 @@ def _attributes(mesh: Mesh) -> Found:
     yield from _named(mesh.attributes, rows)
 
 
-def _named(attributes: tuple[Attribute, ...], rows: dict[str, int | None]) -> Found:
+def _named(attributes: tuple[Attribute, ...], rows: Mapping[str, int | None]) -> Found:
     names = [attribute.name for attribute in attributes]
     for name in sorted({name for name in names if names.count(name) > 1}):
         yield f"has several attributes called {name!r}: give each a name of its own"
@@ -290,7 +296,7 @@ def _corner_rows(mesh: Mesh) -> int | None:
 
 
 def _attribute(
-    name: str, attribute: Attribute, rows: dict[str, int | None], columns: tuple[int, ...]
+    name: str, attribute: Attribute, rows: Mapping[str, int | None], columns: tuple[int, ...]
 ) -> Found:
     shapes = [
         *one_of(f"the domain of {name}", attribute.domain, tuple(rows)),
@@ -457,7 +463,7 @@ def _medium(medium: Medium | None, textures: int, is_world: bool = False) -> Fou
         if not problems and name != "emission" and min(value) < 0:
             yield f"medium {name} is {value}: use numbers of at least 0"
     yield from at_least("medium anisotropy", medium.anisotropy, -1, 1)
-    if not (isinstance(medium.step, REAL) and np.isfinite(medium.step) and medium.step > 0):
+    if not (is_real(medium.step) and np.isfinite(medium.step) and medium.step > 0):
         yield f"medium step is {medium.step!r}: use a finite number above 0"
     outputs = 0
     if medium.program is not None:
@@ -484,14 +490,14 @@ def _out_of_place(program: Program, is_world: bool) -> Found:
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from one_of("kind", lobe.kind, LOBES)
     yield from at_least("exponent", lobe.exponent, 0)
-    if not (isinstance(lobe.ior, REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
+    if not (is_real(lobe.ior) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
     yield from at_least("masking", lobe.masking, 0, 1)
     strangers = [*holds("factors", lobe.factors, (Input,))]
     yield from strangers
     for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures, outputs)
-    for name in ("exponent_output", "masking_output", "ior_output"):
+    for name in ("exponent_output", "masking_output", "ior_output", "fibre_output"):
         yield from handle(name, getattr(lobe, name), outputs, "outputs", none=True)
 
 
@@ -502,9 +508,7 @@ def _input(factor: Input, textures: int, outputs: int) -> Found:
     yield from one_of("channel", factor.channel, CHANNELS)
     yield from one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
     yield from numbers("offset", factor.offset, 3)
-    if not (
-        isinstance(factor.low, REAL) and isinstance(factor.high, REAL) and factor.low <= factor.high
-    ):
+    if not (is_real(factor.low) and is_real(factor.high) and factor.low <= factor.high):
         yield f"low is {factor.low!r} and high {factor.high!r}: use numbers, low at most high"
     for row in factor.uv_transform:
         yield from numbers("a row of uv_transform", row, 3)
@@ -554,7 +558,7 @@ def _light(light: Light) -> Found:
     if light.kind == "BOUNCED":
         yield "kind 'BOUNCED' is made by the tracers: set diffuse_bounces"
     if light.program is not None:
-        yield from _light_program(light)
+        yield from _light_program(light, light.program)
     yield from one_of("shape", light.shape, LIGHT_SHAPES)
     yield from _links(light)
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
@@ -575,22 +579,21 @@ def _light_motion(light: Light) -> Found:
         return
     found = [*_keys("motion", light.motion, np.float64, (3, 4))]
     yield from found
-    for key in () if found else light.motion:
+    for key in () if found or light.motion is None else light.motion:
         yield from _not_orthonormal("motion", key)
 
 
-def _light_program(light: Light) -> Found:
-    found = [*program_problems(light.program, len(light.textures))]
+def _light_program(light: Light, program: Program) -> Found:
+    found = [*program_problems(program, len(light.textures))]
     yield from (f"program: {text}" for text in found)
     if light.kind == "DOME":
         yield "a DOME has a program: bake it into its radiance"
-    if not found and not light.program.outputs:
+    if not found and not program.outputs:
         yield "program has no output: compile it with one"
-    if not found and light.program.attributes:
+    if not found and program.attributes:
         yield "program reads an attribute, which a light has not: use its position or normal"
     if not found and any(
-        step.operation.name in ("barycentric", "edge_distance")
-        for step in instructions(light.program)
+        step.operation.name in ("barycentric", "edge_distance") for step in instructions(program)
     ):
         yield "program reads a triangle, which a light has not: use its position or normal"
 
@@ -625,7 +628,8 @@ def _is_flat(axes: np.ndarray) -> bool:
     """(3, 3) unit columns. The decomposition decides, where the volume of the axes leaves a
     doubt.
     """
-    return not abs(determinant(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
+    is_doubtful = not abs(determinant(axes)) >= _DOUBTFUL_VOLUME
+    return is_doubtful and bool(pseudo_inverse(axes).rank < 3)
 
 
 def _camera(camera: Camera) -> Found:
@@ -727,15 +731,15 @@ def _world(world: World) -> Found:
     yield from found or finite_array("axes", world.axes)
     yield from _medium(world.medium, len(world.textures), is_world=True)
     if world.program is not None:
-        yield from (f"program: {text}" for text in _sky_problems(world))
+        yield from (f"program: {text}" for text in _sky_problems(world, world.program))
 
 
-def _sky_problems(world: World) -> list[str]:
-    problems = [*program_problems(world.program, len(world.textures))]
+def _sky_problems(world: World, program: Program) -> list[str]:
+    problems = [*program_problems(program, len(world.textures))]
     if problems:
         return problems
-    if any(step.operation.reads_surface for step in instructions(world.program)):
+    if any(step.operation.reads_surface for step in instructions(program)):
         problems.append("reads surfaces, which rays that hit nothing do not have")
-    if len(world.program.outputs) != 1:
-        problems.append(f"has {len(world.program.outputs)} outputs: a world's has one")
+    if len(program.outputs) != 1:
+        problems.append(f"has {len(program.outputs)} outputs: a world's has one")
     return problems

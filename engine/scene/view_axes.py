@@ -36,13 +36,17 @@ class ViewAxes:
 
     def scene(self, scene: Scene) -> Scene:
         """The same scene told in this frame."""
+        before_and_after = scene.neighbours
+        if before_and_after is not None:
+            before, after = before_and_after
+            before_and_after = self.scene(before), self.scene(after)
         return replace(
             scene,
             camera=self._camera(scene.camera),
             instances=tuple(self._instances(block) for block in scene.instances),
             lights=tuple(self._light(light) for light in scene.lights),
             world=replace(scene.world, axes=self.axes.T @ scene.world.axes),
-            neighbours=tuple(map(self.scene, scene.neighbours)) if scene.neighbours else None,
+            neighbours=before_and_after,
         )
 
     def world_passes(self, passes: dict[str, Array]) -> dict[str, Array]:
@@ -92,8 +96,8 @@ def narrow_view_axes(camera: Camera) -> ViewAxes | None:
     matrix = np.asarray(camera.world_from_camera, np.float64)
     if camera.kind != "PERSPECTIVE" or matrix.shape != (3, 4) or not pixel_angle(camera) < NARROW:
         return None
-    z = matrix[:, 2] / np.linalg.norm(matrix[:, 2])
-    x = matrix[:, 0] / np.linalg.norm(matrix[:, 0])
+    z: np.ndarray = matrix[:, 2] / np.linalg.norm(matrix[:, 2])
+    x: np.ndarray = matrix[:, 0] / np.linalg.norm(matrix[:, 0])
     x = x - z * (z @ x)
     x = x / np.linalg.norm(x)
     axes = np.column_stack([x, np.cross(z, x), z])

@@ -1,10 +1,10 @@
 """`make bench`: every bench of this folder in its short form, one after the other, each in a
 process of its own.
 
-With names, only those: rays, frames, million, hair, export, instructions, features, targets,
-viewport.
-The last two are run by name only: targets takes ten minutes of a quiet machine, and the viewport
-needs a Blender with a window, which GLINT_BLENDER names.
+With names, only those: rays, frames, million, hair, export, instructions, features, volumes,
+targets, farm, viewport.
+The last three are run by name only: targets takes ten minutes of a quiet machine, farm as long and
+Debian's Slurm, and the viewport needs a Blender with a window, which GLINT_BLENDER names.
 """
 
 import subprocess
@@ -19,9 +19,10 @@ BENCHES = {
     "export": [],
     "instructions": [],
     "features": [],
+    "volumes": [],
 }
 """Script → the options of its short form."""
-BY_NAME = {"targets": "targets.py", "viewport": "../viewport/measure.py"}
+BY_NAME = {"targets": "targets.py", "farm": "farm.py", "viewport": "../viewport/measure.py"}
 """Name → script of what takes long, or what the machine must be fit for."""
 
 

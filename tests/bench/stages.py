@@ -154,7 +154,7 @@ def status_megabytes(field: str) -> float:
 
 
 def choose_engine(scene, engine: str, samples: int = 1) -> None:
-    """`samples` per pixel and light, no bounces."""
+    """`samples` per pixel and light, no bounces of any kind."""
     scene.render.image_settings.file_format = "OPEN_EXR"
     if engine != "CYCLES":
         import conftest  # noqa: F401  (makes the package importable as glint)
@@ -173,12 +173,8 @@ def choose_samples(scene, engine: str, samples: int) -> None:
         cycles_reference.make_exact(scene, samples)
         return
     final = scene.glint.final
-    final.samples, final.light_samples, final.max_bounces, final.error_threshold = (
-        samples,
-        1,
-        0,
-        0.0,
-    )
+    final.samples, final.light_samples, final.error_threshold = samples, 1, 0.0
+    final.max_bounces = final.diffuse_bounces = 0
     if engine == "READY":
         import ready_engine
 

@@ -69,3 +69,33 @@ class Shot:
     def names(self) -> list[str]:
         """Of all files that are there, hidden ones too."""
         return sorted(path.name for path in self.out.iterdir()) if self.out.exists() else []
+
+
+# The picture is blurred, and written to files of its own too.
+COMPOSITED = """
+if hasattr(scene, "compositing_node_group"):
+    tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    scene.compositing_node_group = tree
+    output = tree.nodes.new("NodeGroupOutput")
+else:
+    scene.use_nodes = True
+    tree = scene.node_tree
+    tree.nodes.clear()
+    output = tree.nodes.new("CompositorNodeComposite")
+layers = tree.nodes.new("CompositorNodeRLayers")
+blur = tree.nodes.new("CompositorNodeBlur")
+if "Size" in blur.inputs and blur.inputs["Size"].type == "VECTOR":
+    blur.inputs["Size"].default_value = (3.0, 3.0)
+else:
+    blur.size_x = blur.size_y = 3
+tree.links.new(layers.outputs["Image"], blur.inputs["Image"])
+tree.links.new(blur.outputs["Image"], output.inputs["Image"])
+files = tree.nodes.new("CompositorNodeOutputFile")
+if hasattr(files, "directory"):
+    files.directory, files.file_name = str(FOLDER / "composited"), "soft"
+    files.file_output_items.new("RGBA", "Image")
+else:
+    files.base_path = str(FOLDER / "composited")
+tree.links.new(blur.outputs["Image"], files.inputs[0])
+"""

@@ -14,7 +14,9 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("bpy")
-from farm_shot import PROGRAM, Shot
+import bpy
+
+from farm_shot import COMPOSITED, PROGRAM, Shot
 from glint.operators import farm
 
 WITHOUT_TEXTURE = """
@@ -115,6 +117,47 @@ def test_frames_of_another_scene_are_found_and_drawn_again(shot):
 
 
 @pytest.mark.slow
+def test_frames_before_zero(shot):
+    shot.make()
+    run = shot.frames("-1-0")
+    assert run.returncode == 0 and "frame -1: drawn" in run.output, run.output
+    assert shot.names == ["shot_-001.exr", "shot_0000.exr"]
+
+
+@pytest.mark.slow
+def test_a_look_at_frames_writes_nothing(shot):
+    """Nodes that write files do so when a frame is drawn, not when it is looked at."""
+    shot.make(COMPOSITED)
+    assert shot.frames("1").returncode == 0
+    written = sorted((shot.folder / "composited").iterdir())
+    assert written, "the nodes are at work"
+    for path in written:
+        path.unlink()
+    assert "1 of 1 frames verified" in shot.frames("1", "--check").output
+    assert "frame 1: there" in shot.frames("1").output
+    assert not list((shot.folder / "composited").iterdir())
+
+
+@pytest.mark.slow
+def test_frames_that_blender_makes_of_strips_are_refused(shot):
+    """No stamp could tell what they were made of; one that is there is not taken for good."""
+    strips = "getattr(scene.sequence_editor_create(), %r).new_effect(%s)\n"
+    options = 'name="strip", type="COLOR", channel=1, frame_start=1, '
+    ends = "frame_end=9" if bpy.app.version < (5, 0, 0) else "length=9"
+    name = "sequences" if bpy.app.version < (4, 4, 0) else "strips"
+    shot.make(strips % (name, options + ends))
+    drawn = shot.frames("1")
+    assert drawn.returncode == 2 and "has no stamp" in drawn.output, drawn.output
+    assert shot.names == []
+    shot.out.mkdir(exist_ok=True)
+    shot.make()
+    assert shot.frames("1").returncode == 0
+    shot.make(strips % (name, options + ends))
+    checked = shot.frames("1", "--check")
+    assert checked.returncode == 2 and "has no stamp" in checked.output, checked.output
+
+
+@pytest.mark.slow
 def test_frames_of_another_version_of_glint_are_noticed(shot, tmp_path):
     """An upgrade in the middle of a job."""
     shot.make()
@@ -189,3 +232,36 @@ def test_what_cannot_be_a_frame_is_refused(shot, more, said):
     run = shot.frames("1")
     assert run.returncode == 2 and said in run.output, run.output
     assert shot.names == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tile", [(), ("--tiles", "2x1", "--tile", "1")], ids=["frame", "tile"])
+def test_workers_that_draw_the_same_are_all_content(shot, tile):
+    """As where a farm takes a machine for lost that was only slow."""
+    shot.make()
+    words = ["frames", str(shot.folder / "shot.blend"), "1-2", "--out", str(shot.out), *tile]
+    workers = [shot.blender.launch(shot.command(*words)) for _ in range(3)]
+    said = [worker.communicate(timeout=120)[0] for worker in workers]
+    assert [worker.returncode for worker in workers] == [0, 0, 0], said
+    assert len(shot.names) == 2 and not any(name.startswith(".") for name in shot.names)
+
+
+@pytest.mark.slow
+def test_a_folder_is_verified_as_a_table(shot):
+    """Every picture is rendered again: the same, different, or with what cannot be answered."""
+    shot.make()
+    assert shot.frames("1-3").returncode == 0
+    blend = str(shot.folder / "shot.blend")
+    good = shot.glint("verify", str(shot.out), blend)
+    assert good.returncode == 0, good.output
+    assert good.output.count("exr  same") == 3 and "3 of 3 pictures are the same" in good.output
+    assert shot.frames("1", "--tiles", "2x1", "--tile", "2").returncode == 0
+    (shot.out / "shot_0004.exr").write_bytes((shot.out / "shot_0001.exr").read_bytes()[:-100])
+    shot.make("cube.location.z = 0.25\ncube.keyframe_insert('location', frame=5)\n")
+    mixed = shot.glint("verify", str(shot.out), blend)
+    assert mixed.returncode == 2, mixed.output
+    rows = dict(line.split(None, 1) for line in mixed.output.splitlines() if ".exr  " in line)
+    assert rows["shot_0001.exr"] == "same" and rows["shot_0002.exr"].startswith("different: file")
+    assert "is not whole" in rows["shot_0004.exr"]
+    empty = shot.glint("verify", str(shot.folder / "resources"), blend)
+    assert empty.returncode == 2 and "no EXR or PNG pictures" in empty.output

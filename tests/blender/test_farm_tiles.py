@@ -5,6 +5,7 @@ every kind of file; and nothing is merged that is not the scene's.
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,9 +15,10 @@ import OpenImageIO as oiio
 import pytest
 
 pytest.importorskip("bpy")
-from farm_shot import MAKE, Shot
+from farm_shot import COMPOSITED, MAKE, Shot
+from glint.engine.film import Film
 from glint.operators.pictures import header_texts, read_planes
-from glint.operators.tiles import Grid
+from glint.operators.tiles import Grid, merge
 
 EVERY_PASS = """
 if hasattr(image, "media_type"):
@@ -77,9 +79,11 @@ lines += [line for _, line in farm.check_frames(scene, [3], parts)]
 answer([lines, sorted(path.name for path in parts.iterdir())])
 """
 
-OF_THE_RENDER = ("seconds", "scene", "RenderTime", "Date", "DateTime")
-"""Texts that tell when a picture was made and of how much work (tiles trace some pixels along their
-borders twice, to see where to refine); the others tell what it is."""
+OF_THE_RENDER = ("seconds", "RenderTime", "Date", "DateTime")
+"""Texts that tell when a picture was made and how long it took; the others tell what it is."""
+RAYS = re.compile(r"\b[\d ]+ rays")
+"""In the text that tells what was rendered: tiles trace some pixels along their borders twice, to
+see where to refine."""
 
 
 @pytest.mark.parametrize(("width", "height", "columns", "rows"), [(24, 16, 5, 3), (7, 9, 7, 1)])
@@ -102,6 +106,31 @@ def test_what_is_no_grid():
         Grid(2, 2).region(1, (0, 0, 8, 1))
 
 
+def test_the_work_of_tiles_adds_up():
+    """Rays and seconds do; what the scene is made of is the same in each."""
+    regions, films = [(2, 5, 4, 8), (4, 5, 7, 8)], []
+    for k, (x0, _, x1, _) in enumerate(regions):
+        stats = {
+            "rays": 10.0 + k,
+            "shadow rays": 3.0,
+            "trace": 0.5,
+            "triangles": 12.0,
+            "bytes": 9.0,
+        }
+        pixels = np.full((3, x1 - x0, 4), k, np.float32)
+        films.append(Film({"Combined": pixels}, 8, True, stats, ("both", f"note {k}")))
+    film = merge((2, 5, 7, 8), list(zip(regions, films, strict=True)))
+    assert film.stats == {
+        "rays": 21.0,
+        "shadow rays": 6.0,
+        "trace": 1.0,
+        "triangles": 12.0,
+        "bytes": 9.0,
+    }
+    assert film.notes == ("both", "note 0", "note 1") and film.samples == 8 and film.complete
+    assert film.combined[..., 0].tolist() == [[0, 0, 1, 1, 1]] * 3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "more",
@@ -112,6 +141,7 @@ def test_what_is_no_grid():
         pytest.param(HALF + BORDER, id="border"),
         pytest.param(HALF + CROPPED, id="cropped"),
         pytest.param(STEREO, id="stereo"),
+        pytest.param(COMPOSITED, id="composited"),
     ],
 )
 def test_tiles_are_the_whole_frame(tmp_path, more):
@@ -132,16 +162,25 @@ def test_tiles_are_the_whole_frame(tmp_path, more):
     }
     assert _texts(merged) == _texts(whole)
     assert any(name.endswith(".pixels") for name in _texts(whole))
+    assert any(name.endswith(".scene") for name in _texts(whole))
+    assert _rays(whole) <= _rays(merged) < 1.5 * _rays(whole)
     if "cryptomatte" in more:
         assert sum("manifest" in name for name in _texts(whole)) == 4
 
 
 def _texts(path: Path) -> dict[str, str]:
     return {
-        name: text
+        name: RAYS.sub("rays", text) if name.endswith(".scene") else text
         for name, text in header_texts(path).items()
         if name.rpartition(".")[2] not in OF_THE_RENDER
     }
+
+
+def _rays(path: Path) -> int:
+    """Of all layers and views."""
+    texts = [text for name, text in header_texts(path).items() if name.endswith(".scene")]
+    counts = [RAYS.search(text)[0].removesuffix("rays").replace(" ", "") for text in texts]
+    return sum(map(int, counts))
 
 
 @pytest.mark.slow

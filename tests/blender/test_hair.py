@@ -187,6 +187,41 @@ def test_hair_info_reads_what_cycles_tells(scene):  # noqa: F811
     np.testing.assert_allclose(values["(fibre)"], [[0, 0, 1, 0.2]] * 6, atol=1e-6)
 
 
+@pytest.mark.parametrize("model", ["CHIANG", "HUANG"])
+def test_principled_hair_has_lobes_round_the_strand(scene, model):  # noqa: F811
+    thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)])
+    shader = Shader(shader="ShaderNodeBsdfHairPrincipled")
+    shader.shader.model, shader.shader.parametrization = model, "MELANIN"
+    thing.data.materials.append(shader.material)
+
+    def lobes():
+        (strands,) = strands_of(export())
+        assert [a.name for a in strands.attributes] == ["(fibre)"]
+        return [x for x in export().scene.materials[-1].lobes if x.kind != "AMBIENT"]
+
+    kinds = ["DIFFUSE", "SPECULAR", "SPECULAR", "TRANSMISSION"]
+    assert [x.kind for x in lobes()] == [f"FIBRE_{kind}" for kind in kinds]
+    assert all(x.fibre_output == 0 for x in lobes())
+    weights = np.array([x.factors[0].value for x in lobes()])
+    assert (weights >= 0).all() and weights.sum(0).max() < 1
+    scaled = ("Reflection", "Transmission", "Secondary Reflection") if model == "HUANG" else ()
+    for name in scaled:
+        shader.shader.inputs[name].default_value = 0.0
+    assert len(lobes()) == 4 - len(scaled)
+
+
+def test_hair_of_any_colour_sends_no_more_than_comes(scene):  # noqa: F811
+    thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)])
+    shader = Shader(shader="ShaderNodeBsdfHairPrincipled")
+    shader.shader.parametrization = "COLOR"
+    thing.data.materials.append(shader.material)
+    for color in ((1, 1, 1, 1), (0, 0.5, 2, 1), (np.nan, -1, 1e30, 1)):
+        shader.shader.inputs["Color"].default_value = color
+        found = [x for x in export().scene.materials[-1].lobes if x.kind != "AMBIENT"]
+        total = np.sum([x.factors[0].value for x in found], 0)
+        assert np.isfinite(total).all() and (total >= 0).all() and (total <= 1).all()
+
+
 def test_colours_that_are_not_finite_count_as_0_and_are_told(scene):  # noqa: F811
     thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)])
     colors = thing.data.attributes.new("Dye", "FLOAT_VECTOR", "POINT")

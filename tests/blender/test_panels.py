@@ -73,7 +73,30 @@ for name in panels._WITHOUT_EFFECT:
     lines[name] = told
 properties = {name: prop for group in (scene.glint, scene.glint.final, scene.view_layers[0].glint)
               for name, prop in group.bl_rna.properties.items() if name != "rna_type"}
+def reasons(panel, change, back):
+    change()
+    said = [text for text, _ in offered(panel, context)]
+    back()
+    return said
+
+final, layer = scene.glint.final, bpy.context.view_layer
+def vector(on):
+    layer.use_pass_vector = scene.render.use_motion_blur = on
+
+why = {
+    "none": [text for panel in (panels.GLINT_RENDER_PT_sampling, panels.GLINT_RENDER_PT_sampling_final,
+                                panels.GLINT_RENDER_PT_performance, panels.GLINT_VIEWLAYER_PT_passes)
+             for text, _ in offered(panel, context) if " " in text],
+    "classic": reasons(panels.GLINT_RENDER_PT_sampling, lambda: setattr(final, "illumination", "CLASSIC"),
+                       lambda: setattr(final, "illumination", "PHYSICAL")),
+    "target": reasons(panels.GLINT_RENDER_PT_sampling_final, lambda: setattr(scene.glint, "target", "RMSE"),
+                      lambda: setattr(scene.glint, "target", "NONE")),
+    "python": reasons(panels.GLINT_RENDER_PT_performance, lambda: setattr(final, "backend", "NUMPY"),
+                      lambda: setattr(final, "backend", "NATIVE")),
+    "vector": reasons(panels.GLINT_VIEWLAYER_PT_passes, lambda: vector(True), lambda: vector(False)),
+}
 answer({
+    "why": why,
     "render": roots("render"),
     "view layer": roots("view_layer"),
     "override": offered(panels.GLINT_VIEWLAYER_PT_override, context),
@@ -161,6 +184,15 @@ def test_panels_without_effect_say_so_with_glint_only(told):
     for name, drawn in told["lines"].items():
         assert drawn["GLINT"][0][0].startswith("No effect in Glint"), name
         assert drawn["CYCLES"] == [], name
+
+
+def test_what_is_grey_says_why(told):
+    why = told["why"]
+    assert why["none"] == []
+    assert "Classic illumination has none of these" in why["classic"]
+    assert "Quality Target finds the first three" in why["target"]
+    assert "Of the native tracer alone" in why["python"]
+    assert "Vector is empty with Motion Blur" in why["vector"]
 
 
 def test_names_and_tooltips_say_what_to_choose(told):

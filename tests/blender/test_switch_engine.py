@@ -268,9 +268,6 @@ answer([before, during, shown()])
     )
     before, during, plain = got
     assert before == [["glint.switch_to_glint", ""]] and plain == []
-    assert during[:2] == [
-        ["glint.switch_back", "Back to Cycles"],
-        ["glint.compare_cycles", ""],
-    ]
+    assert during[:2] == [["glint.switch_back", "Back to Cycles"], ["glint.compare_cycles", ""]]
     assert ["label", "Looks Different"] in during and ["label", "Taken Over"] in during
     assert ["glint.select_changed", ""] in during

@@ -177,3 +177,98 @@ def test_a_furry_ball_covers_the_same_pixels():
     assert 0.1 < covered.mean() < 0.9
     assert (other & clear).mean() <= 0.01
     assert (covered != seen).mean() <= 0.015
+
+
+def ball_of_fur(count=6000, radius=0.006):
+    """Strands that stand out of a dark ball, before a camera that looks along y."""
+    scene = cycles.empty_scene(96, 96)
+    rng = np.random.default_rng(1)
+    n = rng.normal(size=(count, 3))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    t = np.linspace(0, 1, 5)[:, None]
+    droop = rng.normal(0, 0.12, (count, 3)) + (0, 0, -0.15)
+    points = n[:, None] * (1 + 0.5 * t) + droop[:, None] * t * t
+    data = bpy.data.hair_curves.new("Fur")
+    data.add_curves([5] * count)
+    data.attributes["position"].data.foreach_set("vector", points.astype(np.float32).ravel())
+    data.attributes.new("radius", "FLOAT", "POINT")
+    radii = np.tile(np.linspace(radius, 0.3 * radius, 5), count)
+    data.attributes["radius"].data.foreach_set("value", radii.astype(np.float32))
+    fur = bpy.data.objects.new("Fur", data)
+    scene.collection.objects.link(fur)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=1.0, segments=48, ring_count=24)
+    dark = _worn(bpy.context.object, "ShaderNodeBsdfDiffuse")
+    dark.inputs["Color"].default_value = (0.02, 0.02, 0.02, 1)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (0, -6, 0), (np.pi / 2, 0, 0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.cycles_curves.shape = "THICK"
+    return scene, fur
+
+
+def _worn(thing, shader: str):
+    material = bpy.data.materials.new(shader)
+    cycles.use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    node = tree.nodes.new(shader)
+    tree.links.new(node.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
+    thing.data.materials.append(material)
+    return node
+
+
+SUNS = {
+    "front": (np.pi / 2 - 0.3, 0, 0),
+    "top": (0, 0, 0),
+    "side": (np.pi / 2 - 0.2, 0, np.pi / 2),
+    "back": (-np.pi / 2 + 0.3, 0, 0),
+}
+
+
+def mean_lights(shader: str, bounces: int, **inputs) -> tuple[np.ndarray, np.ndarray]:
+    """Red, green and blue means of Cycles' pictures and ours, a row for each of `SUNS`."""
+    truth, mine = [], []
+    for turn in SUNS.values():
+        scene, fur = ball_of_fur()
+        node = _worn(fur, shader)
+        for name, value in inputs.items():
+            if hasattr(node, name):
+                setattr(node, name, value)
+            else:
+                node.inputs[name].default_value = value
+        lamp = bpy.data.lights.new("Sun", "SUN")
+        lamp.angle, lamp.energy = 0.05, 3.0
+        sun = bpy.data.objects.new("Sun", lamp)
+        sun.rotation_euler = turn
+        scene.collection.objects.link(sun)
+        cycles.make_exact(scene, 16, 0, bounces)
+        scene.cycles.transmission_bounces = scene.cycles.diffuse_bounces = bounces
+        truth.append(cycles.render_passes(scene)["Combined"][..., :3].mean((0, 1)))
+        mine.append(render_glint(scene, "NATIVE").combined[..., :3].mean((0, 1)))
+    return np.array(truth), np.array(mine)
+
+
+@pytest.mark.parametrize("component", ["Reflection", "Transmission"])
+def test_hair_is_as_bright_from_all_sides(component):
+    """Direct light: within a fifth where it is brightest, and of that anywhere a twelfth."""
+    color = (0.5, 0.25, 0.1, 1)
+    truth, mine = mean_lights("ShaderNodeBsdfHair", 0, component=component, Color=color)
+    brightest = truth[:, 0].argmax()
+    assert list(SUNS)[brightest] == ("front" if component == "Reflection" else "back")
+    np.testing.assert_allclose(mine[brightest], truth[brightest], rtol=0.2)
+    others = np.delete(np.arange(4), brightest)
+    assert (np.abs(mine - truth)[others] <= truth[brightest] / 12).all()
+
+
+def test_fur_of_principled_hair_beside_light_from_strand_to_strand():
+    """Cycles with 8 bounces: nowhere brighter, in front within a quarter in each channel, and from
+    behind a rim that is the brightest of all.
+    """
+    inputs = {"parametrization": "COLOR", "Color": (0.5, 0.25, 0.1, 1), "model": "CHIANG"}
+    truth, mine = mean_lights("ShaderNodeBsdfHairPrincipled", 8, **inputs)
+    front, back = (list(SUNS).index(name) for name in ("front", "back"))
+    np.testing.assert_allclose(mine[front], truth[front], rtol=0.25)
+    assert (mine <= 1.1 * truth).all()
+    assert mine[:, 0].argmax() == truth[:, 0].argmax() == back
+    assert (mine[back] > 0.3 * truth[back]).all()

@@ -12,11 +12,20 @@ sys.path.insert(0, str(ROOT / "packaging"))
 import bill_of_materials
 import extension_zips
 import foreign
+import manual
 import messages
 import release
 import tree
 
-__all__ = ["bill_of_materials", "extension_zips", "foreign", "messages", "release", "tree"]
+__all__ = [
+    "bill_of_materials",
+    "extension_zips",
+    "foreign",
+    "manual",
+    "messages",
+    "release",
+    "tree",
+]
 """Scripts of packaging/, for the tests beside this file."""
 
 INSTALL = """

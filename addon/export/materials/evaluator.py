@@ -66,6 +66,7 @@ class LobeKey:
     exponent_output: int = -1
     masking_output: int = -1
     ior_output: int = -1
+    fibre_output: int = -1
     anisotropy: float = 0.0
     anisotropy_output: int = -1
     normal: Value | None = None  # of the shader that it comes from

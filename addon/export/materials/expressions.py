@@ -156,7 +156,7 @@ class Expressions:
 def _outputs_of(material: Material) -> set[int]:
     named = {material.normal_output}
     for lobe in material.lobes:
-        named |= {lobe.exponent_output, lobe.masking_output, lobe.ior_output}
+        named |= {lobe.exponent_output, lobe.masking_output, lobe.ior_output, lobe.fibre_output}
         named |= {f.output for f in lobe.factors}
     return named
 
@@ -168,6 +168,7 @@ def _renumbered(lobe: Lobe, numbers: dict[int, int]) -> Lobe:
         exponent_output=numbers[lobe.exponent_output],
         masking_output=numbers[lobe.masking_output],
         ior_output=numbers[lobe.ior_output],
+        fibre_output=numbers[lobe.fibre_output],
     )
 
 

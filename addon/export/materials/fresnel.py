@@ -44,3 +44,9 @@ def dielectric_albedo(ior: float) -> float:
     2 cos θ sin θ up to 45° is one half).
     """
     return fresnel(math.sqrt(0.5), max(ior, 1e-3))
+
+
+def mean_across_fibre(ior: float) -> float:
+    """The mean reflectance over the width of a round fibre that is seen from the side."""
+    heights = ((k + 0.5) / 256 for k in range(256))
+    return sum(fresnel(math.sqrt(1 - h * h), ior) for h in heights) / 256

@@ -237,6 +237,7 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
         key.exponent_output,
         key.masking_output,
         key.ior_output,
+        key.fibre_output,
     )
 
 

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ....engine.program.graph import Value
+from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.operations_vector import VectorMeasure, VectorOperation
 from ..geometry.hashing import random_of
 from .reader import FIBRE, HAIR, READERS, NodeInputs, Outputs
@@ -58,7 +59,9 @@ def across_fibre(view: NodeInputs) -> Value:
 def fibre(view: NodeInputs) -> Value:
     """The unit tangent of a strand in the world; zero of what is none."""
     tangent = view.apply("attribute", attribute=FIBRE, shift=0)[0]
-    return view.apply("vector_normalized", view.apply("normal_to_world", tangent)[0])[0]
+    spaces = {"convert_from": Space.OBJECT, "convert_to": Space.WORLD}
+    turned = view.apply("transform_vector", tangent, vector_type=VectorType.VECTOR, **spaces)[0]
+    return view.apply("vector_normalized", turned)[0]
 
 
 READERS["ShaderNodeParticleInfo"] = _particle_info

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 41
+#define GLINT_ABI_VERSION 42
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -129,19 +129,24 @@ enum GlintLobeKind {
   GLINT_REFRACTION,
   GLINT_TRANSPARENT,
   GLINT_EMISSION,
-  GLINT_SHEEN
+  GLINT_SHEEN,
+  GLINT_FIBRE_DIFFUSE,
+  GLINT_FIBRE_SPECULAR,
+  GLINT_FIBRE_TRANSMISSION
 };
 
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
- * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean. exponent_slot,
+ * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean, of a FIBRE lobe
+ * masking how far light fans out round the tangent, 0 for as far as normals do. exponent_slot,
  * masking_slot, ior_slot: 0, or 1 plus the slot of the material's program that takes the place of
  * the number; exponent and masking are kept from 0 to the lobe's own, an ior that is not finite or
- * not above 0 is the lobe's own. */
+ * not above 0 is the lobe's own. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of three slots
+ * with the fibre's tangent in world space, of any length, 0 of what is no fibre. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;
-  int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, reserved;
+  int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, fibre_slot;
 } GlintLobe;
 
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program

@@ -221,7 +221,7 @@ GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   GlintLobe g{};
   g.exponent = 40 * positive(dice);
   g.ior = 0.2 + positive(dice);
-  g.kind = int32_t(dice.below(8));
+  g.kind = int32_t(dice.below(11));
   g.fresnel = int32_t(dice.below(4));
   if (dice.chance(0.3)) g.masking = double(dice.below(65)) / 64.0;
   g.first_input = uint32_t(inputs.size());
@@ -229,6 +229,7 @@ GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   for (uint32_t k = 0; k < g.input_count; ++k) inputs.push_back(input(dice, textures));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.ior_slot = int32_t(dice.bits());
+  if (dice.chance(0.1 * dice.wildness)) g.fibre_slot = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.input_count = uint32_t(dice.bits());
   return g;
 }

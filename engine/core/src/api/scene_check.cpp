@@ -300,6 +300,7 @@ void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Re
     const GlintLobe& lobe = d.lobes[l];
     for (int32_t slot : {lobe.exponent_slot, lobe.masking_slot, lobe.ior_slot})
       good = good && within_program(slot, 1);
+    good = good && within_program(lobe.fibre_slot, 3);
     for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i)
       good = good && within_program(d.inputs[i].output, 3);
   }
@@ -335,7 +336,8 @@ void check_materials(const GlintSceneData& d, Report& report) {
   }
   for (uint64_t i = 0; i < d.lobe_count; ++i) {
     const GlintLobe& g = d.lobes[i];
-    report.add(within(g.kind, GLINT_SHEEN), "lobe %llu: unknown kind %d", ull(i), g.kind);
+    report.add(within(g.kind, GLINT_FIBRE_TRANSMISSION), "lobe %llu: unknown kind %d", ull(i),
+               g.kind);
     report.add(range(g.first_input, g.input_count, d.input_count),
                "lobe %llu: inputs beyond the table", ull(i));
     report.add(g.exponent >= 0 && g.exponent <= 1e30,

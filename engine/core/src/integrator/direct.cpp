@@ -72,6 +72,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.max_specular = scene_.max_specular;
   stage_.most_exponent = scene_.most_exponent;
   stage_.has_sheen = scene_.has_sheen;
+  stage_.has_fibre = scene_.has_fibre;
   stage_.specular_columns = scene_.specular_columns;
 }
 
@@ -295,7 +296,11 @@ void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& count
   const double* const* d = stage_.to;
   const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
   media_.find(rays, counts);
-  media_.march(rays, stage_.t_max, sample_, RayKind::kShadow, counts);
+  ends_of_shadows_.resize(count);
+  for (size_t k = 0; k < count; ++k)  // what is dark already is not asked
+    ends_of_shadows_[k] = any(row(shadow_, k)) ? stage_.t_max[k] : 0;
+  media_.march(rays, ends_of_shadows_.data(), sample_, RayKind::kShadow, counts,
+               light.passed_sets != 0 || alone_);
   for (size_t k = 0; k < count; ++k)
     set_row(shadow_, k,
             media_.passed(k, 0, stage_.t_max[k], light.passed_sets, alone_) * row(shadow_, k));

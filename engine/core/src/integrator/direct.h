@@ -143,7 +143,7 @@ class DirectLight {
   // Of light that media scatter: where each ray's points lie, their weights, and which there are.
   ScatterDepths depths_;
   Columns scattered_;
-  std::vector<double> at_, ends_of_rays_;
+  std::vector<double> at_, ends_of_rays_, ends_of_shadows_;
   std::vector<int64_t> scatters_;
   std::vector<MediaSpans::Piece> pieces_;
 };

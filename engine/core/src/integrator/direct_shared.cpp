@@ -164,7 +164,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   shared.receives.clear();
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
   const bool is_bounced = &shared == &bounced_;
-  stage_.sheen_alone = is_bounced;
+  stage_.matt_alone = is_bounced;
   shared.shows_gloss = is_bounced && scene_.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
   for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage_.lit = batch.lit.data();

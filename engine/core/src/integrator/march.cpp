@@ -16,6 +16,9 @@ constexpr double kNear = 1.0 / 8;              // of a world's step, how far its
 constexpr double kFar = 1.0 / 32;              // of the way to them, where that is more
 constexpr double kFarthest = 16384;            // steps of a world; beyond them is one cell more
 constexpr double kGauss = 0.5773502691896258;  // 1/√3: of a pair of cells, where they are asked
+constexpr double kShadowSteps = 2;             // of rays to lights, over those of others
+constexpr double kOpaque = 12;                 // optical depth beyond which it is dark
+constexpr uint32_t kAskedAtOnce = 32;          // cells of a ray
 constexpr double kMostDense = 1e30;            // a world unit
 constexpr double kMostAnisotropy = 1 - 1e-3;
 
@@ -28,41 +31,103 @@ double shift_of(uint32_t sample) {
 }  // namespace
 
 void MediaSpans::march(const Rays& rays, const double* ends, uint32_t sample, RayKind kind,
-                       RayCounts& counts) {
+                       RayCounts& counts, bool to_end) {
   cells_.clear();
   if (!scene_.varies) return;
-  asked_.resize(scene_.media.size());
-  for (std::vector<Asked>& asked : asked_) asked.clear();
-  const double shift = shift_of(sample);
+  const double shift = shift_of(sample), coarse = kind == RayKind::kShadow ? kShadowSteps : 1;
   everywhere_.assign(rays.count, {0, -kInfinity, kInfinity});
+  going_.clear();
+  order_.clear();
   for (uint32_t k = 0; k < rays.count; ++k) {
-    if (world() && world()->program) {
-      cut_growing(everywhere_[k], rays.t_min[k], ends[k], world()->step * scene_.anchor.scale,
-                  shift);
-      ask(everywhere_[k], *world(), k, 0);
-    }
-    for (size_t i = first_span(k); i < end_[k]; ++i) {
-      Span& span = spans_[i];
-      const Enclosure& e = scene_.enclosures[span.enclosure];
-      if (!scene_.media[e.medium].program) continue;
-      cut_evenly(span, std::max(span.from, rays.t_min[k]), std::min(span.to, ends[k]), e.step,
-                 shift);
-      ask(span, scene_.media[e.medium], k, e.instance);
-    }
+    const uint32_t first = uint32_t(cells_.size());
+    cut(rays, k, ends, shift, coarse);
+    const uint32_t end = uint32_t(cells_.size());
+    if (first == end) continue;
+    for (uint32_t i = first; i < end; ++i) order_.push_back(i);
+    const auto before = [&](uint32_t i, uint32_t j) { return cells_[i].from < cells_[j].from; };
+    if (!std::is_sorted(order_.begin() + first, order_.end(), before))
+      std::stable_sort(order_.begin() + first, order_.end(), before);
+    going_.push_back({k, first, end, {}});
   }
-  for (size_t m = 0; m < asked_.size(); ++m) {
-    run(scene_.media[m], asked_[m], rays, kind);
-    counts.media_points += asked_[m].size();
+  ask_in_turn(rays, kind, to_end, counts);
+}
+
+/// The spans of a ray in media that vary.
+void MediaSpans::cut(const Rays& rays, uint32_t ray, const double* ends, double shift,
+                     double coarse) {
+  if (world() && world()->program) {
+    Span& span = everywhere_[ray];
+    cut_growing(span, rays.t_min[ray], ends[ray], coarse * world()->step * scene_.anchor.scale,
+                shift, coarse);
+    end_span(span, *world(), 0);
   }
+  for (size_t i = first_span(ray); i < end_[ray]; ++i) {
+    Span& span = spans_[i];
+    const Enclosure& e = scene_.enclosures[span.enclosure];
+    if (!scene_.media[e.medium].program) continue;
+    cut_evenly(span, std::max(span.from, rays.t_min[ray]), std::min(span.to, ends[ray]),
+               coarse * e.step, shift);
+    end_span(span, scene_.media[e.medium], e.instance);
+  }
+}
+
+/// Its cells are those from `first_cell` on, of a medium.
+void MediaSpans::end_span(Span& span, const Medium& medium, uint32_t instance) {
+  span.cells = uint32_t(cells_.size()) - span.first_cell;
+  for (size_t i = span.first_cell; i < cells_.size(); ++i) {
+    cells_[i].medium = uint32_t(&medium - scene_.media.data());
+    cells_[i].instance = instance;
+  }
+}
+
+/// Runs the programs along the rays, so many cells of each at a time, up to where it is dark.
+void MediaSpans::ask_in_turn(const Rays& rays, RayKind kind, bool to_end, RayCounts& counts) {
+  asked_.resize(scene_.media.size());
+  while (!going_.empty()) {
+    for (std::vector<Asked>& asked : asked_) asked.clear();
+    const auto asked_of = [&](const Going& g) {
+      return to_end ? g.end : std::min(g.end, g.next + kAskedAtOnce);
+    };
+    for (const Going& g : going_)
+      for (uint32_t i = g.next; i < asked_of(g); ++i)
+        asked_[cells_[order_[i]].medium].push_back({g.ray, order_[i]});
+    for (size_t m = 0; m < asked_.size(); ++m) {
+      run(scene_.media[m], asked_[m], rays, kind);
+      counts.media_points += asked_[m].size();
+    }
+    size_t kept = 0;
+    for (Going& g : going_) {
+      if (to_end || is_dark(g, asked_of(g))) continue;
+      if (g.next < g.end) going_[kept++] = g;
+    }
+    going_.resize(kept);
+  }
+}
+
+/// Takes in what was asked up to a place; where little enough gets through, nothing does beyond.
+bool MediaSpans::is_dark(Going& going, uint32_t asked) {
+  for (; going.next < asked; ++going.next) {
+    const Vec3d& depth = going.depth;
+    if (std::min({depth.x, depth.y, depth.z}) > kOpaque) break;
+    const Cell& cell = cells_[order_[going.next]];
+    const double way = cell.to - cell.from;
+    for (int c = 0; c < 3; ++c)
+      if (cell.matter.extinction[c] > 0) going.depth[c] += cell.matter.extinction[c] * way;
+  }
+  if (going.next == asked) return false;
+  Matter wall;
+  wall.extinction = {kMostDense, kMostDense, kMostDense};
+  for (uint32_t i = going.next; i < going.end; ++i) cells_[order_[i]].matter = wall;
+  return true;
 }
 
 /// Two halves, asked where Gauss would for the whole; one where it is endless.
 void MediaSpans::add_cells(double from, double to) {
   if (!(from < to)) return;
-  if (!(to < kInfinity)) return cells_.push_back({from, to, from, {}});
+  if (!(to < kInfinity)) return cells_.push_back({from, to, from, 0, 0, {}});
   const double half = 0.5 * (to - from), middle = from + half;
-  cells_.push_back({from, middle, middle - kGauss * half, {}});
-  cells_.push_back({middle, to, middle + kGauss * half, {}});
+  cells_.push_back({from, middle, middle - kGauss * half, 0, 0, {}});
+  cells_.push_back({middle, to, middle + kGauss * half, 0, 0, {}});
 }
 
 /// At every second step from where the ray begins, shifted: what is beside it has its cells beside.
@@ -78,28 +143,21 @@ void MediaSpans::cut_evenly(Span& span, double from, double to, double step, dou
     }
   }
   add_cells(from, to);
-  span.cells = uint32_t(cells_.size()) - span.first_cell;
 }
 
 /// In steps that grow with the way, to where one cell is the rest.
-void MediaSpans::cut_growing(Span& span, double from, double to, double step, double shift) {
+void MediaSpans::cut_growing(Span& span, double from, double to, double step, double shift,
+                             double coarse) {
   span.first_cell = uint32_t(cells_.size());
   const double begin = from, most = std::min(to - begin, kFarthest * step);
-  double next = 2 * shift * kNear * step;
+  const double near = coarse * kNear, far = coarse * kFar;
+  double next = 2 * shift * near * step;
   while (next < most) {
     add_cells(from, begin + next);
     from = begin + next;
-    next += 2 * std::max({kNear * step, std::min(step, kNear * next), kFar * next});
+    next += 2 * std::max({near * step, std::min(step, near * next), far * next});
   }
   add_cells(from, to);
-  span.cells = uint32_t(cells_.size()) - span.first_cell;
-}
-
-/// The program is to run in each cell of a span.
-void MediaSpans::ask(const Span& span, const Medium& medium, uint32_t ray, uint32_t instance) {
-  std::vector<Asked>& asked = asked_[size_t(&medium - scene_.media.data())];
-  for (uint32_t i = span.first_cell; i < span.first_cell + span.cells; ++i)
-    asked.push_back({ray, i, instance});
 }
 
 void MediaSpans::run(const Medium& medium, const std::vector<Asked>& asked, const Rays& rays,
@@ -114,7 +172,7 @@ void MediaSpans::run(const Medium& medium, const std::vector<Asked>& asked, cons
     for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
       const Asked& at = asked[first + std::min(i, count - 1)];
       const double t = cells_[at.cell].at;
-      points.instance[i] = at.instance;
+      points.instance[i] = cells_[at.cell].instance;
       points.outside[i] = -1;
       points.length[i] = t / scene_.anchor.scale;
       for (size_t c = 0; c < 3; ++c) {

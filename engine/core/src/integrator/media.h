@@ -19,9 +19,10 @@ class MediaSpans {
   void find(const Rays& rays, RayCounts& counts);
   /// After it, what the media that vary are up to `ends`, which the rest is asked for then: their
   /// programs run once in each of the cells that they are cut to. All pixels share where these
-  /// begin. kind: of the rays.
-  void march(const Rays& rays, const double* ends, uint32_t sample, RayKind kind,
-             RayCounts& counts);
+  /// begin. kind: of the rays. Beyond what next to nothing gets through, rays are not followed;
+  /// to_end: they are.
+  void march(const Rays& rays, const double* ends, uint32_t sample, RayKind kind, RayCounts& counts,
+             bool to_end = false);
   /// The optical depth of ray k from one place to another one. passed_sets: of a light's shadow
   /// rays, see GlintLight. catchers_alone: of what catchers of shadows enclose, and the world.
   Vec3d depth(size_t k, double from, double to, uint64_t passed_sets = 0,
@@ -65,11 +66,18 @@ class MediaSpans {
   /// A part of a span of a medium that varies, from the end of the one before on.
   struct Cell {
     double from, to, at;  // at: where the program runs
+    uint32_t medium, instance;
     Matter matter;
   };
   /// A place where a program is to run.
   struct Asked {
-    uint32_t ray, cell, instance;
+    uint32_t ray, cell;
+  };
+  /// A ray whose cells are not all asked: those left, places in `order_`, and how thick the others
+  /// are.
+  struct Going {
+    uint32_t ray, next, end;
+    Vec3d depth;
   };
 
   void wait(const Rays& rays, uint32_t ray, double t_min);
@@ -91,10 +99,13 @@ class MediaSpans {
   Vec3d depth_of(const Medium& medium, const Span& span, double from, double to) const;
   const Matter* matter_at(const Medium& medium, const Span& span, double t) const;
   void add_breaks(const Medium& medium, const Span& span, double from, double to) const;
+  void cut(const Rays& rays, uint32_t ray, const double* ends, double shift, double coarse);
   void cut_evenly(Span& span, double from, double to, double step, double shift);
-  void cut_growing(Span& span, double from, double to, double step, double shift);
+  void cut_growing(Span& span, double from, double to, double step, double shift, double coarse);
   void add_cells(double from, double to);
-  void ask(const Span& span, const Medium& medium, uint32_t ray, uint32_t instance);
+  void end_span(Span& span, const Medium& medium, uint32_t instance);
+  void ask_in_turn(const Rays& rays, RayKind kind, bool to_end, RayCounts& counts);
+  bool is_dark(Going& going, uint32_t asked);
   void run(const Medium& medium, const std::vector<Asked>& asked, const Rays& rays, RayKind kind);
   Matter matter_of(const Medium& medium, size_t i) const;
 
@@ -115,6 +126,8 @@ class MediaSpans {
   std::vector<Cell> cells_;
   std::vector<Span> everywhere_;
   std::vector<std::vector<Asked>> asked_;
+  std::vector<Going> going_;
+  std::vector<uint32_t> order_;  // of cells along each ray
   std::vector<double> slots_;
   mutable std::vector<double> breaks_;
 };

@@ -71,11 +71,23 @@ void ScatterDepths::add_rung(const MediaSpans::Piece& piece, double from, double
   const auto density = [&](double t) {
     double sum = 0;
     for (int c = 0; c < 3; ++c)
-      sum += piece.scattering[c] *
-             exponential(-(before[c] + depth_of(piece.extinction[c], t - piece.from)));
+      if (piece.scattering[c] != 0)
+        sum += piece.scattering[c] *
+               left_of(c, before[c] + depth_of(piece.extinction[c], t - piece.from));
     return sum;
   };
-  rungs_.push_back({from, to, density(from), density(to)});
+  const double first = density(from), last = density(to);
+  rungs_.push_back({from, to, first, last});
+}
+
+/// What is left behind an optical depth, which is often that of the rung before or the channel
+/// before.
+double ScatterDepths::left_of(int channel, double depth) {
+  if (depth == depth_[channel]) return left_[channel];
+  const int before = channel > 0 ? channel - 1 : 0;
+  left_[channel] = depth == depth_[before] ? left_[before] : exponential(-depth);
+  depth_[channel] = depth;
+  return left_[channel];
 }
 
 void ScatterDepths::aim(const Light& light, const LightPlace& place, const Rays& rays) {

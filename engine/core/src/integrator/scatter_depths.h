@@ -50,12 +50,14 @@ class ScatterDepths {
 
   void add_rungs(const std::vector<MediaSpans::Piece>& pieces);
   void add_rung(const MediaSpans::Piece& piece, double from, double to, Vec3d before);
+  double left_of(int channel, double depth);
   void aim_at(size_t k, const Light& light, const LightPlace& place, Vec3d o, Vec3d d);
 
   std::vector<MediaSpans::Piece> pieces_;
   std::vector<Rung> rungs_;
   std::vector<Aimed> aimed_;
   std::vector<uint32_t> first_;  // of each ray's rungs
+  Vec3d depth_, left_{1, 1, 1};  // the last optical depths asked for, and what is left behind them
   std::vector<Nearest> nearest_;
   bool endless_ = true;
 };

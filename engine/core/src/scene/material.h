@@ -14,6 +14,10 @@ class Scene;
 /// Kinds of lobes that send rays on.
 constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION | 1u << GLINT_TRANSPARENT;
 
+inline bool is_fibre(int kind) {
+  return kind >= GLINT_FIBRE_DIFFUSE && kind <= GLINT_FIBRE_TRANSMISSION;
+}
+
 /// One term of a surface; `k` is final when `constant`.
 struct Lobe {
   int kind = GLINT_DIFFUSE;
@@ -23,7 +27,7 @@ struct Lobe {
   uint32_t first_input = 0, input_count = 0;
   Vec3d k{1, 1, 1};
   bool like_last = false;  // its inputs are those of the lobe before
-  int32_t exponent_slot = 0, masking_slot = 0, ior_slot = 0;  // as GlintLobe has them
+  int32_t exponent_slot = 0, masking_slot = 0, ior_slot = 0, fibre_slot = 0;  // as GlintLobe
 };
 
 struct Material {

@@ -156,11 +156,12 @@ class Scene {
   bool scatters = false, emits = false, varies = false;  // some medium of these does
   InstanceShape world_space{};  // the world's axes, as programs read those of an object
   uint32_t features = 0;        // GLINT_FEATURE_*
-  int max_specular = 0;         // SPECULAR and SHEEN lobes of a material, at most
+  int max_specular = 0;         // SPECULAR, SHEEN and FIBRE lobes of a material, at most
   double most_exponent = 0;     // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false;
-  bool has_rough_glass = false, has_sheen = false;
+  bool has_rough_glass = false, has_fibre = false,
+       has_sheen = false;    // SHEEN or FIBRE lobes
   int specular_columns = 4;  // numbers of each as the stages read them
   int max_view = 0;          // lobes of a material that depend on the view, at most
   int max_passing = 0;       // Material::passing, at most

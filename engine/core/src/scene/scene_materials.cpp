@@ -49,7 +49,7 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
     case GLINT_SPECULAR:
       for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
       rows.specular[SpecularTerm::kExponent] = lobe.exponent;
-      if (rows.columns == SpecularTerm::kShaped) {
+      if (rows.columns >= SpecularTerm::kShaped) {
         rows.specular[SpecularTerm::kMasking] = lobe.masking * lobe.masking;
         rows.specular[SpecularTerm::kFresnel] = SpecularTerm::fresnel(lobe.fresnel, lobe.ior);
       }
@@ -141,9 +141,9 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
 
 /// Lobes whose inputs do not vary get their product now.
 void Scene::add_lobe(const GlintLobe& g) {
-  Lobe lobe{g.kind,          g.fresnel,      false,         g.exponent, g.ior,
-            g.masking,       g.first_input,  g.input_count, {1, 1, 1},  false,
-            g.exponent_slot, g.masking_slot, g.ior_slot};
+  Lobe lobe{g.kind,          g.fresnel,      false,         g.exponent,  g.ior,
+            g.masking,       g.first_input,  g.input_count, {1, 1, 1},   false,
+            g.exponent_slot, g.masking_slot, g.ior_slot,    g.fibre_slot};
   bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0;
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(inputs[g.first_input + k]);
@@ -159,18 +159,21 @@ void Scene::compare_lobes(Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const Lobe& lobe = lobes[material.first_lobe + k];
     material.kinds |= 1u << lobe.kind;
-    material.specular_count += lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_SHEEN;
-    has_sheen = has_sheen || lobe.kind == GLINT_SHEEN;
-    if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
+    const bool fibre = is_fibre(lobe.kind), sheen = lobe.kind == GLINT_SHEEN;
+    material.specular_count += lobe.kind == GLINT_SPECULAR || sheen || fibre;
+    has_fibre = has_fibre || fibre;
+    has_sheen = has_sheen || sheen || fibre;
+    if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_FIBRE_SPECULAR)
+      most_exponent = std::max(most_exponent, lobe.exponent);
     material.view_count += depends_on_view(lobe);
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     has_gloss = has_gloss || shaped;
     has_metals = has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
     has_varnish = has_varnish || (shaped && lobe.fresnel & GLINT_DIELECTRIC);
-    if (lobe.kind == GLINT_SHEEN ||
-        (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
-      specular_columns = SpecularTerm::kShaped;
+    if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
+      specular_columns = std::max(specular_columns, SpecularTerm::kShaped);
+    if (fibre) specular_columns = SpecularTerm::kFibred;
     if (1u << lobe.kind & kPassing && (lobe.exponent_slot > 0 || lobe.ior_slot > 0))
       passing_columns = PassingTerm::kShaped;
     if (k > 0)
@@ -260,6 +263,7 @@ void Scene::shape_materials() {
                            g.exponent_slot,
                            g.masking_slot,
                            g.ior_slot,
+                           g.fibre_slot,
                            g.first_input,
                            g.input_count});
   for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());

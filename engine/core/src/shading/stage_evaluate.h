@@ -49,6 +49,30 @@ inline Doubles specular_fresnel(const OnMesh& p, const LobeShape& lobe) {
   return dielectric ? lobe_ior(p, lobe) : splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior));
 }
 
+/// A FIBRE lobe. Where there is no fibre it is what stands for it on other surfaces (SEMANTICS.md).
+inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
+                      const Three& k, const LobeShape& lobe, Lobes& sum) {
+  double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
+  const Three t = lobe.fibre_slot > 0 ? finite_or_zero(slots3(p, lobe.fibre_slot)) : Three{};
+  const Mask here = nonzero(t);
+  const Doubles exponent = lobe_number(p, lobe.exponent, lobe.exponent_slot);
+  const bool matt = lobe.kind == GLINT_FIBRE_DIFFUSE, glossy = lobe.kind == GLINT_FIBRE_SPECULAR;
+  const double kind = matt     ? SpecularTerm::kFibreDiffuse
+                      : glossy ? SpecularTerm::kFibreSpecular
+                               : SpecularTerm::kFibreTransmission;
+  const Three elsewhere = where(glossy ? ~here : Mask{}, (exponent + 2) / 8 * Tk),
+              given = where(here, Tk) + elsewhere;
+  scatter3(column, s.stride, at, given);
+  scatter(column + SpecularTerm::kExponent * s.stride, at, choose(here, splat(kind), exponent));
+  scatter(column + SpecularTerm::kMasking * s.stride, at, where(here, exponent));
+  const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
+  scatter(column + SpecularTerm::kFresnel * s.stride, at,
+          where(here, choose(masking > 0, 1 / masking, splat(0))));
+  scatter3(column + SpecularTerm::kTangent * s.stride, s.stride, at, t);
+  sum.lit |= nonzero(given);
+  if (matt) sum.diffuse = sum.diffuse + where(~here, k);
+}
+
 inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
@@ -64,7 +88,7 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
   }
   scatter(column + SpecularTerm::kExponent * s.stride, at,
           lobe_number(p, lobe.exponent, lobe.exponent_slot));
-  if (s.specular_columns == SpecularTerm::kShaped) {
+  if (s.specular_columns >= SpecularTerm::kShaped) {
     const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
     scatter(column + SpecularTerm::kMasking * s.stride, at, masking * masking);
     scatter(column + SpecularTerm::kFresnel * s.stride, at, specular_fresnel(p, lobe));
@@ -94,6 +118,7 @@ inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh
 
 inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                      const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
+  if (lobe.kind >= GLINT_FIBRE_DIFFUSE) return set_fibre(s, at, p, T * k, k, lobe, sum);
   if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_SHEEN)
     return set_specular(s, at, p, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;

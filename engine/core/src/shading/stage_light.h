@@ -63,10 +63,44 @@ inline Narrow narrow_terms(const LightStage& s, size_t k, const Three& x) {
   return narrow;
 }
 
-/// Sum of the terms, of SHEEN ones apart, and how densely (a steradian) directions are drawn where
-/// l is.
+/// What is times a FIBRE lobe that fans light out less than all round: u^(q - 1), u half of one
+/// plus the cosine from the viewer's side, or from the other.
+inline Doubles fan(Doubles turned, Doubles q, Doubles behind) {
+  const Doubles u = 0.5 * (1 + behind * smaller(larger(turned, splat(-1)), splat(1)));
+  const Doubles power = exponential((1 - q) * logarithm_of_one_and(1 - u, u));
+  return choose(q > 0, root(kCircle * (2 * q + 0.5) / 8) * where(u > 0, power), splat(1));
+}
+
+/// What a FIBRE lobe gives (SEMANTICS.md); cosine: n.l.
+inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, const Three& l,
+                     Doubles cosine) {
+  const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+  const double* tangent = column + SpecularTerm::kTangent * s.stride;
+  const Three t = unit({load(tangent), load(tangent + s.stride), load(tangent + 2 * s.stride)});
+  const Doubles to_l = dot(t, l), to_v = -dot(t, load3(s.d, k)),
+                across_l = root(larger(1 - to_l * to_l, splat(0))),
+                across_v = root(larger(1 - to_v * to_v, splat(0)));
+  const Doubles p = load(column + SpecularTerm::kMasking * s.stride);
+  const Doubles along = to_l + to_v, across = across_l + across_v,
+                widest = larger(larger(across_l, across_v), splat(0.125));
+  const Mask behind = kind == SpecularTerm::kFibreTransmission;
+  const Doubles both = across_l * across_v,
+                turned = where(both > 0, (-dot(l, load3(s.d, k)) - to_l * to_v) / both),
+                fanned = fan(turned, load(column + SpecularTerm::kFresnel * s.stride),
+                             choose(behind, splat(-1), splat(1)));
+  const Doubles power =
+                    exponential(-0.5 * p * logarithm_of_one_and(along * along, across * across)),
+                glossy =
+                    fanned * root((p + 0.5) / (8 * kCircle)) * power * across_l / (widest * widest),
+                given = choose(kind == SpecularTerm::kFibreDiffuse, (2 / kCircle) * across_l,
+                               where(across > 0, glossy));
+  return where((behind & (cosine < 0)) | (~behind & (cosine > 0)), given);
+}
+
+/// Sum of the terms, of matt ones (SHEEN, FIBRE_DIFFUSE) and other FIBRE ones apart, and how
+/// densely (a steradian) directions are drawn where l is.
 struct Highlights {
-  Three light, sheen;
+  Three light, sheen, fibre;
   Doubles density;
 };
 
@@ -92,7 +126,18 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
                                           load(column + SpecularTerm::kFresnel * s.stride));
         sum.sheen = sum.sheen + where(sheen, share * term.k);
       }
-      term.k = where(s.sheen_alone ? Mask{} : ~sheen, term.k);
+      Mask apart = sheen;
+      if (s.has_fibre) {
+        const Mask strand = term.exponent <= SpecularTerm::kFibreDiffuse,
+                   matt = term.exponent == SpecularTerm::kFibreDiffuse;
+        if (bits(strand)) {
+          const Three given = fibre(s, k, number, term.exponent, l, cosine) * term.k;
+          sum.sheen = sum.sheen + where(matt, given);
+          sum.fibre = sum.fibre + where(strand & ~matt, given);
+        }
+        apart |= strand;
+      }
+      term.k = where(s.matt_alone ? Mask{} : ~apart, term.k);
       if (!any(nonzero(term.k))) continue;
     }
     if (bits(term.exponent != exponent)) {
@@ -100,7 +145,7 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
       power = highlight(at, exponent);
     }
     Doubles factor = power;
-    if (s.specular_columns == SpecularTerm::kShaped) {
+    if (s.specular_columns >= SpecularTerm::kShaped) {
       const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
       factor = power * gloss.factor(load(column + SpecularTerm::kMasking * s.stride),
                                     load(column + SpecularTerm::kFresnel * s.stride));
@@ -271,7 +316,10 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
       Shape == kBouncedSource ? sample_bounced(s, x, n) : sample<Shape>(s, x);
   const Doubles middle = dot(n, at.l),
                 cosine = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle;
-  const Mask reached = given.reached = lit & at.good & (cosine > 0) & ~within<Shape>(s, k, at);
+  // Light from behind passes through fibres, but for what comes from matt surfaces.
+  const bool through = s.has_fibre && Shape != kBouncedSource;
+  const Mask front = cosine > 0, side = through ? front | (cosine < 0) : front,
+             reached = given.reached = lit & at.good & side & ~within<Shape>(s, k, at);
   if (!any(reached)) return false;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
   given.diffuse = cosine * (I * load3(s.diffuse, k));
@@ -284,6 +332,10 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
       given.specular =
           s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
     if (s.has_sheen) given.diffuse = given.diffuse + where(middle > 0, I * seen.sheen);
+    if (through) {
+      given.diffuse = where(front, given.diffuse);
+      given.specular = where(front, given.specular) + I * seen.fibre;
+    }
   }
   return true;
 }

@@ -89,13 +89,17 @@ struct SumColumns {
       *shadow[3];
 };
 
-/// A SPECULAR or SHEEN lobe: columns of k (three) and the exponent; where some lobe of the scene is
-/// shaped, the square of its masking and what `fresnel` says.
+/// A SPECULAR, SHEEN or FIBRE lobe: columns of k (three) and the exponent; where some lobe of the
+/// scene is shaped, the square of its masking and what `fresnel` says.
 struct SpecularTerm {
   /// In the place of the exponent of a SHEEN lobe, of which `masking` has the width and `fresnel`
   /// the lean.
   static constexpr double kSheen = -2;
-  static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6;
+  /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one
+  /// over the masking, and `tangent` three numbers.
+  static constexpr double kFibreDiffuse = -3, kFibreSpecular = -4, kFibreTransmission = -5;
+  static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
+                       kTangent = 6, kFibred = 9;
   /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
   static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
 };
@@ -136,8 +140,8 @@ struct LobeShape {
   int kind;
   bool constant, like_last;
   int fresnel;
-  double exponent, ior, masking, k[3];            // k: where constant
-  int32_t exponent_slot, masking_slot, ior_slot;  // as GlintLobe has them
+  double exponent, ior, masking, k[3];                        // k: where constant
+  int32_t exponent_slot, masking_slot, ior_slot, fibre_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
 };
 constexpr double kSrgbToe = 0.04045;  // up to here the sRGB curve is a line
@@ -390,7 +394,8 @@ struct LightStage {
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
   bool metals_alone;    // of what `reflect` takes lobes of
-  bool has_sheen, sheen_alone;  // among the lobes; and lights none but these
+  bool has_sheen, has_fibre;  // among the lobes
+  bool matt_alone;            // lights no highlights
 };
 
 /// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.

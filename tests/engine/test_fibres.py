@@ -1,0 +1,249 @@
+"""FIBRE lobes: Kajiya and Kay's on strands, in closed form and in both tracers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import Settings, render
+from glint.engine import scene as s
+from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
+from glint.engine.reference.optics import fibre_diffuse, fibre_highlight
+from native_tools import lamp, needs_core, placed, view_from_above
+from surface_scenes import SUN, P, balls
+
+EXPONENTS = (0.0, 1.0, 30.0, 1e4)
+TANGENT = "along"
+
+
+def lobe(kind: str, k: float = 0.7, exponent: float = 0.0, **more) -> s.Lobe:
+    inputs = (s.Input((k, k / 2, k / 4)),)
+    return s.Lobe(f"FIBRE_{kind}", inputs, exponent, fibre_output=0, **more)
+
+
+def of_strands(*lobes: s.Lobe) -> s.Material:
+    """A material that reads the tangent."""
+    graph = Graph()
+    along = graph.apply(BY_NAME["attribute"], attribute=TANGENT, shift=0)[0]
+    world = graph.apply(BY_NAME["normal_to_world"], along)[0]
+    return s.Material("hair", lobes, program=compile_program(graph, [world]))
+
+
+def strand(a=(-3.0, 0.0, 0.0), b=(3.0, 0.0, 0.0), radius=0.5, **more) -> s.Strands:
+    ends = np.array([a, b], np.float32)
+    tangent = np.zeros((2, 4), np.float32)
+    tangent[:, :3] = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    told = (s.Attribute(TANGENT, "POINT", tangent),)
+    return s.Strands("hair", ends, np.full(2, radius, np.float32), np.zeros(1, np.uint32), **more,
+                     attributes=told)  # fmt: skip
+
+
+def scene(*lobes: s.Lobe, lights=(SUN,), world=None, geometry=None, **more) -> s.Scene:
+    return s.Scene(
+        view_from_above(),
+        (geometry or strand(),),
+        (placed(),),
+        (of_strands(*lobes),),
+        (),
+        lights,
+        world or s.World(),
+        **more,
+    )
+
+
+def sphere(count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(3, m) directions round the tangent x, the solid angle that each stands for, and their
+    azimuth off z.
+    """
+    theta = (np.arange(count) + 0.5) / count * np.pi - np.pi / 2
+    turn = (np.arange(64) + 0.5) / 64 * 2 * np.pi
+    theta, turn = (each.ravel() for each in np.meshgrid(theta, turn))
+    l = np.stack([np.sin(theta), np.cos(theta) * np.sin(turn), np.cos(theta) * np.cos(turn)])  # noqa: E741
+    return l, np.cos(theta) * (np.pi / count) * (2 * np.pi / 64), turn
+
+
+def seen_share(turn: np.ndarray, behind: bool) -> np.ndarray:
+    """How much of a fibre's seen width a light at that azimuth is before, or behind."""
+    return (1 - np.cos(turn)) / 2 if behind else (1 + np.cos(turn)) / 2
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5, 1.2, 1.5])
+def test_matt_fibres_give_back_all_of_a_uniform_world(height: float) -> None:
+    """From any side: 1/pi times the integral over the sphere is 1."""
+    l, size, turn = sphere()  # noqa: E741
+    t = np.broadcast_to(np.array([[1.0], [0.0], [0.0]]), l.shape)
+    total = (fibre_diffuse(t, l) * seen_share(turn, False) * size).sum() / np.pi
+    assert abs(total - 1) < 1e-4
+
+
+@pytest.mark.parametrize("behind", [False, True])
+@pytest.mark.parametrize("exponent", EXPONENTS)
+@pytest.mark.parametrize("fan", [0.0, 0.1, 0.6, 1.0])
+@pytest.mark.parametrize("height", [0.0, 0.5, 1.2, 1.5])
+def test_highlights_give_back_no_more_than_comes(exponent, height, fan, behind) -> None:
+    """At most 1; of a narrow lobe all but what the larger of two sines takes over its width."""
+    l, size, turn = sphere(4000)  # noqa: E741
+    t = np.broadcast_to(np.array([[1.0], [0.0], [0.0]]), l.shape)
+    v = np.broadcast_to(np.array([[np.sin(height)], [0.0], [np.cos(height)]]), l.shape)
+    given = fibre_highlight(5 * t, v, l, exponent, fan, behind) * seen_share(turn, behind)
+    total = (given * size).sum() / np.pi
+    assert total < 1 + 1e-6
+    if exponent == 1e4 and height < 1.4:
+        assert total > 0.98 - np.tan(height) * 2 / np.sqrt(exponent)
+    assert total > 0.02
+
+
+def test_highlights_are_reciprocal() -> None:
+    """Over the sine of the angle between the tangent and the light, by which fibres catch it."""
+    rng = np.random.default_rng(5)
+    v, l, t = rng.normal(size=(3, 3, 500))  # noqa: E741
+    v, l = v / np.linalg.norm(v, axis=0), l / np.linalg.norm(l, axis=0)  # noqa: E741
+    t /= np.linalg.norm(t, axis=0)
+
+    def across(w):
+        return np.linalg.norm(np.cross(t.T, w.T), axis=1)
+
+    there = fibre_highlight(t, v, l, 20.0, 0.3) / across(l)
+    back = fibre_highlight(t, l, v, 20.0, 0.3) / across(v)
+    np.testing.assert_allclose(there, back, rtol=1e-9)
+
+
+@needs_core
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+@pytest.mark.parametrize("kind", ["DIFFUSE", "SPECULAR", "TRANSMISSION"])
+@pytest.mark.parametrize("below", [False, True])
+def test_a_strand_under_a_sun_in_closed_form(backend, kind, below) -> None:
+    """Along x, lit obliquely from above or from below, which what passes through shows alone."""
+    height = 0.4
+    axis = np.array([np.sin(height), 0.0, -np.cos(height) if below else np.cos(height)])
+    sun = replace(SUN, world_from_light=_towards(axis))
+    film = render(
+        scene(lobe(kind, 1.0, 8.0), lights=(sun,)),
+        Settings(samples=1, filter_width=0.0, backend=backend),
+    )
+    found = film.passes["Combined"][..., 0]
+    on = np.abs(P[..., 1]) < 0.45
+    seen = kind == "TRANSMISSION" if below else kind != "TRANSMISSION"
+    if not seen:
+        assert not found.any()
+        return
+    expected = 2 / np.pi * np.cos(height)
+    if kind != "DIFFUSE":
+        a, b = np.sin(height), 1 + np.cos(height)
+        expected = np.sqrt(8.5 / (8 * np.pi)) * np.cos(height) * (1 + (a / b) ** 2) ** -4
+    assert on.sum() > 40
+    np.testing.assert_allclose(found[on], expected, rtol=1e-6)
+
+
+def _towards(direction: np.ndarray) -> np.ndarray:
+    """A light's frame whose -z leaves a sun that is seen in a direction."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross([0.0, 1.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z, np.zeros(3)], 1)
+
+
+def lights() -> dict[str, tuple[s.Light, ...]]:
+    rows = np.linspace(0.1, 2.0, 16)[:, None, None]
+    sky = np.broadcast_to(rows, (16, 32, 3)).astype(np.float32).copy()
+    lamps = tuple(lamp("POINT", _place(k), strength=60.0, radius=0.1 * (k % 3)) for k in range(80))
+    return {
+        "point": (lamp("POINT", strength=900.0, radius=0.0),),
+        "ball": (lamp("POINT", (1.0, 1.0, -4.0), strength=900.0, radius=0.5),),
+        "area": (lamp("AREA", strength=900.0, size_x=2.0, size_y=1.0),),
+        "sun": (SUN, lamp("SUN", strength=1.0, angle=0.2)),
+        "sky": (s.Light("sky", "DOME", np.eye(4)[:3], radiance=sky),),
+        "many": lamps,
+    }
+
+
+def _place(k: int) -> np.ndarray:
+    return 4 * np.array([np.cos(2.4 * k), np.sin(2.4 * k), (k % 9 - 4) / 4])
+
+
+def scenes() -> dict[str, s.Scene]:
+    all_lobes = (
+        lobe("DIFFUSE", 0.5),
+        lobe("SPECULAR", 0.3, 25.0),
+        lobe("TRANSMISSION", 0.4, 9.0, masking=0.3),
+    )
+    shine = s.Lobe("SPECULAR", (s.Input((0.3,) * 3),), 60.0, masking=0.2)
+    matt = s.Lobe("DIFFUSE", (s.Input((0.2, 0.3, 0.4)),))
+    oblique = strand((-2.0, -1.0, -1.0), (2.0, 1.0, 1.5), 0.4)
+    made = {
+        name: scene(*all_lobes, shine, matt, lights=each, geometry=oblique)
+        for name, each in lights().items()
+    }
+    fan = lobe("SPECULAR", 0.3, 25.0, masking=0.5)
+    made["fan"] = scene(fan, lights=lights()["area"], geometry=oblique)
+    made["bare"] = scene(*all_lobes, lights=lights()["sun"])
+    made["glossy"] = scene(lobe("TRANSMISSION", 0.4, 9.0, masking=0.1), lights=lights()["ball"])
+    return made
+
+
+@needs_core
+@pytest.mark.parametrize("name", scenes())
+def test_both_tracers_draw_the_same(name: str) -> None:
+    passes = frozenset(
+        {"Diffuse", "Specular", "Shadow", "Denoising Albedo", "Diffuse Color", "Glossy Direct"}
+    )
+    films = [
+        render(scenes()[name], Settings(samples=4, passes=passes, backend=backend))
+        for backend in ("NATIVE", "NUMPY")
+    ]
+    assert films[0].passes["Combined"].max() > 0.01
+    for each in films[0].passes:
+        found, expected = (film.passes[each] for film in films)
+        np.testing.assert_allclose(found, expected, rtol=2e-4, atol=2e-5, err_msg=each)
+
+
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+def test_what_is_no_fibre_is_matt_and_shines(backend) -> None:
+    """On a ball, which has no tangents, as the notes' lobes; nothing passes through."""
+    fibres = balls()
+    given = (lobe("DIFFUSE"), lobe("SPECULAR", 0.4, 30.0), lobe("TRANSMISSION", 0.4, 9.0))
+    fibres = replace(fibres, materials=(of_strands(*given),))
+    k = tuple(4.0 * x for x in (0.4, 0.2, 0.1))
+    usual = balls(
+        s.Lobe("DIFFUSE", (s.Input((0.7, 0.35, 0.175)),)), s.Lobe("SPECULAR", (s.Input(k),), 30.0)
+    )
+    found, expected = (
+        render(each, Settings(samples=1, backend=backend)).passes["Combined"]
+        for each in (fibres, usual)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
+
+
+@needs_core
+def test_threads_and_borders_change_no_bit() -> None:
+    made = scenes()["area"]
+    whole = render(made, Settings(samples=8, threads=1)).passes["Combined"]
+    assert (whole == render(made, Settings(samples=8, threads=3)).passes["Combined"]).all()
+    part = render(made, Settings(samples=8, region=(3, 4, 11, 12))).passes["Combined"]
+    assert (whole[4:12, 3:11] == part).all()
+
+
+@pytest.mark.parametrize("name", ["point", "bare", "glossy"])
+def test_explained_pixels_have_the_colours_of_the_picture(name) -> None:
+    made, settings = scenes()[name], Settings(samples=1)
+    picture = render(made, settings).passes["Combined"]
+    explainer = PixelExplainer(made, settings)
+    for x, y in ((8, 8), (7, 8)):
+        np.testing.assert_allclose(explainer.pixel(x, y).color, picture[y, x, :3], rtol=1e-3)
+
+
+@needs_core
+@pytest.mark.parametrize("tangent", [3e38, 1e30, 1e-30, 1e-40, 0.0])
+def test_odd_tangents_stay_finite(tangent) -> None:
+    geometry = strand()
+    values = geometry.attributes[0].values * np.float32(tangent)
+    geometry = replace(geometry, attributes=(s.Attribute(TANGENT, "POINT", values),))
+    lobes = (lobe("DIFFUSE", 0.5), lobe("SPECULAR", 0.3, 25.0), lobe("TRANSMISSION", 0.4, 1e30))
+    for backend in ("NATIVE", "NUMPY"):
+        film = render(scene(*lobes, geometry=geometry), Settings(samples=2, backend=backend))
+        assert np.isfinite(film.passes["Combined"]).all()
