@@ -179,9 +179,16 @@ class Frames:
         """What a render of the frame would trace. Raises ValueError where Blender asks Glint for
         nothing.
         """
-        self._scene.frame_set(frame)
-        with final.reading_only() as jobs:
-            bpy.ops.render.render(scene=self._scene.name)
+        scene = self._scene
+        scene.frame_set(frame)
+        composites = scene.render.use_compositing
+        # before 5.0 Blender composites the blank picture, and writes its nodes' files
+        scene.render.use_compositing = False
+        try:
+            with final.reading_only() as jobs:
+                bpy.ops.render.render(scene=scene.name)
+        finally:
+            scene.render.use_compositing = composites
         if not jobs:
             _refuse(frame)
         return jobs

@@ -58,6 +58,16 @@ words; `…` stands for a name or a number. After a render they stand in Render 
 <!-- kept by packaging/messages.py -->
 """
 
+_CORE = """
+## The core's own checks
+
+The core looks at everything again before it trusts it. What Python makes was checked before, so
+none of these is seen in Blender: where one is, it is a fault of Glint's; send the file. A program
+that fills the core's structures itself reads here what is wrong with them.
+
+"""
+_STRING = r'"(?:[^"\\\n]|\\.)*"'
+
 
 @dataclass(frozen=True)
 class Message:
@@ -97,6 +107,21 @@ def messages() -> list[Message]:
     return sorted(found, key=lambda m: (order.index(m.group), m.text.strip("…'\" ").lower()))
 
 
+def core_messages() -> list[str]:
+    """What the core's API refuses, each once."""
+    paths = [*sorted((tree.CORE / "src" / "api").glob("*.cpp")), tree.CORE / "src/session/job.cpp"]
+    texts = (text for path in paths for text in core_texts(path.read_text(encoding="utf-8")))
+    return sorted(set(texts), key=str.lower)
+
+
+def core_texts(source: str) -> list[str]:
+    """The sentences in a C++ file, in the order in which they stand there."""
+    bare = re.sub(r"//[^\n]*|#include[^\n]*|static_assert[^;]*;", "", source)
+    strings = (match[0] for match in re.finditer(rf"{_STRING}(?:\s*{_STRING})*", bare))
+    texts = ("".join(part[1:-1] for part in re.findall(_STRING, whole)) for whole in strings)
+    return [re.sub(r"%\w+", "…", text) for text in texts if text.count(" ") >= _FEWEST_TOLD]
+
+
 def page() -> str:
     """The page as it should be."""
     text = _HEAD
@@ -104,7 +129,7 @@ def page() -> str:
         text += f"\n## {heading}\n\n| message | what to do |\n|---|---|\n"
         rows = (message.split for message in messages() if message.group == heading)
         text += "".join(f"| {_cell(said)} | {_cell(remedy)} |\n" for said, remedy in rows)
-    return text
+    return text + _CORE + "".join(f"- {_cell(said)}\n" for said in core_messages())
 
 
 def _cell(text: str) -> str:

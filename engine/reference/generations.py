@@ -82,7 +82,6 @@ class Generations:
     def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         seen = self._stage.camera.weights(rays)
-        self._tile.lose(np.arange(len(rays)), np.tile(1 - seen, (3, 1)))
         generation = [camera_paths(rays, seen)]
         while generation:
             deeper: list[Paths] = []

@@ -102,6 +102,14 @@ compare("aovs")
 scene.view_layers[0].aovs.remove(scene.view_layers[0].aovs[0])
 scene.view_layers.new("another")
 compare("two layers")
+scene.view_layers.remove(scene.view_layers["another"])
+scene.view_layers[0].use_pass_vector = True
+compare("vectors")
+scene.view_layers[0].aovs.add().name = "shade"
+scene.view_layers.new("another").use_pass_vector = True
+compare("vectors, aovs and two layers")
+render.use_motion_blur = True
+compare("all at once")
 answer(results)
 """
 EDITS = """
@@ -202,7 +210,17 @@ def test_only_what_changes_is_read(animated, what, read):
     assert sum(frame["anew: meshes"] for frame in others) <= (6 if what == "meshes" else 0)
 
 
-@pytest.mark.parametrize("what", ["motion blur", "aovs", "two layers"])
+ANEW = [
+    "motion blur",
+    "aovs",
+    "two layers",
+    "vectors",
+    "vectors, aovs and two layers",
+    "all at once",
+]
+
+
+@pytest.mark.parametrize("what", ANEW)
 def test_what_cannot_be_kept_is_read_anew(animated, what):
     assert not any(alike(*animated[what]))
 

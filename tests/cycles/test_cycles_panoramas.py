@@ -112,16 +112,20 @@ def test_border():
     assert off_by(pair, "Position") <= 1e-4
 
 
-def test_beyond_the_lens_nothing_is_seen():
-    """Cycles is black there too, but opaque, also where its film is transparent."""
+@pytest.mark.parametrize("transparent", [False, True])
+def test_beyond_the_lens_it_is_black(transparent):
+    """And opaque, also where the film is transparent."""
     room = build_room("fisheye equidistant")
+    room.render.film_transparent = transparent
     cycles.set_world(room, (0.3, 0.4, 0.5))
     pair = render_pair(room, "NATIVE", "panorama-beyond")
     dark = pair.cycles["Combined"][..., :3].sum(-1) == 0
     y, x = np.mgrid[:72, :72] - 35.5
     beyond = x * x + y * y > 36**2
-    assert dark[beyond].all() and (pair.glint["Combined"][beyond] == 0).all()
-    assert (pair.glint["Combined"][~beyond][..., 3] == 1).all()
+    assert dark[beyond].all() and (pair.cycles["Combined"][beyond][..., 3] == 1).all()
+    assert (pair.glint["Combined"][beyond] == (0, 0, 0, 1)).all()
+    alpha = pair.glint["Combined"][~beyond][..., 3]
+    assert (alpha == 1).all() if not transparent else (alpha < 1).any()
 
 
 @pytest.mark.parametrize("name", ["equirectangular", "fisheye equisolid"])

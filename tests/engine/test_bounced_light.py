@@ -363,7 +363,7 @@ def test_a_light_seldom_met_gets_more_walks() -> None:
     )
     ground = Instances("ground", 1, np.column_stack([np.eye(3), (0, 0, -1.0)])[None], (0,))
     far = replace(far, geometries=(*far.geometries, GROUND), instances=far.instances[:1])
-    assert len(bounced_light(far, 1).bounces.points) > 400
+    assert len(bounced_light(far, 1).bounces.points) > 4000
     wide = replace(far, instances=(*far.instances, ground))
     assert len(bounced_light(wide, 1).bounces.points) > 4000
 

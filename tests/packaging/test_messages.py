@@ -51,6 +51,19 @@ def test_a_remedy_is_the_messages_own_or_the_tables(text, said, remedy):
     assert messages.Message("The render", text).split == (said, remedy)
 
 
+def test_the_cores_sentences_are_found_across_lines():
+    source = """
+#include "a file of three words"
+// "a comment that is long enough"
+static_assert(sizeof(int) == 4, "this machine is too small");
+report.add(good, "geometry %llu: strands need "
+           "a radius for %u", number);
+report.add(good, "short");
+"""
+    assert messages.core_texts(source) == ["geometry …: strands need a radius for …"]
+    assert len(messages.core_messages()) > 100
+
+
 def test_a_new_message_without_a_remedy_is_told(monkeypatch):
     monkeypatch.setattr(messages, "REMEDIES", {"Nobody says this": "Wait"})
     lines = messages.problems()

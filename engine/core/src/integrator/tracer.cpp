@@ -147,12 +147,11 @@ void Tracer::camera_rays() {
   if (stage.panorama) leave_out_unseen(stage);
 }
 
-/// Beyond the picture of a panorama's lens rays bring nothing, and nothing is there.
+/// Beyond the picture of a panorama's lens rays bring nothing: it is black there.
 void Tracer::leave_out_unseen(const CameraStage& stage) {
   for (size_t k = 0; k < stage.count; ++k) {
     const bool seen = stage.t_max[k] >= 0;
     for (size_t c = 0; c < 3; ++c) first_.column(Queue::kT + c)[k] = seen ? 1 : 0;
-    if (!seen) paths_.lost_alpha()[k] += 1;
   }
 }
 
