@@ -125,7 +125,8 @@ def test_a_window_in_a_thick_wall_is_found(monkeypatch):
     monkeypatch.setitem(globals(), "THICK", 0.3)
     found = openings(scene(walls(((1.2, 2.8), (0.9, 2.2)))))
     assert len(found.shares) == 1
-    check_window(found, 0, (-0.15, 2.0, 1.55), (0.8, 0.65), (-1.0, 0.0, 0.0))
+    # the plane lies just outside of the wall, where lines from the reveals have spread
+    check_window(found, 0, (-0.15, 2.0, 1.55), (0.8, 0.65), (-1.0, 0.0, 0.0), slack=0.25)
 
 
 def test_panes_of_glass_are_passed():
