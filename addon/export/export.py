@@ -33,6 +33,7 @@ from .panorama import Looker
 from .placing import (
     note_catchers,
     note_empty_view,
+    note_hair_shaders,
     note_linked_glow,
     note_media,
     without_collapsed,
@@ -455,6 +456,7 @@ class Collector:
         note_catchers(instances, self.materials.materials, self.report)
         note_linked_glow(instances, self.materials.materials, self.report)
         note_media(instances, self.materials.materials, self.report)
+        note_hair_shaders(instances, geometries, self.materials.materials, self.report)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights, set_by = sky.lights_with(self.lights.lights), self.depsgraph.scene_eval
         materials, (world,) = (with_step_rate(m, set_by) for m in (materials, (sky.world,)))

@@ -120,6 +120,30 @@ def note_media(
             )
 
 
+def note_hair_shaders(
+    instances: tuple[Instances, ...],
+    geometries: tuple[Geometry, ...],
+    materials: tuple[Material, ...],
+    report: Report,
+) -> None:
+    """Say which things have faces with shaders of hair."""
+    hairy = [any(lobe.fibre_output >= 0 for lobe in material.lobes) for material in materials]
+    if not any(hairy):
+        return
+    for block in instances:
+        geometry = geometries[block.geometry]
+        if isinstance(geometry, Strands) or not any(hairy[k] for k in block.materials):
+            continue
+        slots = geometry.material_slots
+        worn = (0,) if slots is None else np.unique(slots)
+        if any(hairy[block.materials[min(int(k), len(block.materials) - 1)]] for k in worn):
+            report.note(
+                "Hair shaders are matt under a highlight on what is no strand: {} shows no light "
+                "that passes through",
+                block.name,
+            )
+
+
 def _ranks(linear: np.ndarray) -> np.ndarray:
     """(k,) of the (k, 3, 3) matrices, by the SVD (notes, section 6.5) where the determinant leaves
     a doubt.

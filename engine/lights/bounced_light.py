@@ -40,8 +40,8 @@ radius κ times their distance lie, they cover a surface -ln(1 - κ²)/κ² time
 """
 SMALLEST = 1 / 16
 """Of their area discs keep."""
-MOST_MORE = 8
-"""Times as many walks where few of them meet anything."""
+MOST_MORE, UNSEEN_MORE = 64, 8
+"""Times as many walks where few of them meet anything, and where none of a pilot did."""
 PILOT = 8
 """One in so many tells first how many do, so that no more set out than are needed."""
 MOST_PASSED = 16
@@ -204,11 +204,11 @@ class _Walks:
                 return None
             few, self._count = self._count, max(self._count // PILOT, FEWEST)
             columns = self._points(surfaces)
-            more = float(MOST_MORE)
+            more = float(UNSEEN_MORE)
             if columns is not None:
                 # a power of two, so that things that move seldom change it
                 wanted = self._count * POINTS / len(columns[0]) / few
-                more = min(max(2.0 ** np.ceil(np.log2(wanted) - 0.5), 1.0), more)
+                more = min(max(2.0 ** np.ceil(np.log2(wanted) - 0.5), 1.0), MOST_MORE)
             self._count = round(few * more)
             columns = self._points(surfaces)
         if columns is None:

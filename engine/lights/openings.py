@@ -43,8 +43,10 @@ FEWEST = 0.02
 """Share of the lines that an opening takes at least."""
 DENSEST = 0.25
 """Of the lines over the area of the plane's best opening its others have at least."""
-WIDEST = 1.5
-"""Solid angle, steradian, in which at least half of its lines see what counts as an opening."""
+WIDEST, FAR = 1.5, 0.4
+"""Solid angle, steradian, in which at least this share of its lines see what counts as an opening:
+most may begin in the reveals of a window in a thick wall.
+"""
 ENOUGH = 0.5
 """Share of the lines that openings must take, else the sky is seen everywhere."""
 MOST_PASSED = 4
@@ -384,7 +386,7 @@ def _parts(
         to = np.vstack([uv[:, part], np.full(len(part), at)]) - o[:, index[part]]
         square = (to * to).sum(0)
         solid = 4 * half.prod() * np.abs(to[2]) / np.sqrt(square) / square
-        if np.median(solid) > WIDEST:
+        if np.quantile(solid, FAR) > WIDEST:
             continue
         through = np.zeros(len(lines), bool)
         through[index[part]] = True

@@ -375,6 +375,8 @@ class Explainer:
         if glossy and coefficients.fibres:
             all_ = fibres(surface, coefficients.fibres, seen, sample.direction, matt=False)
             specular = specular + all_[:, 0]
+        even = self.stage.lighting.even_gloss(source, surface, coefficients)[:, 0]
+        specular = specular + even * max(n_dot_l, 0.0)
         matt = matt_lobes(surface, coefficients, seen, sample.direction)
         diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) + matt[:, 0]
         shadow, blocker, distance = (

@@ -438,6 +438,7 @@ class Generations:
             "Diffuse Indirect": light.lit_bounced,
             "Diffuse Color": coefficients.matt(),
             "Glossy Direct": light.lit_specular,
+            "Glossy Indirect": light.lit_glossy_bounced,
             "Glossy Color": coefficients.glossy() + mirrored,
             "Transmission Color": refracted,
         }

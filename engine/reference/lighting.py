@@ -12,7 +12,7 @@ import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
-from .gloss import Narrow
+from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
@@ -31,8 +31,8 @@ Array = np.ndarray
 @dataclass(frozen=True, eq=False)
 class DirectLight:
     """(3, n) each: light before shadows, and what blockers take away. lit_*: what is left of light
-    from where it is made, and of what surfaces throw on.  groups: (3 g, n) what is left of that of
-    light groups.
+    from where it is made, and of what surfaces throw on (lit_bounced by matt ones).
+    groups: (3 g, n) what is left of that of light groups.
     """
 
     diffuse: Array
@@ -41,19 +41,21 @@ class DirectLight:
     lit_diffuse: Array
     lit_specular: Array
     lit_bounced: Array
+    lit_glossy_bounced: Array
     groups: Array
 
 
 @dataclass(frozen=True, eq=False)
 class _Sharing:
     """Lights that share so many shadow rays of a point and sample. sources: gives them, the same
-    each time, with what points get of those that they see in clusters.  matt: the sum to which what
-    matt surfaces throw back is added.
+    each time, with what points get of those that they see in clusters.  matt, glossy: the sums to
+    which what such lobes throw back is added.
     """
 
     sources: Callable[[], Iterable[tuple[Source, FarLight | None]]]
     marks: int
     matt: Array
+    glossy: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,8 @@ class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
     of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
-    bounced_marks: how many the points of bounced light share.
+    bounced_marks: how many the points of bounced light share.  shows_gloss: gloss of dielectrics
+    shows bounced light, as no rays of its own look for surfaces.
     catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
     many light is told apart by.
     """
@@ -76,6 +79,7 @@ class Lighting:
     bounced_marks: int = 1
     catchers_alone: bool = False
     light_groups: int = 0
+    shows_gloss: bool = True
 
     @cached_property
     def _clusters(self) -> LampClusters:
@@ -133,7 +137,7 @@ class Lighting:
         light reaches, or which ask for its shadow, and whether its pixels take more samples before
         they may stop.  on_cut: told the points whose horizon cuts a light of more than one sample.
         """
-        rows = (3,) * 6 + (3 * self.light_groups,)
+        rows = (3,) * 7 + (3 * self.light_groups,)
         total = DirectLight(*(np.zeros((count, len(surface))) for count in rows))
         given = coefficients.diffuse.any(0)
         for term in (*coefficients.highlights, *coefficients.sheens, *coefficients.fibres):
@@ -175,11 +179,16 @@ class Lighting:
         """Lamps that share shadow rays, and bounced light, the points of which do."""
         if self.marks:
             yield _Sharing(
-                lambda: self._lamps(surface, coefficients, given), self.marks, total.lit_diffuse
+                lambda: self._lamps(surface, coefficients, given),
+                self.marks,
+                total.lit_diffuse,
+                total.lit_specular,
             )
         bounced = [(x, None) for x in self.sources if isinstance(x, BouncedSource)]
         if bounced:
-            yield _Sharing(lambda: bounced, self.bounced_marks, total.lit_bounced)
+            yield _Sharing(
+                lambda: bounced, self.bounced_marks, total.lit_bounced, total.lit_glossy_bounced
+            )
 
     def _share(
         self,
@@ -225,7 +234,7 @@ class Lighting:
             (total.specular, specular),
             (total.shadow, (passed - 1) * (diffuse + specular)),
             (group.matt, passed * diffuse),
-            (total.lit_specular, passed * specular),
+            (group.glossy, passed * specular),
             (total.groups, groups),
         ):
             sums += light
@@ -340,6 +349,12 @@ class Lighting:
         add_to_groups(total.groups, given.group, seen, passed * (given.diffuse + given.specular))
         return seen, dimmed
 
+    def even_gloss(self, source: Source, surface: Surface, coefficients: Coefficients) -> Array:
+        """(3, n) what gloss gives back of a light as if it were matt."""
+        if not (self.shows_gloss and isinstance(source, BouncedSource)):
+            return np.zeros((3, len(surface)))
+        return even_gloss(dot(surface.n, surface.v), coefficients.highlights)
+
     def _given(
         self,
         surface: Surface,
@@ -373,6 +388,8 @@ class Lighting:
             * light
             * balance(narrow, seen, chosen)
         )
+        gloss = pick(self.even_gloss(source, surface, coefficients), seen)
+        specular = specular + gloss * light * np.where(front, cosine[seen], 0.0)
         if glossy and not is_drawn and coefficients.fibres:
             shine = fibres(surface, coefficients.fibres, seen, chosen.direction, matt=False)
             specular = specular + shine * light

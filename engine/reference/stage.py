@@ -73,6 +73,7 @@ class Stage:
             shared_rays(scene.lights, settings),
             asked,
             light_groups=len(scene.light_groups),
+            shows_gloss=settings.reflecting != "ALL",
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())

@@ -210,6 +210,21 @@ def test_principled_hair_has_lobes_round_the_strand(scene, model):  # noqa: F811
     assert len(lobes()) == 4 - len(scaled)
 
 
+def test_hair_shaders_on_faces_are_told(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeBsdfHair")
+    bpy.data.objects.remove(bpy.data.objects["Quad"])  # which wears it
+    bpy.ops.mesh.primitive_plane_add()
+    plane = bpy.context.object
+    plane.data.materials.append(bpy.data.materials.new("bare"))
+    plane.data.materials.append(shader.material)
+    thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)])
+    thing.data.materials.append(shader.material)
+    assert not [note for note in export().notes if "no strand" in note]
+    plane.data.polygons[0].material_index = 1
+    (told,) = [note for note in export().notes if "no strand" in note]
+    assert plane.name in told and "Fur" not in told
+
+
 def test_hair_of_any_colour_sends_no_more_than_comes(scene):  # noqa: F811
     thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)])
     shader = Shader(shader="ShaderNodeBsdfHairPrincipled")

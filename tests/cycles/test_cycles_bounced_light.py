@@ -125,8 +125,7 @@ def window_room():
 
 def test_a_painted_room_behind_a_window_is_as_bright_as_in_cycles() -> None:
     """Paint is varnished: a twentieth of what comes is thrown on by its gloss, and again by the
-    next wall. What is seen of that in the gloss itself is left out, as rough dielectrics reflect no
-    surfaces by default.
+    next wall, and seen in it. Some 300 points of light at each bounce are in the room: within 5 %.
     """
     scene = window_room()
     film = render_glint(
@@ -140,4 +139,4 @@ def test_a_painted_room_behind_a_window_is_as_bright_as_in_cycles() -> None:
     )
     wall = reference.max(-1) < 2.0  # the sky apart
     mean = glint[wall].mean(0) / reference[wall].mean(0)
-    assert (mean > 0.9).all() and (mean < 1.01).all(), mean
+    assert np.abs(mean - 1).max() < 0.05, mean

@@ -11,7 +11,10 @@ from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lights import met_surfaces
 from glint.engine.lights.bounced_light import MERGED, bounced_light, bounced_table
+from glint.engine.reference.gloss import even_gloss
 from glint.engine.reference.lights import above_horizon
+from glint.engine.reference.materials import Term
+from glint.engine.reference.optics import blinn_phong, gloss
 from glint.engine.reference.tabled_lights import BouncedSource
 from glint.engine.scene import (
     Camera,
@@ -33,8 +36,8 @@ ALBEDO = np.array([0.6, 0.3, 0.1])
 HERE = np.eye(3, 4)
 
 
-def matt(color) -> Material:
-    return Material("matt", (Lobe("DIFFUSE", (Input(tuple(color)),)),))
+def matt(color, *gloss: Lobe) -> Material:
+    return Material("matt", (Lobe("DIFFUSE", (Input(tuple(color)),)), *gloss))
 
 
 def ball(radius: float = 1.0, center=(0.0, 0.0, 0.0)) -> Spheres:
@@ -187,7 +190,13 @@ def test_so_it_does_under_an_even_sky() -> None:
     assert (found > 0.95 * truth).all()
 
 
-def mixed() -> Scene:
+VARNISH = tuple(
+    Lobe("SPECULAR", (Input((size,) * 3),), exponent=p, masking=0.25, fresnel=True, ior=1.5)
+    for size, p in ((0.6, 10.0), (30.0, 400.0))
+)
+
+
+def mixed(*varnish: Lobe) -> Scene:
     """Meshes, a ball, polygons, instances, a lamp of each kind, gloss, a mirror and a pane."""
     box = Mesh(
         "box",
@@ -219,7 +228,8 @@ def mixed() -> Scene:
         ]
     )
     gloss = Material(
-        "gloss", (Lobe("DIFFUSE", (Input((0.4, 0.5, 0.6)),)), Lobe("SPECULAR", exponent=40.0))
+        "gloss",
+        (Lobe("DIFFUSE", (Input((0.4, 0.5, 0.6)),)), Lobe("SPECULAR", exponent=40.0), *varnish),
     )
     mirror = Material("mirror", (Lobe("MIRROR"),))
     pane = Material(
@@ -244,7 +254,7 @@ def mixed() -> Scene:
                 "pane", 0, shifted - [[[0.3, 0, 0, 2.0], [0, 0, 0, -1.4], [0, 0, 0.9, 0]]], (3,)
             ),
         ),
-        (matt(ALBEDO), gloss, mirror, pane),
+        (matt(ALBEDO, *varnish), gloss, mirror, pane),
         lights=(
             lamp(at=(0, 1, 1), radius=0.1, color=(1.0, 0.5, 0.2)),
             lamp("AREA", at=(-1, 0, 2), size_x=0.5, size_y=0.2),
@@ -254,8 +264,9 @@ def mixed() -> Scene:
     )
 
 
-def test_both_tracers_draw_the_same() -> None:
-    native, exact = (drawn(mixed(), 2, backend, samples=4) for backend in BACKENDS)
+@pytest.mark.parametrize("varnish", [(), VARNISH], ids=("plain", "varnish"))
+def test_both_tracers_draw_the_same(varnish: tuple[Lobe, ...]) -> None:
+    native, exact = (drawn(mixed(*varnish), 2, backend, samples=4) for backend in BACKENDS)
     off = np.abs(native - exact).max(2) / np.maximum(exact.max(2), 1e-3)
     assert (off > 1e-4).mean() < 0.01  # edges
     assert np.median(off) < 1e-6
@@ -329,8 +340,9 @@ def test_what_has_no_extent_and_what_is_not_finite_is_left_out() -> None:
     assert np.isfinite(drawn(scene, 2, samples=4)).all()
 
 
-def test_explain_tells_all_of_a_pixel() -> None:
-    scene = mixed()
+@pytest.mark.parametrize("varnish", [(), VARNISH], ids=("plain", "varnish"))
+def test_explain_tells_all_of_a_pixel(varnish: tuple[Lobe, ...]) -> None:
+    scene = mixed(*varnish)
     settings = Settings(samples=1, light_samples=2, filter_width=0.0, diffuse_bounces=2)
     picture = render(scene, settings).passes["Combined"]
     explainer, named = PixelExplainer(scene, settings), set()
@@ -351,7 +363,7 @@ def test_a_light_seldom_met_gets_more_walks() -> None:
     )
     ground = Instances("ground", 1, np.column_stack([np.eye(3), (0, 0, -1.0)])[None], (0,))
     far = replace(far, geometries=(*far.geometries, GROUND), instances=far.instances[:1])
-    assert len(bounced_light(far, 1).bounces.points) > 400
+    assert len(bounced_light(far, 1).bounces.points) > 4000
     wide = replace(far, instances=(*far.instances, ground))
     assert len(bounced_light(wide, 1).bounces.points) > 4000
 
@@ -572,3 +584,109 @@ def test_varnish_throws_light_on_and_metal_does_not() -> None:
     assert power(matt_one, both, gloss) == pytest.approx(plain, rel=1e-6)
     varnish = replace(gloss, fresnel=True, ior=1.5)
     assert power(matt_one, both, varnish) == pytest.approx(1.2 * plain, rel=1e-6)
+
+
+def reflected_of_even_light(lobe: Lobe, cosine: float) -> float:
+    """Of radiance 1 from all sides of a surface, towards a direction so far from its normal."""
+    u, v = np.meshgrid((np.arange(800) + 0.5) / 800, (np.arange(800) + 0.5) / 800)
+    z, turn = u.ravel(), 2 * np.pi * v.ravel()
+    side = np.sqrt(1 - z * z)
+    l = np.stack([side * np.cos(turn), side * np.sin(turn), z])  # noqa: E741, the notes' letter
+    n = np.repeat([[0.0], [0.0], [1.0]], z.size, 1)
+    towards = np.repeat([[np.sqrt(1 - cosine * cosine)], [0.0], [cosine]], z.size, 1)
+    given = blinn_phong(n, towards, l, lobe.exponent) * gloss(
+        n, towards, l, lobe.masking, lobe.ior, lobe.fresnel, lobe.schlick
+    )
+    return 2 * given.mean() * lobe.factors[0].value[0]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("exponent", [14.0, 32.0, 400.0])
+def test_gloss_on_paint_shows_what_surfaces_throw(exponent: float, backend: str) -> None:
+    """A ball that is lit alike all over is as bright in its gloss as that gives back."""
+    size, alpha = (exponent + 2) / 8, float(np.sqrt(2 / (exponent + 2)))
+    lobe = replace(VARNISH[0], factors=(Input((size,) * 3),), exponent=exponent, masking=alpha)
+    plain = room(lamp())
+    varnished = replace(plain, materials=(matt(ALBEDO, lobe),))
+    ratio = (added(varnished, backend) - added(plain, backend)) / added(plain, backend)
+    truth = reflected_of_even_light(lobe, 1.0) / ALBEDO
+    assert np.abs(ratio[3:5, 3:5].mean((0, 1)) / truth - 1).max() < 0.08  # as `even_gloss` has it
+    assert np.abs(ratio.mean((0, 1)) / truth - 1).max() < 0.08
+
+
+PAINTS = {
+    0.2: ((0.0169, 7.2), (0.499, 53.0), (12.96, 305.7), (130.15, 1742.9)),
+    0.5: ((0.0441, 0.7), (0.599, 9.9), (3.179, 50.4)),
+}
+"""The sizes and exponents of the lobes of a Principled BSDF's gloss of a roughness."""
+
+
+@pytest.mark.parametrize("roughness", PAINTS)
+def test_what_gloss_gives_back_of_even_light(roughness: float) -> None:
+    """Beside sums over directions."""
+    lobes = [
+        replace(
+            VARNISH[0], factors=(Input((size,) * 3),), exponent=p, masking=roughness * roughness
+        )
+        for size, p in PAINTS[roughness]
+    ]
+    terms = [
+        Term(np.arange(1), np.full((3, 1), lobe.factors[0].value[0]), lobe, lobe.exponent,
+             lobe.masking, lobe.ior)
+        for lobe in lobes
+    ]  # fmt: skip
+    for cosine in (1.0, 0.8, 0.5, 0.3):
+        found = even_gloss(np.array([cosine]), terms)[0, 0]
+        truth = sum(reflected_of_even_light(lobe, cosine) for lobe in lobes)
+        assert abs(found / truth - 1) < 0.08, cosine
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_gloss_shows_of_surfaces_is_glossy_indirect(backend: str) -> None:
+    lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=14.0)
+    scene = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
+    names = {"Direct", "Indirect", "Color"}
+    settings = Settings(
+        samples=16,
+        light_samples=2,
+        filter_width=0.0,
+        diffuse_bounces=1,
+        backend=backend,
+        passes={
+            "Combined",
+            *(f"{kind} {name}" for kind in ("Diffuse", "Glossy") for name in names),
+        },
+    )
+    found = render(scene, settings).passes
+    none = render(scene, replace(settings, diffuse_bounces=0)).passes
+    assert np.allclose(found["Glossy Direct"], none["Glossy Direct"], rtol=1e-6)
+    assert not none["Glossy Indirect"].any()
+    shown = found["Combined"] - none["Combined"]
+    parts = sum(
+        found[f"{kind} Indirect"] * found[f"{kind} Color"] for kind in ("Diffuse", "Glossy")
+    )
+    assert found["Glossy Indirect"].min() > 0
+    np.testing.assert_allclose(parts, shown[..., :3], rtol=1e-4)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside(backend: str) -> None:
+    """Of metals, and of all rough surfaces where these reflect as well."""
+    lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=14.0)
+    varnished, metal = (
+        replace(room(lamp()), materials=(matt(ALBEDO, own),))
+        for own in (lobe, replace(lobe, fresnel=False))
+    )
+
+    def shown(scene: Scene, **settings) -> np.ndarray:
+        """What gloss shows of bounced light beside what is matt, without the rays' share."""
+        options = {"max_bounces": 0, **settings}
+        return added(scene, backend, **options) - added(room(lamp()), backend, **options)
+
+    assert shown(varnished).min() > 1e-3
+    assert shown(varnished, reflections="OFF").min() > 1e-3
+    assert np.abs(shown(metal)).max() < 1e-6
+    # rays end where light is thrown: they find it one bounce on, and not twice
+    every = {"reflections": "ALL", "max_bounces": 1}
+    once = shown(varnished, **every).mean((0, 1)) / ALBEDO
+    assert np.abs(once / shown(varnished).mean((0, 1)) - 1).max() < 0.06

@@ -120,6 +120,15 @@ def test_a_window_is_found_wherever_the_room_stands(angle, shift):
     check_window(found, 0, middle, (1.0, 0.7), matrix[:, :3] @ (-1.0, 0.0, 0.0))
 
 
+def test_a_window_in_a_thick_wall_is_found(monkeypatch):
+    """Most lines to the sky begin in its reveals, and see it wide open."""
+    monkeypatch.setitem(globals(), "THICK", 0.3)
+    found = openings(scene(walls(((1.2, 2.8), (0.9, 2.2)))))
+    assert len(found.shares) == 1
+    # the plane lies just outside of the wall, where lines from the reveals have spread
+    check_window(found, 0, (-0.15, 2.0, 1.55), (0.8, 0.65), (-1.0, 0.0, 0.0), slack=0.25)
+
+
 def test_panes_of_glass_are_passed():
     pane = box((-0.11, -0.09), (1.0, 3.0), (0.9, 2.3))
     found = openings(scene(walls(), more=[(pane, 1)]))

@@ -242,8 +242,9 @@ def _smooth(
         at = (1 - t) * b[0][which] + t * b[3][which]
     else:
         s = 1 - t
-        at = s**3 * b[0][which] + 3 * s * s * t * b[1][which]
-        at += 3 * s * t * t * b[2][which] + t**3 * b[3][which]
+        with np.errstate(invalid="ignore"):  # keys that are not finite are left out below
+            at = s**3 * b[0][which] + 3 * s * s * t * b[1][which]
+            at += 3 * s * t * t * b[2][which] + t**3 * b[3][which]
     # keys as they are: one that is not finite leaves its neighbours in place
     at[place == 0] = b[0]
     at[t[:, 0] == 1] = b[3][last]
@@ -323,7 +324,9 @@ def _per_curve(source: StrandSource, name: str, rows: np.ndarray) -> Attribute:
 
 
 def _sound(values: np.ndarray) -> np.ndarray:
-    return np.nan_to_num(values.astype(np.float32), nan=0.0, posinf=0.0, neginf=0.0)
+    with np.errstate(over="ignore"):
+        values = values.astype(np.float32)
+    return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def _attribute(
@@ -392,7 +395,7 @@ def _fibre_values(source: StrandSource) -> np.ndarray:
         tangent[first] += d
         tangent[first + 1] += d
         tangent /= np.maximum(np.sqrt((tangent * tangent).sum(1)), 1e-30)[:, None]
-    return _sound(np.column_stack([tangent, 2 * strands.radii]))
+    return _sound(np.column_stack([tangent, 2.0 * strands.radii.astype(np.float64)]))
 
 
 def _generated(data: Any, source: StrandSource) -> np.ndarray:

@@ -98,8 +98,8 @@ class Batch {
   PointColumns points{};
   SumColumns sums{};  // parts that are not kept are null
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
-  double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {}, *lit_volume[3] = {},
-         *lit_volume_bounced[3] = {};
+  double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {},
+         *lit_glossy_bounced[3] = {}, *lit_volume[3] = {}, *lit_volume_bounced[3] = {};
   double* glow[3] = {};               // of surfaces; null where no light groups are asked for
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it

@@ -24,7 +24,7 @@ Vec3d Tracer::take_sums(size_t k) {
   const Vec3d total = row(s.total, k);
   for (double* const* columns :
        {s.total, s.ambient, s.emission, s.environment, s.diffuse, s.specular, s.shadow,
-        batch.lit_diffuse, batch.lit_bounced, batch.lit_specular})
+        batch.lit_diffuse, batch.lit_bounced, batch.lit_specular, batch.lit_glossy_bounced})
     for (size_t c = 0; columns[0] && c < 3; ++c) columns[c][k] = 0;
   for (size_t group = 0; group < batch.group_count(); ++group)
     for (size_t c = 0; batch.gives(group) && c < 3; ++c) batch.group(group)[c][k] = 0;

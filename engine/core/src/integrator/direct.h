@@ -18,6 +18,7 @@ namespace glint {
 struct SharedLight {
   bool on = false;
   std::vector<uint8_t> takes_part;  // of the scene's lights
+  bool shows_gloss = false;         // `gloss` is asked for
   uint32_t rays = 0;                // of a point and sample
   std::vector<LampSample> samples;
   std::vector<const Light*> light;  // of each
@@ -27,10 +28,10 @@ struct SharedLight {
   std::vector<double> color_sums;              // as ShareStage has them
   std::vector<int64_t> near;                   // mask of points
   std::vector<std::vector<int64_t>> receives;  // masks, of lamps that light but some
-  Columns columns{14};
+  Columns columns{17};
   double *diffuse[3] = {}, *specular[3] = {}, *total = nullptr;  // as ShareStage has them
   double *asked[3] = {}, *passed[3] = {};  // of the samples asked: light, and what got through
-  double* ones = nullptr;
+  double *ones = nullptr, *gloss[3] = {};
   std::vector<double> given;
   std::vector<uint32_t> reaching;
   std::vector<AskedLamp> chosen, sorted;  // sorted: by sample

@@ -50,7 +50,8 @@ void place_sums(SharedLight& shared, size_t points) {
   for (auto* sum : {&shared.diffuse, &shared.specular, &shared.asked, &shared.passed})
     for (double*& column : *sum) column = columns[next++];
   shared.total = columns[next++];
-  shared.ones = columns[next];
+  shared.ones = columns[next++];
+  for (double*& column : shared.gloss) column = columns[next++];
   std::fill_n(shared.ones, columns.rows(), 1.0);
   for (size_t c = 0; c < 3; ++c) {
     std::fill_n(shared.asked[c], points, 0.0);
@@ -164,7 +165,8 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
   const bool is_bounced = &shared == &bounced_;
   stage_.matt_alone = is_bounced;
-  stage_.max_specular = is_bounced && !scene_.has_sheen ? 0 : scene_.max_specular;
+  shared.shows_gloss = is_bounced && scene_.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+  for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage_.lit = batch.lit.data();
   shared.near.resize(shared.columns.rows());
   for (const bool clustered : {false, true}) {
@@ -226,6 +228,7 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
     stage.x[c] = batch.points.x[c];
     stage.n[c] = batch.points.n[c];
   }
+  for (int c = 0; c < 3; ++c) stage.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage.total = shared.total;
   stage.clusters = shared.clusters.data();
   stage.cluster_count = shared.clusters.size();
@@ -259,6 +262,7 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   stage_.count = last + 1;
   if (!drawn) {  // what it gives is known: the rays alone are wanted
     stage_.max_specular = 0;
+    stage_.gloss[0] = nullptr;
     stage_.draws = false;
     for (const double*& column : stage_.diffuse) column = shared.ones;
   }
@@ -302,8 +306,9 @@ void DirectLight::add_shared(const SharedLight& shared, const Batch& batch) cons
     Batch::add_to(sums.shadow, k, open * full - full);
     if (batch.has_groups()) share_groups(shared, batch, k, open);
     if (!batch.splits()) continue;
-    Batch::add_to(&shared == &bounced_ ? batch.lit_bounced : batch.lit_diffuse, k, open * diffuse);
-    Batch::add_to(batch.lit_specular, k, open * specular);
+    const bool is_bounced = &shared == &bounced_;
+    Batch::add_to(is_bounced ? batch.lit_bounced : batch.lit_diffuse, k, open * diffuse);
+    Batch::add_to(is_bounced ? batch.lit_glossy_bounced : batch.lit_specular, k, open * specular);
   }
 }
 

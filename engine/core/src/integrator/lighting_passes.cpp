@@ -38,6 +38,7 @@ void Tracer::keep_lighting(const Queue& queue) {
         add(GLINT_PASS_DIFFUSE_DIRECT, c, k, s.ambient[c][k] + batch_.lit_diffuse[c][k]);
         add(GLINT_PASS_DIFFUSE_INDIRECT, c, k, batch_.lit_bounced[c][k]);
         add(GLINT_PASS_GLOSSY_DIRECT, c, k, batch_.lit_specular[c][k]);
+        add(GLINT_PASS_GLOSSY_INDIRECT, c, k, batch_.lit_glossy_bounced[c][k]);
         add(GLINT_PASS_VOLUME_DIRECT, c, k, batch_.lit_volume[c][k]);
         add(GLINT_PASS_VOLUME_INDIRECT, c, k, batch_.lit_volume_bounced[c][k]);
         continue;

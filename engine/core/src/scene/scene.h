@@ -158,7 +158,8 @@ class Scene {
   uint32_t features = 0;        // GLINT_FEATURE_*
   int max_specular = 0;         // SPECULAR, SHEEN and FIBRE lobes of a material, at most
   double most_exponent = 0;     // of SPECULAR lobes
-  bool has_metals = false, has_gloss = false;  // SPECULAR lobes of GGX's masking, and which
+  // SPECULAR lobes of GGX's masking, and which
+  bool has_metals = false, has_varnish = false, has_gloss = false;
   bool has_rough_glass = false, has_fibre = false,
        has_sheen = false;    // SHEEN or FIBRE lobes
   int specular_columns = 4;  // numbers of each as the stages read them

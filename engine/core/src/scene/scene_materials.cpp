@@ -170,6 +170,7 @@ void Scene::compare_lobes(Material& material) {
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     has_gloss = has_gloss || shaped;
     has_metals = has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
+    has_varnish = has_varnish || (shaped && lobe.fresnel & GLINT_DIELECTRIC);
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       specular_columns = std::max(specular_columns, SpecularTerm::kShaped);
     if (fibre) specular_columns = SpecularTerm::kFibred;

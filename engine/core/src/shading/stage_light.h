@@ -160,6 +160,26 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
   return sum;
 }
 
+/// About what gloss of dielectrics gives back of even light, as it does straight from above and
+/// where it mirrors; ever less slanting the wider the lobe.
+inline Three even_gloss(const LightStage& s, size_t k) {
+  const Doubles seen = seen_cosine(load3(s.n, k), load3(s.d, k));
+  Three sum{};
+  for (int number = 0; number < s.max_specular; ++number) {
+    const Term term(s, k, number);
+    const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+    const Doubles masking2 = load(column + SpecularTerm::kMasking * s.stride),
+                  fresnel = load(column + SpecularTerm::kFresnel * s.stride), p = term.exponent;
+    const Mask good = (masking2 > 0) & (fresnel > 0) & (p >= 0);
+    if (!any(good & nonzero(term.k))) continue;
+    const Doubles cosine = root(seen * seen + 2 * (1 - seen * seen) / (p + 8)),
+                  size = 8 / (p + 2 + 8 / (4 + p * p));
+    Gloss gloss(cosine, cosine, cosine);
+    sum = sum + where(good, size * cosine * gloss.factor(masking2, fresnel) * term.k);
+  }
+  return sum;
+}
+
 /// How far along g a ray starts that leaves to the back of its face: beyond the face, but not where
 /// Hanika's start is above it already. There the face is out of its way, and beyond the face it
 /// would start within the body.
@@ -304,10 +324,13 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
   given.diffuse = cosine * (I * load3(s.diffuse, k));
   given.specular = Three{};
-  if (s.max_specular > 0) {
+  if (Shape == kBouncedSource && s.gloss[0]) given.specular = cosine * (I * load3(s.gloss, k));
+  if (s.max_specular > 0 && (Shape != kBouncedSource || s.has_sheen)) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen = highlights(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
-    given.specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
+    if (Shape != kBouncedSource)
+      given.specular =
+          s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
     if (s.has_sheen) given.diffuse = given.diffuse + where(middle > 0, I * seen.sheen);
     if (through) {
       given.diffuse = where(front, given.diffuse);

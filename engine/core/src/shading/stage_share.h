@@ -279,6 +279,13 @@ void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, si
   }
 }
 
+/// What gloss gives back of the samples' light at the points [first, end).
+void find_gloss(const ShareStage& to, size_t first, size_t end) {
+  if (!to.gloss[0] || to.sample_count == 0) return;
+  for (size_t k = first; k < end; k += kLanes)
+    store3(to.gloss, k, even_gloss(to.samples[0].stage, k));
+}
+
 size_t share(const ShareStage& s) {
   size_t found = 0;
   for (size_t first = 0; first < s.count; first += kShareBlock) {
@@ -290,6 +297,7 @@ size_t share(const ShareStage& s) {
     }
     BlockBounds bounds;
     if (!bound_block(s, first, end, bounds)) continue;
+    find_gloss(s, first, end);
     Reached reached;
     for (size_t i = 0; i < s.clustered; ++i)
       if (may_reach(s.samples[i], bounds))
