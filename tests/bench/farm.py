@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
+import re
 import subprocess
 import sys
 import tempfile
@@ -49,6 +49,15 @@ turning.keyframe_insert("rotation_euler", frame=FRAMES)
 bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "shot.blend"))
 """
 
+COUNTING = """#!/bin/bash
+here=$(dirname "$0")
+"$here/drawing" "$@"
+code=$?
+times >> "$here/times"
+exit $code
+"""
+"""Draws, and writes down the seconds of CPU that it took."""
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(
@@ -73,14 +82,19 @@ def main() -> int:
         assert made.returncode == 0, made.output
         numbers = f"1-{options.frames}"
         print(f"load before: {os.getloadavg()[0]:.2f}", flush=True)
-        before = _cpu_seconds()
+        shot.program.rename(shot.folder / "drawing")
+        shot.program.write_text(COUNTING)
+        shot.program.chmod(0o755)
         serial = _serial(shot, numbers)
-        serial_cpu, before = _cpu_seconds() - before, _cpu_seconds()
+        serial_cpu = _cpu_seconds(shot)
         print(f"serial: {serial:.1f} s ({serial_cpu:.1f} s of CPU)", flush=True)
-        farm, lost = _farm(shot, numbers, options.per_task)
-        farm_cpu = _cpu_seconds() - before + lost
+        farm, lost = _farm(shot, numbers, options.per_task, serial_cpu / options.frames)
+        farm_cpu = _cpu_seconds(shot) - serial_cpu + lost
         print(f"two workers, one killed: {farm:.1f} s ({farm_cpu:.1f} s of CPU)")
         print(f"the killed task had taken {lost:.1f} s of CPU")
+        checked = shot.frames(numbers, "--check")
+        print(checked.output.splitlines()[-1])
+        assert checked.returncode == 0, checked.output
         same = _hashes(shot.folder / "serial") == _hashes(shot.out)
         more, more_cpu = farm / serial - 1, farm_cpu / serial_cpu - 1
         print(f"over the serial render: {100 * more:+.1f} % ({100 * more_cpu:+.1f} % of CPU)")
@@ -98,7 +112,7 @@ def _serial(shot: Shot, numbers: str) -> float:
     return time.perf_counter() - start
 
 
-def _farm(shot: Shot, numbers: str, per_task: int) -> tuple[float, float]:
+def _farm(shot: Shot, numbers: str, per_task: int, of_a_frame: float) -> tuple[float, float]:
     """Seconds until the last frame is there, and seconds of CPU that the killed task had taken."""
     words = ["--engine", "slurm", "--frames", numbers, "--per-task", str(per_task)]
     blend = str(shot.folder / "shot.blend")
@@ -111,23 +125,21 @@ def _farm(shot: Shot, numbers: str, per_task: int) -> tuple[float, float]:
         start = time.perf_counter()
         farm.slurm("sbatch", "--parsable", script)
         wait_for(lambda: len(shot.names) >= wanted // 3, "a third of the frames", 7200)
-        wait_for(lambda: farm.is_busy("w2"), "a task of the second worker", 60)
+        middle = lambda: of_a_frame < 2 * farm.cpu_seconds("w2") < 2 * of_a_frame  # noqa: E731
+        wait_for(middle, "the middle of a frame", 7200, every=0.2)
         lost = farm.cpu_seconds("w2")
         farm.kill_worker("w2")
         farm.start_worker("w2")
         farm.wait_for_end(7200)
         seconds = time.perf_counter() - start
         assert farm.restarts() == 1, "the killed task goes back into the queue"
-    checked = shot.frames(numbers, "--check")
-    print(checked.output.splitlines()[-1])
-    assert checked.returncode == 0, checked.output
     return seconds, lost
 
 
-def _cpu_seconds() -> float:
-    """Of all processes that this one and its children waited for."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def _cpu_seconds(shot: Shot) -> float:
+    """Of all programs that ended by themselves."""
+    said = (shot.folder / "times").read_text()
+    return sum(60 * int(m) + float(s) for m, s in re.findall(r"(\d+)m([\d.]+)s", said))
 
 
 def _hashes(folder: Path) -> dict[str, str]:
