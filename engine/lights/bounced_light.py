@@ -38,6 +38,10 @@ GROWTH = 0.15
 """How much wider than a neighbour's a disc may be for each unit that it is away: where discs of a
 radius κ times their distance lie, they cover a surface -ln(1 - κ²)/κ² times.
 """
+BENT = 0.25
+"""Of the radius in which a surface bends away: discs are no wider. They would light what it does not
+face, up to a hard edge where their plane ends.
+"""
 SMALLEST = 1 / 16
 """Of their area discs keep."""
 MOST_MORE, UNSEEN_MORE = 64, 8
@@ -108,10 +112,10 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
 
 def _even(b: Bounces, each: int) -> Bounces:
     """The same light of discs, `each` of which a sample takes, that grow at most by GROWTH from
-    one to the next.
+    one to the next and lie on what bends away.
     """
     radii = np.sqrt(b.spreads / (MERGED * np.pi * each))
-    least = radii.copy()
+    least = radii / np.maximum(radii * b.bends / BENT, 1.0)
     # in the order of a curve, by ever longer steps: what one pass misses chains of the next reach
     for _ in range(2):
         step = 1
@@ -168,6 +172,23 @@ def _spreads(points: Array, weights: Array) -> Array:
     # points that coincide, and a single one
     area = np.maximum(area, max(1e-9 * area.max(), 1e-150))
     return area * weights.sum() / share
+
+
+def _bends(points: Array, normals: Array) -> Array:
+    """(m,) one over the radius in which the surface bends away from points (m, 3) in the order of a
+    curve: the median over the nearest of those beside each, 0 for one that faces elsewhere.
+    """
+    apart = np.full((2 * BESIDE, len(points)), np.inf)
+    bend = np.zeros_like(apart)
+    for step in range(1, min(BESIDE, len(points) - 1) + 1):
+        to, m, n = points[step:] - points[:-step], normals[:-step], normals[step:]
+        square = (to * to).sum(1)
+        share = np.where((m * n).sum(1) > 0, 2 / np.maximum(square, 1e-300), 0.0)
+        below, above = -(to * m).sum(1) * share, (to * n).sum(1) * share
+        apart[2 * step - 2, :-step] = apart[2 * step - 1, step:] = square
+        bend[2 * step - 2, :-step], bend[2 * step - 1, step:] = below, above
+    nearest = np.argsort(apart, 0, kind="stable")[:NEIGHBOURS]
+    return np.maximum(np.median(np.take_along_axis(bend, nearest, 0), 0), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +250,7 @@ class _Walks:
             numbers[good],
             caught[good],
             group[good],
+            _bends(points, normals[good]),
         )
 
     def _points(self, surfaces: Accelerator) -> list[Array] | None:

@@ -416,6 +416,7 @@ class Bounces:
     taken there. weights: (m,) how likely each is taken, but for a factor.  reaches: (m,) how far
     the ends of shadow rays stay off it.  numbers: (m,) from 0 to 1, of its own, evenly spread.
     caught: (m,) bool, on a shadow catcher.  light_group: (m,) int, of the light that they pass on.
+    bends: (m,) one over the radius in which the surface bends away from there, 0 where it does not.
     """
 
     points: Array
@@ -427,6 +428,7 @@ class Bounces:
     numbers: Array
     caught: Array
     light_group: Array
+    bends: Array
 
 
 @dataclass(frozen=True, eq=False)
