@@ -39,8 +39,8 @@ GROWTH = 0.15
 radius κ times their distance lie, they cover a surface -ln(1 - κ²)/κ² times.
 """
 BENT = 0.25
-"""Of the radius in which a surface bends away: discs are no wider. They would light what it does not
-face, up to a hard edge where their plane ends.
+"""Of the radius in which a surface bends away: discs are no wider. They would light what it does
+not face, up to a hard edge where their plane ends.
 """
 SMALLEST = 1 / 16
 """Of their area discs keep."""
