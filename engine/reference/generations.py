@@ -394,6 +394,10 @@ class Generations:
         if not (paths.reflections and self._stage.is_lit_by_meshes):
             group = stage.per_object("light_group", surface.row)
             add("Emission", coefficients.emission, group)
+        if stage.shared_bounced[0]:
+            # the few points of the first samples may miss what is matt
+            matt = pixel[coefficients.diffuse.any(0)]
+            self._tile.softly_lit[matt] = self._tile.bounced[matt] = True
         on_reach, on_cut = self._listeners(pixel)
         light = self._stage.lighting.direct(
             surface, coefficients, weight, self._sample, on_reach, on_cut

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from glint.engine import Settings, render
 from glint.engine.lights.bounced_light import bounced_light
 from glint.engine.scene import Camera, Instances, Scene
 from test_bounced_light import GROUND, HERE, added, ball, drawn, lamp, matt, room
@@ -86,3 +87,22 @@ def test_balls_bend_away_outside_and_not_inside() -> None:
     assert floor.sum() > 100
     assert np.quantile(outside.bounces.bends[floor], 0.9) < 0.01
     assert not bounced_light(room(lamp()), 1).bounces.bends.any()
+
+
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+def test_what_is_matt_takes_32_light_samples_whether_or_not_the_first_met_any(backend: str) -> None:
+    """Few points lie on a small thing on a wide floor: where the first samples had none of them
+    the floor beside a cube stayed dark.
+    """
+    taken = render(
+        ball_on_floor(),
+        Settings(
+            samples=64,
+            light_samples=2,
+            diffuse_bounces=1,
+            error_threshold=100.0,
+            backend=backend,
+            passes={"Samples"},
+        ),
+    ).passes["Samples"]
+    assert taken.min() >= 16

@@ -109,6 +109,7 @@ class DirectLight {
   void choose(SharedLight& shared, const Batch& batch, uint32_t sample);
   void ask(SharedLight& shared, const Batch& batch, size_t number, const AskedLamp* begin,
            const AskedLamp* end, RayCounts& counts);
+  void mark_matt(const Batch& batch) const;
   void add_shared(const SharedLight& shared, const Batch& batch) const;
   void share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open) const;
 

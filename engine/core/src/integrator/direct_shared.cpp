@@ -136,11 +136,19 @@ void DirectLight::find_sharing() {
   bounced_.rays = plan_.bounced_shadows;
 }
 
+/// Bounced light may reach all that is matt: the few points of the first samples may miss it.
+void DirectLight::mark_matt(const Batch& batch) const {
+  for (size_t k = 0; k < batch.size(); ++k)
+    if (batch.lit[k] && any(row(batch.diffuse, k)))
+      batch.mark_softly_lit(k, Refinement::kReached | Refinement::kBounced);
+}
+
 void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample,
                         RayCounts& counts) {
   if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
                    [](int64_t lit) { return lit != 0; }))
     return;
+  if (&shared == &bounced_ && batch.softly_lit && !alone_) mark_matt(batch);
   const LightStage before = stage_;
   place_sums(shared, batch.size());
   place_groups(shared, batch.size());
