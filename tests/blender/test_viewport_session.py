@@ -225,7 +225,8 @@ def test_a_view_through_a_panoramic_camera_shows_its_picture_in_the_frame(watche
     assert camera.kind == "PANORAMA" and camera.panorama.projection == "FISHEYE_EQUIDISTANT"
     np.testing.assert_allclose(camera.window, (0, 1, 0, 1), atol=1e-6)
     assert watcher.session.shown_scene[2].frame is not None
-    assert (film.passes["Combined"][0, 0] == 0).all() and film.passes["Combined"][24, 32, 3] == 1
+    assert film.passes["Combined"][0, 0].tolist() == [0, 0, 0, 1]  # beyond its circle
+    assert film.passes["Combined"][24, 32, :3].any()
     # half as much of the frame in the view, on the right of it
     projection = np.array(watcher.view.region_data.window_matrix)
     projection[0] = 2 * projection[0] - projection[3]
