@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -600,15 +601,20 @@ def reflected_of_even_light(lobe: Lobe, cosine: float) -> float:
     return 2 * given.mean() * lobe.factors[0].value[0]
 
 
+@functools.cache
+def added_to_matt_room(backend: str) -> np.ndarray:
+    return added(room(lamp()), backend)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("exponent", [14.0, 32.0, 400.0])
 def test_gloss_on_paint_shows_what_surfaces_throw(exponent: float, backend: str) -> None:
     """A ball that is lit alike all over is as bright in its gloss as that gives back."""
     size, alpha = (exponent + 2) / 8, float(np.sqrt(2 / (exponent + 2)))
     lobe = replace(VARNISH[0], factors=(Input((size,) * 3),), exponent=exponent, masking=alpha)
-    plain = room(lamp())
-    varnished = replace(plain, materials=(matt(ALBEDO, lobe),))
-    ratio = (added(varnished, backend) - added(plain, backend)) / added(plain, backend)
+    plain = added_to_matt_room(backend)
+    varnished = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
+    ratio = (added(varnished, backend) - plain) / plain
     truth = reflected_of_even_light(lobe, 1.0) / ALBEDO
     assert np.abs(ratio[3:5, 3:5].mean((0, 1)) / truth - 1).max() < 0.08  # as `even_gloss` has it
     assert np.abs(ratio.mean((0, 1)) / truth - 1).max() < 0.08
@@ -680,13 +686,13 @@ def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside(backend: s
 
     def shown(scene: Scene, **settings) -> np.ndarray:
         """What gloss shows of bounced light beside what is matt, without the rays' share."""
-        options = {"max_bounces": 0, **settings}
-        return added(scene, backend, **options) - added(room(lamp()), backend, **options)
+        return added(scene, backend, **{"max_bounces": 0, **settings}) - added_to_matt_room(backend)
 
-    assert shown(varnished).min() > 1e-3
+    alone = shown(varnished)
+    assert alone.min() > 1e-3
     assert shown(varnished, reflections="OFF").min() > 1e-3
     assert np.abs(shown(metal)).max() < 1e-6
     # rays end where light is thrown: they find it one bounce on, and not twice
     every = {"reflections": "ALL", "max_bounces": 1}
     once = shown(varnished, **every).mean((0, 1)) / ALBEDO
-    assert np.abs(once / shown(varnished).mean((0, 1)) - 1).max() < 0.06
+    assert np.abs(once / alone.mean((0, 1)) - 1).max() < 0.06
