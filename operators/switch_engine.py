@@ -149,8 +149,8 @@ def _scatters(material: Any) -> bool:
 
 _MEANINGS: tuple[tuple[str, Callable[[Any], bool]], ...] = (
     (
-        "Rough surfaces other than metals reflect lights and the sky alone: choose Sampling → "
-        "Rough Reflections → All where their surroundings count",
+        "Rough surfaces other than metals reflect lights and the sky, and of their surroundings an "
+        "even sheen: choose Sampling → Rough Reflections → All where these count",
         _is_rough,
     ),
     (
