@@ -16,6 +16,7 @@ from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProp
 
 from ..addon.export.approximations import approximated_nodes
 from ..addon.ui.lines import draw_text
+from .after_previews import AfterPreviews
 from .carried_settings import NAMES, carried, without_counterpart
 from .scene_copy import read_job
 
@@ -150,7 +151,7 @@ def _scatters(material: Any) -> bool:
 _MEANINGS: tuple[tuple[str, Callable[[Any], bool]], ...] = (
     (
         "Rough surfaces other than metals reflect lights and the sky, and of their surroundings an "
-        "even sheen: choose Sampling → Rough Reflections → All where these count",
+        "even sheen: choose Light Paths → Rough Reflections → All where these count",
         _is_rough,
     ),
     (
@@ -194,7 +195,7 @@ def objects_of(scene: bpy.types.Scene, names: Iterable[str]) -> list[bpy.types.O
     ]
 
 
-class GLINT_OT_switch_to_glint(bpy.types.Operator):
+class GLINT_OT_switch_to_glint(AfterPreviews, bpy.types.Operator):
     """Render this scene with Glint: take over the settings of the present engine, and list what
     will look different. Materials and the engine's own settings stay as they are
     """
@@ -215,7 +216,7 @@ class GLINT_OT_switch_to_glint(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class GLINT_OT_switch_back(bpy.types.Operator):
+class GLINT_OT_switch_back(AfterPreviews, bpy.types.Operator):
     """Render this scene with the engine that it came from, whose settings are as they were"""
 
     bl_idname = "glint.switch_back"

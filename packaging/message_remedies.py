@@ -75,7 +75,7 @@ REMEDIES: dict[str, str] = {
     "Light bounces 8 times at most; what more bounces add can hardly be seen": "Nothing",
     "Light probes have no effect: reflections and bounced light are traced": "Nothing; they may stay for Eevee",
     "Mirrors and glass show the scene, also without Eevee's Ray Tracing": "Set Bounces to 0 for none",
-    "Mirrors do not show objects whose Ray Visibility says so, as in Cycles": "Turn on Object properties → Ray Visibility → Reflections",
+    "Mirrors do not show objects whose Ray Visibility says so, as in Cycles": "Turn on Object properties → Ray Visibility → Glossy",
     "None of the objects is visible in this view layer": "Unhide them in the Outliner",
     "The comparison failed: …": "Read on behind the colon; render with the engine that it names",
     "The comparison was stopped": "Nothing: Esc was pressed",
