@@ -64,7 +64,8 @@ _REFLECTIONS = (
     (
         "OFF",
         "Off",
-        "For quick pictures: rough surfaces reflect lights and the sky alone. Costs nothing",
+        "For quick pictures: rough surfaces reflect lights and the sky, and of bounced light an "
+        "even sheen. Costs nothing",
     ),
 )
 _BACKENDS = (

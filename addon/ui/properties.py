@@ -50,6 +50,13 @@ _OWN = tuple(name for name, declared in DECLARED.items() if declared.label)
 """Settings that are properties of Glint's."""
 
 
+OF_LIGHT = ("illumination", "world_light", "mesh_light", "reflections", "diffuse_bounces")
+"""What light does; the viewport takes the final render's."""
+OF_SAMPLES = ("samples", "error_threshold", "light_samples", "lamp_shadows", "volume_samples")
+OF_RAYS = ("max_bounces", "cutoff")
+"""How finely to sample, and how far to follow rays: the viewport's are its own."""
+
+
 class GlintRenderSettings(bpy.types.PropertyGroup):
     """How to render; the same group serves the final render and the viewport."""
 
@@ -210,16 +217,7 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     settings = settings_from(scene.glint.viewport, scene, passes)
     final = settings_from(scene.glint.final, scene)
     backend = "NUMPY" if tracer_notes(final.backend) else final.backend
-    names = (
-        "illumination",
-        "world_light",
-        "mesh_light",
-        "reflections",
-        "diffuse_bounces",
-        "threads",
-        "filter_width",
-    )
-    shared = {name: getattr(final, name) for name in names}
+    shared = {name: getattr(final, name) for name in (*OF_LIGHT, "threads", "filter_width")}
     acceleration = "FAST" if final.acceleration == "AUTO" else final.acceleration
     return replace(
         settings, backend=backend, acceleration=acceleration, **shared

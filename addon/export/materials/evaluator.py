@@ -74,6 +74,9 @@ class LobeKey:
 
 Closure = dict[LobeKey, Sum]
 
+PASSED = "PASSED"
+"""Kind of what rays to lights alone pass (`materials.passed_by_light`)."""
+
 COLOR_NODES: dict[str, Callable[[NodeView, Any], Sum | None]] = {}
 """bl_idname -> function of the node and its output socket; None where a sum cannot say it."""
 VECTOR_NODES: dict[str, Callable[[NodeView, Any], Coordinates | None]] = {}

@@ -22,6 +22,7 @@ from .aovs import Aov, aov_material
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
 from .evaluator import (
     NOT_FINITE,
+    PASSED,
     Closure,
     Evaluator,
     LobeKey,
@@ -108,8 +109,10 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     )
     normal = evaluator.normal(closure)
     note_material(material, LobeKey("TRANSPARENT") in closure, normal >= 0, report)
+    passed = passed_by_light(closure, evaluator)
+    closure = {key: terms for key, terms in closure.items() if key.kind != PASSED}
     if getattr(material, "use_transparent_shadow", True):
-        closure = passed_by_light(closure, evaluator)
+        closure = add_closures(closure, passed)
     lobes = lobes_of(evaluator.settled(without_normals(closure)))
     medium = _inside(tree, material, images, report)
     return evaluator.expressions.with_program(
@@ -118,17 +121,18 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
 
 
 def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
-    """Light passes glass straight on: what refracts is transparent to rays towards lights.
+    """Light passes glass straight on: what refracts is transparent to rays towards lights; and so
+    does what hair lets through to strands behind.
 
     A pane lets through what it does in the world; of the light that a body bends, caustics, as much
     arrives on average.
     """
     passed: Sum = ZERO
     for key, terms in closure.items():
-        if key.kind == "REFRACTION":
+        if key.kind in ("REFRACTION", PASSED):
             share = evaluator.expressions.sum_of(_passing(key, evaluator.expressions))
             passed = add(passed, multiply(evaluator.limited(terms), share))
-    return add_closures(closure, {LobeKey("TRANSPARENT"): passed}) if passed else closure
+    return {LobeKey("TRANSPARENT"): passed} if passed else {}
 
 
 def _passing(key: LobeKey, expressions: Expressions) -> Value:
