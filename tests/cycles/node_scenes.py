@@ -1,4 +1,4 @@
-"""Six materials made of many nodes, and a scene that shows one: both engines render the same.
+"""Materials made of many nodes, and a scene that shows one: both engines render the same.
 
 Every material ends in a Diffuse BSDF of roughness 0, so that differences come from its nodes alone.
 Sockets are meant by their identifiers, which are the same in all versions of Blender.
@@ -275,6 +275,20 @@ def twelve_images(material: Any) -> None:
     nodes.diffuse(color, nodes.bump(height, 0.2, 0.02))
 
 
+def dirty_corners(material: Any) -> None:
+    """Paint with dirt where little light gets: Ambient Occlusion of 8 samples, broken by noise."""
+    nodes = _Nodes(material)
+    occlusion = {"Distance": 0.6}
+    open_share = nodes.add("ShaderNodeAmbientOcclusion", "AO", occlusion, samples=8)
+    spots = nodes.add(NOISE, "Fac", {"Vector": nodes.mapped(), "Scale": 5.0, "Detail": 3.0})
+    dirt = nodes.ramp(
+        nodes.math("MULTIPLY", open_share, spots),
+        (0.2, (0.05, 0.04, 0.03)),
+        (0.45, (0.55, 0.12, 0.05)),
+    )
+    nodes.diffuse(dirt)
+
+
 def _clouds(seed: int, size: int = 256) -> Any:
     """An image of soft spots, the same for each seed, that can be tiled."""
     numbers = np.random.default_rng(seed)
@@ -300,6 +314,8 @@ MATERIALS: tuple[Callable[[Any], None], ...] = (
     camouflage,
     twelve_images,
 )
+GRAINY: tuple[Callable[[Any], None], ...] = (dirty_corners,)
+"""Of which Cycles has no exact picture at few samples."""
 
 
 def show(build: Callable[[Any], None], width: int = 96, height: int = 96) -> Any:
