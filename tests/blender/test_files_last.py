@@ -1,6 +1,6 @@
-"""Files outlive versions of Glint, and its absence: nothing that Glint keeps in a file is lost where
-a Blender without it saves the file anew, choices keep their numbers, and what a version offers is
-what its scenes get in the next.
+"""Files outlive versions of Glint, and its absence: nothing that Glint keeps in a file is lost
+where a Blender without it saves the file anew, choices keep their numbers, and what a version
+offers is what its scenes get in the next.
 """
 
 from blender_process import REGISTER_TREE, Blender
