@@ -119,7 +119,7 @@ def vector(on):
     layer.use_pass_vector = scene.render.use_motion_blur = on
 
 why = {
-    "none": [text for panel in (panels.GLINT_RENDER_PT_sampling, panels.GLINT_RENDER_PT_sampling_final,
+    "none": [text for panel in (panels.GLINT_RENDER_PT_sampling, panels.GLINT_RENDER_PT_light_paths, panels.GLINT_RENDER_PT_sampling_final,
                                 panels.GLINT_RENDER_PT_performance, panels.view_layer_panels.GLINT_VIEWLAYER_PT_data)
              for text, _ in offered(panel, context) if " " in text],
     "classic": reasons(panels.GLINT_RENDER_PT_sampling, lambda: setattr(final, "illumination", "CLASSIC"),
@@ -128,6 +128,8 @@ why = {
                       lambda: setattr(scene.glint, "target", "NONE")),
     "python": reasons(panels.GLINT_RENDER_PT_performance, lambda: setattr(final, "backend", "NUMPY"),
                       lambda: setattr(final, "backend", "NATIVE")),
+    "bounces": reasons(panels.GLINT_RENDER_PT_light_paths, lambda: setattr(final, "max_bounces", 0),
+                       lambda: setattr(final, "max_bounces", 12)),
     "vector": reasons(panels.view_layer_panels.GLINT_VIEWLAYER_PT_data, lambda: vector(True), lambda: vector(False)),
 }
 bpy.context.view_layer.use_pass_ambient_occlusion = True
@@ -265,6 +267,7 @@ def test_what_is_grey_says_why(told):
     assert "Classic illumination has none of these" in why["classic"]
     assert "Quality Target finds the first three" in why["target"]
     assert "Of the native tracer alone" in why["python"]
+    assert "Rough Reflections need Bounces of Render" in why["bounces"]
     assert "Vector is empty with Motion Blur" in why["vector"]
 
 
