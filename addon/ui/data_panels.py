@@ -174,13 +174,13 @@ class GLINT_MATERIAL_PT_settings_surface(EnginePanel, bpy.types.Panel):
         column, material = self.column, context.material
         column.prop(material, "displacement_method", text="Displacement")
         # names in two parts: whole they would be cut
-        fixed = column.column()
-        fixed.active = False
-        shadows = fixed.column(heading="Transparent")
+        shadows = column.column(heading="Transparent")
         shadows.prop(material, "use_transparent_shadow", text="Shadows")
-        bumps = fixed.column(heading="Bump Map")
-        draw_if_known(bumps, material.cycles, "use_bump_map_correction", text="Correction")
-        draw_reason(column, True, "Both are always on in Glint")
+        if hasattr(getattr(material, "cycles", None), "use_bump_map_correction"):
+            bumps = column.column(heading="Bump Map")
+            bumps.active = False
+            bumps.prop(material.cycles, "use_bump_map_correction", text="Correction")
+            draw_reason(column, True, "Correction is always on in Glint")
 
 
 class _VolumePanel(EnginePanel):

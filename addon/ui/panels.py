@@ -19,7 +19,7 @@ from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
 from ..render import statistics
 from . import data_panels, view_layer_panels
 from .lines import draw_text
-from .panel import ENGINE, EnginePanel, draw_reason, draw_wide
+from .panel import ENGINE, EnginePanel, draw_if_known, draw_reason, draw_wide
 from .properties import LIGHT_GROUP, OF_RAYS, OF_SAMPLES
 
 _REPLACED_OR_WITHOUT_EFFECT = {
@@ -163,7 +163,7 @@ class GLINT_RENDER_PT_volumes(_CyclesPanel, bpy.types.Panel):
     bl_label = "Volumes"
 
     def draw(self, context):
-        self.column.prop(context.scene.cycles, "volume_step_rate", text="Step Rate")
+        draw_if_known(self.column, context.scene.cycles, "volume_step_rate", text="Step Rate")
 
 
 class GLINT_RENDER_PT_curves(_CyclesPanel, bpy.types.Panel):

@@ -130,7 +130,7 @@ def test_size_thins_volumes_as_in_cycles(tmp_path, space, scale, length):
 
 def test_even_glow_fills_the_box_that_cycles_fills(tmp_path):
     """Whatever the density there: the voxels that hold something, and one more on each side."""
-    path = write_grids(tmp_path / "fog.vdb", 0.1, (-1.05,) * 3, density=fog_box())
+    path = write_grids(tmp_path / "fog.vdb", 1 / 16, (-1 + 1 / 32,) * 3, density=two_blobs())
     scene, _, _ = seen(path, world=0.0, Density=1e-3, Emission_Strength=1.0, **BLACK)
     truth, mine = pictures(scene)
     assert mine.mean() == pytest.approx(truth.mean(), rel=0.02)
