@@ -127,11 +127,16 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
 
     def draw(self, context):
         column, final = self.column, context.scene.glint.final
+        is_physical, bounces = final.illumination == "PHYSICAL", final.max_bounces
         physical = column.column()
-        physical.active = final.illumination == "PHYSICAL"
-        draw_reason(column, not physical.active, "Classic illumination has none of these")
+        physical.active = is_physical
+        draw_reason(column, not is_physical, "Classic illumination has none of these")
         draw_wide(physical, final, "diffuse_bounces")
-        draw_wide(physical, final, "reflections")
+        reflections = physical.column()
+        reflections.active = bounces > 0
+        draw_wide(reflections, final, "reflections")
+        reason = "Rough Reflections need Bounces of Render"
+        draw_reason(column, is_physical and bounces == 0, reason)
 
 
 class _PathsPanel(_SamplingPanel):

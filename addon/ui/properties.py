@@ -227,7 +227,7 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     How finely to sample is the viewport's own; what a picture means and who draws it is the final
     render's.
     """
-    shown = scene.glint.viewport_pass
+    shown = scene.glint.viewport_pass or "Combined"  # "" is a number that no choice has
     passes = (shown,) if shown in engine.PASSES else ()
     settings = settings_from(scene.glint.viewport, scene, passes)
     final = settings_from(scene.glint.final, scene)
