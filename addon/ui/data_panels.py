@@ -8,7 +8,7 @@ import bpy
 from bpy_extras.node_utils import find_node_input
 
 from ..export.materials.graph import node_tree, output_of
-from .panel import EnginePanel, draw_if_known, draw_reason
+from .panel import EnginePanel, draw_if_known, draw_reason, draw_wide
 
 _DEFORMS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 _MOVES = {*_DEFORMS, "EMPTY", "LIGHT", "POINTCLOUD"}
@@ -85,6 +85,54 @@ class GLINT_LIGHT_PT_beam_shape(EnginePanel, bpy.types.Panel):
         column.active = False
         column.prop(light, "spread", text="Spread")
         draw_reason(self.layout, True, "Glint's area lights shine to all of their side")
+
+
+_PANORAMAS = {
+    "FISHEYE_EQUIDISTANT": (("fisheye_fov", "Field of View"),),
+    "FISHEYE_EQUISOLID": (("fisheye_lens", "Lens"), ("fisheye_fov", "Field of View")),
+    "EQUIRECTANGULAR": (
+        ("latitude_min", "Latitude Min"),
+        ("latitude_max", "Max"),
+        ("longitude_min", "Longitude Min"),
+        ("longitude_max", "Max"),
+    ),
+    "FISHEYE_LENS_POLYNOMIAL": (
+        ("fisheye_fov", "Field of View"),
+        *((f"fisheye_polynomial_k{k}", f"K{k}") for k in range(5)),
+    ),
+    "CENTRAL_CYLINDRICAL": (
+        ("central_cylindrical_range_v_min", "Height Min"),
+        ("central_cylindrical_range_v_max", "Max"),
+        ("central_cylindrical_range_u_min", "Longitude Min"),
+        ("central_cylindrical_range_u_max", "Max"),
+        ("central_cylindrical_radius", "Cylinder Radius"),
+    ),
+}
+"""Panorama type -> its settings, and Cycles' words for them; Blender's own panel shows them with
+Cycles alone.
+"""
+
+
+class GLINT_CAMERA_PT_panorama(EnginePanel, bpy.types.Panel):
+    bl_label = "Panorama"
+    bl_parent_id = "DATA_PT_lens"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        camera = context.camera
+        return super().poll(context) and camera is not None and camera.type == "PANO"
+
+    def draw(self, context):
+        column, camera = self.column, context.camera
+        owner = camera if hasattr(camera, "panorama_type") else getattr(camera, "cycles", None)
+        kind = getattr(owner, "panorama_type", None)
+        if kind is None:
+            draw_reason(column, True, "The add-on of Cycles, which is off, keeps these settings")
+            return
+        draw_wide(column, owner, "panorama_type")
+        for name, text in _PANORAMAS.get(kind, ()):
+            draw_wide(column, owner, name, text)
 
 
 class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
@@ -293,6 +341,7 @@ class GLINT_WORLD_PT_light_group(EnginePanel, bpy.types.Panel):
 
 
 CLASSES = (
+    GLINT_CAMERA_PT_panorama,
     GLINT_LIGHT_PT_light,
     GLINT_LIGHT_PT_beam_shape,
     GLINT_LIGHT_PT_nodes,

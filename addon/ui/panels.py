@@ -19,7 +19,7 @@ from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
 from ..render import statistics
 from . import data_panels, view_layer_panels
 from .lines import draw_text
-from .panel import ENGINE, EnginePanel, draw_reason, draw_wide
+from .panel import ENGINE, EnginePanel, draw_if_known, draw_reason, draw_wide
 from .properties import LIGHT_GROUP, OF_RAYS, OF_SAMPLES
 
 _REPLACED_OR_WITHOUT_EFFECT = {
@@ -127,11 +127,16 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
 
     def draw(self, context):
         column, final = self.column, context.scene.glint.final
+        is_physical, bounces = final.illumination == "PHYSICAL", final.max_bounces
         physical = column.column()
-        physical.active = final.illumination == "PHYSICAL"
-        draw_reason(column, not physical.active, "Classic illumination has none of these")
+        physical.active = is_physical
+        draw_reason(column, not is_physical, "Classic illumination has none of these")
         draw_wide(physical, final, "diffuse_bounces")
-        draw_wide(physical, final, "reflections")
+        reflections = physical.column()
+        reflections.active = bounces > 0
+        draw_wide(reflections, final, "reflections")
+        reason = "Rough Reflections need Bounces of Render"
+        draw_reason(column, is_physical and bounces == 0, reason)
 
 
 class _PathsPanel(_SamplingPanel):
@@ -163,7 +168,7 @@ class GLINT_RENDER_PT_volumes(_CyclesPanel, bpy.types.Panel):
     bl_label = "Volumes"
 
     def draw(self, context):
-        self.column.prop(context.scene.cycles, "volume_step_rate", text="Step Rate")
+        draw_if_known(self.column, context.scene.cycles, "volume_step_rate", text="Step Rate")
 
 
 class GLINT_RENDER_PT_curves(_CyclesPanel, bpy.types.Panel):

@@ -157,3 +157,22 @@ answer([settings("Scene"), settings("Cycles'")])
     ours, other = run.answer
     assert ours == [3, [16, 0.25, 8], [16, 0.01, 8]]
     assert other == [0, [64, 0.001, 2], [64, 0.001, 2]]
+
+
+def test_a_choice_that_is_not_there_is_the_first(tmp_path):
+    """Of a pass that another version knows."""
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + """
+from glint.addon.ui.properties import viewport_settings_from
+
+scene = bpy.context.scene
+scene.glint.viewport_pass = "Normal"
+hidden = getattr(scene, "bl_system_properties_get", None)
+(hidden() if hidden else scene)["glint"]["viewport_pass"] = 3
+settings, shown = viewport_settings_from(scene)
+answer([shown, sorted(settings.passes), scene.glint.viewport_pass])
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == ["Combined", [], ""]

@@ -89,7 +89,9 @@ scene = bpy.context.scene
 scene.render.engine = "GLINT"
 light = bpy.data.lights["Light"]
 light.use_nodes = True
-context = SimpleNamespace(scene=scene, engine="GLINT", view_layer=bpy.context.view_layer, light=light,
+camera = scene.camera.data
+camera.type = "PANO"
+context = SimpleNamespace(scene=scene, camera=camera, engine="GLINT", view_layer=bpy.context.view_layer, light=light,
                           material=bpy.data.materials["Material"], world=scene.world,
                           object=bpy.data.objects["Cube"])
 lines = {}
@@ -117,7 +119,7 @@ def vector(on):
     layer.use_pass_vector = scene.render.use_motion_blur = on
 
 why = {
-    "none": [text for panel in (panels.GLINT_RENDER_PT_sampling, panels.GLINT_RENDER_PT_sampling_final,
+    "none": [text for panel in (panels.GLINT_RENDER_PT_sampling, panels.GLINT_RENDER_PT_light_paths, panels.GLINT_RENDER_PT_sampling_final,
                                 panels.GLINT_RENDER_PT_performance, panels.view_layer_panels.GLINT_VIEWLAYER_PT_data)
              for text, _ in offered(panel, context) if " " in text],
     "classic": reasons(panels.GLINT_RENDER_PT_sampling, lambda: setattr(final, "illumination", "CLASSIC"),
@@ -126,11 +128,18 @@ why = {
                       lambda: setattr(scene.glint, "target", "NONE")),
     "python": reasons(panels.GLINT_RENDER_PT_performance, lambda: setattr(final, "backend", "NUMPY"),
                       lambda: setattr(final, "backend", "NATIVE")),
+    "bounces": reasons(panels.GLINT_RENDER_PT_light_paths, lambda: setattr(final, "max_bounces", 0),
+                       lambda: setattr(final, "max_bounces", 12)),
     "vector": reasons(panels.view_layer_panels.GLINT_VIEWLAYER_PT_data, lambda: vector(True), lambda: vector(False)),
 }
 bpy.context.view_layer.use_pass_ambient_occlusion = True
 ours = [panel for panel in panels._CLASSES if issubclass(panel, panel_base.EnginePanel)
         and panel.draw.__module__.startswith("glint") and panel is not panels.GLINT_RENDER_PT_statistics]
+owner = camera if hasattr(camera, "panorama_type") else camera.cycles
+panoramas = {}
+for kind in owner.bl_rna.properties["panorama_type"].enum_items.keys():
+    owner.panorama_type = kind
+    panoramas[kind] = len(offered(panels.data_panels.GLINT_CAMERA_PT_panorama, context))
 for kind in ("SUN", "SPOT", "AREA", "POINT"):
     light.type = kind
     context.light = bpy.data.lights["Light"]
@@ -140,7 +149,7 @@ for kind in ("SUN", "SPOT", "AREA", "POINT"):
         offered(panel, context)
         drawn_panels.add(panel.__name__)
 answer({
-    "cut": cut, "drawn": sorted(drawn_panels),
+    "panoramas": panoramas, "spherical": scene.render.use_spherical_stereo, "cut": cut, "drawn": sorted(drawn_panels),
     "why": why,
     "render": roots("render"),
     "view layer": roots("view_layer"),
@@ -225,6 +234,15 @@ def test_what_is_read_can_be_set(told):
     ]
 
 
+def test_each_panorama_has_its_settings(told):
+    panoramas = told["panoramas"]
+    kinds = {"EQUIRECTANGULAR": 5, "FISHEYE_EQUISOLID": 3, "FISHEYE_LENS_POLYNOMIAL": 7}
+    assert kinds.items() <= panoramas.items()
+    assert told["spherical"], "Blender's panel shows no Spherical Stereo"
+    without_settings = {kind for kind, count in panoramas.items() if count == 1}
+    assert without_settings <= {"MIRRORBALL", "EQUIANGULAR_CUBEMAP_FACE"}
+
+
 def test_no_name_is_cut_where_the_editor_is_as_wide_as_at_first(told):
     assert len(told["drawn"]) > 30
     assert told["cut"] == {}
@@ -249,6 +267,7 @@ def test_what_is_grey_says_why(told):
     assert "Classic illumination has none of these" in why["classic"]
     assert "Quality Target finds the first three" in why["target"]
     assert "Of the native tracer alone" in why["python"]
+    assert "Rough Reflections need Bounces of Render" in why["bounces"]
     assert "Vector is empty with Motion Blur" in why["vector"]
 
 
