@@ -182,9 +182,8 @@ AskedHits SceneQueries::placed() {
   stage.instances = scene_.instance_shapes.data();
   stage.groups = scene_.group_shapes.data();
   PointColumns& at = stage.points;
-  AskedHits hits{hits_, point_.data(), instance_.data(), primitive_.data(),
-                 {},    {},            {},               {},
-                 outside_.data()};
+  AskedHits hits{hits_, point_.data(),  instance_.data(), primitive_.data(), {}, {}, {},
+                 {},    outside_.data()};
   for (size_t c = 0; c < 3; ++c) {
     stage.start[c] = columns_[kStart + c];
     stage.d[c] = columns_[kD + c];

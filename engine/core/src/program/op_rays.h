@@ -228,8 +228,7 @@ inline void raycast_attribute(const Machine& m, const Operands& at) {
     const Doubles part[3] = {color.x, color.y, color.z};
     for (size_t lane = 0; lane < kLanes && i + lane < hits.count; ++lane) {
       const uint32_t k = hits.point[i + lane];
-      for (size_t c = 0; at.wants(0) && c < 3; ++c)
-        at.output[0][c * kBlock + k] = part[c][lane];
+      for (size_t c = 0; at.wants(0) && c < 3; ++c) at.output[0][c * kBlock + k] = part[c][lane];
       if (at.wants(1)) at.output[1][k] = alpha[lane];
     }
   }
