@@ -169,6 +169,17 @@ class Evaluator:
         """What a socket gets, of the socket's own type as Blender converts it."""
         return self.expressions.sum_of(self._trees.value(place))
 
+    def grid(self, name: str) -> Value | None:
+        """What the grid of this name is inside of a Volume object; None where there is none."""
+        read = getattr(self._trees, "grid", None)
+        return read(name) if read is not None else None
+
+    def thinned(self) -> Sum | None:
+        """How much thinner a Volume object is for its size; None for what is not."""
+        read = getattr(self._trees, "thinned", None)
+        found = read() if read is not None else None
+        return self.expressions.sum_of(found) if found is not None else None
+
     def coordinates(self, place: Place) -> Coordinates | None:
         """What feeds a texture's vector; None when it is not affine in a UV map."""
         found = source(place)
