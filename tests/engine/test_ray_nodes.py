@@ -502,8 +502,8 @@ def _coloured(thing: s.Mesh | s.Strands, channels: int) -> s.Mesh | s.Strands:
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("channels", [2, 3, 4])
 def test_what_a_ray_reads_where_it_ends(backend: str, channels: int) -> None:
-    """Of what it meets alone: nothing of a mesh without the attribute, of a sphere, or where nothing
-    is. A strand that is wider than the view is read along its axis.
+    """Of what it meets alone: nothing of a mesh without the attribute, of a sphere, or where it
+    meets nothing. A strand that is wider than the view is read along its axis.
     """
     x, y = x_and_y()
     ask = {"name": "raycast_attribute", "attribute": "told"}
