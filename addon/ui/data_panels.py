@@ -146,9 +146,9 @@ class GLINT_VOLUME_PT_render(EnginePanel, bpy.types.Panel):
         return super().poll(context) and context.volume is not None
 
     def draw(self, context):
-        column = self.column
         is_read = openvdb() is not None
-        draw_reason(column, not is_read, "Needs the OpenVDB module of Blender 5.0")
+        draw_reason(self.layout, not is_read, "Needs the OpenVDB module of Blender 5.0")
+        column = self.column
         column.active = is_read
         for name in ("space", "step_size", "clipping"):
             column.prop(context.volume.render, name)
