@@ -88,6 +88,33 @@ def test_what_cannot_be_read_is_told(scene, tmp_path, monkeypatch):  # noqa: F81
 
 
 @needs_module
+def test_files_that_end_early_are_told(scene, tmp_path):  # noqa: F811
+    """Wherever they do: all of them give a note and no picture of what is not there."""
+    values = np.random.default_rng(3).random((24, 24, 24))
+    whole = tmp_path / "whole.vdb"
+    write_grids(whole, 0.5, (0, 0, 0), density=values)
+    data = whole.read_bytes()
+    for share in (0.001, 0.03, 0.1, 0.5, 0.9, 0.999):  # in between the module reads an empty grid
+        path = tmp_path / f"{share}.vdb"
+        path.write_bytes(data[: int(share * len(data))])
+        volume(str(path), principled())
+        result = export()
+        assert found_notes("cannot be read", result), share
+        assert not media(result)
+        bpy.data.volumes.remove(bpy.data.volumes["Cloud"])
+
+
+@needs_module
+def test_grids_of_other_names_are_told(scene, tmp_path):  # noqa: F811
+    volume(write_grids(tmp_path / "fog.vdb", 0.5, (0, 0, 0), soot=fog_box(4)), principled())
+    result = export()
+    assert "Cloud" in found_notes("show nothing", result)[0] and not media(result)
+    node = bpy.data.materials["smoke"].node_tree.nodes["Principled Volume"]
+    node.inputs["Density Attribute"].default_value = "soot"
+    assert not found_notes("olume") and media(export())
+
+
+@needs_module
 def test_grids_that_are_odd(scene, tmp_path):  # noqa: F811
     """Not finite, empty, of another type, in a frustum, too large: finite pixels and notes."""
     vdb = volumes.openvdb()

@@ -24,6 +24,8 @@ MOST_VOXELS = 2**28
 """Of a grid with what is empty in the box round it."""
 _SCALARS = ("float", "double", "int32", "int64")
 _VECTORS = ("vec3s", "vec3d")
+_UNREADABLE = (OSError, RuntimeError, LookupError, ValueError, TypeError, EOFError)
+"""What the module raises; its own errors have no common base."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,11 @@ class Volume:
         """Names of the grids that were asked for and are there."""
         return tuple(sorted(name for name, grid in self._grids.items() if grid is not None))
 
+    @property
+    def lacks_all(self) -> bool:
+        """Whether none of the grids that were asked for is in the file, though it has some."""
+        return bool(self._types) and self._types.keys().isdisjoint(self._grids)
+
     @contextmanager
     def _file(self) -> Iterable[str]:
         if self._packed is None:
@@ -78,8 +85,18 @@ class Volume:
         where there is none at all.
         """
         if name not in self._grids:
-            self._grids[name] = self._load(name) if name in self._types else None
+            self._grids[name] = self._read(name) if name in self._types else None
         return self._grids[name]
+
+    def _read(self, name: str) -> Grid | None:
+        try:
+            return self._load(name)
+        except (*_UNREADABLE, MemoryError) as error:
+            self._report.note(
+                "Grids of volumes that cannot be read are 0: {}; write the file anew",
+                f"{name} of {self.name} ({_first_line(error)})",
+            )
+            return None
 
     def _load(self, name: str) -> Grid | None:
         what = f"{name} of {self.name}"
@@ -201,13 +218,17 @@ def read_volume(data: Any, owner: Any, report: Report) -> Volume | None:
     found = Volume(data, path, report)
     try:
         found.grid("")
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+    except _UNREADABLE as error:
         report.note(
             "Volume objects whose file cannot be read are left out: {}; find it",
-            f"{owner.name} ({str(error).splitlines()[0] if str(error) else type(error).__name__})",
+            f"{owner.name} ({_first_line(error)})",
         )
         return None
     return found
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _state(path: str) -> tuple:

@@ -168,13 +168,19 @@ def compile_volume(
             closure = evaluator.closure(place)
     medium = medium_of_closure(closure, evaluator, STEP)
     surface = volume.surface(medium.emits) if medium is not None else None
+    if volume.lacks_all:
+        report.note(
+            "Volume objects without the grids that their materials read show nothing: {}; name one "
+            "of their own there",
+            volume.name,
+        )
     if surface is not None and medium.program is not None:
         sides = np.ptp(surface.mesh.vertices.astype(np.float64), 0).mean()
         rate = getattr(getattr(material, "cycles", None), "volume_step_rate", 1.0)
         step = volume.step_size or volume.voxel()
         medium = replace(medium, step=max(float(step / sides) * rate, 1e-6))
     lobes = lobes_of({LobeKey("TRANSPARENT"): constant(1.0)})
-    return Material(name, lobes, number, medium=medium), surface
+    return Material(name, lobes, number, medium=medium if surface else None), surface
 
 
 def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
