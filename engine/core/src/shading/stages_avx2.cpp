@@ -12,6 +12,6 @@
 namespace glint {
 extern const Stages stages_avx2{
     "avx2", camera,  surface, shade,    vary, run_program, pass, dome, light,        scatter,
-    gloss,  reflect, share,   transmit, sum,  sum_parts,   add,  mean, cosine_powers};
+    gloss,  gather, matten, reflect, share,   transmit, sum,  sum_parts,   add,  mean, cosine_powers};
 }
 #endif
