@@ -5,6 +5,7 @@ from __future__ import annotations
 _MODULES = (
     "ui.properties",
     "ui.former_node",
+    "ui.former_settings",
     "ui.node_menu",
     "render.render_engine",
     "ui.presets",

@@ -9,10 +9,11 @@ every machine; finite vertices.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -125,6 +126,7 @@ def normals_after(
         touched = np.unique(triangles)
         values[touched] = after[touched]
         return replace(normals, values=values.astype(np.float32))
+    assert mesh.corners is not None  # normals at corners come with them
     rows = mesh.corners[turned]
     bent = values[rows] + (after - _vertex_normals(mesh.vertices, triangles))[triangles]
     bent = unit(bent.reshape(-1, 3).T).T.reshape(bent.shape)
@@ -204,7 +206,15 @@ def _offsets(
         return np.concatenate(list(threads.map(task, chunks)), 1)
 
 
-def _some_offsets(program, mesh, normals, images, placed, run, corners: Array) -> Array:
+def _some_offsets(
+    program: Program,
+    mesh: Mesh,
+    normals: Array,
+    images: list[Image],
+    placed: _Placed,
+    run: Callable[[Program, Any, int], Sequence[Array]],
+    corners: Array,
+) -> Array:
     points = VertexPoints(mesh, normals, corners, placed, images)
     with np.errstate(all="ignore"):
         (offset,) = run(program, points, len(corners))

@@ -64,7 +64,8 @@ _REFLECTIONS = (
     (
         "OFF",
         "Off",
-        "For quick pictures: rough surfaces reflect lights and the sky alone. Costs nothing",
+        "For quick pictures: rough surfaces reflect lights and the sky, and of bounced light an "
+        "even sheen. Costs nothing",
     ),
 )
 _BACKENDS = (
@@ -204,8 +205,8 @@ class Settings:
         0.0,
         "Threshold",
         "A pixel takes no more samples once its estimated error is at most this many of the 256 "
-        "levels of a display. Choose 4 for most pictures, 1 to 2 where dark gradients will be "
-        "brightened later, 0 to give all samples to all pixels",
+        "levels of a display: about half the time at 4. Choose 4 for most pictures, 1 to 2 where "
+        "dark gradients will be brightened later, 0 to give all samples to all pixels",
         high=255.0,
         slider=16.0,
         digits=1,
@@ -226,8 +227,9 @@ class Settings:
         16,
         "Lamp Shadows",
         "Shadow rays of a point and sample, times Light Samples, where lamps are more than twice "
-        "as many: they go to those that give most there, and to the others in turn. Choose 16 "
-        "for most pictures, 64 with few samples, 0 for a ray to each lamp, however many",
+        "as many: they go to those that give most there, and to the others in turn. Shadow time "
+        "grows in proportion. Choose 16 for most pictures, 64 with few samples, 0 for a ray to "
+        "each lamp, however many",
         high=1024,
         slider=64,
         remedy="0 (one to each) to 1024",
@@ -235,9 +237,9 @@ class Settings:
     volume_samples: int = _setting(
         4,
         "Volume Samples",
-        "Points along each ray, for each light and pixel sample, from which volumes scatter light; "
-        "costs nothing without volumes. Choose 4 for most pictures, 8 to 16 where beams of light "
-        "in fog have steps",
+        "Points along each ray, for each light and pixel sample, from which volumes scatter light: "
+        "takes time in proportion, and none without volumes. Choose 4 for most pictures, 8 to 16 "
+        "where beams of light in fog have steps",
         low=1,
         high=4096,
         slider=64,

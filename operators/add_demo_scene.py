@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import bpy
 
+from .after_previews import AfterPreviews
 from .demo_scene import build_demo_scene
 
 
-class GLINT_OT_add_demo_scene(bpy.types.Operator):
+class GLINT_OT_add_demo_scene(AfterPreviews, bpy.types.Operator):
     """Add a new scene with Glint's demo: highlights, mirrors, hard and soft shadows, instances and
     a textured floor
     """

@@ -131,7 +131,7 @@ def _unlike_cycles(scene: Any) -> Iterator[str]:
     if cycles.filter_width != render.filter_size or cycles.pixel_filter_type != "BLACKMAN_HARRIS":
         yield (
             f"The pixel filter is {render.filter_size:.2f} px wide, in Cycles "
-            f"{cycles.filter_width:.2f} px: set Sampling → Pixel Filter"
+            f"{cycles.filter_width:.2f} px: set Film → Pixel Filter"
         )
     if cycles.diffuse_bounces > DECLARED["diffuse_bounces"].high:
         yield "Light bounces 8 times at most; what more bounces add can hardly be seen"

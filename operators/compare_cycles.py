@@ -17,6 +17,7 @@ import numpy as np
 from ..engine.analysis.comparison import Difference, compare, difference_picture, draw_strip
 from ..engine.analysis.flip import displayed
 from ..engine.analysis.plot import png_bytes
+from .after_previews import previews_run
 from .scene_copy import copied, read_job, rendered
 
 log = logging.getLogger(__name__)
@@ -335,7 +336,7 @@ Esc stops between two pictures"""
             self.cancel(context)
             self.report({"INFO"}, "The comparison was stopped")
             return {"CANCELLED"}
-        if event.type != "TIMER":
+        if event.type != "TIMER" or previews_run():
             return {"PASS_THROUGH"}
         ended = self._advance(context)
         if ended is not None:

@@ -55,12 +55,20 @@ def _focused_camera(copy: bpy.types.Scene) -> tuple[bpy.types.Object, bpy.types.
     return camera, camera.data
 
 
+def _choose_glint(copy: bpy.types.Scene) -> None:
+    """Only where another engine is chosen: Blender waits for previews when one is written, even the
+    same, and previews of Glint would wait for this (`AfterPreviews`).
+    """
+    if copy.render.engine != "GLINT":
+        copy.render.engine = "GLINT"
+
+
 def read_job(scene: bpy.types.Scene, view_layer: str) -> final.Job:
     """What a final render of this view layer would trace: modifiers, visibility and settings as for
     a render. Raises RuntimeError with the reason where it cannot be rendered.
     """
     with copied(scene, view_layer) as copy, final.reading_only() as jobs:
-        copy.render.engine = "GLINT"
+        _choose_glint(copy)
         bpy.ops.render.render(scene=copy.name)
     if not jobs:
         raise RuntimeError("Blender did not ask Glint to render this scene")
@@ -92,7 +100,7 @@ def rendered_for(
     Raises RuntimeError with Blender's message when the render fails.
     """
     with copied(scene, view_layer) as copy:
-        copy.render.engine = "GLINT"
+        _choose_glint(copy)
         copy.glint.target = measure
         setattr(copy.glint, "target_levels" if measure == "LEVELS" else "target_rmse", value)
         rendered(copy, path)

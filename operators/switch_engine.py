@@ -16,6 +16,7 @@ from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProp
 
 from ..addon.export.approximations import approximated_nodes
 from ..addon.ui.lines import draw_text
+from .after_previews import AfterPreviews
 from .carried_settings import NAMES, carried, without_counterpart
 from .scene_copy import read_job
 
@@ -23,11 +24,19 @@ log = logging.getLogger(__name__)
 
 _KINDS = (
     ("DIFFERENT", "Looks Different", "Drawn otherwise than in the engine before"),
+    ("UNLIKE", "Settings Without a Counterpart", "Settings of the engine before"),
     ("NEARLY", "Nearly the Same", "Drawn otherwise in details"),
     ("CARRIED", "Taken Over", "A setting that follows from one of the engine before"),
     ("KEPT", "Kept", "A setting that was chosen in Glint"),
 )
-_ICONS = {"DIFFERENT": "ERROR", "NEARLY": "INFO", "CARRIED": "CHECKMARK", "KEPT": "LOCKED"}
+_ICONS = {
+    "DIFFERENT": "ERROR",
+    "UNLIKE": "INFO",
+    "NEARLY": "INFO",
+    "CARRIED": "CHECKMARK",
+    "KEPT": "LOCKED",
+}
+_WHEN = "As of switching, or of List Again: edits since are not in it"
 _BUTTON = 28
 """Pixels of the button beside a line, on a screen of scale 1."""
 
@@ -59,14 +68,25 @@ def switch_to_glint(scene: bpy.types.Scene, view_layer: str) -> None:
     unlike = without_counterpart(scene)
     settings = _carry(scene, NAMES[engine])
     scene.render.engine, state.engine = "GLINT", engine
-    for text, names in _differences(scene, view_layer, engine):
-        _add(state, "DIFFERENT", text, names)
     for text in unlike:
-        _add(state, "DIFFERENT", text)
-    for text, names in _nearly(scene):
-        _add(state, "NEARLY", text, names)
+        _add(state, "UNLIKE", text)
     for kind, text in settings:
         _add(state, kind, text)
+    list_differences(scene, view_layer)
+
+
+def list_differences(scene: bpy.types.Scene, view_layer: str) -> None:
+    """Make the rows that are about the scene's things anew, which edits change; those about the
+    settings of the engine that it came from stay as they are.
+    """
+    state = scene.glint_switch
+    for number in reversed(range(len(state.rows))):
+        if state.rows[number].kind in ("DIFFERENT", "NEARLY"):
+            state.rows.remove(number)
+    for text, names in _differences(scene, view_layer, state.engine):
+        _add(state, "DIFFERENT", text, names)
+    for text, names in _nearly(scene):
+        _add(state, "NEARLY", text, names)
 
 
 def switch_back(scene: bpy.types.Scene) -> None:
@@ -150,7 +170,7 @@ def _scatters(material: Any) -> bool:
 _MEANINGS: tuple[tuple[str, Callable[[Any], bool]], ...] = (
     (
         "Rough surfaces other than metals reflect lights and the sky, and of their surroundings an "
-        "even sheen: choose Sampling → Rough Reflections → All where these count",
+        "even sheen: choose Light Paths → Rough Reflections → All where these count",
         _is_rough,
     ),
     (
@@ -194,7 +214,7 @@ def objects_of(scene: bpy.types.Scene, names: Iterable[str]) -> list[bpy.types.O
     ]
 
 
-class GLINT_OT_switch_to_glint(bpy.types.Operator):
+class GLINT_OT_switch_to_glint(AfterPreviews, bpy.types.Operator):
     """Render this scene with Glint: take over the settings of the present engine, and list what
     will look different. Materials and the engine's own settings stay as they are
     """
@@ -210,12 +230,12 @@ class GLINT_OT_switch_to_glint(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         switch_to_glint(context.scene, context.view_layer.name)
         rows = context.scene.glint_switch.rows
-        different = sum(row.kind == "DIFFERENT" for row in rows)
+        different = sum(row.kind in ("DIFFERENT", "UNLIKE") for row in rows)
         self.report({"INFO"}, f"{different} things to know: Render properties → What Changes")
         return {"FINISHED"}
 
 
-class GLINT_OT_switch_back(bpy.types.Operator):
+class GLINT_OT_switch_back(AfterPreviews, bpy.types.Operator):
     """Render this scene with the engine that it came from, whose settings are as they were"""
 
     bl_idname = "glint.switch_back"
@@ -233,6 +253,24 @@ class GLINT_OT_switch_back(bpy.types.Operator):
         except TypeError:
             self.report({"ERROR"}, f"This Blender has no engine {wanted}: enable its add-on")
             return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class GLINT_OT_list_changed(AfterPreviews, bpy.types.Operator):
+    """Make the list for the scene as it is now: what edits made look different since is added, what
+    they mended is left out
+    """
+
+    bl_idname = "glint.list_changed"
+    bl_label = "List Again"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.scene is not None and context.scene.glint_switch.engine != ""
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        list_differences(context.scene, context.view_layer.name)
         return {"FINISHED"}
 
 
@@ -282,6 +320,8 @@ class GLINT_RENDER_PT_switched(bpy.types.Panel):
     def draw(self, context):
         column, state = self.layout.column(), context.scene.glint_switch
         column.operator("glint.compare_cycles", icon="IMAGE_REFERENCE")
+        column.operator(GLINT_OT_list_changed.bl_idname, icon="FILE_REFRESH")
+        draw_text(column, [_WHEN], context.region)
         for kind, title, _ in _KINDS:
             rows = [(k, row) for k, row in enumerate(state.rows) if row.kind == kind]
             if rows:
@@ -319,6 +359,7 @@ _CLASSES = (
     GlintSwitch,
     GLINT_OT_switch_to_glint,
     GLINT_OT_switch_back,
+    GLINT_OT_list_changed,
     GLINT_OT_select_changed,
     GLINT_RENDER_PT_switched,
 )

@@ -39,6 +39,8 @@ def setting_names(path: Path) -> Iterator[str]:
     "module",
     [
         "addon/ui/panels.py",
+        "addon/ui/data_panels.py",
+        "addon/ui/view_layer_panels.py",
         "addon/ui/sphere.py",
         "operators/measure_scene.py",
         "operators/switch_engine.py",

@@ -103,7 +103,7 @@ def _only(*packages: str) -> Callable[[str], bool]:
 
 WALLS = {
     "__init__.py": (set(), lambda name: False),
-    "addon": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_addon),
+    "addon": (BLENDER | {"numpy", "OpenImageIO", "openvdb"} | STDLIB, _inside_addon),
     "operators": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_operators),
     "engine/reference": ({"numpy"} | STDLIB, _inside_reference),
     "engine/linear": ({"numpy"} | STDLIB, _only("linear")),

@@ -29,8 +29,8 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfToon": "as diffuse",
     "ShaderNodeBsdfVelvet": "as diffuse",
     "ShaderNodeBsdfHair": "highlights round the strand; Offset is left out",
-    "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand; a matt "
-    "share stands for light from strand to strand",
+    "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand and on to "
+    "strands behind; a matt share stands for the rest of the light from strand to strand",
     "ShaderNodeHoldout": "black; the object's own holdout is exact",
     **dict.fromkeys(
         (

@@ -19,6 +19,7 @@ from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
 from .geometry.shapes import export_points, read_shape
 from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_attributes
+from .geometry.volumes import read_volume
 from .images.decoded import Decoded
 from .images.images import Images
 from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
@@ -218,6 +219,8 @@ class Collector:
                 geometry = self._points(data)
             case "Curves":
                 geometry = self._curves(data, owner)
+            case "Volume":
+                return self._volume(instance, flags)
             case _:
                 return None
         return self._place(instance, flags, geometry)
@@ -234,11 +237,7 @@ class Collector:
             return None
         thing = instance.object
         slots = self._slots(thing, self._used_slots(geometry))
-        wanted = self._wanted(slots).objects
-        of_each = values = ()
-        if wanted:
-            of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
-            values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
+        values, of_each = self._values(slots, instance)
         moves = self._moves(slots)
         is_bound = False
         if moves:
@@ -257,6 +256,38 @@ class Collector:
             geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing), is_bound,
             self.light_groups.number(thing),
         )  # fmt: skip
+
+    def _values(
+        self, slots: tuple[int, ...], instance: Any
+    ) -> tuple[tuple[tuple[str, Value], ...], tuple[str, ...]]:
+        """What the materials in these slots read of an instance, and of each by itself."""
+        wanted = self._wanted(slots).objects
+        of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
+        return tuple((name, self._value(name, instance)) for name in sorted(wanted)), of_each
+
+    def _volume(self, instance: Any, flags: Flags) -> _Placed | None:
+        """A Volume object; None where it shows nothing."""
+        thing = instance.object
+        volume = read_volume(thing.data, instance.instance_object or thing, self.report)
+        if volume is None:
+            return None
+        slots = thing.material_slots
+        material = self.override or (slots[0].material if slots else None)
+        number, surface = self.materials.volume(material, volume)
+        if surface is None:
+            return None
+        return _Placed(
+            self._around(surface), (number,), thing.pass_index, flags,
+            *self._values((number,), instance), _asset(thing),
+            light_group=self.light_groups.number(thing),
+        )  # fmt: skip
+
+    def _around(self, surface: MeshSource) -> int:
+        """Index of the surface round a volume."""
+        key = ("volume", id(surface))
+        if key not in self._known:
+            self._known[key] = self._append(surface)
+        return self._known[key]
 
     def _displaced(
         self,

@@ -18,10 +18,6 @@ from .light_links import LightLinks
 from .report import Report
 from .unheard import note_object
 
-_UNSUPPORTED = {
-    "VOLUME": "Volume objects are not rendered: {}; convert them to meshes",
-}
-
 
 class Flags(NamedTuple):
     """What an object's settings say of its visibility, with its instancer's. light_set: which
@@ -202,9 +198,6 @@ def _meet(
     instancer = instance.parent if instance.is_instance else thing
     name = thing.name
     if not (visible or instance.show_self) or thing.data is None:
-        return None
-    if thing.type in _UNSUPPORTED:
-        report.note(_UNSUPPORTED[thing.type], name)
         return None
     flags = flags_of(thing, instancer, depsgraph.view_layer, report, links, cut)
     content = make(instance, flags)

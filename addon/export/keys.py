@@ -100,7 +100,7 @@ def read_pose(depsgraph: Any, for_vectors: bool = False) -> Pose:
         kind = type(thing.data).__name__
         if thing.type == "LIGHT":
             return _Mover(True, None, keys_of(instance), 1)
-        if kind not in ("Mesh", "PointCloud", "Curves"):
+        if kind not in ("Mesh", "PointCloud", "Curves", "Volume"):
             return None
         if kind != "Mesh" or thing.data.is_editmode:
             return _Mover(False, None, keys_of(instance), 1)

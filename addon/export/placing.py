@@ -99,7 +99,7 @@ def note_linked_glow(
         if block.visible_mirror and any("EMISSION" in kinds[k] for k in block.materials):
             report.note(
                 "Mirrors and glass show what glows also where its light linking leaves them out: "
-                "{}; turn off its Reflections in Ray Visibility to hide it from all",
+                "{}; turn off its Glossy in Ray Visibility to hide it from all",
                 block.name,
             )
 

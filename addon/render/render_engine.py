@@ -31,6 +31,7 @@ class GlintRenderEngine(bpy.types.RenderEngine):
     bl_use_postprocess = True
     bl_use_shading_nodes_custom = False
     bl_use_eevee_viewport = True
+    bl_use_spherical_stereo = True
 
     _jobs: tuple[final.Job, ...] | BaseException | None = None
     _session: viewport.Session | None = None

@@ -8,7 +8,7 @@ import bpy
 from bpy_extras.node_utils import find_node_input
 
 from ..export.materials.graph import node_tree, output_of
-from .panel import EnginePanel, draw_if_known
+from .panel import EnginePanel, draw_if_known, draw_reason, draw_wide
 
 _DEFORMS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 _MOVES = {*_DEFORMS, "EMPTY", "LIGHT", "POINTCLOUD"}
@@ -42,9 +42,11 @@ def _draw_color(column: bpy.types.UILayout, light: bpy.types.Light) -> None:
     if not hasattr(light, "use_temperature"):
         column.prop(light, "color")
         return
-    column.prop(light, "use_temperature", text="Use Temperature")
-    if light.use_temperature:
-        column.prop(light, "temperature")
+    row = column.row(heading="Temperature")
+    row.prop(light, "use_temperature", text="")
+    kelvins = row.row()
+    kelvins.active = light.use_temperature
+    kelvins.prop(light, "temperature", text="")
     column.prop(light, "color", text="Tint" if light.use_temperature else "Color")
 
 
@@ -59,15 +61,78 @@ def _shape_of(light: bpy.types.Light) -> tuple[tuple[str, str], ...]:
     radius = (("shadow_soft_size", "Radius"),)
     return {
         "POINT": (*radius, ("use_soft_falloff", "Soft Falloff")),
-        "SPOT": (
-            *radius,
-            ("use_soft_falloff", "Soft Falloff"),
-            ("spot_size", "Beam Angle"),
-            ("spot_blend", "Blend"),
-            ("show_cone", "Show Cone"),
-        ),
+        "SPOT": (*radius, ("use_soft_falloff", "Soft Falloff")),
         "SUN": (("angle", "Angle"),),
     }[light.type]
+
+
+class GLINT_LIGHT_PT_beam_shape(EnginePanel, bpy.types.Panel):
+    bl_label = "Beam Shape"
+    bl_parent_id = "GLINT_LIGHT_PT_light"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.light and context.light.type in {"SPOT", "AREA"}
+
+    def draw(self, context):
+        column, light = self.animated_column, context.light
+        if light.type == "SPOT":
+            column.prop(light, "spot_size", text="Angle")
+            column.prop(light, "spot_blend", text="Blend")
+            column.prop(light, "show_cone", text="Show Cone")
+            return
+        column.active = False
+        column.prop(light, "spread", text="Spread")
+        draw_reason(self.layout, True, "Glint's area lights shine to all of their side")
+
+
+_PANORAMAS = {
+    "FISHEYE_EQUIDISTANT": (("fisheye_fov", "Field of View"),),
+    "FISHEYE_EQUISOLID": (("fisheye_lens", "Lens"), ("fisheye_fov", "Field of View")),
+    "EQUIRECTANGULAR": (
+        ("latitude_min", "Latitude Min"),
+        ("latitude_max", "Max"),
+        ("longitude_min", "Longitude Min"),
+        ("longitude_max", "Max"),
+    ),
+    "FISHEYE_LENS_POLYNOMIAL": (
+        ("fisheye_fov", "Field of View"),
+        *((f"fisheye_polynomial_k{k}", f"K{k}") for k in range(5)),
+    ),
+    "CENTRAL_CYLINDRICAL": (
+        ("central_cylindrical_range_v_min", "Height Min"),
+        ("central_cylindrical_range_v_max", "Max"),
+        ("central_cylindrical_range_u_min", "Longitude Min"),
+        ("central_cylindrical_range_u_max", "Max"),
+        ("central_cylindrical_radius", "Cylinder Radius"),
+    ),
+}
+"""Panorama type -> its settings, and Cycles' words for them; Blender's own panel shows them with
+Cycles alone.
+"""
+
+
+class GLINT_CAMERA_PT_panorama(EnginePanel, bpy.types.Panel):
+    bl_label = "Panorama"
+    bl_parent_id = "DATA_PT_lens"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        camera = context.camera
+        return super().poll(context) and camera is not None and camera.type == "PANO"
+
+    def draw(self, context):
+        column, camera = self.column, context.camera
+        owner = camera if hasattr(camera, "panorama_type") else getattr(camera, "cycles", None)
+        kind = getattr(owner, "panorama_type", None)
+        if kind is None:
+            draw_reason(column, True, "The add-on of Cycles, which is off, keeps these settings")
+            return
+        draw_wide(column, owner, "panorama_type")
+        for name, text in _PANORAMAS.get(kind, ()):
+            draw_wide(column, owner, name, text)
 
 
 class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
@@ -77,9 +142,12 @@ class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.animated_column
-        column.prop(context.object, "visible_camera", text="Camera")
-        column.prop(context.object, "visible_glossy", text="Reflections")
-        column.prop(context.object, "visible_shadow", text="Shadow")
+        for kind in ("Camera", "Diffuse", "Glossy", "Transmission", "Volume Scatter", "Shadow"):
+            row = column.row()
+            row.active = kind in ("Camera", "Glossy", "Shadow")
+            row.prop(context.object, f"visible_{kind.lower().replace(' ', '_')}", text=kind)
+        reason = "Glossy is for reflections and refractions; the others have no effect in Glint"
+        draw_reason(self.layout, True, reason)
         mask = self.column.column(heading="Mask")
         mask.prop(context.object, "is_shadow_catcher")
 
@@ -95,11 +163,14 @@ class GLINT_OBJECT_PT_motion_blur(EnginePanel, bpy.types.Panel):
         return moves and hasattr(context.object, "cycles") and super().poll(context)
 
     def draw_header(self, context):
+        self.layout.active = context.scene.render.use_motion_blur
         self.layout.prop(context.object.cycles, "use_motion_blur", text="")
 
     def draw(self, context):
         settings, column = context.object.cycles, self.animated_column
-        column.active = settings.use_motion_blur
+        is_on = context.scene.render.use_motion_blur
+        column.active = is_on and settings.use_motion_blur
+        draw_reason(self.layout, not is_on, "Motion Blur is off in Render properties")
         column.prop(settings, "motion_steps", text="Steps")
         if context.object.type in _DEFORMS:
             column.prop(settings, "use_deform_motion", text="Deformation")
@@ -139,17 +210,31 @@ class GLINT_MATERIAL_PT_settings(EnginePanel, bpy.types.Panel):
         return super().poll(context) and material and not material.grease_pencil
 
     def draw(self, context):
-        column = self.animated_column
-        column.prop(context.material, "pass_index")
-        column.prop(context.material, "displacement_method", text="Displacement")
-        column.prop(context.material, "use_transparent_shadow", text="Transparent Shadows")
+        self.column.prop(context.material, "pass_index")
 
 
-class _VolumeStepsPanel(EnginePanel):
+class GLINT_MATERIAL_PT_settings_surface(EnginePanel, bpy.types.Panel):
+    bl_label = "Surface"
+    bl_context = "material"
+    bl_parent_id = "GLINT_MATERIAL_PT_settings"
+
+    def draw(self, context):
+        column, material = self.column, context.material
+        column.prop(material, "displacement_method", text="Displacement")
+        # names in two parts: whole they would be cut
+        shadows = column.column(heading="Transparent")
+        shadows.prop(material, "use_transparent_shadow", text="Shadows")
+        if hasattr(getattr(material, "cycles", None), "use_bump_map_correction"):
+            bumps = column.column(heading="Bump Map")
+            bumps.active = False
+            bumps.prop(material.cycles, "use_bump_map_correction", text="Correction")
+            draw_reason(column, True, "Correction is always on in Glint")
+
+
+class _VolumePanel(EnginePanel):
     """How far apart rays look at a volume that varies, as Cycles keeps it."""
 
-    bl_label = "Volume Steps"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_label = "Volume"
 
     @classmethod
     def poll(cls, context):
@@ -157,19 +242,48 @@ class _VolumeStepsPanel(EnginePanel):
         return super().poll(context) and hasattr(getattr(owner, "cycles", None), cls.name)
 
     def draw(self, context):
-        column, owner = self.column, getattr(context, self.bl_context)
-        column.prop(owner.cycles, self.name, text=self.text)
-        draw_if_known(column, context.scene.cycles, "volume_step_rate", text="Scene's Rate")
+        owner = getattr(context, self.bl_context)
+        self.column.prop(owner.cycles, self.name, text=self.called)
 
 
-class GLINT_MATERIAL_PT_volume_steps(_VolumeStepsPanel, bpy.types.Panel):
+class GLINT_MATERIAL_PT_settings_volume(_VolumePanel, bpy.types.Panel):
     bl_context = "material"
-    name, text = "volume_step_rate", "Step Rate"
+    bl_parent_id = "GLINT_MATERIAL_PT_settings"
+    name = "volume_step_rate"
+    called = "Step Rate"
 
 
-class GLINT_WORLD_PT_volume_steps(_VolumeStepsPanel, bpy.types.Panel):
+class GLINT_WORLD_PT_preview(EnginePanel, bpy.types.Panel):
+    bl_label = "Preview"
     bl_context = "world"
-    name, text = "volume_step_size", "Step Size"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.world
+
+    def draw(self, context):
+        self.layout.template_preview(context.world)
+
+
+class GLINT_WORLD_PT_settings(EnginePanel, bpy.types.Panel):
+    bl_label = "Settings"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.world
+
+    def draw(self, context):
+        pass
+
+
+class GLINT_WORLD_PT_settings_volume(_VolumePanel, bpy.types.Panel):
+    bl_context = "world"
+    bl_parent_id = "GLINT_WORLD_PT_settings"
+    name = "volume_step_size"
+    called = "Step Size"
 
 
 class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):
@@ -185,6 +299,10 @@ class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):
         column = self.column
         for name in ("camera", "diffuse", "glossy", "transmission"):
             column.prop(context.world.cycles_visibility, name)
+        scatter = column.column()
+        scatter.active = False
+        scatter.prop(context.world.cycles_visibility, "scatter")
+        draw_reason(column, True, "Glint's volumes see what surfaces do")
 
 
 def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.ViewLayer) -> None:
@@ -216,11 +334,27 @@ class GLINT_OBJECT_PT_light_group(EnginePanel, bpy.types.Panel):
 class GLINT_WORLD_PT_light_group(EnginePanel, bpy.types.Panel):
     bl_label = "Light Group"
     bl_context = "world"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.world
+    bl_parent_id = "GLINT_WORLD_PT_settings"
 
     def draw(self, context):
         _draw_light_group(self.layout, context.world, context.view_layer)
+
+
+CLASSES = (
+    GLINT_CAMERA_PT_panorama,
+    GLINT_LIGHT_PT_light,
+    GLINT_LIGHT_PT_beam_shape,
+    GLINT_LIGHT_PT_nodes,
+    GLINT_MATERIAL_PT_settings,
+    GLINT_MATERIAL_PT_settings_surface,
+    GLINT_MATERIAL_PT_settings_volume,
+    GLINT_OBJECT_PT_light_group,
+    GLINT_OBJECT_PT_ray_visibility,
+    GLINT_OBJECT_PT_motion_blur,
+    GLINT_WORLD_PT_preview,
+    GLINT_WORLD_PT_ray_visibility,
+    GLINT_WORLD_PT_settings,
+    GLINT_WORLD_PT_settings_volume,
+    GLINT_WORLD_PT_light_group,
+)
+"""In the order of Cycles'."""

@@ -15,6 +15,8 @@ too few.
 """
 _MARGIN = 44
 """Pixels of a panel that hold no text."""
+_ICON = 20
+"""Pixels of an icon."""
 _FEWEST = 16
 """Letters of a line, however narrow the panel and deep the text."""
 
@@ -25,16 +27,20 @@ def draw_text(
     region: bpy.types.Region,
     bullet: str = "",
     beside: int = 0,
+    icon: str = "NONE",
 ) -> None:
     """Draw lines, broken to the width of the region less the pixels that something takes `beside`
-    them. They are set in by four spaces and their own.
+    them. They are set in by four spaces and their own, or by an icon before the first.
     """
     width = region.width / bpy.context.preferences.system.ui_scale - _MARGIN - beside
+    below, hang = ("NONE", "   ") if icon == "NONE" else ("BLANK1", "")
+    if icon != "NONE":
+        width -= _ICON
     for line in lines:
         text = line.lstrip(" ")
-        indent = " " * (4 + len(line) - len(text))
+        indent = " " * (4 + len(line) - len(text)) if icon == "NONE" else ""
         letters = max(_FEWEST, int((width - _SPACE * len(indent)) / _LETTER))
         first, *rest = textwrap.wrap(bullet + text, letters) or [""]
-        column.label(text=indent + first)
+        column.label(text=indent + first, icon=icon)
         for piece in rest:
-            column.label(text=indent + "   " + piece)
+            column.label(text=indent + hang + piece, icon=below)

@@ -5,8 +5,13 @@ from __future__ import annotations
 import bpy
 
 from ..render.render_engine import GlintRenderEngine
+from .lines import draw_text
 
 ENGINE = GlintRenderEngine.bl_idname
+
+
+_NAMES = 0.53
+"""Share of a panel's width that names have which do not fit into Blender's own two fifths."""
 
 
 class EnginePanel:
@@ -44,7 +49,21 @@ def draw_if_known(
         column.prop(owner, name, **look)
 
 
+def draw_wide(
+    column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str, text: str = ""
+) -> None:
+    """A setting with a long name, which Blender would cut where the editor is as wide as it is to
+    begin with.
+    """
+    row = column.split(factor=_NAMES)
+    row.use_property_split = False
+    label = row.row()
+    label.alignment = "RIGHT"
+    label.label(text=text or owner.bl_rna.properties[name].name)
+    row.prop(owner, name, text="")
+
+
 def draw_reason(layout: bpy.types.UILayout, is_grey: bool, reason: str) -> None:
     """Where something beside this is greyed out, say why."""
     if is_grey:
-        layout.label(text=reason, icon="INFO")
+        draw_text(layout.column(align=True), [reason], bpy.context.region, icon="INFO")

@@ -15,28 +15,12 @@ from typing import Any
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
-from bl_ui.properties_view_layer import (
-    VIEWLAYER_PT_layer_passes_aov,
-    VIEWLAYER_PT_layer_passes_lightgroups,
-)
 
-from ... import engine
-from ..render import result, statistics
-from .data_panels import (
-    GLINT_LIGHT_PT_light,
-    GLINT_LIGHT_PT_nodes,
-    GLINT_MATERIAL_PT_settings,
-    GLINT_MATERIAL_PT_volume_steps,
-    GLINT_OBJECT_PT_light_group,
-    GLINT_OBJECT_PT_motion_blur,
-    GLINT_OBJECT_PT_ray_visibility,
-    GLINT_WORLD_PT_light_group,
-    GLINT_WORLD_PT_ray_visibility,
-    GLINT_WORLD_PT_volume_steps,
-)
+from ..render import statistics
+from . import data_panels, view_layer_panels
 from .lines import draw_text
-from .panel import ENGINE, EnginePanel, draw_if_known, draw_reason
-from .properties import LIGHT_GROUP
+from .panel import ENGINE, EnginePanel, draw_if_known, draw_reason, draw_wide
+from .properties import LIGHT_GROUP, OF_RAYS, OF_SAMPLES
 
 _REPLACED_OR_WITHOUT_EFFECT = {
     "DATA_PT_falloff_curve",
@@ -69,9 +53,7 @@ _BORROWED_FROM_EEVEE = {
     "MATERIAL_PT_preview",
 }
 _WITHOUT_EFFECT = {
-    "DATA_PT_camera_stereoscopy": "No effect in Glint: every view is the camera's own",
     "DATA_PT_volume_render": "No effect in Glint: volume objects are not drawn",
-    "RENDER_PT_stereoscopy": "No effect in Glint: every view is the camera's own",
 }
 """Blender's panels that a file's settings are looked for in, and what each says on top."""
 
@@ -101,9 +83,6 @@ class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
         draw_reason(column, not physical.active, "Classic illumination has none of these")
         physical.prop(settings.final, "world_light")
         physical.prop(settings.final, "mesh_light")
-        physical.prop(settings.final, "reflections")
-        physical.prop(settings.final, "diffuse_bounces")
-        column.prop(context.scene.render, "filter_size", text="Pixel Filter")
         column.prop(settings, "target")
         if settings.target != "NONE":
             column.prop(settings, "target_levels" if settings.target == "LEVELS" else "target_rmse")
@@ -111,21 +90,13 @@ class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
 
 class _SamplingPanel(EnginePanel):
     bl_parent_id = "GLINT_RENDER_PT_sampling"
-    names = (
-        "samples",
-        "error_threshold",
-        "light_samples",
-        "lamp_shadows",
-        "volume_samples",
-        "max_bounces",
-        "cutoff",
-    )
+    names = OF_SAMPLES
 
     def draw(self, context):
         group = getattr(context.scene.glint, self.group)
         column = self.column
         for name in self.names:
-            column.prop(group, name)
+            draw_wide(column, group, name)
 
 
 class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
@@ -139,7 +110,7 @@ class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
         found, chosen = column.column(), column.column()
         found.active = not has_target
         for number, name in enumerate(self.names):
-            (found if number < 3 else chosen).prop(context.scene.glint.final, name)
+            draw_wide(found if number < 3 else chosen, context.scene.glint.final, name)
 
 
 class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):
@@ -147,8 +118,64 @@ class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):
     group = "viewport"
 
     def draw(self, context):
-        super().draw(context)
+        _SamplingPanel.draw(self, context)
         _draw_pass(self.column, context)
+
+
+class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
+    bl_label = "Light Paths"
+
+    def draw(self, context):
+        column, final = self.column, context.scene.glint.final
+        is_physical, bounces = final.illumination == "PHYSICAL", final.max_bounces
+        physical = column.column()
+        physical.active = is_physical
+        draw_reason(column, not is_physical, "Classic illumination has none of these")
+        draw_wide(physical, final, "diffuse_bounces")
+        reflections = physical.column()
+        reflections.active = bounces > 0
+        draw_wide(reflections, final, "reflections")
+        reason = "Rough Reflections need Bounces of Render"
+        draw_reason(column, is_physical and bounces == 0, reason)
+
+
+class _PathsPanel(_SamplingPanel):
+    bl_parent_id = "GLINT_RENDER_PT_light_paths"
+    names = OF_RAYS
+
+
+class GLINT_RENDER_PT_light_paths_viewport(_PathsPanel, bpy.types.Panel):
+    bl_label = "Viewport"
+    group = "viewport"
+
+
+class GLINT_RENDER_PT_light_paths_render(_PathsPanel, bpy.types.Panel):
+    bl_label = "Render"
+    group = "final"
+
+
+class _CyclesPanel(EnginePanel):
+    """A setting of the scene that Cycles keeps and Glint reads."""
+
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and hasattr(context.scene, "cycles")
+
+
+class GLINT_RENDER_PT_volumes(_CyclesPanel, bpy.types.Panel):
+    bl_label = "Volumes"
+
+    def draw(self, context):
+        draw_if_known(self.column, context.scene.cycles, "volume_step_rate", text="Step Rate")
+
+
+class GLINT_RENDER_PT_curves(_CyclesPanel, bpy.types.Panel):
+    bl_label = "Curves"
+
+    def draw(self, context):
+        self.column.prop(context.scene.cycles_curves, "shape", text="Shape")
 
 
 class GLINT_RENDER_PT_simplify(EnginePanel, bpy.types.Panel):
@@ -169,8 +196,8 @@ class _SimplifyPanel(EnginePanel):
         render = context.scene.render
         self.layout.active = render.use_simplify
         column = self.column
-        column.prop(render, f"simplify_subdivision{self.suffix}", text="Max Subdivision")
-        column.prop(render, f"simplify_child_particles{self.suffix}", text="Max Child Particles")
+        draw_wide(column, render, f"simplify_subdivision{self.suffix}", "Max Subdivision")
+        draw_wide(column, render, f"simplify_child_particles{self.suffix}", "Child Particles")
 
 
 class GLINT_RENDER_PT_simplify_viewport(_SimplifyPanel, bpy.types.Panel):
@@ -214,6 +241,14 @@ class GLINT_RENDER_PT_film(EnginePanel, bpy.types.Panel):
         self.column.prop(context.scene.render, "film_transparent", text="Transparent")
 
 
+class GLINT_RENDER_PT_pixel_filter(EnginePanel, bpy.types.Panel):
+    bl_label = "Pixel Filter"
+    bl_parent_id = "GLINT_RENDER_PT_film"
+
+    def draw(self, context):
+        self.column.prop(context.scene.render, "filter_size", text="Width")
+
+
 class GLINT_RENDER_PT_performance(EnginePanel, bpy.types.Panel):
     bl_label = "Performance"
     bl_options = {"DEFAULT_CLOSED"}
@@ -227,8 +262,25 @@ class GLINT_RENDER_PT_performance(EnginePanel, bpy.types.Panel):
         draw_reason(column, not native.active, "Of the native tracer alone")
         native.prop(group, "acceleration")
         native.prop(group, "threads")
-        column.prop(context.scene.render, "preview_pixel_size", text="Viewport Pixel Size")
-        column.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
+
+
+class _PerformancePanel(EnginePanel):
+    bl_parent_id = "GLINT_RENDER_PT_performance"
+
+    def draw(self, context):
+        self.column.prop(context.scene.render, self.name, text=self.called)
+
+
+class GLINT_RENDER_PT_performance_final(_PerformancePanel, bpy.types.Panel):
+    bl_label = "Final Render"
+    name = "use_persistent_data"
+    called = "Persistent Data"
+
+
+class GLINT_RENDER_PT_performance_viewport(_PerformancePanel, bpy.types.Panel):
+    bl_label = "Viewport"
+    name = "preview_pixel_size"
+    called = "Pixel Size"
 
 
 class GLINT_RENDER_PT_statistics(EnginePanel, bpy.types.Panel):
@@ -260,95 +312,6 @@ class GLINT_RENDER_PT_statistics(EnginePanel, bpy.types.Panel):
             column = self.layout.column(align=True)
             column.label(text=title)
             draw_text(column, lines, context.region)
-
-
-class GLINT_VIEWLAYER_PT_passes(EnginePanel, bpy.types.Panel):
-    bl_label = "Passes"
-    bl_context = "view_layer"
-
-    def draw(self, context):
-        column = self.column
-        self._draw_data(column, context)
-        for surface in ("Diffuse", "Glossy", "Transmission"):
-            light = column.column(heading=surface, align=True)
-            for what in ("Direct", "Indirect", "Color"):
-                switch = result.LIGHT_SWITCHES[f"{surface} {what}"]
-                light.prop(context.view_layer, switch, text=what)
-        parts = column.column(heading="Parts", align=True)
-        for switch in result.PART_SWITCHES.values():
-            parts.prop(context.view_layer.glint, switch)
-        health = column.column(heading="Health", align=True)
-        for switch in result.HEALTH_SWITCHES.values():
-            health.prop(context.view_layer.glint, switch)
-
-    @staticmethod
-    def _draw_data(column, context):
-        data = column.column(heading="Data", align=True)
-        for name, switch in result.BLENDER_SWITCHES.items():
-            if name not in engine.CRYPTOMATTES:
-                row = data.row(align=True)
-                row.active = name != "Vector" or not context.scene.render.use_motion_blur
-                row.prop(context.view_layer, switch)
-                is_asked = getattr(context.view_layer, switch)
-                draw_reason(data, is_asked and not row.active, "Vector is empty with Motion Blur")
-        if context.view_layer.use_pass_ambient_occlusion and context.scene.world is not None:
-            data.prop(context.scene.world.light_settings, "distance", text="Occlusion Distance")
-        cycles = getattr(context.view_layer, "cycles", None)
-        for name, switch in result.CYCLES_SWITCHES.items():
-            if hasattr(cycles, switch):
-                data.prop(cycles, switch, text=name)
-        if hasattr(cycles, result.DENOISING):
-            data.prop(cycles, result.DENOISING, text="Denoising Data")
-
-
-class GLINT_VIEWLAYER_PT_cryptomatte(EnginePanel, bpy.types.Panel):
-    bl_label = "Cryptomatte"
-    bl_context = "view_layer"
-    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
-
-    def draw(self, context):
-        column, layer = self.column, context.view_layer
-        include = column.column(heading="Include", align=True)
-        switches = [result.BLENDER_SWITCHES[name] for name in engine.CRYPTOMATTES]
-        for switch in switches:
-            include.prop(layer, switch, text=switch.rpartition("_")[2].title())
-        levels = column.column()
-        levels.active = any(getattr(layer, switch) for switch in switches)
-        levels.prop(layer, "pass_cryptomatte_depth", text="Levels")
-
-
-class GLINT_VIEWLAYER_PT_aov(EnginePanel, bpy.types.Panel):
-    bl_label = "Shader AOV"
-    bl_context = "view_layer"
-    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
-    draw = VIEWLAYER_PT_layer_passes_aov.draw
-
-
-class GLINT_VIEWLAYER_PT_light_groups(EnginePanel, bpy.types.Panel):
-    bl_label = "Light Groups"
-    bl_context = "view_layer"
-    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
-    draw = VIEWLAYER_PT_layer_passes_lightgroups.draw
-
-
-class GLINT_VIEWLAYER_PT_filter(EnginePanel, bpy.types.Panel):
-    bl_label = "Filter"
-    bl_context = "view_layer"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context):
-        self.column.prop(context.view_layer, "use_sky", text="Environment")
-
-
-class GLINT_VIEWLAYER_PT_override(EnginePanel, bpy.types.Panel):
-    bl_label = "Override"
-    bl_context = "view_layer"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context):
-        column = self.column
-        for name in ("material_override", "world_override", "samples"):
-            draw_if_known(column, context.view_layer, name)
 
 
 class _ShadingPanel:
@@ -399,7 +362,7 @@ def _blender_panels() -> Iterator[type]:
 def _line(text: str) -> Callable[[bpy.types.Panel, bpy.types.Context], None]:
     def draw(self: bpy.types.Panel, context: bpy.types.Context) -> None:
         if context.engine == ENGINE:
-            self.layout.label(text=text, icon="INFO")
+            draw_reason(self.layout, True, text)
 
     return draw
 
@@ -418,30 +381,24 @@ _CLASSES = (
     GLINT_RENDER_PT_sampling,
     GLINT_RENDER_PT_sampling_viewport,
     GLINT_RENDER_PT_sampling_final,
+    GLINT_RENDER_PT_light_paths,
+    GLINT_RENDER_PT_light_paths_viewport,
+    GLINT_RENDER_PT_light_paths_render,
+    GLINT_RENDER_PT_volumes,
+    GLINT_RENDER_PT_curves,
     GLINT_RENDER_PT_simplify,
     GLINT_RENDER_PT_simplify_viewport,
     GLINT_RENDER_PT_simplify_render,
     GLINT_RENDER_PT_simplify_grease_pencil,
     GLINT_RENDER_PT_motion_blur,
     GLINT_RENDER_PT_film,
+    GLINT_RENDER_PT_pixel_filter,
     GLINT_RENDER_PT_performance,
+    GLINT_RENDER_PT_performance_final,
+    GLINT_RENDER_PT_performance_viewport,
     GLINT_RENDER_PT_statistics,
-    GLINT_VIEWLAYER_PT_passes,
-    GLINT_VIEWLAYER_PT_cryptomatte,
-    GLINT_VIEWLAYER_PT_aov,
-    GLINT_VIEWLAYER_PT_light_groups,
-    GLINT_VIEWLAYER_PT_filter,
-    GLINT_VIEWLAYER_PT_override,
-    GLINT_LIGHT_PT_light,
-    GLINT_LIGHT_PT_nodes,
-    GLINT_MATERIAL_PT_settings,
-    GLINT_MATERIAL_PT_volume_steps,
-    GLINT_OBJECT_PT_light_group,
-    GLINT_WORLD_PT_volume_steps,
-    GLINT_WORLD_PT_ray_visibility,
-    GLINT_OBJECT_PT_ray_visibility,
-    GLINT_OBJECT_PT_motion_blur,
-    GLINT_WORLD_PT_light_group,
+    *view_layer_panels.CLASSES,
+    *data_panels.CLASSES,
     GLINT_VIEW3D_PT_shading_lighting,
     GLINT_VIEW3D_PT_shading_render_pass,
 )

@@ -1,5 +1,5 @@
-"""Presets of how to render: each gives all settings of Sampling, so that what was there before has
-no part in the picture.
+"""Presets of how to render: each gives all settings of Sampling and Light Paths, so that what was
+there before has no part in the picture.
 """
 
 from __future__ import annotations
@@ -9,21 +9,9 @@ from typing import Any
 import bpy
 
 from ...engine.settings import OFFERED
+from .properties import OF_LIGHT, OF_RAYS, OF_SAMPLES
 
-_NAMES = (
-    "illumination",
-    "world_light",
-    "mesh_light",
-    "reflections",
-    "diffuse_bounces",
-    "samples",
-    "error_threshold",
-    "light_samples",
-    "lamp_shadows",
-    "volume_samples",
-    "max_bounces",
-    "cutoff",
-)
+NAMES = (*OF_LIGHT, *OF_SAMPLES, *OF_RAYS)
 """What a preset sets; what is not in its own settings is as it is to begin with."""
 PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "PREVIEW": (
@@ -76,12 +64,12 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
 def apply(group: bpy.types.PropertyGroup, preset: str) -> None:
     """Give a group of render settings those of a preset."""
     own = PRESETS[preset][2]
-    for name in _NAMES:
+    for name in NAMES:
         setattr(group, name, own.get(name, getattr(OFFERED, name)))
 
 
 class GLINT_OT_preset(bpy.types.Operator):
-    """Set all of Sampling → Render"""
+    """Set all of Sampling and Light Paths of the final render"""
 
     bl_idname = "glint.preset"
     bl_label = "Use Preset"

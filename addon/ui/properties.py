@@ -8,6 +8,7 @@ a definition. Blender reads the annotations as they are, so this module must not
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
+from zlib import crc32
 
 import bpy
 from bpy.props import (
@@ -50,6 +51,13 @@ _OWN = tuple(name for name, declared in DECLARED.items() if declared.label)
 """Settings that are properties of Glint's."""
 
 
+OF_LIGHT = ("illumination", "world_light", "mesh_light", "reflections", "diffuse_bounces")
+"""What light does; the viewport takes the final render's."""
+OF_SAMPLES = ("samples", "error_threshold", "light_samples", "lamp_shadows", "volume_samples")
+OF_RAYS = ("max_bounces", "cutoff")
+"""How finely to sample, and how far to follow rays: the viewport's are its own."""
+
+
 class GlintRenderSettings(bpy.types.PropertyGroup):
     """How to render; the same group serves the final render and the viewport."""
 
@@ -73,15 +81,22 @@ _TARGET_ITEMS = (
 )
 
 
-class GlintSceneSettings(bpy.types.PropertyGroup):
-    """`scene.glint`."""
+def _number(name: str) -> int:
+    """What a file keeps of a choice whose place among the others changes with new ones."""
+    return crc32(name.encode()) >> 1
 
+
+class GlintSceneSettings(bpy.types.PropertyGroup):
+    """`scene.glint`. version: `former_settings.VERSION` when the file was saved, 0 before."""
+
+    version: IntProperty(options={"HIDDEN"})
     target: EnumProperty(
         name="Quality Target",
         description="Say how wrong the picture may be instead of how it is sampled: a short look "
         "at parts of the frame finds the samples, "
-        "threshold and light samples that reach it with the fewest rays. The statistics say what "
-        "was reached",
+        "threshold and light samples that reach it with the fewest rays. The look takes a quarter "
+        "of the time of small frames, a fiftieth of large ones. The statistics say what was "
+        "reached",
         items=_TARGET_ITEMS,
     )
     target_levels: FloatProperty(
@@ -113,11 +128,18 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
         name="Pass",
         description="What Rendered shading shows in the 3D views; renders are not touched",
         items=[
-            (name, name, "")
+            (name, name, "", _number(name))
             for name in engine.PASSES
             if name not in (*engine.CRYPTOMATTES, "Vector")
         ]
-        + [(LIGHT_GROUP, LIGHT_GROUP, "The light of one of the view layer's light groups")],
+        + [
+            (
+                LIGHT_GROUP,
+                LIGHT_GROUP,
+                "The light of one of the view layer's light groups",
+                _number(LIGHT_GROUP),
+            )
+        ],
         default="Combined",
     )
     viewport_light_group: StringProperty(
@@ -205,21 +227,12 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     How finely to sample is the viewport's own; what a picture means and who draws it is the final
     render's.
     """
-    shown = scene.glint.viewport_pass
+    shown = scene.glint.viewport_pass or "Combined"  # "" is a number that no choice has
     passes = (shown,) if shown in engine.PASSES else ()
     settings = settings_from(scene.glint.viewport, scene, passes)
     final = settings_from(scene.glint.final, scene)
     backend = "NUMPY" if tracer_notes(final.backend) else final.backend
-    names = (
-        "illumination",
-        "world_light",
-        "mesh_light",
-        "reflections",
-        "diffuse_bounces",
-        "threads",
-        "filter_width",
-    )
-    shared = {name: getattr(final, name) for name in names}
+    shared = {name: getattr(final, name) for name in (*OF_LIGHT, "threads", "filter_width")}
     acceleration = "FAST" if final.acceleration == "AUTO" else final.acceleration
     return replace(
         settings, backend=backend, acceleration=acceleration, **shared

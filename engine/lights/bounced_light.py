@@ -93,6 +93,7 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
     """What tracers know of a BOUNCED light of which each of `samples` samples of a pixel takes
     `each` points, as `mesh_lights.mesh_table`.
     """
+    assert light.bounces is not None
     b = _even(light.bounces, each)
     count = tabled(samples, each)
     u = dome_points(count)

@@ -157,9 +157,10 @@ def dome_table(light: Light, samples: int, each: int) -> DomeTable:
     directions: those of as many whole samples as `MOST_TABLED` allows, after which they begin
     again.
     """
-    count = tabled(samples, each)
-    cells, along, where = _drawn(_Same(light.radiance), count)
-    even = _irradiance(_Same(light.radiance))
+    assert light.radiance is not None
+    count, radiance = tabled(samples, each), _Same(light.radiance)
+    cells, along, where = _drawn(radiance, count)
+    even = _irradiance(radiance)
     with np.errstate(over="ignore"):
         color = np.clip(np.array(light.color, np.float64) * light.strength, -LARGEST, LARGEST)
         tinted = np.clip(cells * np.append(color / np.pi, 1.0), -LARGEST, LARGEST)

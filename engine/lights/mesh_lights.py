@@ -198,11 +198,11 @@ class _Surfaces:
         g = self._geometry
         mirrored = g.placements.mirror[g.row[primitive]] < 0
         pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
-        sides = (self._radiance(primitive, weights, pieces, sign) for sign in (1.0, -1.0))
+        front, back = (self._radiance(primitive, weights, pieces, sign) for sign in (1.0, -1.0))
         blocks = g.placements.instances
         groups = np.array([block.light_group for block in blocks], np.intp)
         group = groups[g.placements.block[g.row[primitive]]]
-        return Emitters(pieces, *sides, np.ones(len(pieces)), group)
+        return Emitters(pieces, front, back, np.ones(len(pieces)), group)
 
     def _radiance(self, primitive: Array, weights: Array, pieces: Array, sign: float) -> Array:
         """(n, 3) in the middle of the pieces, seen straight, from outside where sign is 1."""
@@ -374,6 +374,7 @@ def mesh_table(light: Light, samples: int, each: int) -> MeshTable:
     points: those of as many whole samples as `MOST_TABLED` allows, after which they begin again.
     """
     emitters = light.emitters
+    assert emitters is not None
     count = tabled(samples, each)
     u = dome_points(count)
     pieces, whole, weight = _pieces(emitters)

@@ -146,7 +146,9 @@ def _only(
     """
     ends = np.cumsum([len(block.world_from_object) for block in scene.instances])
     new_row, local = np.zeros(len(row), np.intp), np.zeros(len(primitive), np.intp)
-    geometries, instances, rows = [], [], 0
+    geometries: list[Geometry] = []
+    instances: list[Instances] = []
+    rows = 0
     order = np.argsort(row, kind="stable")
     bounds = np.searchsorted(row[order], np.arange(len(placements) + 1))
     blocks = np.searchsorted(ends, placements, "right")

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..accelerator import Accelerator
+from ..accelerator import Accelerator, Hits
 from ..sampling import chosen, concentric_disc, dome_points, tabled
-from ..scene import Instances, Light, Mesh, Openings, Scene
+from ..scene import Instances, Light, Material, Mesh, Openings, Scene
 from .met_surfaces import joined
 from .same import Same
 
@@ -140,7 +140,7 @@ def _found(same: Same) -> Openings | None:
         origin = surfaces.bounds.mean(0)
         sky = _Sky(few, surfaces, origin)
         lines, enclosed = _lines(sky, (point - origin).T, normal.T)
-    if lines is None:
+    if lines is None or enclosed is None:
         return None
     rows = _rectangles(lines, enclosed)
     if not rows:
@@ -212,7 +212,7 @@ class _Sky:
                 break
         return result
 
-    def _passed(self, hits) -> Array:
+    def _passed(self, hits: Hits) -> Array:
         """Which of them met what lets light through."""
         met = np.flatnonzero(hits.instance >= 0)
         if not self._clear.any():
@@ -233,7 +233,7 @@ class _Sky:
         return self._clear[materials[slot]]
 
 
-def _lets_light_through(material) -> bool:
+def _lets_light_through(material: Material) -> bool:
     return any(lobe.kind == "TRANSPARENT" for lobe in material.lobes)
 
 
@@ -278,7 +278,8 @@ def _around(x: Array, n: Array, count: int) -> tuple[Array, Array]:
 def _rectangles(lines: _Lines, enclosed: _Lines) -> list[tuple[Array, Array, Array, Array, float]]:
     """c, u, v, the normal to the side of the sky, and the share of the lines, of each opening."""
     frames, size = _frames(enclosed.d), _cell(enclosed.o)
-    left, rows = np.arange(len(lines)), []
+    left = np.arange(len(lines))
+    rows: list[tuple[Array, Array, Array, Array, float]] = []
     while len(rows) < MOST and len(left) > FEWEST * len(lines):
         best = max(
             (

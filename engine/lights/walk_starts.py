@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..sampling import chosen, concentric_disc, walk_points
-from ..scene import EVERYTHING, Light, Mesh, Openings, Scene, Spheres, Strands
+from ..scene import EVERYTHING, Camera, Geometry, Light, Mesh, Openings, Scene, Spheres, Strands
 from .dome import dome_table
 from .mesh_lights import mesh_table
 from .openings import points_on
@@ -79,12 +79,14 @@ def _power(light: Light, far: _Far) -> float:
     """Watts or so."""
     if light.kind == "MESH":
         e = light.emitters
+        assert e is not None
         with np.errstate(over="ignore", invalid="ignore"):
             return float(np.pi * e.areas @ (np.abs(e.front) + np.abs(e.back)).mean(1))
     given = float(np.abs(_color(light)).mean())
     if light.kind == "SUN":
         return given * far.section
     if light.kind == "DOME":
+        assert light.radiance is not None
         rows = len(light.radiance)
         high = np.sin((np.arange(rows) + 0.5) * np.pi / rows)[:, None, None]
         mean = np.abs(light.radiance * high).mean() / high.mean()
@@ -176,9 +178,7 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
     return Start(o, d, at, group)
 
 
-def _camera(origin: Array):
-    from ..scene import Camera
-
+def _camera(origin: Array) -> Camera:
     frame = np.column_stack([np.eye(3), origin])
     return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
 
@@ -213,7 +213,7 @@ class _Far:
         middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
         rows, shares = [(*middle, reach)], [1.0]
         for *center, radius in _balls(scene, origin):
-            wider = []
+            wider: list[tuple[float, ...]] = []
             radius *= WIDER
             while 0 < radius < reach and len(wider) < MOST_WIDER:
                 wider.append((*center, radius))
@@ -317,7 +317,7 @@ def _balls(scene: Scene, origin: Array) -> Iterator[tuple[float, float, float, f
             yield (*((low + high) / 2), float(np.linalg.norm(high - low)) / 2)
 
 
-def _box(geometry) -> Array:
+def _box(geometry: Geometry) -> Array:
     """(3, 8) corners of the bounds, (3, 0) where there is nothing finite."""
     if isinstance(geometry, Spheres):
         low, high = (geometry.centers + s * geometry.radii[:, None] for s in (-1, 1))

@@ -170,9 +170,9 @@ def pseudo_inverse(matrix: Array, tolerance: float | None = None) -> Inverse:
     matrix gets the inverse within the plane that is left.
     """
     matrix = np.asarray(matrix, np.float64)
-    tolerance = max(matrix.shape[-2:]) * _EPSILON if tolerance is None else tolerance
+    least = max(matrix.shape[-2:]) * _EPSILON if tolerance is None else tolerance
     u, values, v = svd(matrix)
-    counted = values > tolerance * values[..., :1]
+    counted = values > least * values[..., :1]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         reciprocal = np.where(counted, 1 / values, 0.0)
         condition = np.where(values[..., -1] > 0, values[..., 0] / values[..., -1], np.inf)

@@ -5,6 +5,7 @@ normals.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .frames import basis_from_vector, canonical_from_frame
 from .vectors import Array, cross, dot, power_of_two, unit
@@ -149,15 +150,13 @@ def transform_normals(matrix: Array, normals: Array) -> Array:
     )
 
 
-def window(low: Array, high: Array, new_low: Array, new_high: Array) -> Array:
+def window(low: ArrayLike, high: ArrayLike, new_low: ArrayLike, new_high: ArrayLike) -> Array:
     """(n,) each -> (n + 1, n + 1): takes the box [low, high] to [new_low, new_high], axis by axis
     (section 6.4, with its erratum).
 
     The product translate(new_low) · scale(...) · translate(-low), written out; no side of the box
     may have length 0.
     """
-    low, high, new_low, new_high = (
-        np.asarray(v, np.float64) for v in (low, high, new_low, new_high)
-    )
-    side = high - low
-    return affine(np.diag((new_high - new_low) / side), (new_low * high - new_high * low) / side)
+    a, b, new_a, new_b = (np.asarray(v, np.float64) for v in (low, high, new_low, new_high))
+    side = b - a
+    return affine(np.diag((new_b - new_a) / side), (new_a * b - new_b * a) / side)

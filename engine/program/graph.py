@@ -57,8 +57,10 @@ class Graph:
 
     def __init__(self, fold: Fold | None = None) -> None:
         if fold is None:
-            from ..reference.program import apply as fold
-        self._fold = fold
+            from ..reference.program import apply
+
+            fold = apply
+        self._fold: Fold = fold
         self._constants: dict[bytes, Value] = {}
         self._applied: dict[tuple, tuple[Value, ...]] = {}
         self._calls = 0

@@ -26,6 +26,13 @@ class VoronoiMetric(IntEnum):
     MINKOWSKI = 3
 
 
+class CellHash(IntEnum):
+    """How the points of cells are chosen: PCG since Blender 5.0, Jenkins' lookup3 before."""
+
+    PCG = 0
+    JENKINS = 1
+
+
 VORONOIS = (
     Operation(
         "voronoi_texture",
@@ -46,6 +53,7 @@ VORONOIS = (
             ("feature", VoronoiFeature),
             ("metric", VoronoiMetric),
             ("normalize", range(2)),
+            ("cell_hash", CellHash),
         ),
         "the nearest points of a jittered grid (Worley 1996), octaves of them added up",
     ),

@@ -34,7 +34,8 @@ def _is_sound(step: Instruction, program: Program) -> bool:
         room = program.slots if place >= 0 else len(program.constants)
         sound = sound and (place if place >= 0 else ~place) + kind <= room
     for setting, (_, choices) in zip(step.settings, step.operation.settings, strict=True):
-        things = len(getattr(program, choices.value)) if isinstance(choices, Reference) else None
-        allowed = range(things) if things is not None else list(choices)
-        sound = sound and setting in allowed
+        if isinstance(choices, Reference):
+            sound = sound and setting in range(len(getattr(program, choices.value)))
+        else:
+            sound = sound and setting in list(choices)
     return sound

@@ -138,6 +138,7 @@ class _Slots:
         self._ending: dict[int, list[tuple[int, int]]] = {}
 
     def of(self, value: Value) -> int:
+        assert value.call is not None  # a constant has no slot
         return self._of_values[value.call.order, value.output]
 
     def take(self, call: Call) -> list[int]:

@@ -160,7 +160,8 @@ def between_placements(a: Array, b: Array, share: float) -> Array:
     turns = [_turns(m) for m in ends]
     stretches = [_product(np.swapaxes(r, 1, 2), m) for r, m in zip(turns, ends, strict=True)]
     stretch = stretches[0] + share * (stretches[1] - stretches[0])
-    turned = _matrices(_slerp(*(_quaternions(r) for r in turns), share))
+    first, second = (_quaternions(r) for r in turns)
+    turned = _matrices(_slerp(first, second, share))
     straight[rows, :, :3] = _product(turned, stretch)
     return straight
 

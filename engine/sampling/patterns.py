@@ -88,9 +88,10 @@ def _sobol(count: int, dimensions: tuple[int, ...], numbers: tuple[int, ...] = (
 
 def _directions(dimension: int) -> list[int]:
     """32-bit direction numbers by digit of the index."""
-    if _POLYNOMIALS[dimension] is None:
+    polynomial = _POLYNOMIALS[dimension]
+    if polynomial is None:
         return [1 << (31 - digit) for digit in range(32)]
-    taps, first = _POLYNOMIALS[dimension]
+    taps, first = polynomial
     words = [odd << (31 - digit) for digit, odd in enumerate(first)]
     for digit in range(len(first), 32):
         words.append(words[-len(first)] ^ words[-len(first)] >> len(first))

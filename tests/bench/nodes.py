@@ -58,9 +58,9 @@ def parse_arguments() -> argparse.Namespace:
 
 def names() -> list[str]:
     import conftest  # noqa: F401  (makes the package importable as glint)
-    from node_scenes import MATERIALS
+    import node_scenes
 
-    return [build.__name__ for build in MATERIALS]
+    return [build.__name__ for build in (*node_scenes.MATERIALS, *node_scenes.GRAINY)]
 
 
 def seconds(name: str, engine: str, options: argparse.Namespace) -> float:
@@ -78,8 +78,7 @@ def measure(name: str, engine: str, few: int, many: int) -> dict[str, float]:
 
     if engine == "GLINT":
         require_core()
-    build = next(build for build in node_scenes.MATERIALS if build.__name__ == name)
-    scene = node_scenes.show(build, *SIZE)
+    scene = node_scenes.show(getattr(node_scenes, name), *SIZE)
     choose_engine(scene, engine)
     timed_render(scene, engine)  # warms what is loaded once
     times = {}

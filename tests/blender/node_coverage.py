@@ -51,6 +51,5 @@ NOTED: dict[str, str] = {
     "ShaderNodeShaderToRGB": "the socket's own value; Eevee's alone",
     "ShaderNodeSqueeze": "the socket's own value",
     "ShaderNodeTexPointDensity": "the socket's own value",
-    "ShaderNodeVolumeInfo": "the socket's own value",
 }
 """Nodes that take something else in their place, which a warning says where they count."""

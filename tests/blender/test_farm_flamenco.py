@@ -11,11 +11,12 @@ from py_mini_racer import JSEvalException, MiniRacer
 
 pytest.importorskip("bpy")
 from farm_shot import Shot
-from glint.operators import farm_jobs
+from glint.operators import farm, farm_jobs
 from glint.operators.tiles import Grid
 
-# What a Manager gives to scripts. Jobs keep copies of tasks, as Go's append of a struct does:
-# what is added to a task later is lost.
+# What a Manager gives to scripts, as its manual and its own tests have it: chunks are in order,
+# three frames or more in a row are a range, and there may be spaces. Jobs keep copies of tasks, as
+# Go's append of a struct does: what is added to a task later is lost.
 MANAGER = """
 const author = {
     Task(name, type) {
@@ -29,14 +30,26 @@ const author = {
     count: 0,
 };
 function frameChunker(range, size) {
-    const frames = [];
+    if (!range.trim()) throw "empty range";
+    if (size < 1) throw "invalid chunk size";
+    const found = new Set();
     for (const part of range.replaceAll("..", "-").split(",")) {
         const [first, last] = part.split("-").map(Number);
-        for (let frame = first; frame <= (last ?? first); frame++) frames.push(frame);
+        for (let frame = first; frame <= (last ?? first); frame++) found.add(frame);
     }
+    const frames = [...found].sort((a, b) => a - b);
     const chunks = [];
-    for (let k = 0; k < frames.length; k += size) chunks.push(frames.slice(k, k + size).join(","));
+    for (let k = 0; k < frames.length; k += size) chunks.push(merged(frames.slice(k, k + size)));
     return chunks;
+}
+function merged(frames) {
+    const runs = [];
+    for (const frame of frames) {
+        const run = runs.at(-1);
+        if (run && run.at(-1) == frame - 1) run.push(frame);
+        else runs.push([frame]);
+    }
+    return runs.map(run => run.length > 2 ? `${run[0]}-${run.at(-1)}` : run.join(",")).join(",");
 }
 """
 SUBMIT = """
@@ -89,12 +102,21 @@ def test_whole_frames(tmp_path):
         *("-b", "--command", "glint", "frames", "/a b.blend", "1,2", "--out", str(tmp_path))
     ]
     assert tasks[-1]["dependencies"] == [task["uuid"] for task in tasks[:-1]]
+    _, tasks = _compiled(farm_jobs.flamenco_job_type("1-5", 4, tmp_path), blendfile="/a b.blend")
+    assert [task["name"] for task in tasks] == ["frames 1-4", "frames 5", "check"]
 
 
 def test_blenders_way_to_write_ranges(tmp_path):
     script = farm_jobs.flamenco_job_type("1", 2, tmp_path)
     _, tasks = _compiled(script, blendfile="/a.blend", frames="1..3,7")
     assert tasks[-1]["commands"][0]["parameters"]["args"][5] == "1-3,7"
+    # what a Manager takes as well
+    _, tasks = _compiled(script, blendfile="/a.blend", frames=" 1  .. 10,\t20..25\n,40, 3..8   ")
+    assert tasks[-1]["commands"][0]["parameters"]["args"][5] == "1-10,20-25,40,3-8"
+    chunks = [task["commands"][0]["parameters"]["args"][5] for task in tasks[:-1]]
+    assert chunks[:2] == ["1,2", "3,4"] and chunks[5:] == ["20,21", "22,23", "24,25", "40"]
+    numbers = [number for chunk in chunks for number in farm.frame_numbers(chunk)]
+    assert numbers == farm.frame_numbers(tasks[-1]["commands"][0]["parameters"]["args"][5])
 
 
 def test_no_frames_are_no_job(tmp_path):

@@ -11,7 +11,9 @@ import pytest
 from export_support import Shader, export, link, scene, use_nodes  # noqa: F401
 from glint.addon.export.geometry.hashing import random_of
 from glint.addon.export.geometry.strands import NEAR
+from glint.engine.reference.optics import fibre_highlight
 from glint.engine.scene import Strands
+from test_fibres import seen_share, sphere
 from test_viewport_incremental import Follower
 
 
@@ -199,15 +201,36 @@ def test_principled_hair_has_lobes_round_the_strand(scene, model):  # noqa: F811
         assert [a.name for a in strands.attributes] == ["(fibre)"]
         return [x for x in export().scene.materials[-1].lobes if x.kind != "AMBIENT"]
 
-    kinds = ["DIFFUSE", "SPECULAR", "SPECULAR", "TRANSMISSION"]
-    assert [x.kind for x in lobes()] == [f"FIBRE_{kind}" for kind in kinds]
-    assert all(x.fibre_output == 0 for x in lobes())
-    weights = np.array([x.factors[0].value for x in lobes()])
-    assert (weights >= 0).all() and weights.sum(0).max() < 1
-    scaled = ("Reflection", "Transmission", "Secondary Reflection") if model == "HUANG" else ()
-    for name in scaled:
-        shader.shader.inputs[name].default_value = 0.0
-    assert len(lobes()) == 4 - len(scaled)
+    kinds = ["TRANSPARENT", "FIBRE_DIFFUSE", *["FIBRE_SPECULAR", "FIBRE_TRANSMISSION"] * 2]
+    assert sorted(x.kind for x in lobes()) == sorted(kinds)
+    assert all(x.fibre_output == 0 for x in lobes() if x.kind != "TRANSPARENT")
+    assert sent(lobes()).max() < 1
+    if model == "HUANG":
+        for name in ("Reflection", "Transmission", "Secondary Reflection"):
+            shader.shader.inputs[name].default_value = 0.0
+        assert [x.kind for x in lobes()] == ["FIBRE_DIFFUSE", "FIBRE_TRANSMISSION"]
+    shader.shader.inputs["Melanin"].default_value = 0.0
+    shader.material.use_transparent_shadow = False
+    assert "TRANSPARENT" not in [x.kind for x in lobes()]
+
+
+def sent(lobes) -> np.ndarray:
+    """What of even light they send on, seen from across the strand: times what the shape of each
+    does, by the integral over the sphere.
+    """
+    total = np.zeros(3)
+    l, size, turn = sphere()  # noqa: E741
+    t = np.broadcast_to(np.array([[1.0], [0.0], [0.0]]), l.shape)
+    v = np.broadcast_to(np.array([[0.0], [0.0], [1.0]]), l.shape)
+    for lobe in lobes:
+        share, behind = 1.0, lobe.kind == "FIBRE_TRANSMISSION"
+        if behind or lobe.kind == "FIBRE_SPECULAR":
+            given = fibre_highlight(t, v, l, lobe.exponent, lobe.masking, behind)
+            share = (given * seen_share(turn, behind) * size).sum() / np.pi
+        if lobe.kind.startswith("FIBRE"):
+            total += share * np.array(lobe.factors[0].value)
+    assert np.isfinite(total).all() and (total >= 0).all()
+    return total
 
 
 def test_hair_shaders_on_faces_are_told(scene):  # noqa: F811
@@ -225,16 +248,20 @@ def test_hair_shaders_on_faces_are_told(scene):  # noqa: F811
     assert plane.name in told and "Fur" not in told
 
 
-def test_hair_of_any_colour_sends_no_more_than_comes(scene):  # noqa: F811
+@pytest.mark.parametrize("model", ["CHIANG", "HUANG"])
+def test_hair_of_any_colour_sends_no_more_than_comes(scene, model):  # noqa: F811
     thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)])
     shader = Shader(shader="ShaderNodeBsdfHairPrincipled")
-    shader.shader.parametrization = "COLOR"
+    shader.shader.model, shader.shader.parametrization = model, "COLOR"
     thing.data.materials.append(shader.material)
     for color in ((1, 1, 1, 1), (0, 0.5, 2, 1), (np.nan, -1, 1e30, 1)):
         shader.shader.inputs["Color"].default_value = color
-        found = [x for x in export().scene.materials[-1].lobes if x.kind != "AMBIENT"]
-        total = np.sum([x.factors[0].value for x in found], 0)
-        assert np.isfinite(total).all() and (total >= 0).all() and (total <= 1).all()
+        for ior in (1.0, 1.3, 1.55, 2.0, 4.0, 1000.0):
+            shader.shader.inputs["IOR"].default_value = ior
+            lobes = [x for x in export().scene.materials[-1].lobes if x.kind != "AMBIENT"]
+            assert (sent(lobes) <= 1).all()
+            (passed,) = [x.factors[0].value for x in lobes if x.kind == "TRANSPARENT"]
+            assert max(passed) <= 1
 
 
 def test_colours_that_are_not_finite_count_as_0_and_are_told(scene):  # noqa: F811

@@ -21,7 +21,17 @@ PAGE = Path(__file__).parents[2] / "docs/manual/materials.md"
 START = "<!-- nodes: kept by tests/blender/test_manual_nodes.py -->\n"
 END = "<!-- end of nodes -->"
 FAMILIES = (
-    ("Input", "approximated", "basic", "inputs", "objects", "rays", "strands", "tangents"),
+    (
+        "Input",
+        "approximated",
+        "basic",
+        "inputs",
+        "objects",
+        "rays",
+        "strands",
+        "tangents",
+        "volume",
+    ),
     ("Texture", "atmosphere", "ies", "noise", "patterns", "sky", "voronoi"),
     ("Color and Converter", "colors", "math", "spectra"),
     ("Vector", "normals", "vectors"),

@@ -13,23 +13,56 @@ PROGRAM = (
     + """
 from types import SimpleNamespace
 
-from glint.addon.ui import panels
+import blf
+from glint.addon.ui import panel as panel_base, panels
+from glint.addon.ui.panel import _NAMES
+
+# a program without windows has no width
+panel_base.draw_text = lambda layout, lines, *rest, **look: [layout.label(text=line) for line in lines]
+blf.size(0, 12)
+cut, drawn_panels = {}, set()
 
 class Layout:
-    \"\"\"Writes down what is drawn.\"\"\"
+    \"\"\"Writes down what is drawn, and what Blender would cut where the editor is 275 pixels wide.\"\"\"
     use_property_decorate = True
-    def __init__(self):
-        self.drawn = []
-    def prop(self, owner, name, **options):
+    def __init__(self, share=0.4):
+        self.drawn, self.share = [], share
+    def prop(self, owner, name, text=None, **options):
         getattr(owner, name)
         self.drawn.append([name, self.use_property_decorate])
+        if not hasattr(owner, "bl_rna"):
+            return
+        known = owner.bl_rna.properties[name]
+        self.shown(known.name if text is None else text, known.type == "BOOLEAN")
+    def shown(self, text, is_switch=False):
+        # 213 pixels between a panel's edges, less the margin, a switch's box, a dot's place
+        width = 213 - (18 if self.use_property_decorate else 0)
+        room = width * (0.6 if is_switch else self.share) - (20 if is_switch else 2)
+        if blf.dimensions(0, text)[0] > room:
+            cut[text] = [blf.dimensions(0, text)[0], room]
+    def split(self, factor):
+        inner = Layout(factor)
+        inner.drawn, inner.use_property_decorate = self.drawn, False
+        return inner
+    def prop_search(self, owner, name, *rest, text="", **options):
+        self.drawn.append([name, False])
+        self.shown(text)
+    def operator(self, name, **options):
+        return SimpleNamespace()
+    def template_curve_mapping(self, *given):
+        pass
+    template_preview = template_curve_mapping
     def template_node_view(self, tree, node, socket):
         self.drawn.append([socket.name, False])
     def label(self, text="", **options):
-        self.drawn.append([text, False])
+        if self.share == _NAMES:
+            self.shown(text)
+        else:
+            self.drawn.append([text, False])
     def separator(self):
         pass
-    def column(self, **options):
+    def column(self, heading="", **options):
+        self.shown(heading)
         return self
     row = column
 
@@ -56,7 +89,9 @@ scene = bpy.context.scene
 scene.render.engine = "GLINT"
 light = bpy.data.lights["Light"]
 light.use_nodes = True
-context = SimpleNamespace(scene=scene, engine="GLINT", view_layer=bpy.context.view_layer, light=light,
+camera = scene.camera.data
+camera.type = "PANO"
+context = SimpleNamespace(scene=scene, camera=camera, engine="GLINT", view_layer=bpy.context.view_layer, light=light,
                           material=bpy.data.materials["Material"], world=scene.world,
                           object=bpy.data.objects["Cube"])
 lines = {}
@@ -84,8 +119,8 @@ def vector(on):
     layer.use_pass_vector = scene.render.use_motion_blur = on
 
 why = {
-    "none": [text for panel in (panels.GLINT_RENDER_PT_sampling, panels.GLINT_RENDER_PT_sampling_final,
-                                panels.GLINT_RENDER_PT_performance, panels.GLINT_VIEWLAYER_PT_passes)
+    "none": [text for panel in (panels.GLINT_RENDER_PT_sampling, panels.GLINT_RENDER_PT_light_paths, panels.GLINT_RENDER_PT_sampling_final,
+                                panels.GLINT_RENDER_PT_performance, panels.view_layer_panels.GLINT_VIEWLAYER_PT_data)
              for text, _ in offered(panel, context) if " " in text],
     "classic": reasons(panels.GLINT_RENDER_PT_sampling, lambda: setattr(final, "illumination", "CLASSIC"),
                        lambda: setattr(final, "illumination", "PHYSICAL")),
@@ -93,23 +128,44 @@ why = {
                       lambda: setattr(scene.glint, "target", "NONE")),
     "python": reasons(panels.GLINT_RENDER_PT_performance, lambda: setattr(final, "backend", "NUMPY"),
                       lambda: setattr(final, "backend", "NATIVE")),
-    "vector": reasons(panels.GLINT_VIEWLAYER_PT_passes, lambda: vector(True), lambda: vector(False)),
+    "bounces": reasons(panels.GLINT_RENDER_PT_light_paths, lambda: setattr(final, "max_bounces", 0),
+                       lambda: setattr(final, "max_bounces", 12)),
+    "vector": reasons(panels.view_layer_panels.GLINT_VIEWLAYER_PT_data, lambda: vector(True), lambda: vector(False)),
 }
+bpy.context.view_layer.use_pass_ambient_occlusion = True
+ours = [panel for panel in panels._CLASSES if issubclass(panel, panel_base.EnginePanel)
+        and panel.draw.__module__.startswith("glint") and panel is not panels.GLINT_RENDER_PT_statistics]
+owner = camera if hasattr(camera, "panorama_type") else camera.cycles
+panoramas = {}
+for kind in owner.bl_rna.properties["panorama_type"].enum_items.keys():
+    owner.panorama_type = kind
+    panoramas[kind] = len(offered(panels.data_panels.GLINT_CAMERA_PT_panorama, context))
+for kind in ("SUN", "SPOT", "AREA", "POINT"):
+    light.type = kind
+    context.light = bpy.data.lights["Light"]
+    for panel in ours:
+        if panel.__name__ == "GLINT_LIGHT_PT_beam_shape" and kind in ("POINT", "SUN"):
+            continue
+        offered(panel, context)
+        drawn_panels.add(panel.__name__)
 answer({
+    "panoramas": panoramas, "spherical": scene.render.use_spherical_stereo, "cut": cut, "drawn": sorted(drawn_panels),
     "why": why,
     "render": roots("render"),
     "view layer": roots("view_layer"),
-    "override": offered(panels.GLINT_VIEWLAYER_PT_override, context),
+    "override": offered(panels.view_layer_panels.GLINT_VIEWLAYER_PT_override, context),
     "simplify": offered(panels.GLINT_RENDER_PT_simplify_render, context),
-    "light": offered(panels.GLINT_LIGHT_PT_light, context),
-    "material": offered(panels.GLINT_MATERIAL_PT_settings,
+    "light": offered(panels.data_panels.GLINT_LIGHT_PT_light, context),
+    "material": offered(panels.data_panels.GLINT_MATERIAL_PT_settings,
                         SimpleNamespace(material=bpy.data.materials["Material"])),
+    "material surface": offered(panels.data_panels.GLINT_MATERIAL_PT_settings_surface,
+                                SimpleNamespace(material=bpy.data.materials["Material"])),
     "lighting": offered(panels.GLINT_VIEW3D_PT_shading_lighting, SimpleNamespace(space_data=SimpleNamespace(shading=SimpleNamespace(
         use_scene_lights_render=True, use_scene_world_render=True)))),
     "pass": offered(panels.GLINT_VIEW3D_PT_shading_render_pass, context),
     "tabs": {tab: all_of(tab) for tab in ("data", "material", "world")},
-    "light nodes": offered(panels.GLINT_LIGHT_PT_nodes, context),
-    "world rays": offered(panels.GLINT_WORLD_PT_ray_visibility, context),
+    "light nodes": offered(panels.data_panels.GLINT_LIGHT_PT_nodes, context),
+    "world rays": offered(panels.data_panels.GLINT_WORLD_PT_ray_visibility, context),
     "lines": lines,
     "names": {name: prop.name for name, prop in properties.items()},
     "tracers": {item.identifier: item.name for item in properties["backend"].enum_items},
@@ -128,7 +184,8 @@ def told(tmp_path_factory):
 
 
 def test_panels_stand_in_the_order_of_cycles(told):
-    own = ["Sampling", "Simplify", "Motion Blur", "Film", "Performance", "Statistics"]
+    own = ["Sampling", "Light Paths", "Volumes", "Curves", "Simplify", "Motion Blur", "Film"]
+    own += ["Performance", "Statistics"]
     assert told["render"] == [*own, "Grease Pencil", "Freestyle", "Color Management"]
     assert [
         label
@@ -148,10 +205,12 @@ def test_what_works_is_offered(told):
         ["simplify_subdivision_render", False],
         ["simplify_child_particles_render", False],
     ]
-    assert told["material"] == [
-        ["pass_index", True],
-        ["displacement_method", True],
-        ["use_transparent_shadow", True],
+    assert told["material"] == [["pass_index", False]]
+    assert [name for name, _ in told["material surface"]] == [
+        "displacement_method",
+        "use_transparent_shadow",
+        "use_bump_map_correction",
+        "Correction is always on in Glint",
     ]
     assert told["lighting"] == [["use_scene_lights_render", True], ["use_scene_world_render", True]]
     assert [name for name, _ in told["pass"]] == ["viewport_pass"]
@@ -160,9 +219,9 @@ def test_what_works_is_offered(told):
 def test_what_is_read_can_be_set(told):
     """The lens, a light's nodes, volumes, bumps, mist, indices and what sees the world."""
     assert {"Depth of Field", "Aperture", "Nodes"} <= set(told["tabs"]["data"])
-    material = {"Surface", "Volume", "Volume Steps", "Displacement", "Settings"}
+    material = {"Surface", "Volume", "Displacement", "Settings"}
     assert material <= set(told["tabs"]["material"])
-    world = {"Surface", "Volume", "Volume Steps", "Mist Pass", "Ray Visibility"}
+    world = {"Surface", "Volume", "Mist Pass", "Ray Visibility", "Settings", "Light Group"}
     assert world <= set(told["tabs"]["world"])
     assert told["light nodes"] == [["Surface", False]]
     assert [name for name, _ in told["world rays"]] == [
@@ -170,7 +229,23 @@ def test_what_is_read_can_be_set(told):
         "diffuse",
         "glossy",
         "transmission",
+        "scatter",
+        "Glint's volumes see what surfaces do",
     ]
+
+
+def test_each_panorama_has_its_settings(told):
+    panoramas = told["panoramas"]
+    kinds = {"EQUIRECTANGULAR": 5, "FISHEYE_EQUISOLID": 3, "FISHEYE_LENS_POLYNOMIAL": 7}
+    assert kinds.items() <= panoramas.items()
+    assert told["spherical"], "Blender's panel shows no Spherical Stereo"
+    without_settings = {kind for kind, count in panoramas.items() if count == 1}
+    assert without_settings <= {"MIRRORBALL", "EQUIANGULAR_CUBEMAP_FACE"}
+
+
+def test_no_name_is_cut_where_the_editor_is_as_wide_as_at_first(told):
+    assert len(told["drawn"]) > 30
+    assert told["cut"] == {}
 
 
 def test_light_settings_have_dots_for_keyframes(told):
@@ -192,6 +267,7 @@ def test_what_is_grey_says_why(told):
     assert "Classic illumination has none of these" in why["classic"]
     assert "Quality Target finds the first three" in why["target"]
     assert "Of the native tracer alone" in why["python"]
+    assert "Rough Reflections need Bounces of Render" in why["bounces"]
     assert "Vector is empty with Motion Blur" in why["vector"]
 
 

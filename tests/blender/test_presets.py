@@ -2,9 +2,13 @@
 in the order of their names.
 """
 
+from pathlib import Path
+
 import pytest
 
 from blender_process import REGISTER_TREE, Blender
+
+SETTINGS = (Path(__file__).parents[2] / "docs/manual/settings.md").read_text()
 
 PROGRAM = (
     REGISTER_TREE
@@ -54,7 +58,8 @@ bpy.ops.ed.undo_push(message="after")
 bpy.ops.ed.undo()
 undone = bpy.context.scene.glint.final.illumination
 scene = bpy.context.scene
-answer({"told": told, "offered": offered, "errors": errors, "undone": undone,
+answer({"names": [sorted(presets.NAMES), sorted(NAMES)], "told": told,
+        "offered": offered, "errors": errors, "undone": undone,
         "viewport": untouched == [getattr(scene.glint.viewport, n) for n in NAMES]})
 """
 )
@@ -75,6 +80,22 @@ def test_a_preset_leaves_nothing_of_before(got):
         assert told["settings"]["illumination"] == ("CLASSIC" if name == "TEXTBOOK" else "PHYSICAL")
     assert got["told"]["FINAL"]["settings"] == pytest.approx(got["offered"])
     assert got["viewport"] and got["undone"] == "PHYSICAL"
+    set_ones, all_but_the_machines = got["names"]
+    assert set_ones == all_but_the_machines
+
+
+def test_exact_is_as_fine_as_the_manual_says(got):
+    """Its error is bounded by its samples alone: it shares the points of Final."""
+    exact, final = (got["told"][name]["settings"] for name in ("EXACT", "FINAL"))
+    assert exact["samples"] >= 4 * final["samples"]
+    row = next(line for line in SETTINGS.splitlines() if line.startswith("| Exact |"))
+    for words in (
+        "{samples} samples",
+        "Light Samples {light_samples},",
+        "{diffuse_bounces} Diffuse",
+    ):
+        assert words.format(**exact) in row
+    assert f"{exact['max_bounces']} Bounces" in row
 
 
 def test_their_pictures_are_in_the_order_of_their_names(got):

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from glint.addon.export.materials.graph import Place
+from glint.addon.export.materials.graph import SHADER_FOR_VALUE, Place
 from glint.addon.export.shader_nodes import TreeReader
 from glint.addon.export.shader_nodes.reader import CIRCLE, NOT_FINITE
 from glint.engine.program.graph import Graph, Value
@@ -158,6 +158,14 @@ def test_a_link_to_a_socket_that_the_settings_hide_is_no_circle(tree):
     node.operation = "ABSOLUTE"
     assert tree.read("Roughness").constant == (0.25,)
     assert tree.notes == []
+
+
+def test_a_shader_where_a_value_is_wanted_counts_for_nothing_and_is_told(tree):
+    tree.shader.inputs["Roughness"].default_value = 0.25
+    glows = tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(glows.outputs[0], tree.shader.inputs["Roughness"])
+    assert tree.read("Roughness").constant == (0.25,)
+    assert tree.notes == [SHADER_FOR_VALUE.format("Diffuse BSDF", "{}")]
 
 
 def test_three_hundred_nested_groups(tree):

@@ -93,7 +93,7 @@ switched = bpy.ops.glint.switch_to_glint()
 final, viewport = scene.glint.final, scene.glint.viewport
 carried = [final.samples, final.error_threshold, final.max_bounces, final.diffuse_bounces,
            viewport.samples, viewport.error_threshold, viewport.max_bounces, scene.render.engine]
-told = [text for text, _ in rows("DIFFERENT")]
+told = [text for text, _ in rows("DIFFERENT") + rows("UNLIKE")]
 kept = before == everything()
 poll = bpy.ops.glint.switch_to_glint.poll()
 back = bpy.ops.glint.switch_back()
@@ -205,7 +205,7 @@ cube.visible_glossy = False
 before = everything()
 bpy.ops.glint.switch_to_glint()
 final, viewport = scene.glint.final, scene.glint.viewport
-told = rows("DIFFERENT")
+told = rows("DIFFERENT") + rows("UNLIKE")
 bpy.ops.glint.switch_back()
 answer([[final.samples, viewport.samples, final.diffuse_bounces], told, scene.render.engine == EEVEE, before == everything()])
 """,  # noqa: E501 - a script for another Blender
@@ -269,5 +269,32 @@ answer([before, during, shown()])
     before, during, plain = got
     assert before == [["glint.switch_to_glint", ""]] and plain == []
     assert during[:2] == [["glint.switch_back", "Back to Cycles"], ["glint.compare_cycles", ""]]
+    assert during[2] == ["glint.list_changed", ""]
     assert ["label", "Looks Different"] in during and ["label", "Taken Over"] in during
     assert ["glint.select_changed", ""] in during
+
+
+def test_the_list_is_made_again_after_edits(tmp_path):
+    first, stale, again, settings = answer_of(
+        tmp_path,
+        """
+scene.cycles.use_fast_gi = True
+cube.visible_diffuse = False
+bpy.ops.glint.switch_to_glint()
+def told():
+    return [text for text, _ in rows("DIFFERENT")]
+def of_settings():
+    return [rows(kind) for kind in ("UNLIKE", "CARRIED", "KEPT")]
+first, before = told(), of_settings()
+cube.visible_diffuse = True
+cube.visible_transmission = False
+stale = told()
+bpy.ops.glint.list_changed()
+answer([first, stale, told(), before == of_settings() and len(before[0]) > 0])
+""",
+    )
+    matt, refracted = "Matt surfaces see", "Refracted rays see"
+    assert any(text.startswith(matt) for text in first) and stale == first
+    assert not any(text.startswith(matt) for text in again)
+    assert any(text.startswith(refracted) for text in again)
+    assert settings

@@ -140,7 +140,7 @@ def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher)
     told = statistics.of_views(bpy.context.scene.name)
     assert told == () and "warning" not in watcher.told[-1]
     odd = Shader("Odd")
-    odd.link(odd.node("ShaderNodeVolumeInfo"), "Color", odd.shader, "Color")
+    odd.link(odd.node("ShaderNodeSqueeze"), "Value", odd.shader, "Color")
     watcher.edit(lambda: None)
     [note] = statistics.of_views(bpy.context.scene.name)
     assert "'Odd'" in note and watcher.told[-1].endswith(

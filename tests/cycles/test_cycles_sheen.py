@@ -10,7 +10,7 @@ import pytest
 import cycles_reference as cycles
 from cycles_reference import bpy
 from glint_picture import render_glint
-from small_scenes import add, add_camera, ball, new_material
+from small_scenes import add, add_camera, add_light, ball, new_material
 
 SIDE = 48
 BASE, TINT = (0.6, 0.2, 0.4), (0.3, 1.0, 0.5)
@@ -104,3 +104,27 @@ def test_cloth_under_a_sun_is_as_in_cycles(
         off = np.abs(glint - reference)[lit]
         assert off.max() < most * reference[lit].max() + 0.005, angle
         assert off.mean() < mean * reference[lit].max()
+
+
+@pytest.mark.parametrize("name", ["Coat Weight", "Sheen Weight"])
+def test_layers_weigh_more_than_one_where_a_node_says_so(name: str) -> None:
+    """A ball under a sun, by the weight of its layer: at 40 nothing is left of what lies below."""
+    scene = cycles.empty_scene(24, 24)
+    material, tree, output = new_material("layered")
+    paint, weight = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeValue")
+    inputs = {"Specular IOR Level": 0.0, "Coat Roughness": 0.4, "Base Color": (*BASE, 1.0)}
+    for socket, value in inputs.items():
+        paint.inputs[socket].default_value = value
+    tree.links.new(paint.outputs[0], output.inputs["Surface"])
+    tree.links.new(weight.outputs[0], paint.inputs[name])
+    add(scene, "ball", ball(48, 32, material=material))
+    add_camera(scene, (0, -3, 0), (0, 0, 0))
+    add_light(scene, "SUN", (1, -3, 1), energy=3.0)
+    seen = []
+    for number, most in ((1.0, 0.005), (1.5, 0.005), (40.0, 0.03)):
+        weight.outputs[0].default_value = number
+        reference = cycles.render_cycles(scene)["Combined"][..., :3].mean()
+        glint = render_glint(scene, "NATIVE").combined[..., :3].mean()
+        assert glint == pytest.approx(reference, rel=most)
+        seen.append(reference)
+    assert abs(seen[1] / seen[0] - 1) > 0.005 and seen[2] > 1.5 * seen[1]

@@ -77,6 +77,19 @@ def arguments_of(operation: Operation, random: np.random.Generator, count: int) 
     ]
 
 
+def untied(operation: Operation, arguments: list, settings: dict[str, Any]) -> list[np.ndarray]:
+    """The arguments, but none that bring a Voronoi Texture to the origin of four dimensions where
+    Jenkins' hashes scatter it: cells whose coordinates are the same numbers in another order are
+    mirror images there, and tie.
+    """
+    if not settings.get("cell_hash") or settings["dimensions"] < 4:
+        return arguments
+    return [
+        np.where(np.abs(x) < 1e-9, 0.7, x) if name in ("scale", "lacunarity") else x
+        for (name, _), x in zip(operation.arguments, arguments, strict=True)
+    ]
+
+
 def settings_of(operation: Operation) -> list[dict[str, Any]]:
     """Every combination of an operation's settings; of long ranges the first four and the last."""
     choices = [

@@ -10,7 +10,7 @@ import pytest
 
 from glint.engine.program.table import OPERATIONS
 from native_tools import needs_core
-from program_tools import arguments_of, by_core, by_reference, settings_of
+from program_tools import arguments_of, by_core, by_reference, settings_of, untied
 
 PURE = [operation for operation in OPERATIONS if not operation.reads_point]
 CASES = [
@@ -26,6 +26,7 @@ COUNT = 203
 @pytest.mark.parametrize(("operation", "settings"), CASES)
 def test_core_is_reference(operation, settings):
     arguments = arguments_of(operation, np.random.default_rng(7), COUNT)
+    arguments = untied(operation, arguments, settings)
     expected = by_reference(operation, arguments, settings)
     for found, wanted in zip(by_core(operation, arguments, settings), expected, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12, equal_nan=True)

@@ -72,6 +72,32 @@ def colors(scene, backend: str = "NATIVE", **settings) -> np.ndarray:
     return picture[..., :3]
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("varies", [False, True])
+@pytest.mark.parametrize(("number", "factor"), [(NAN, 0.0), (INF, 1.0), (-INF, 0.0)])
+def test_numbers_of_nodes_that_no_float_holds(number, factor, varies, backend):
+    """Blender cuts infinity to the largest float: times 1e30 it is beyond those. What mixes colours
+    is kept between 0 and 1.
+    """
+    scene = floor_scene()
+    tree, diffuse = diffuse_of(scene)
+    huge, mix = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMixRGB")
+    huge.operation = "MULTIPLY_ADD"
+    huge.inputs[0].default_value, huge.inputs[1].default_value = number, 1e30
+    if varies:
+        place = tree.nodes.new("ShaderNodeNewGeometry")
+        tree.links.new(place.outputs["Backfacing"], huge.inputs[2])
+    else:
+        huge.inputs[2].default_value = 0.0
+    mix.inputs["Color1"].default_value = (0.5, 0.25, 0.125, 1.0)
+    mix.inputs["Color2"].default_value = (0.25, 0.5, 0.75, 1.0)
+    tree.links.new(huge.outputs[0], mix.inputs[0])
+    tree.links.new(mix.outputs[0], diffuse.inputs["Color"])
+    wanted = (0.25, 0.5, 0.75) if factor else (0.5, 0.25, 0.125)
+    assert np.abs(colors(scene, backend) - wanted).max() < 1e-6
+    assert sum("not finite" in note for note in notes()) == int(np.isnan(number))
+
+
 @pytest.mark.parametrize("bad", [NAN, INF, -INF])
 def test_a_transform_that_is_no_place(bad):
     clean = render_glint(extreme.still_life(), "NATIVE").combined

@@ -101,6 +101,8 @@ def test_preview_icons_are_glints_and_disturb_no_render(blender):
     done = run_in_window(blender, "previews.py", timeout=300)
     told = done.run.answer
     mean = {name: value["mean"] for name, value in told.items() if isinstance(value, dict)}
+    seconds = {name: round(told[name]["seconds"], 2) for name in mean}
+    sys.stdout.write(f"seconds of each icon: {seconds}\n")
     assert mean.keys() == {"red", "glass", "noise", "world", "lamp", "texture"}
     for name in mean:
         assert told[name]["spread"] > 0.01, f"{name} is of one colour"

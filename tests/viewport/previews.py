@@ -4,6 +4,7 @@ window, some of them while a picture is rendered.
 
 import pathlib
 import sys
+import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 
@@ -67,11 +68,14 @@ def pixels(thing):
 
 
 def icon(name, thing):
+    start = time.monotonic()
     make(thing)
     yield lambda: pixels(thing).any()
+    seconds = time.monotonic() - start
     yield 0.3
     icons[name] = pixels(thing)
     results[name] = {
+        "seconds": seconds,
         "mean": icons[name].mean((0, 1)).tolist(),
         "spread": float(icons[name][..., :3].std()),
     }

@@ -74,6 +74,9 @@ class LobeKey:
 
 Closure = dict[LobeKey, Sum]
 
+PASSED = "PASSED"
+"""Kind of what rays to lights alone pass (`materials.passed_by_light`)."""
+
 COLOR_NODES: dict[str, Callable[[NodeView, Any], Sum | None]] = {}
 """bl_idname -> function of the node and its output socket; None where a sum cannot say it."""
 VECTOR_NODES: dict[str, Callable[[NodeView, Any], Coordinates | None]] = {}
@@ -165,6 +168,17 @@ class Evaluator:
     def converted(self, place: Place) -> Sum:
         """What a socket gets, of the socket's own type as Blender converts it."""
         return self.expressions.sum_of(self._trees.value(place))
+
+    def grid(self, name: str) -> Value | None:
+        """What the grid of this name is inside of a Volume object; None where there is none."""
+        read = getattr(self._trees, "grid", None)
+        return read(name) if read is not None else None
+
+    def thinned(self) -> Sum | None:
+        """How much thinner a Volume object is for its size; None for what is not."""
+        read = getattr(self._trees, "thinned", None)
+        found = read() if read is not None else None
+        return self.expressions.sum_of(found) if found is not None else None
 
     def coordinates(self, place: Place) -> Coordinates | None:
         """What feeds a texture's vector; None when it is not affine in a UV map."""

@@ -9,9 +9,13 @@ import operator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ....engine.program.graph import Value
 from ....engine.program.table import BY_NAME
 from ....engine.scene import LOBES, Lobe, Material, Medium, Texture
+from ..geometry.meshes import MeshSource
+from ..geometry.volumes import Volume
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
@@ -22,6 +26,7 @@ from .aovs import Aov, aov_material
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
 from .evaluator import (
     NOT_FINITE,
+    PASSED,
     Closure,
     Evaluator,
     LobeKey,
@@ -34,7 +39,7 @@ from .expressions import Expressions
 from .graph import Place, images_behind, output_of, read_tree, socket_named
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
-from .nodes_volume import STEP, VOLUMES, medium_of
+from .nodes_volume import STEP, VOLUMES, default_volume, medium_of, medium_of_closure
 from .terms import ZERO, Sum, add, complement, constant, constant_value, factors_of, multiply
 from .varying import Ior, Roughness
 from .wanted import Wanted, read_by
@@ -50,6 +55,7 @@ class Materials:
         self._indices: dict[int, int] = {}
         self._wanted: list[Wanted] = []
         self._displacements: list[Displacement | None] = []
+        self._surfaces: dict[int, MeshSource | None] = {}  # of Volume objects, by their materials
 
     def index(self, material: Any) -> int:
         """Index of an evaluated Blender material; of Blender's default surface for None."""
@@ -69,6 +75,21 @@ class Materials:
             self._wanted.append(wanted_by(compiled) | wanted_objects(moves))
             self._displacements.append(moves)
         return self._indices[key]
+
+    def volume(self, material: Any, volume: Volume) -> tuple[int, MeshSource | None]:
+        """Index of an evaluated Blender material, None for none, as a Volume object wears it, and
+        what surrounds all that is in it.
+        """
+        key = (material.as_pointer() if material is not None else 0, volume.key)
+        if key not in self._indices:
+            number = self._indices[key] = len(self.materials)
+            compiled, self._surfaces[number] = compile_volume(
+                material, volume, self.images, self.report
+            )
+            self.materials.append(compiled)
+            self._wanted.append(wanted_by(compiled))
+            self._displacements.append(None)
+        return self._indices[key], self._surfaces[self._indices[key]]
 
     def wanted(self, indices: tuple[int, ...]) -> Wanted:
         """What the materials with these indices read from a mesh."""
@@ -108,8 +129,10 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     )
     normal = evaluator.normal(closure)
     note_material(material, LobeKey("TRANSPARENT") in closure, normal >= 0, report)
+    passed = passed_by_light(closure, evaluator)
+    closure = {key: terms for key, terms in closure.items() if key.kind != PASSED}
     if getattr(material, "use_transparent_shadow", True):
-        closure = passed_by_light(closure, evaluator)
+        closure = add_closures(closure, passed)
     lobes = lobes_of(evaluator.settled(without_normals(closure)))
     medium = _inside(tree, material, images, report)
     return evaluator.expressions.with_program(
@@ -117,18 +140,50 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     )
 
 
+def compile_volume(
+    material: Any, volume: Volume, images: Images, report: Report
+) -> tuple[Material, MeshSource | None]:
+    """What fills a Volume object, which has no surface of its own, and what surrounds it; None
+    where nothing does. material: None for none.
+    """
+    name = material.name if material is not None else "default_volume"
+    number = material.pass_index if material is not None else 0
+    reader = functools.partial(VolumeReader, material_index=number, volume=volume)
+    evaluator = Evaluator(name, images, report, reader)
+    if material is None:
+        closure = default_volume(evaluator)
+    else:
+        tree = read_tree(material).tree
+        output = output_of(tree) if tree is not None else None
+        place = Place(socket_named(output.inputs, "Volume")) if output is not None else None
+        closure = {}
+        if place is not None and place.socket.is_linked:
+            images.expect(images_behind(place))
+            closure = evaluator.closure(place)
+    medium = medium_of_closure(closure, evaluator, STEP)
+    surface = volume.surface(medium.emits) if medium is not None else None
+    if surface is not None and medium.program is not None:
+        sides = np.ptp(surface.mesh.vertices.astype(np.float64), 0).mean()
+        rate = getattr(getattr(material, "cycles", None), "volume_step_rate", 1.0)
+        step = volume.step_size or volume.voxel()
+        medium = replace(medium, step=max(float(step / sides) * rate, 1e-6))
+    lobes = lobes_of({LobeKey("TRANSPARENT"): constant(1.0)})
+    return Material(name, lobes, number, medium=medium), surface
+
+
 def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
-    """Light passes glass straight on: what refracts is transparent to rays towards lights.
+    """Light passes glass straight on: what refracts is transparent to rays towards lights; and so
+    does what hair lets through to strands behind.
 
     A pane lets through what it does in the world; of the light that a body bends, caustics, as much
     arrives on average.
     """
     passed: Sum = ZERO
     for key, terms in closure.items():
-        if key.kind == "REFRACTION":
+        if key.kind in ("REFRACTION", PASSED):
             share = evaluator.expressions.sum_of(_passing(key, evaluator.expressions))
             passed = add(passed, multiply(evaluator.limited(terms), share))
-    return add_closures(closure, {LobeKey("TRANSPARENT"): passed}) if passed else closure
+    return {LobeKey("TRANSPARENT"): passed} if passed else {}
 
 
 def _passing(key: LobeKey, expressions: Expressions) -> Value:

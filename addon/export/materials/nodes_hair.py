@@ -7,6 +7,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.table import BY_NAME
 from ..shader_nodes.reader import FIBRE
-from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures
+from .evaluator import CLOSURE_NODES, PASSED, Closure, LobeKey, NodeView, add_closures
 from .fresnel import mean_across_fibre
-from .terms import RGB, Sum, complement, constant, constant_value, is_constant, multiply, scale
+from .terms import RGB, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
 
 _EUMELANIN, _PHEOMELANIN = (0.506, 0.841, 1.653), (0.343, 0.733, 1.924)
 """What melanin absorbs, a fibre's radius (Donner and Jensen 2006)."""
@@ -24,16 +25,39 @@ _SMOOTHEST = 0.02
 """Of highlights along a strand."""
 _ACROSS = 1.85
 """Radii that light goes within a fibre of an index of about 1.5, on average over its width."""
-PASSED = 0.55
-"""Of the light that enters a fibre the share that is seen to leave it, behind. What other strands
-make of the rest, the matt lobe stands for: nothing is traced from strand to strand.
+_FAN = 0.25
+"""How far light fans out that passes through a fibre, and that is reflected within
+(Lobe.masking).
 """
-_MASS = 0.6
-"""Power of the colour of a mass of hair that the light is as coloured as which comes back out of
-it: it met fewer strands. Of Cycles' light with 8 bounces on a ball of fur.
-"""
-_FAN = 0.12
-"""How far light fans out that passes through a fibre (Lobe.masking)."""
+_TAIL = 3.0
+"""Exponent of light that leaves a strand behind in all directions."""
+_BEFORE, _FORWARD = 0.7, 0.3
+"""Of what a fibre reflects the share before it, and the share that grazes it."""
+
+
+class _Mass(NamedTuple):
+    """What a mass of hair makes of light that goes from strand to strand. Of Cycles' light with 8
+    bounces on a ball of fur, from blond to black, seen from four sides.
+    """
+
+    within: float  # of what a fibre reflects, what leaves it before it after a way within
+    missing: float  # of what passes the clearest fibre, what does not go on straight
+    matt: float  # of clear hair, that which comes back out of it, and
+    broad: float  # which leaves it on the other side
+    onward: float  # what lights strands behind it
+
+
+_MASSES = {
+    "CHIANG": _Mass(2.0, 0.61, 0.17, 0.6, 1.0),
+    "HUANG": _Mass(1.2, 0.46, 0.03, 0.48, 0.82),
+}
+_MISSING_POWER, _MATT_POWER, _BROAD_POWER = 0.5, 0.7, 0.53
+"""Of the colour of a mass of hair: light that met fewer strands is less coloured."""
+_THROUGH = 0.5
+"""The same of what Hair BSDF lets through."""
+_ONWARD_ACROSS = 1.4 * _ACROSS
+_USUAL_ENTERS = 0.856
+"""Of an index of 1.55, for which the masses are."""
 _CAUCHY = np.array(
     [
         [0.02, 1637.0, 31.1, 0.22],
@@ -70,32 +94,49 @@ def _note_unused(view: NodeView, usual: dict[str, float]) -> None:
             view.note(f"'{name}' of {view.node.bl_label} is not rendered: {{}} go without it")
 
 
-def _fibre(view: NodeView, kind: str, color: Sum, **exponent) -> Closure:
-    """A FIBRE lobe, and what of even light it gives back."""
+def _fibre(view: NodeView, kind: str, color: Sum, even: float = 1.0, **exponent) -> Closure:
+    """A FIBRE lobe, and what of even light it gives back; even: what its shape does."""
+    key = LobeKey(f"FIBRE_{kind}", fibre_output=_tangent_output(view), **exponent)
+    return {key: color, LobeKey("AMBIENT"): scale(color, even)}
+
+
+def _tangent_output(view: NodeView) -> int:
     expressions = view.evaluator.expressions
     along = expressions.graph.apply(BY_NAME["attribute"], attribute=FIBRE, shift=0)[0]
     spaces = {"convert_from": Space.OBJECT, "convert_to": Space.WORLD}
     told = expressions.apply("transform_vector", along, vector_type=VectorType.VECTOR, **spaces)
-    key = LobeKey(f"FIBRE_{kind}", fibre_output=expressions.output(told), **exponent)
-    return {key: color, LobeKey("AMBIENT"): color}
+    return expressions.output(told)
+
+
+def _on_strands(view: NodeView, color: Sum) -> Sum:
+    """Nothing of what is no strand, which has no thickness."""
+    expressions = view.evaluator.expressions
+    thickness = expressions.graph.apply(BY_NAME["attribute"], attribute=FIBRE, shift=0)[1]
+    is_strand = expressions.math("GREATER_THAN", thickness, 0.0)
+    return multiply(color, expressions.sum_of(is_strand))
 
 
 def _principled_hair(view: NodeView) -> Closure:
     """Reflection R, transmission TT and the light TRT that is reflected within (Marschner et al.
-    2003), each as wide as Chiang et al. (2016) have it, and matt for all that is scattered on.
+    2003), each as wide as Chiang et al. (2016) have it; and for light from strand to strand what
+    goes on straight to strands behind (Zinke et al. 2008), what comes back, and what leaves the
+    strand behind in all directions.
     """
     unused = {"Radial Roughness": 0.3} if view.node.parametrization == "COLOR" else {}
     _note_unused(view, _UNUSED | unused)
     view.note(
-        "Light that goes from strand to strand is not traced: in {} a matt share stands for it"
+        "Light from strand to strand is not traced: in {} it goes straight on through strands, and "
+        "a matt share stands for the rest"
     )
+    model = view.node.model
+    mass = _MASSES.get(model, _MASSES["CHIANG"])
     roughness = view.roughness("Roughness", 0.3)
     edge = mean_across_fibre(max(view.constant("IOR", 1.55), 1.0))
     enters = (1 - edge) ** 2
-    absorbed = _absorbed(view)
-    back, through = _back(view, absorbed), _through(view, absorbed)
+    usual = min(enters / _USUAL_ENTERS, 1.0)
+    hair = _Hair(view)
     r, tt, trt = (
-        view.factor(name, 1.0) if view.input(name) and view.node.model == "HUANG" else constant(1.0)
+        view.factor(name, 1.0) if view.input(name) and model == "HUANG" else constant(1.0)
         for name in ("R lobe", "TT lobe", "TRT lobe")
     )
 
@@ -103,12 +144,23 @@ def _principled_hair(view: NodeView) -> Closure:
         wide = roughness.exponent(lambda x: 4 / (times * _variance(x)))
         return _fibre(view, kind, weight, **wide, **more)
 
-    within = multiply(through, through)
+    straight = complement(scale(hair.colored(_MISSING_POWER), mass.missing))
+    passed = add(
+        multiply(tt, scale(hair.dimmed(_ACROSS), enters), straight), scale(r, _FORWARD * edge)
+    )
+    within = multiply(trt, scale(hair.dimmed(2 * _ACROSS), mass.within * edge * usual))
+    back, through = (
+        scale(hair.colored(power), share * usual**2)
+        for power, share in ((_MATT_POWER, mass.matt), (_BROAD_POWER, mass.broad))
+    )
+    onward = multiply(tt, scale(hair.dimmed(_ONWARD_ACROSS), mass.onward * enters))
     return add_closures(
-        lobe("SPECULAR", scale(r, edge), 1.0),
-        lobe("TRANSMISSION", multiply(tt, scale(through, PASSED * enters)), 0.25, masking=_FAN),
-        lobe("SPECULAR", multiply(trt, scale(within, edge * enters)), 4.0),
-        _fibre(view, "DIFFUSE", scale(back, (1 - PASSED) * enters)),
+        lobe("SPECULAR", scale(r, _BEFORE * edge), 1.0),
+        lobe("TRANSMISSION", passed, 0.25, masking=_FAN),
+        lobe("SPECULAR", within, 4.0, even=0.77, masking=_FAN),
+        _fibre(view, "DIFFUSE", back),
+        _fibre(view, "TRANSMISSION", through, even=0.53, exponent=_TAIL),
+        {LobeKey(PASSED): _on_strands(view, onward)},
     )
 
 
@@ -126,59 +178,57 @@ def _spread(view: NodeView) -> float:
     )
 
 
-def _absorbed(view: NodeView) -> RGB | None:
-    """What fibres absorb a radius; None where their colour tells."""
-    how = view.node.parametrization
-    if how == "COLOR":
-        return None
-    if how == "ABSORPTION":
-        return _constant_vector(view, "Absorption Coefficient", 0.0)
-    tint = _constant_vector(view, "Tint", 1.0)
-    dyed = ((math.log(min(max(x, 1e-5), 1.0)) / _spread(view)) ** 2 for x in tint)
-    return tuple(map(sum, zip(_melanin(view), dyed, strict=True)))
+class _Hair:
+    """What fibres of a Principled Hair node absorb, by its colour or by itself."""
 
+    def __init__(self, view: NodeView) -> None:
+        self._view, self._spread = view, _spread(view)
+        self._absorbed = None  # a radius, where it is not the colour that tells
+        how = view.node.parametrization
+        if how == "ABSORPTION":
+            self._absorbed = _constant_vector(view, "Absorption Coefficient", 0.0)
+        elif how != "COLOR":
+            tint = _constant_vector(view, "Tint", 1.0)
+            dyed = ((math.log(min(max(x, 1e-5), 1.0)) / self._spread) ** 2 for x in tint)
+            self._absorbed = tuple(map(sum, zip(_melanin(view), dyed, strict=True)))
 
-def _back(view: NodeView, absorbed: RGB | None) -> Sum:
-    """What comes back out of a mass of such hair."""
-    if absorbed is not None:
-        spread = _MASS * _spread(view)
-        return constant(tuple(math.exp(-math.sqrt(max(x, 0.0)) * spread) for x in absorbed))
-    return _of_color(
-        view,
-        lambda x: x**_MASS,
-        lambda do, x: do("POWER", x, _MASS),
-    )
+    def colored(self, power: float) -> Sum:
+        """A power of the colour of a mass of such hair."""
+        if self._absorbed is not None:
+            spread = power * self._spread
+            return constant(
+                tuple(math.exp(-math.sqrt(max(x, 0.0)) * spread) for x in self._absorbed)
+            )
+        return self._of_color(lambda x: x**power, lambda do, x: do("POWER", x, power))
 
+    def dimmed(self, radii: float) -> Sum:
+        """What of light is left after a way within."""
+        if self._absorbed is not None:
+            return constant(tuple(math.exp(-radii * max(x, 0.0)) for x in self._absorbed))
+        spread = self._spread
 
-def _through(view: NodeView, absorbed: RGB | None) -> Sum:
-    """What of light gets through a fibre."""
-    if absorbed is not None:
-        return constant(tuple(math.exp(-_ACROSS * max(x, 0.0)) for x in absorbed))
-    spread = _spread(view)
+        def varying(do: Callable[..., Value], x: Value) -> Value:
+            told = do("DIVIDE", do("LOGARITHM", x, math.e), spread)
+            return do("EXPONENT", do("MULTIPLY", do("MULTIPLY", told, told), -radii))
 
-    def varying(do: Callable[..., Value], x: Value) -> Value:
-        told = do("DIVIDE", do("LOGARITHM", x, math.e), spread)
-        return do("EXPONENT", do("MULTIPLY", do("MULTIPLY", told, told), -_ACROSS))
+        return self._of_color(lambda x: math.exp(-radii * (math.log(x) / spread) ** 2), varying)
 
-    return _of_color(view, lambda x: math.exp(-_ACROSS * (math.log(x) / spread) ** 2), varying)
-
-
-def _of_color(
-    view: NodeView,
-    of: Callable[[float], float],
-    varying: Callable[[Callable[..., Value], Value], Value],
-) -> Sum:
-    """A function of each channel of the colour, kept from 1e-5 to 1; of: of one number.  varying:
-    the same of a program's value, of `Expressions.math`.
-    """
-    color = view.color("Color")
-    if is_constant(color):
-        return constant(tuple(of(min(max(x, 1e-5), 1.0)) for x in constant_value(color)))
-    expressions = view.evaluator.expressions
-    do = expressions.math
-    parts = expressions.parts(expressions.bounded(expressions.value_of(color), 1e-5, 1.0))
-    parts = [varying(do, x) for x in parts]
-    return expressions.sum_of(expressions.apply("combine_xyz", *parts))
+    def _of_color(
+        self,
+        of: Callable[[float], float],
+        varying: Callable[[Callable[..., Value], Value], Value],
+    ) -> Sum:
+        """A function of each channel of the colour, kept from 1e-5 to 1; of: of one number.
+        varying: the same of a program's value, of `Expressions.math`.
+        """
+        color = self._view.color("Color")
+        if is_constant(color):
+            return constant(tuple(of(min(max(x, 1e-5), 1.0)) for x in constant_value(color)))
+        expressions = self._view.evaluator.expressions
+        do = expressions.math
+        parts = expressions.parts(expressions.bounded(expressions.value_of(color), 1e-5, 1.0))
+        parts = [varying(do, x) for x in parts]
+        return expressions.sum_of(expressions.apply("combine_xyz", *parts))
 
 
 def _constant_vector(view: NodeView, name: str, otherwise: float) -> RGB:
@@ -214,11 +264,13 @@ def _hair(view: NodeView) -> Closure:
         color = scale(color, min(math.sqrt(8 * math.pi / (2 * power + 0.5)) / (4 * across), 1.0))
     fan = {"masking": 1 / power}
     share = along.number(lambda r: _cauchy(r, 3))
+    passes = view.node.component == "Transmission"
     return add_closures(
+        {LobeKey(PASSED): _on_strands(view, scale(color, _THROUGH))} if passes else {},
         *(
             _fibre(view, kind, part, **fan, **along.exponent(functools.partial(_cauchy, column=n)))
             for n, part in ((1, multiply(color, complement(share))), (2, multiply(color, share)))
-        )
+        ),
     )
 
 

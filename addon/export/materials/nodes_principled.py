@@ -5,6 +5,7 @@ metal, glass, dielectric over diffuse.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .nodes_shader import (
@@ -87,27 +88,37 @@ def _root(view: NodeView, color: Sum) -> Sum:
 
 def _coated(view: NodeView, surface: Closure) -> Closure:
     """A dielectric coat: its reflection, and what lies below dimmed by it and tinted."""
-    weight = view.factor("Coat Weight")
+    weight, rest = _layer(view, "Coat Weight")
     if not weight:
         return surface
     ior = view.ior("Coat IOR")
     tint = view.reflectance("Coat Tint", 1.0)
     roughness = view.roughness("Coat Roughness", 0.03)
     lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior.number)))
-    through = multiply(complement(lost), mix(weight, ONE, tint))
+    through = multiply(rest(lost), mix(view.factor("Coat Weight"), ONE, tint))
     coat = coat_closure(weight, roughness, ior)
     return add_closures(scale_closure(surface, through), coat)
 
 
+def _layer(view: NodeView, name: str) -> tuple[Sum, Callable[[Sum], Sum]]:
+    """The weight of a layer, which is above 1 where what is linked says so, and what a share of it
+    leaves to what lies below.
+    """
+    weight = view.amount(name)
+    if weight == view.factor(name):
+        return weight, complement
+    return weight, lambda share: view.evaluator.clamped(complement(share), 0.0, math.inf)
+
+
 def _sheened(view: NodeView, surface: Closure) -> Closure:
     """Fibres on top, and what lies below without what these reflect in their strongest channel."""
-    weight = view.factor("Sheen Weight")
+    weight, rest = _layer(view, "Sheen Weight")
     if not weight:
         return surface
     tint = view.reflectance("Sheen Tint", 1.0)
     fibres = Fibres(view, view.roughness("Sheen Roughness"))
     return add_closures(
-        fibres.over(surface, multiply(weight, _largest(tint))),
+        scale_closure(surface, rest(multiply(weight, _largest(tint), fibres.share))),
         fibres.closure(multiply(weight, tint)),
     )
 

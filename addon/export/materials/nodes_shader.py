@@ -326,10 +326,6 @@ class Fibres:
         seen = multiply(color, self.share)
         return {lobe: seen, LobeKey("AMBIENT"): seen}
 
-    def over(self, surface: Closure, weight: Sum) -> Closure:
-        """What they leave to a surface, by the view."""
-        return scale_closure(surface, complement(multiply(weight, self.share)))
-
 
 def _rows_of(table: np.ndarray) -> tuple[float, ...]:
     """What a ramp reads."""

@@ -28,9 +28,14 @@ _BOLTZMANN = 5.670373e-8 * 1e-6 / math.pi
 
 def medium_of(place: Place, evaluator: Evaluator, step: float) -> Medium | None:
     """What a Volume socket gets; None for nothing. step: of one that varies."""
-    closure = {
-        k: v for k, v in evaluator.closure(place).items() if k.kind in (*VOLUMES, "EMISSION")
-    }
+    return medium_of_closure(evaluator.closure(place), evaluator, step)
+
+
+def medium_of_closure(given: Closure, evaluator: Evaluator, step: float) -> Medium | None:
+    closure = {k: v for k, v in given.items() if k.kind in (*VOLUMES, "EMISSION")}
+    thinned = evaluator.thinned()
+    if thinned is not None:
+        closure = {k: multiply(v, thinned) for k, v in closure.items()}
     if any(key.anisotropy_output >= 0 or not is_constant(v) for key, v in closure.items()):
         return _varying(closure, evaluator, step)
     absorption, emission = _BLACK, _BLACK
@@ -171,12 +176,8 @@ def _principled(view: NodeView) -> Closure:
     """Absorbs what it does not scatter, but for the share that the square root of the absorption's
     colour says.
     """
-    for name in ("Density Attribute", "Color Attribute", "Temperature Attribute"):
-        place = view.input(name)
-        usual = place is None or place.socket.default_value == _USUAL[name]
-        if not usual and place.socket.default_value:
-            view.note(f"The {name} of Principled Volume is not read: {{}} go without it")
-    color, density = view.reflectance("Color"), _density(view)
+    color = _times_grid(view, view.reflectance("Color"), "Color Attribute")
+    density = _times_grid(view, _density(view), "Density Attribute")
     less = _untinted(view, view.reflectance("Absorption Color"))
     dark = view.evaluator.clamped(complement(color), 0.0, math.inf)
     return add_closures(
@@ -208,13 +209,34 @@ _USUAL = {
 """What Principled Volume has of its own: meshes have no such attributes."""
 
 
+def _times_grid(view: NodeView, terms: Sum, name: str) -> Sum:
+    """Times the grid of a Volume object that an input names, at least 0, where there is one."""
+    place = view.input(name)
+    wanted = place.socket.default_value if place is not None else ""
+    grid = view.evaluator.grid(wanted) if wanted else None
+    if grid is not None:
+        expressions = view.evaluator.expressions
+        return multiply(terms, expressions.sum_of(expressions.bounded(grid, 0.0, math.inf)))
+    if wanted and wanted != _USUAL[name]:
+        view.note(f"The {name} of Principled Volume is not read: {{}} go without it")
+    return terms
+
+
+def default_volume(evaluator: Evaluator) -> Closure:
+    """What Volume objects without a material are made of, as in Cycles: Principled Volume."""
+    grid, expressions = evaluator.grid("density"), evaluator.expressions
+    half = multiply(constant(0.5), expressions.sum_of(grid) if grid is not None else constant(1.0))
+    return {LobeKey("SCATTERING"): half, LobeKey("ABSORPTION"): half}
+
+
 def _emission(view: NodeView) -> Sum:
     return view.amount("Emission Strength")
 
 
 def _glow(view: NodeView) -> Sum:
     """Of a black body."""
-    amounts, kelvins = view.number("Blackbody Intensity"), view.number("Temperature", 1000.0)
+    amounts = view.number("Blackbody Intensity")
+    kelvins = _times_grid(view, view.number("Temperature", 1000.0), "Temperature Attribute")
     if not (is_constant(amounts) and is_constant(kelvins)):
         return _varying_glow(view, amounts, kelvins)
     amount, kelvin = constant_value(amounts)[0], constant_value(kelvins)[0]

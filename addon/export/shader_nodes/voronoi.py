@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from ....engine.program.operations_voronoi import VoronoiFeature, VoronoiMetric
+import bpy
+
+from ....engine.program.operations_voronoi import CellHash, VoronoiFeature, VoronoiMetric
 from .reader import READERS, NodeInputs, Outputs, texture_vector
 
 _NUMBERS = {
@@ -15,6 +17,8 @@ _NUMBERS = {
     "Exponent": 0.5,
     "Randomness": 1.0,
 }
+_CELL_HASH = CellHash.PCG if bpy.app.version >= (5, 0, 0) else CellHash.JENKINS
+"""Patterns are those of the Blender that shows them."""
 
 
 def _voronoi(view: NodeInputs) -> Outputs:
@@ -34,6 +38,7 @@ def _voronoi(view: NodeInputs) -> Outputs:
         feature=VoronoiFeature[node.feature],
         metric=VoronoiMetric[node.distance],
         normalize=int(getattr(node, "normalize", False)),
+        cell_hash=_CELL_HASH,
     )
     return dict(zip(("Distance", "Color", "Position", "W", "Radius"), outputs, strict=True))
 

@@ -23,6 +23,7 @@ from ..export import Collector, _Lamp, _Placed, _world, is_displaced
 from ..geometry.meshes import MeshSource
 from ..geometry.shapes import export_points
 from ..geometry.strands import StrandSource, read_curves, read_hair
+from ..geometry.volumes import Volume
 from ..images.images import Images
 from ..instances import Census, Thing, walk
 from ..light_groups import LightGroups
@@ -31,6 +32,7 @@ from ..materials.graph import node_tree
 from ..materials.materials import (
     Materials,
     compile_material,
+    compile_volume,
     default_material,
     wanted_by,
     with_textures,
@@ -106,6 +108,7 @@ class _Compiled:
 
     tree: address of the material's own node tree, 0 without one.  in_memory: reads an image whose
     pixels only Blender has. displacement: how it moves vertices. report: of compiling it.
+    surface: round the Volume object that it is compiled for.
     """
 
     material: Material
@@ -115,6 +118,7 @@ class _Compiled:
     wanted: Wanted
     displacement: Displacement | None
     report: Report
+    surface: MeshSource | None = None
 
     def asks_as(self, other: _Compiled) -> bool:
         """Whether it reads the same of meshes, and moves them alike."""
@@ -126,7 +130,7 @@ class Store:
 
     def __init__(self) -> None:
         self.met: dict[tuple, dict[tuple, _Shape]] = {}
-        self.compiled: dict[int, _Compiled] = {}
+        self.compiled: dict[int | tuple, _Compiled] = {}
         self.pixels: dict[tuple, Any] = {}
         self.textures: dict[tuple, Texture] = {}
         self.worlds: dict[tuple, tuple[Sky, Report]] = {}
@@ -149,7 +153,7 @@ class Store:
         gone = [
             kept
             for uid, kept in self.compiled.items()
-            if uid in stale or kept.tree in changes.trees
+            if (uid[0] if isinstance(uid, tuple) else uid) in stale or kept.tree in changes.trees
         ]
         if (
             changes.images
@@ -418,20 +422,25 @@ class _KeepingMaterials(Materials):
     def index(self, material: Any) -> int:
         return self._number(material.original.session_uid if material is not None else 0, material)
 
-    def wear(self, uid: int, material: Any) -> _Compiled | None:
+    def volume(self, material: Any, volume: Volume) -> tuple[int, MeshSource | None]:
+        uid = material.original.session_uid if material is not None else 0
+        number = self._number((uid, volume.key), material, volume)
+        return number, self.used[number].surface
+
+    def wear(self, uid: int | tuple, material: Any) -> _Compiled | None:
         """Number a material after those before it; None where it is neither kept nor given."""
         if uid not in self._store.compiled and material is None:
             return None
         return self.used[self._number(uid, material)]
 
     @property
-    def worn(self) -> tuple[tuple[int, _Compiled], ...]:
+    def worn(self) -> tuple[tuple[int | tuple, _Compiled], ...]:
         """Session uids, 0 for none, and materials in their order."""
         return tuple(zip(self._indices, self.used, strict=True))
 
-    def _number(self, key: int, material: Any) -> int:
+    def _number(self, key: int | tuple, material: Any, volume: Volume | None = None) -> int:
         if key not in self._indices:
-            compiled = self._store.compiled.get(key) or self._compile(material)
+            compiled = self._store.compiled.get(key) or self._compile(material, volume)
             self._store.compiled[key] = compiled
             self._indices[key] = len(self.used)
             self.used.append(compiled)
@@ -439,16 +448,17 @@ class _KeepingMaterials(Materials):
             self._displacements.append(compiled.displacement)
         return self._indices[key]
 
-    def _compile(self, material: Any) -> _Compiled:
-        report = Report()
+    def _compile(self, material: Any, volume: Volume | None) -> _Compiled:
+        report, surface = Report(), None
         self._store.read["materials"] += 1
         images = _KeepingImages(self._store, report)
-        result = (
-            compile_material(material, images, report)
-            if material is not None
-            else default_material()
-        )
-        moves = compile_displacement(material, images, report)
+        if volume is not None:
+            result, surface = compile_volume(material, volume, images, report)
+        elif material is not None:
+            result = compile_material(material, images, report)
+        else:
+            result = default_material()
+        moves = compile_displacement(material, images, report) if volume is None else None
         keys = sorted(images._indices, key=images._indices.__getitem__)
         textures = tuple(
             (key, self._store.textures.setdefault(key, images.textures[k]))
@@ -466,6 +476,7 @@ class _KeepingMaterials(Materials):
             wanted_by(result) | wanted_objects(moves),
             moves,
             report,
+            surface,
         )
 
     def joined(self) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
@@ -540,6 +551,12 @@ class _KeepingCollector(Collector):
             scene = self.depsgraph.scene_eval
             self._known[key] = self._keep(key, lambda: _Shape(read_curves(data, scene), set()))
         self.met[key].about |= {owner.original.session_uid, data.original.session_uid}
+        return self._known[key]
+
+    def _around(self, surface: MeshSource) -> int:
+        key = ("volume", id(surface))
+        if key not in self._known:
+            self._known[key] = self._keep(key, lambda: _Shape(surface, set()))
         return self._known[key]
 
     def _hair(self, thing: Any, owner: Any) -> int | None:

@@ -1,6 +1,7 @@
 """The Voronoi Texture in one to four dimensions, as Cycles (kernel/svm/voronoi.h).
 
-Points are (d, n) float64; cells whole numbers, hashed modulo 2^32 (PCG; in one dimension Jenkins').
+Points are (d, n) float64; cells whole numbers, hashed modulo 2^32 by PCG, or by Jenkins' lookup3 as
+before Blender 5.0 and always in one dimension.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from itertools import product
 
 import numpy as np
 
-from ...program.operations_voronoi import VoronoiFeature, VoronoiMetric
-from .hashing import hash_numbers
+from ...program.operations_voronoi import CellHash, VoronoiFeature, VoronoiMetric
+from .hashing import hash_color, hash_numbers
 from .noise import coordinates
 
 Array = np.ndarray
@@ -34,6 +35,7 @@ class Cells:
     smoothness: Array
     exponent: Array
     metric: VoronoiMetric
+    cell_hash: CellHash
 
     def distance(self, a: Array, b: Array) -> Array:
         away = np.abs(a - b)
@@ -49,7 +51,26 @@ class Cells:
         """Offsets (d, 1) of cells around, the first axis fastest, and where their points are."""
         for turned in product(range(-reach, reach + 1), repeat=len(cell)):
             offset = np.array(turned[::-1], np.float64)[:, None]
-            yield offset, offset + hash_cell(cell + offset)[: len(cell)] * self.randomness
+            yield offset, offset + self.place(cell + offset) * self.randomness
+
+    def place(self, cell: Array) -> Array:
+        """(d, n) in [0, 1] of whole numbers (d, n): where in them their points are."""
+        if len(cell) == 1:
+            return hash_numbers(cell[0])[None]
+        if self.cell_hash == CellHash.PCG:
+            return np.stack(_pcg(_words(cell)))
+        if len(cell) < 4:
+            return hash_color(*cell)[: len(cell)]
+        x, y, z, w = cell
+        turned = ((x, y, z, w), (w, x, y, z), (z, w, x, y), (y, z, w, x))
+        return np.stack([hash_numbers(*numbers) for numbers in turned])
+
+    def color(self, cell: Array) -> Array:
+        """(3, n) in [0, 1]."""
+        if len(cell) == 1 or self.cell_hash == CellHash.JENKINS:
+            return hash_color(*cell)
+        words = _words(cell)
+        return np.stack(_pcg([*words, np.zeros_like(words[0])] if len(words) == 2 else words)[:3])
 
 
 def _words(cell: Array) -> list[Array]:
@@ -70,21 +91,6 @@ def _pcg(words: list[Array]) -> list[Array]:
     turn()
     kept = (w & np.uint32(0x7FFFFFFF) for w in v)
     return [w.astype(np.float32).astype(np.float64) / 2.0**31 for w in kept]
-
-
-def hash_cell(cell: Array) -> Array:
-    """(d, n) in [0, 1] of whole numbers (d, n)."""
-    if len(cell) == 1:
-        return hash_numbers(cell[0])[None]
-    return np.stack(_pcg(_words(cell)))
-
-
-def cell_color(cell: Array) -> Array:
-    """(3, n) in [0, 1]."""
-    if len(cell) == 1:
-        return np.stack([hash_numbers(cell[0]), *(hash_numbers(cell[0], s) for s in (1.0, 2.0))])
-    words = _words(cell)
-    return np.stack(_pcg([*words, np.zeros_like(words[0])] if len(words) == 2 else words)[:3])
 
 
 Octave = tuple[Array, Array, Array]
@@ -109,7 +115,7 @@ def _nearest(p: Array, cells: Cells, second: bool) -> Octave:
         offsets[0] = np.where(first, offset, offsets[0])
         points[0] = np.where(first, point, points[0])
     k = int(second)
-    return best[k], cell_color(cell + offsets[k]), points[k] + cell
+    return best[k], cells.color(cell + offsets[k]), points[k] + cell
 
 
 def _smooth(p: Array, cells: Cells) -> Octave:
@@ -123,7 +129,7 @@ def _smooth(p: Array, cells: Cells) -> Octave:
         less = s * h * (1 - h)
         distance = distance + (d - distance) * h - less
         less = less / (1 + 3 * s)
-        color = color + (cell_color(cell + offset) - color) * h - less
+        color = color + (cells.color(cell + offset) - color) * h - less
         position = position + (point - position) * h - less
     return distance, color, cell + position
 
@@ -133,7 +139,7 @@ def _to_edge(p: Array, cells: Cells) -> Array:
     local = p - cell
     if len(p) == 1:
         left, middle, right = (
-            k + hash_cell(cell + k)[0] * cells.randomness for k in (-1.0, 0.0, 1.0)
+            k + cells.place(cell + k)[0] * cells.randomness for k in (-1.0, 0.0, 1.0)
         )
         sides = ((middle + side) / 2 - local[0] for side in (left, right))
         return np.minimum(*(np.abs(side) for side in sides))
@@ -237,6 +243,7 @@ def voronoi_texture(
     feature: int,
     metric: int,
     normalize: int,
+    cell_hash: int,
 ) -> tuple[Array, ...]:
     """Distance (n,), colour (3, n), position (3, n), w (n,) and radius (n,)."""
     p = coordinates(vector, w, dimensions) * scale
@@ -246,6 +253,7 @@ def voronoi_texture(
         np.clip(smoothness / 2, 0.0, 0.5),
         np.clip(exponent, LEAST_EXPONENT, 1 / LEAST_EXPONENT),
         VoronoiMetric(metric),
+        CellHash(cell_hash),
     )
     none, black = np.zeros(p.shape[1]), np.zeros((3, p.shape[1]))
     if feature == VoronoiFeature.N_SPHERE_RADIUS:

@@ -14,6 +14,7 @@ inline Doubles inverse(Doubles x) { return where(x != 0, 1 / choose(x != 0, x, s
 
 struct CellSettings {
   int metric;
+  bool jenkins;  // else PCG
   Doubles randomness, smoothness, exponent;
 };
 
@@ -47,12 +48,45 @@ inline void pcg(Numbers (&v)[N], Doubles (&out)[N]) {
   }
 }
 
+/// Three hashes of the numbers, as Cycles has them of one to four.
 template <int D>
-inline NoisePoint<D> hash_cell(const NoisePoint<D>& cell) {
+inline Three jenkins_color(const NoisePoint<D>& cell) {
+  const Doubles(&c)[D] = cell.at;
+  if constexpr (D == 1) {
+    return {hash_numbers(c[0]), hash_numbers(c[0], splat(1)), hash_numbers(c[0], splat(2))};
+  } else if constexpr (D == 2) {
+    const auto more = [&](double k) { return hash_numbers(c[0], c[1], splat(k)); };
+    return {hash_numbers(c[0], c[1]), more(1), more(2)};
+  } else if constexpr (D == 3) {
+    const auto more = [&](double k) { return hash_numbers(c[0], c[1], c[2], splat(k)); };
+    return {hash_numbers(c[0], c[1], c[2]), more(1), more(2)};
+  } else {
+    return {hash_numbers(c[0], c[1], c[2], c[3]), hash_numbers(c[2], c[0], c[3], c[1]),
+            hash_numbers(c[3], c[2], c[1], c[0])};
+  }
+}
+
+/// Where in their cells points were before Blender 5.0. One copy: it is long.
+template <int D>
+__attribute__((noinline)) NoisePoint<D> jenkins_cell(const NoisePoint<D>& cell) {
+  if constexpr (D == 4) {
+    const Doubles &x = cell.at[0], &y = cell.at[1], &z = cell.at[2], &w = cell.at[3];
+    return {{hash_numbers(x, y, z, w), hash_numbers(w, x, y, z), hash_numbers(z, w, x, y),
+             hash_numbers(y, z, w, x)}};
+  } else {
+    const Three found = jenkins_color<D>(cell);
+    if constexpr (D == 2) return {{found.x, found.y}};
+    else return {{found.x, found.y, found.z}};
+  }
+}
+
+template <int D>
+inline NoisePoint<D> hash_cell(const CellSettings& s, const NoisePoint<D>& cell) {
   NoisePoint<D> found;
   if constexpr (D == 1) {
     found.at[0] = hash_numbers(cell.at[0]);
   } else {
+    if (s.jenkins) return jenkins_cell<D>(cell);
     Numbers words[D];
     for (int axis = 0; axis < D; ++axis) words[axis] = modulo_words(cell.at[axis]);
     pcg<D>(words, found.at);
@@ -61,11 +95,11 @@ inline NoisePoint<D> hash_cell(const NoisePoint<D>& cell) {
 }
 
 template <int D>
-inline Three cell_color(const NoisePoint<D>& cell) {
+inline Three cell_color(const CellSettings& s, const NoisePoint<D>& cell) {
   if constexpr (D == 1) {
-    const Doubles x = cell.at[0];
-    return {hash_numbers(x), hash_numbers(x, splat(1)), hash_numbers(x, splat(2))};
+    return jenkins_color<D>(cell);
   } else {
+    if (s.jenkins) return jenkins_color<D>(cell);
     constexpr int N = D == 2 ? 3 : D;
     Numbers words[N] = {};
     Doubles found[N];
@@ -131,7 +165,7 @@ inline void each_cell(const CellSettings& s, const NoisePoint<D>& cell, int reac
     NoisePoint<D> offset;
     for (int axis = 0, rest = number; axis < D; ++axis, rest /= width)
       offset.at[axis] = splat(rest % width - reach);
-    body(offset, offset + hash_cell<D>(cell + offset) * s.randomness);
+    body(offset, offset + hash_cell<D>(s, cell + offset) * s.randomness);
   }
 }
 
@@ -157,7 +191,7 @@ inline VoronoiOctave<D> nearest_cell(const NoisePoint<D>& p, const CellSettings&
     offsets[0] = choose(first, offset, offsets[0]);
     points[0] = choose(first, point, points[0]);
   });
-  return {best[second], cell_color<D>(cell + offsets[second]), points[second] + cell};
+  return {best[second], cell_color<D>(s, cell + offsets[second]), points[second] + cell};
 }
 
 template <int D>
@@ -176,7 +210,7 @@ inline VoronoiOctave<D> smooth_cell(const NoisePoint<D>& p, const CellSettings& 
     sum.distance = sum.distance + (d - sum.distance) * h - less;
     less = less / (1 + 3 * s.smoothness);
     sum.color =
-        sum.color + h * (cell_color<D>(cell + offset) - sum.color) - Three{less, less, less};
+        sum.color + h * (cell_color<D>(s, cell + offset) - sum.color) - Three{less, less, less};
     sum.position = blended(sum.position, point, h);
     for (Doubles& x : sum.position.at) x = x - less;
   });
@@ -319,8 +353,8 @@ inline void voronoi_at(const Operands& at, size_t k) {
   const NoisePoint<D> p = noise_point<D>(at.vector(0, k), at.number(1, k)) * scale;
   const Doubles exponent =
       smaller(larger(at.number(7, k), splat(kLeastExponent)), splat(1 / kLeastExponent));
-  const CellSettings s{at.settings[2], held(at.number(8, k), 1), held(at.number(6, k) / 2, 0.5),
-                       exponent};
+  const CellSettings s{at.settings[2], at.settings[4] != 0, held(at.number(8, k), 1),
+                       held(at.number(6, k) / 2, 0.5), exponent};
   const VoronoiFractal f{held(at.number(3, k), 15), held(at.number(4, k), 1), at.number(5, k)};
   at.put(4, k, feature == kRadius ? cell_radius<D>(p, s) : none);
   if (feature < kEdge) return put_voronoi<D>(at, k, p, s, f, feature, normalized, scale);

@@ -1,0 +1,200 @@
+"""Volume objects become a surface round the voxels that hold something, filled with a medium that
+reads their grids; what cannot be read is told by name.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from export_support import export, link, scene, use_nodes  # noqa: F401
+from glint.addon.export.geometry import volumes
+from glint.engine import Settings, render
+from test_viewport_incremental import Follower
+from volume_files import NEEDED, fog_box, two_blobs, write_grids
+
+needs_module = pytest.mark.skipif(volumes.openvdb() is None, reason=NEEDED)
+
+
+def volume(path: str, material=None):
+    data = bpy.data.volumes.new("Cloud")
+    data.filepath = path
+    if material is not None:
+        data.materials.append(material)
+    return link(bpy.data.objects.new("Cloud", data))
+
+
+def principled(**inputs):
+    material = bpy.data.materials.new("smoke")
+    use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    node = tree.nodes.new("ShaderNodeVolumePrincipled")
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(node.outputs[0], output.inputs["Volume"])
+    for name, value in inputs.items():
+        node.inputs[name].default_value = value
+    return material
+
+
+def found_notes(word: str, result=None) -> list[str]:
+    return [note for note in (result or export()).notes if word in note]
+
+
+def media(result) -> list:
+    return [m.medium for m in result.scene.materials if m.medium is not None]
+
+
+@needs_module
+def test_a_surface_round_what_is_there(scene, tmp_path):  # noqa: F811
+    path = write_grids(tmp_path / "fog.vdb", 0.5, (1, 2, 3), density=fog_box(4))
+    before = len(export().scene.geometries)
+    volume(path, principled())
+    result = export()
+    assert not found_notes("olume", result)
+    mesh = result.scene.geometries[-1]
+    assert len(result.scene.geometries) == before + 1
+    # the first voxel is empty: those beside what is there count, as corners of voxels
+    np.testing.assert_allclose(mesh.vertices.min(0), (1, 2, 3), atol=1e-6)
+    np.testing.assert_allclose(mesh.vertices.max(0), np.array([1, 2, 3]) + 6 * 0.5, atol=1e-6)
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(float) for k in range(3))
+    middle = mesh.vertices.mean(0)
+    inside = (np.cross(b - a, c - a) * (a - middle)).sum() / 6  # of a closed one that faces out
+    assert inside == pytest.approx(3.0**3, rel=1e-6)
+    (medium,) = media(result)
+    assert medium.program is not None and medium.step == pytest.approx(0.5 / 3.0)
+    assert result.stats["textures"] == 1
+
+
+@needs_module
+def test_what_cannot_be_read_is_told(scene, tmp_path, monkeypatch):  # noqa: F811
+    thing = volume(str(tmp_path / "missing.vdb"), principled())
+    (note,) = found_notes("file cannot be read")
+    assert "Cloud" in note
+    thing.data.filepath = ""
+    assert "Cloud" in found_notes("without a file")[0]
+    (tmp_path / "broken.vdb").write_bytes(b"no grids at all")
+    thing.data.filepath = str(tmp_path / "broken.vdb")
+    assert found_notes("file cannot be read")
+    thing.data.filepath = write_grids(tmp_path / "fog.vdb", 0.5, (0, 0, 0), density=fog_box(4))
+    assert not found_notes("olume")
+    thing.modifiers.new("Shake", "VOLUME_DISPLACE")
+    assert "Cloud" in found_notes("Modifiers of volumes")[0]
+    thing.modifiers.clear()
+    monkeypatch.setattr(volumes, "openvdb", lambda: None)
+    (note,) = found_notes("need the OpenVDB module")
+    assert "Cloud" in note
+
+
+@needs_module
+def test_grids_that_are_odd(scene, tmp_path):  # noqa: F811
+    """Not finite, empty, of another type, in a frustum, too large: finite pixels and notes."""
+    vdb = volumes.openvdb()
+    values = fog_box(4)
+    values[2, 2, 2], values[3, 3, 3], values[2, 3, 2] = np.nan, np.inf, -1e30
+    thing = volume(write_grids(tmp_path / "odd.vdb", 0.5, (0, 0, 0), density=values), principled())
+    result = export()
+    assert "density of Cloud" in found_notes("not finite", result)[0]
+    film = render(result.scene, Settings(samples=1))
+    assert np.isfinite(film.combined).all()
+
+    def of(grid, name="density"):
+        grid.name = name
+        path = str(tmp_path / f"{type(grid).__name__}{id(grid)}.vdb")
+        vdb.write(path, [grid])
+        thing.data.filepath = path
+        return export()
+
+    count = len(result.scene.geometries)
+    assert len(of(vdb.FloatGrid()).scene.geometries) == count - 1
+    truth = vdb.BoolGrid()
+    truth.fill((0, 0, 0), (4, 4, 4), True)
+    assert found_notes("no numbers or colours", of(truth))
+    huge = vdb.FloatGrid()
+    huge.fill((0, 0, 0), (0, 0, 0), 1.0)
+    huge.fill((1000000, 1000000, 1000000), (1000000, 1000000, 1000000), 1.0)
+    assert found_notes("268 million", of(huge))
+    frustum = vdb.FloatGrid()
+    frustum.fill((0, 0, 0), (4, 4, 4), 1.0)
+    frustum.transform = vdb.createFrustumTransform((0, 0, 0), (8, 8, 8), 0.5, 10.0)
+    assert found_notes("frustum", of(frustum))
+    whole = vdb.Int32Grid()
+    whole.fill((0, 0, 0), (4, 4, 4), 2)
+    assert not found_notes("olume", of(whole)) and media(export())
+
+
+@needs_module
+def test_grids_that_stand_apart_share_a_box(scene, tmp_path):  # noqa: F811
+    vdb = volumes.openvdb()
+    grids = []
+    for name, voxel in (("density", 0.5), ("temperature", 0.25)):
+        grid = vdb.FloatGrid()
+        grid.fill((0, 0, 0), (3, 3, 3), 1.0)
+        grid.name, grid.transform = name, vdb.createLinearTransform(voxelSize=voxel)
+        grids.append(grid)
+    path = str(tmp_path / "two.vdb")
+    vdb.write(path, grids)
+    volume(path, principled(**{"Blackbody Intensity": 1.0}))
+    result = export()
+    mesh, (medium,) = result.scene.geometries[-1], media(result)
+    np.testing.assert_allclose(mesh.vertices.min(0), -0.5)
+    np.testing.assert_allclose(mesh.vertices.max(0), 2.0)
+    assert medium.step == pytest.approx(0.25 / 2.5)
+
+
+@needs_module
+def test_packed_files(scene, tmp_path):  # noqa: F811
+    """They are read although the file is gone."""
+    path = write_grids(tmp_path / "fog.vdb", 0.5, (0, 0, 0), density=fog_box(4, 3.0))
+    thing = volume(path, principled())
+    bpy.ops.file.pack_all()
+    assert thing.data.packed_file
+    (tmp_path / "fog.vdb").unlink()
+    result = export()
+    assert not found_notes("olume", result)
+    assert result.scene.textures[0].pixels.max() == 3.0
+
+
+@needs_module
+def test_a_material_that_several_wear(scene, tmp_path):  # noqa: F811
+    """It reads the grids of each."""
+    material = principled()
+    paths = [
+        write_grids(tmp_path / f"{k}.vdb", 0.5, (0, 0, 0), density=fog_box(4, k + 1.0))
+        for k in range(2)
+    ]
+    _, other = (volume(path, material) for path in paths)
+    assert len(media(export())) == 2
+    first = export().scene.textures
+    assert [t.pixels.max() for t in first] == [1.0, 2.0]
+    other.data.filepath = paths[0]
+    assert len(media(export())) == 1
+
+
+@needs_module
+def test_a_view_follows_volumes(scene, tmp_path):  # noqa: F811
+    """What is kept between exports is what a fresh one has."""
+    paths = [
+        write_grids(tmp_path / f"{k}.vdb", 0.25, (0, 0, 0), density=values)
+        for k, values in enumerate((fog_box(4), two_blobs(16)))
+    ]
+    material = principled()
+    thing = volume(paths[0], material)
+    with Follower() as follower:
+        follower.check()
+        thing.location = (0, 0, 1)
+        follower.check()
+        thing.data.filepath = paths[1]
+        follower.check()
+        node = next(n for n in material.node_tree.nodes if n.type == "PRINCIPLED_VOLUME")
+        node.inputs["Density"].default_value = 3.0
+        follower.check()
+        node.inputs["Emission Strength"].default_value = 1.0
+        follower.check()
+        thing.data.render.space = "WORLD"
+        follower.check()
+        thing.data.materials.clear()
+        follower.check()
+        thing.hide_viewport = True
+        follower.check()
