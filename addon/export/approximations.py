@@ -45,8 +45,8 @@ APPROXIMATED: dict[str, str] = {
     "light that bounces off them; Bump sees no slope of it",
     "ShaderNodeBevel": "as in Cycles with many Samples, in blurred reflections too; the mesh's "
     "normal in the light that things give to others by glowing or bouncing",
-    "ShaderNodeRaycast": "attributes where it ends are 0; it meets nothing in the light that "
-    "things give to others by glowing or bouncing",
+    "ShaderNodeRaycast": "it meets nothing in the light that things give to others by glowing or "
+    "bouncing",
     "ShaderNodePointInfo": "zeros, as of what is no point cloud",
     "ShaderNodeBump": "Filter Width is a tenth of a pixel; at the edges of patterns 1 % of the "
     "pixels differ",

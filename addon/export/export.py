@@ -109,8 +109,7 @@ def export_scene(
     camera = export_camera(through, scene.render, size, report, looker)
     groups = LightGroups.of(depsgraph.view_layer, report) if has_light_groups else LightGroups()
     wanted = Wanted(frozenset({""}) if "UV" in passes else frozenset())
-    collector = Collector(depsgraph, wanted, report, decoded, aovs, groups)
-    things = walk(depsgraph, collector.meet, report, make_hair=collector.meet_hair)
+    collector, things = _walked(depsgraph, wanted, report, decoded, aovs, groups)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
@@ -129,6 +128,18 @@ def export_scene(
         **counts(exported),
     }
     return Export(exported, report.notes(), stats, region, collector.displaced)
+
+
+def _walked(depsgraph: Any, wanted: Wanted, report: Report, *given: Any) -> tuple[Collector, Any]:
+    """What is met, with what materials read of it; and the things. Twice where rays of materials
+    read what they meet, which is known only afterwards.
+    """
+    collector = Collector(depsgraph, wanted, report, *given)
+    things = walk(depsgraph, collector.meet, report, make_hair=collector.meet_hair)
+    everywhere = wanted | collector.materials.sampled
+    if everywhere == wanted:
+        return collector, things
+    return _walked(depsgraph, everywhere, report, *given)
 
 
 def seen_by(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from .operations import Operation, sockets
+from .operations import Operation, Reference, sockets
 
 MOST_ASKED = 128
 """Rays of a point and sample."""
 _SAMPLES = ("samples", range(1, MOST_ASKED + 1))
 _YES = range(2)
+_RAY = sockets(position="vector", direction="vector", length="number")
+_RAY_KIND = (("only_local", _YES), ("from_point", _YES))
 
 RAYS = (
     Operation(
@@ -37,12 +39,21 @@ RAYS = (
     Operation(
         "raycast",
         sockets(hit="number", own="number", distance="number", position="vector", normal="vector"),
-        sockets(position="vector", direction="vector", length="number"),
-        (("only_local", _YES), ("from_point", _YES)),
+        _RAY,
+        _RAY_KIND,
         "whether a ray from position, from_point from the shaded point, along direction meets "
         "anything within length times that, only_local the point's own object; whether that is the "
         "point's own, how often direction leads there, where it is, its shading normal, turned "
         "back. Without a hit, or where no rays can be asked, length and zeros",
+        reads_point=True,
+    ),
+    Operation(
+        "raycast_attribute",
+        sockets(vector="vector", alpha="number"),
+        _RAY,
+        (*_RAY_KIND, ("attribute", Reference.ATTRIBUTE)),
+        "what attribute gives where the ray of raycast ends: by a ray of its own; zeros without a "
+        "hit, or where no rays can be asked",
         reads_point=True,
     ),
 )

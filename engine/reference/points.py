@@ -224,6 +224,11 @@ class SurfacePoints:
         """See `SceneQueries.crossings`."""
         return self.queries.crossings(self._surface, self._index, asked)
 
+    def attribute_on(self, surface: Surface, name: str) -> Array:
+        """(4, k) as `attribute`, of other surfaces."""
+        pool = self._around.attributes.color(name)
+        return pool.at(surface.geometry, surface.local, surface.weights)
+
     def is_own(self, ray: Array, surface: Surface) -> Array:
         """(k,) bool: whether what rays `ray` (k,) met is of their points' own instances."""
         return self._row()[ray] == surface.row

@@ -15,7 +15,7 @@ from glint.addon.export import export_scene
 from glint.addon.export.geometry.shapes import mark_sphere
 from glint.addon.export.sync import incremental
 from glint.addon.export.sync.incremental import LiveExport
-from glint.engine.scene import Camera
+from glint.engine.scene import Camera, Mesh
 
 CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4))
 
@@ -560,6 +560,32 @@ def test_an_edited_node_value_compiles_its_material_alone(scene, monkeypatch):  
         bpy.context.view_layer.update()
         assert compiled == []
         follower.check()
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 2), reason="the node reads none before Blender 5.2")
+def test_attributes_that_rays_read_are_those_of_all_meshes(scene):  # noqa: F811
+    """Whichever is met first, and after the name is another."""
+    quad("Other")
+    shader = Shader("asks")
+    for name in ("first", "second"):
+        for thing in scene.objects:
+            if thing.type == "MESH":
+                rows = thing.data.attributes.new(name, "FLOAT_COLOR", "POINT").data
+                rows.foreach_set("color", np.linspace(0, 1, 4 * len(rows), dtype=np.float32))
+    node = shader.node("ShaderNodeRaycast")
+    node.sample_attribute_items.new("RGBA", "Sampled")
+    shader.link(node, "Sampled", shader.shader, "Color")
+    named = next(s for s in node.inputs if s.name == "Sampled")
+    with Follower() as follower:
+        for name in ("first", "second", "none", "", "first"):
+            named.default_value = name
+            shader.material.update_tag()
+            bpy.context.view_layer.update()
+            follower.check()
+            meshes = [g for g in follower.scene.geometries if isinstance(g, Mesh)]
+            assert len(meshes) > 1
+            read = [[a.name for a in mesh.attributes] for mesh in meshes]
+            assert all(names == ([name] if name in ("first", "second") else []) for names in read)
 
 
 def number(r):

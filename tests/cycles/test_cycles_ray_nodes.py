@@ -350,17 +350,57 @@ def test_cycles_casts_the_same_rays(name: str) -> None:
     np.testing.assert_allclose(glint, truth, atol=1e-4)
 
 
-@pytest.mark.skipif(bpy.app.version < (5, 2), reason="the node is new in Blender 5.2")
-def test_attributes_at_the_end_of_a_ray_are_told() -> None:
-    def read():
-        material, tree, node = cast("Is Hit")
-        node.sample_attribute_items.new("RGBA", "Col")
-        shines = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeEmission")
-        tree.links.new(node.outputs["Col"], shines.inputs["Color"])
-        return material, tree, node
+SAMPLED = {
+    "colour": ("RGBA", "FLOAT_COLOR", "CORNER", ""),
+    "alpha": ("RGBA", "FLOAT_COLOR", "POINT", " Alpha"),
+    "alpha-of-a-vector": ("RGBA", "FLOAT_VECTOR", "POINT", " Alpha"),
+    "vector": ("VECTOR", "FLOAT_VECTOR", "POINT", ""),
+    "vector-of-a-colour": ("VECTOR", "FLOAT_COLOR", "POINT", ""),
+    "number": ("FLOAT", "FLOAT", "FACE", ""),
+    "number-of-a-colour": ("FLOAT", "FLOAT_COLOR", "POINT", ""),
+}
 
-    cube_on_plane(read)
-    export = export_scene(bpy.context.evaluated_depsgraph_get())
-    [note] = [note for note in export.notes if "Raycast" in note]
-    assert "attributes" in note and "'cast'" in note
-    assert not render(export.scene, Settings(samples=1)).combined[..., :3].any()
+
+def sampled(kind: str, ending: str, name: str = "Col"):
+    material, tree, node = cast("Is Hit", direction=(0.5, -0.4, 0.3))
+    node.sample_attribute_items.new(kind, "Sampled")
+    next(s for s in node.inputs if s.name == "Sampled").default_value = name
+    shines = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeEmission")
+    tree.links.new(node.outputs[f"Sampled{ending}"], shines.inputs["Color"])
+    return material, tree, node
+
+
+def give(thing, kind: str, domain: str) -> None:
+    """Numbers without a pattern, so that interpolation shows."""
+    rows = thing.data.attributes.new("Col", kind, domain).data
+    name, width = {"FLOAT": ("value", 1), "FLOAT_VECTOR": ("vector", 3)}.get(kind, ("color", 4))
+    numbers = np.random.default_rng(3).uniform(0.1, 1.0, width * len(rows))
+    rows.foreach_set(name, numbers.astype(np.float32))
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 2), reason="the node is new in Blender 5.2")
+@pytest.mark.parametrize("name", SAMPLED)
+def test_attributes_where_a_ray_ends_are_those_of_cycles(name: str) -> None:
+    """The ball and the cube are of a material that reads none."""
+    kind, data, domain, ending = SAMPLED[name]
+    scene = cube_on_plane(sampled, kind=kind, ending=ending)
+    other, tree, end = build.new_material("other")
+    tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], end.inputs["Surface"])
+    for thing in scene.objects:
+        if thing.type == "MESH" and not thing.name.startswith("floor"):
+            give(thing, data, domain)
+            thing.data.materials[0] = other
+    glint, truth, notes = both(scene, 1, samples=1)
+    assert not any("Raycast" in note for note in notes)
+    assert truth.std() > 0.04
+    np.testing.assert_allclose(glint, truth, atol=1e-4)
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 2), reason="the node is new in Blender 5.2")
+def test_an_attribute_without_a_name_is_nothing() -> None:
+    scene = cube_on_plane(sampled, kind="RGBA", ending="", name="")
+    for thing in scene.objects:
+        if thing.type == "MESH":
+            give(thing, "FLOAT_COLOR", "POINT")
+    glint, truth, _ = both(scene, 1, samples=1)
+    assert not glint.any() and not truth.any()

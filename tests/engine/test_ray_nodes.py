@@ -447,7 +447,12 @@ def test_bevels_of_mirrored_tiny_and_huge_things(backend: str, linear) -> None:
 
 
 def cast(
-    output: int, direction=(0.0, 0.0, 1.0), length: float = 5.0, position=None, **settings
+    output: int,
+    direction=(0.0, 0.0, 1.0),
+    length: float = 5.0,
+    position=None,
+    name: str = "raycast",
+    **settings,
 ) -> s.Material:
     graph = Graph()
     place = graph.apply(BY_NAME["position"], shift=0)[0]
@@ -457,7 +462,7 @@ def cast(
             BY_NAME["scaled_sum"], place, graph.constant(1.0), graph.constant(position)
         )[0]
     found = graph.apply(
-        BY_NAME["raycast"], place, graph.constant(direction), graph.constant(length), **chosen
+        BY_NAME[name], place, graph.constant(direction), graph.constant(length), **chosen
     )
     return shown(graph, found[output])
 
@@ -485,6 +490,44 @@ def test_what_a_ray_tells(backend: str) -> None:
     np.testing.assert_allclose(found(DISTANCE, direction=(0.0, 0.0, 3.0)), 0.5, rtol=1e-5)
     np.testing.assert_allclose(found(HIT, direction=(0.0, 0.0, 0.25)), 0)
     assert not found(HIT, direction=(0.0, 0.0, -1.0)).any()
+
+
+def _coloured(thing: s.Mesh | s.Strands, channels: int) -> s.Mesh | s.Strands:
+    """With an attribute that is (x, y, 2, 0.25) at its vertices, as far as it has channels."""
+    rows = np.concatenate([thing.vertices[:, :2], np.full((len(thing.vertices), 2), (2, 0.25))], 1)
+    told = s.Attribute("told", s.POINT, rows[:, :channels].astype(np.float32))
+    return replace(thing, attributes=(*thing.attributes, told))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("channels", [2, 3, 4])
+def test_what_a_ray_reads_where_it_ends(backend: str, channels: int) -> None:
+    """Of what it meets alone: nothing of a mesh without the attribute, of a sphere, or where it
+    meets nothing. A strand that is wider than the view is read along its axis.
+    """
+    x, y = x_and_y()
+    ask = {"name": "raycast_attribute", "attribute": "told"}
+
+    def found(output: int, geometry=None, **more) -> np.ndarray:
+        scene = floor_of(cast(output, **ask, **more), (geometry or ceiling, CEILING[1]))
+        return normals_of(scene, backend, samples=1)
+
+    ceiling = _coloured(square(WIDE), channels)
+    wanted = np.stack([x, y, 2 + 0 * x], -1)
+    wanted[..., channels:] = 0
+    np.testing.assert_allclose(found(0), wanted, atol=1e-5)
+    np.testing.assert_allclose(found(1), 0.25 if channels == 4 else 1.0, atol=1e-6)
+    ends = np.float32([[-WIDE, 0, 6], [WIDE, 0, 6]])
+    rod = s.Strands("rod", ends, np.full(2, 4, np.float32), np.zeros(1, np.uint32))
+    along = np.stack([x, 0 * x, 2 + 0 * x], -1)
+    along[..., channels:] = 0
+    np.testing.assert_allclose(found(0, _coloured(rod, channels)), along, atol=1e-4)
+    ball = s.Spheres("ball", np.array([[0, 0, 0]], np.float32), np.array([WIDE], np.float32))
+    for output in (0, 1):
+        assert not found(output, square(WIDE)).any()
+        assert not found(output, ball).any()
+        assert not found(output, length=1.0).any()
+        assert not found(output, only_local=1).any()
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -95,6 +95,12 @@ class Materials:
         """What the materials with these indices read from a mesh."""
         return functools.reduce(operator.or_, (self._wanted[index] for index in indices), Wanted())
 
+    @property
+    def sampled(self) -> Wanted:
+        """What rays of the materials read of all meshes."""
+        names = (name for wanted in self._wanted for name in wanted.everywhere)
+        return Wanted(attributes=frozenset(names))
+
     def displacements(self, indices: tuple[int, ...]) -> tuple[Displacement | None, ...]:
         """How the materials with these indices move vertices; empty where none does."""
         found = tuple(self._displacements[index] for index in indices)

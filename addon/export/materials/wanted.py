@@ -12,17 +12,20 @@ from ....engine.program.program import Program, instructions
 class Wanted:
     """Names of the UV maps ("" the active one) and colour attributes that something reads.
     objects: of what is read of objects, not of their meshes, which no truth value counts.
+    everywhere: attributes that rays of the material read of whatever mesh they meet.
     """
 
     uv_maps: frozenset[str] = frozenset()
     attributes: frozenset[str] = frozenset()
     objects: frozenset[str] = frozenset()
+    everywhere: frozenset[str] = frozenset()
 
     def __or__(self, other: Wanted) -> Wanted:
         return Wanted(
             self.uv_maps | other.uv_maps,
             self.attributes | other.attributes,
             self.objects | other.objects,
+            self.everywhere | other.everywhere,
         )
 
     def __bool__(self) -> bool:
@@ -31,11 +34,11 @@ class Wanted:
 
 def read_by(program: Program | None) -> Wanted:
     """What a program names."""
-    uv_maps, attributes, objects = set[str](), set[str](), set[str]()
-    named = {"uv": uv_maps, "instance_value": objects}
+    uv_maps, attributes, objects, everywhere = (set[str]() for _ in range(4))
+    named = {"uv": uv_maps, "instance_value": objects, "raycast_attribute": everywhere}
     for step in instructions(program) if program else ():
         for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True):
             if choices is Reference.ATTRIBUTE:
                 names = named.get(step.operation.name, attributes)
                 names.add(program.attributes[setting])
-    return Wanted(frozenset(uv_maps), frozenset(attributes - {""}), frozenset(objects))
+    return Wanted(*map(frozenset, (uv_maps, attributes - {""}, objects, everywhere)))

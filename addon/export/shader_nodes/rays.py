@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ....engine.program.graph import Value
 from ....engine.program.operations_rays import MOST_ASKED
+from ..materials.terms import GREY
 from .normals import given_normal
 from .reader import READERS, VECTOR_TYPES, NodeInputs, Outputs, TreeReader
 
@@ -22,6 +25,8 @@ def without_rays(
         return (reader.graph.constant(1.0),)
     if name == "bevel":
         return reader.apply("normal")
+    if name == "raycast_attribute":
+        return nowhere, zero
     return (zero, zero, arguments[2], nowhere, nowhere) if name == "raycast" else None
 
 
@@ -59,24 +64,40 @@ def _raycast(view: NodeInputs) -> Outputs:
     position = view.value("Position") if view.is_linked("Position") else own
     is_linked = view.is_linked("Direction")
     direction = view.value("Direction") if is_linked else view.reader.normal()
-    found = view.apply(
-        "raycast",
-        position,
-        direction,
-        view.value("Length"),
-        only_local=view.node.only_local,
-        from_point=position is own,
-    )
+    ray = (position, direction, view.value("Length"))
+    how = {"only_local": view.node.only_local, "from_point": position is own}
+    found = view.apply("raycast", *ray, **how)
     names = ("Is Hit", "Self Hit", "Hit Distance", "Hit Position", "Hit Normal")
     outputs = dict(zip(names, found, strict=True))
+    for socket in view.node.inputs:
+        if socket.type == "STRING":
+            outputs |= _sampled(view, socket, ray, how)
+    return outputs
+
+
+def _sampled(view: NodeInputs, named: Any, ray: tuple[Value, ...], how: dict) -> Outputs:
+    """The outputs for the attribute whose name an input holds, as an Attribute node reads it."""
+    identifier = named.identifier.replace("Value_", "Attribute_")
+    if named.is_linked:
+        view.reader.note(
+            "The name of an attribute that node 'Raycast' reads is linked in {}: it is not read "
+            "and 0; write the name into the node"
+        )
+    name = "" if named.is_linked else named.default_value
+    outputs: Outputs = {}
     for socket in view.node.outputs:
-        if socket.is_linked and socket.identifier.startswith("Attribute_"):
-            is_wide = socket.type in VECTOR_TYPES
-            outputs[socket.identifier] = view.reader.graph.constant((0.0,) * (3 if is_wide else 1))
-            view.reader.note(
-                "Node 'Raycast' does not read attributes where its ray ends in {}: they are 0; use "
-                "Hit Position or Hit Normal"
-            )
+        if not (socket.is_linked and socket.identifier in (identifier, f"{identifier}_Alpha")):
+            continue
+        is_wide, is_color = socket.type in VECTOR_TYPES, socket.identifier == identifier
+        if not name:
+            value = view.reader.graph.constant((0.0, 0.0, 0.0) if is_wide else 0.0)
+        elif is_color:
+            attribute = name if is_wide else GREY + name
+            value = view.apply("raycast_attribute", *ray, attribute=attribute, **how)[0]
+            value = value if is_wide else view.apply("separate_xyz", value)[0]
+        else:
+            value = view.apply("raycast_attribute", *ray, attribute=name, **how)[1]
+        outputs[socket.identifier] = value
     return outputs
 
 

@@ -276,7 +276,7 @@ class LiveExport:
         """
         asked = _asked(passes, space, groups)
         if asked not in self._stages:
-            self._stages[asked] = self._walked(depsgraph, asked, space)
+            self._stages[asked] = self._walked(depsgraph, asked, space, asked[0])
         return replace(self._stages[asked].scene, camera=camera)
 
     def notes(
@@ -290,11 +290,12 @@ class LiveExport:
             report.add(part)
         return report.notes()
 
-    def _walked(self, depsgraph: Any, asked: tuple, space: Any) -> Stage:
+    def _walked(self, depsgraph: Any, asked: tuple, space: Any, wanted: Wanted) -> Stage:
+        """Walks again where rays of materials read what they meet, which is known only then."""
         report, census = Report(), Census()
         self._store.read["walks"] += 1
         groups = LightGroups(*asked[2][:1])
-        collector = _KeepingCollector(self._store, depsgraph, asked[0], report, groups)
+        collector = _KeepingCollector(self._store, depsgraph, wanted, report, groups)
         things = walk(
             depsgraph,
             collector.meet,
@@ -303,6 +304,9 @@ class LiveExport:
             census,
             collector.meet_hair,
         )
+        everywhere = wanted | collector.materials.sampled
+        if everywhere != wanted:
+            return self._walked(depsgraph, asked, space, everywhere)
         note_scene(depsgraph.scene_eval, report)
         note_missing(depsgraph, report)
         self._store.met[asked] = collector.met

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..scene_queries import Asked
+from ..scene_queries import Asked, Met
 from ..vectors import across_normals, dot, length, unit
 
 Array = np.ndarray
@@ -100,17 +100,43 @@ def raycast(
     place, normal = np.zeros((2, 3, n))
     if _queries(points) is None:
         return hit, own, far, place, normal
-    along = _finite(direction)
-    d, size = unit(along), length(along)
-    origin = points.relative(position)
-    start = points.beside(d) if from_point else origin
-    reach = size * distance
-    sound = d.any(0) & (size > 0) & (np.abs(start).max(0) < _FARTHEST)
-    reach = np.where(sound & (reach > 0), reach, 0.0)
-    met = points.nearest(Asked(start, d, reach), "own" if only_local else "any")
+    d, size = unit(_finite(direction)), length(_finite(direction))
+    met = _end(points, position, direction, distance, only_local, from_point)
+    from_origin = met.surface.x - points.relative(position)[:, met.ray]
     hit[met.ray] = 1.0
     own[met.ray] = points.is_own(met.ray, met.surface)
-    far[met.ray] = dot(met.surface.x - origin[:, met.ray], d[:, met.ray]) / size[met.ray]
+    far[met.ray] = dot(from_origin, d[:, met.ray]) / size[met.ray]
     place[:, met.ray] = points.in_world(met.surface.x)
     normal[:, met.ray] = met.surface.n
     return hit, own, far, place, normal
+
+
+def raycast_attribute(
+    points,
+    position: Array,
+    direction: Array,
+    distance: Array,
+    *,
+    only_local: int,
+    from_point: int,
+    attribute: str,
+) -> tuple[Array, Array]:
+    """Channels (3, n) and alpha (n,)."""
+    found = np.zeros((4, len(distance)))
+    if _queries(points) is not None:
+        met = _end(points, position, direction, distance, only_local, from_point)
+        found[:, met.ray] = points.attribute_on(met.surface, attribute)
+    return found[:3], found[3]
+
+
+def _end(
+    points, position: Array, direction: Array, distance: Array, only_local: int, from_point: int
+) -> Met:
+    """What the rays meet."""
+    along = _finite(direction)
+    d, size = unit(along), length(along)
+    start = points.beside(d) if from_point else points.relative(position)
+    reach = size * distance
+    sound = d.any(0) & (size > 0) & (np.abs(start).max(0) < _FARTHEST)
+    reach = np.where(sound & (reach > 0), reach, 0.0)
+    return points.nearest(Asked(start, d, reach), "own" if only_local else "any")

@@ -182,7 +182,8 @@ AskedHits SceneQueries::placed() {
   stage.instances = scene_.instance_shapes.data();
   stage.groups = scene_.group_shapes.data();
   PointColumns& at = stage.points;
-  AskedHits hits{hits_, point_.data(), instance_.data(), {}, {}, {}, outside_.data()};
+  AskedHits hits{hits_, point_.data(),  instance_.data(), primitive_.data(), {}, {}, {},
+                 {},    outside_.data()};
   for (size_t c = 0; c < 3; ++c) {
     stage.start[c] = columns_[kStart + c];
     stage.d[c] = columns_[kD + c];
@@ -192,8 +193,7 @@ AskedHits SceneQueries::placed() {
     at.origin[c] = columns_[kOrigin + c];
   }
   at.offset = columns_[kOffset];
-  at.weights[0] = columns_[kWeights];
-  at.weights[1] = columns_[kWeights + 1];
+  for (size_t c = 0; c < 2; ++c) hits.weights[c] = at.weights[c] = columns_[kWeights + c];
   at.outside = outside_.data();
   at.material = material_.data();
   if (hits_ > 0) stages_.surface(stage);
@@ -204,6 +204,7 @@ AskedHits SceneQueries::placed() {
     set_row(at.x, k, s.x);
     set_row(at.g, k, s.g);
     set_row(at.n, k, s.n);
+    for (size_t c = 0; c < 2; ++c) at.weights[c][k] = s.weights[c + 1];
     outside_[k] = s.outside ? -1 : 0;
   }
   return hits;

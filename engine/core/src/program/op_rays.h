@@ -152,21 +152,11 @@ inline void bevel(const Machine& m, const Operands& at) {
   });
 }
 
-/// Settings: only_local, from_point.
-inline void raycast(const Machine& m, const Operands& at) {
-  const RayQueries* const queries = m.queries;
-  each_group(m, [&](size_t k) {
-    at.put(0, k, Doubles{});
-    at.put(1, k, Doubles{});
-    at.put(2, k, at.number(2, k));
-    at.put(3, k, Three{});
-    at.put(4, k, Three{});
-  });
-  if (!queries) return;
+/// Where the rays of `raycast` end. Settings: only_local, from_point. speed: of t, in anchored
+/// space, to lengths of the direction.
+inline AskedHits end_of_rays(const Machine& m, const Operands& at, AskedRays& rays, double* speed) {
   const ProgramView& view = *m.tables.view;
-  AskedRays rays;
   const bool leaves = at.settings[1] != 0;
-  double speed[kBlock];  // of t, in anchored space, to lengths of the direction
   each_group(m, [&](size_t k) {
     const Three from = at.vector(0, k), along = finite_or_zero(at.vector(1, k)), d = unit(along);
     const Doubles size = length(along), reach = size * (view.scale * at.number(2, k));
@@ -176,8 +166,24 @@ inline void raycast(const Machine& m, const Operands& at) {
     ask(m, k, o, d, where(sound, reach), rays);
     store(speed + k, where(sound, 1 / choose(sound, view.scale * size, splat(1))));
   });
-  const AskedHits hits = queries->nearest(queries->self, m.points, m.count, rays,
-                                          at.settings[0] != 0 ? AskedOf::kOwn : AskedOf::kAny);
+  return m.queries->nearest(m.queries->self, m.points, m.count, rays,
+                            at.settings[0] != 0 ? AskedOf::kOwn : AskedOf::kAny);
+}
+
+inline void raycast(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    at.put(0, k, Doubles{});
+    at.put(1, k, Doubles{});
+    at.put(2, k, at.number(2, k));
+    at.put(3, k, Three{});
+    at.put(4, k, Three{});
+  });
+  if (!m.queries) return;
+  const ProgramView& view = *m.tables.view;
+  AskedRays rays;
+  double speed[kBlock];
+  const AskedHits hits = end_of_rays(m, at, rays, speed);
+  const bool leaves = at.settings[1] != 0;
   for (size_t i = 0; i < hits.count; ++i) {
     const uint32_t k = hits.point[i];
     if (at.wants(0)) at.output[0][k] = 1;
@@ -189,6 +195,42 @@ inline void raycast(const Machine& m, const Operands& at) {
     for (size_t c = 0; at.wants(3) && c < 3; ++c)
       at.output[3][c * kBlock + k] = hits.x[c][i] / view.scale + view.origin[c];
     for (size_t c = 0; at.wants(4) && c < 3; ++c) at.output[4][c * kBlock + k] = hits.n[c][i];
+  }
+}
+
+/// The hits from number i on, as places on meshes; lanes beyond the last hit repeat it.
+inline OnMesh on_hits(const Machine& m, const AskedHits& hits, size_t i) {
+  const auto row = [&](size_t lane) { return i + lane < hits.count ? i + lane : hits.count - 1; };
+  OnMesh p;
+  for (size_t c = 0; c < 2; ++c)
+    p.weights[c + 1] = each_lane([&](size_t lane) { return hits.weights[c][row(lane)]; });
+  p.weights[0] = 1 - p.weights[1] - p.weights[2];
+  find_primitives(
+      m.tables, [&](size_t lane) { return hits.instance[row(lane)]; },
+      [&](size_t lane) { return hits.primitive[row(lane)]; }, p);
+  return p;
+}
+
+/// Settings: those of raycast, and the attribute.
+inline void raycast_attribute(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    at.put(0, k, Three{});
+    at.put(1, k, Doubles{});
+  });
+  if (!m.queries) return;
+  AskedRays rays;
+  double speed[kBlock];
+  const AskedHits hits = end_of_rays(m, at, rays, speed);
+  for (size_t i = 0; i < hits.count; i += kLanes) {
+    const OnMesh p = on_hits(m, hits, i);
+    const Three color = read_color(m.tables, p, at.settings[2], GLINT_COLOR);
+    const Doubles alpha = read_color(m.tables, p, at.settings[2], GLINT_ALPHA).x;
+    const Doubles part[3] = {color.x, color.y, color.z};
+    for (size_t lane = 0; lane < kLanes && i + lane < hits.count; ++lane) {
+      const uint32_t k = hits.point[i + lane];
+      for (size_t c = 0; at.wants(0) && c < 3; ++c) at.output[0][c * kBlock + k] = part[c][lane];
+      if (at.wants(1)) at.output[1][k] = alpha[lane];
+    }
   }
 }
 

@@ -53,7 +53,8 @@ enum class AskedOf { kShadows, kAny, kOwn };
 /// surface.h has them.
 struct AskedHits {
   size_t count;
-  const uint32_t *point, *instance;
+  const uint32_t *point, *instance, *primitive;
+  const double* weights[2];  // of the second and the third corner
   const double *x[3], *g[3], *n[3];
   const int64_t* outside;
 };

@@ -102,7 +102,7 @@ void Scene::copy_programs(const GlintSceneData& data) {
          program_tables_.data() + g.first_table, g.slots,
          has_one(program_words_.data() + g.first_word, g.word_count, {"ray_length", "ray_depth"}),
          has_one(program_words_.data() + g.first_word, g.word_count,
-                 {"ambient_occlusion", "bevel", "raycast"})});
+                 {"ambient_occlusion", "bevel", "raycast", "raycast_attribute"})});
     asks_rays = asks_rays || programs.back().asks_rays;
     most_slots = std::max(most_slots, g.slots);
   }
