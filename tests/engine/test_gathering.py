@@ -150,7 +150,7 @@ def test_no_rays_gather_where_nothing_bounces_or_catchers_are() -> None:
     scene = wall_with_ends()
     caught = replace(
         scene,
-        instances=(replace(scene.instances[0], catcher=True), scene.instances[1]),
+        instances=(scene.instances[0], replace(scene.instances[1], catcher=True)),
     )
     for backend in BACKENDS:
         for some, bounces in ((scene, 0), (caught, 1)):

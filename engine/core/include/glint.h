@@ -408,8 +408,9 @@ typedef struct GlintNeighbour {
  * to bounced_samples. gather_reach: within that distance, world units, each sample looks along
  * gather_samples rays, 1 to 64, for what throws light on, in place of those points; 0: none does.
  * gather_points: (gather_count, 2) of the unit disc, below the directions of those rays, of as many
- * samples as divide it, after which they begin again; null only where gather_reach is 0. neighbours: null where nothing moves, else two, of the frame before and of
- * the one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
+ * samples as divide it, after which they begin again; null only where gather_reach is 0.
+ * neighbours: null where nothing moves, else two, of the frame before and of the one after.
+ * occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
  * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
  * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
