@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...engine.scene import Instances, Light, Mesh, Scene
+from ...engine.scene import Geometry, Instances, Light, Mesh, Scene, Spheres, Strands
 from .geometry.displacing import Displaced
 from .geometry.meshes import mesh_key, normals_of, vertices_of
+from .geometry.shapes import centers_of
+from .geometry.strands import StrandSource, read_curves, read_hair
 from .instances import Flags, Thing, walk
 from .lights import light_frame
 from .report import Report
@@ -23,10 +25,13 @@ _FEWEST, _MOST = 3, 9
 
 
 class Sentences(NamedTuple):
-    """What is told of things that stand still all the same, and of meshes that keep their shape."""
+    """What is told of things that stand still all the same, and of meshes that keep their shape, as
+    hair and point clouds do.
+    """
 
     gone: str
     remade: str
+    recombed: str = ""
 
 
 WHILE_OPEN = Sentences(
@@ -40,6 +45,8 @@ FROM_FRAME_TO_FRAME = Sentences(
     "still in the pass Vector: {}",
     "Meshes whose number of vertices or faces changes from frame to frame keep their shape in the "
     "pass Vector: {}",
+    "Hair and point clouds that change their number of points from frame to frame keep their shape "
+    "in the pass Vector: {}",
 )
 
 
@@ -66,12 +73,12 @@ class _Mover(NamedTuple):
 
 @dataclass(eq=False)
 class Pose:
-    """One time. things: in the order of the walk.  shapes: meshes by their keys.  ids:
-    (instances, 8) Blender's persistent ids.
+    """One time. things: in the order of the walk.  shapes: meshes by their keys, and for the pass
+    Vector strands and the centres of point clouds.  ids: (instances, 8) Blender's persistent ids.
     """
 
     things: list[Thing]
-    shapes: dict[tuple, Shape] = field(default_factory=dict)
+    shapes: dict[tuple, Shape | StrandSource | Array | None] = field(default_factory=dict)
     ids: Array = field(default_factory=lambda: np.zeros((0, 8), np.int32))
 
     @property
@@ -88,33 +95,66 @@ def read_pose(depsgraph: Any, for_vectors: bool = False) -> Pose:
     for_vectors: without normals, and whatever objects say of their motion blur, as in Cycles.
     """
     pose = Pose([])
-
-    def keys_of(instance: Any) -> int:
-        return _FEWEST if for_vectors else _keys_of(instance)
-
-    def meet_hair(instance: Any, flags: Flags) -> _Mover:
-        return _Mover(False, None, keys_of(instance), 1)
-
-    def meet(instance: Any, flags: Flags) -> _Mover | None:
-        thing = instance.object
-        kind = type(thing.data).__name__
-        if thing.type == "LIGHT":
-            return _Mover(True, None, keys_of(instance), 1)
-        if kind not in ("Mesh", "PointCloud", "Curves", "Volume"):
-            return None
-        if kind != "Mesh" or thing.data.is_editmode:
-            return _Mover(False, None, keys_of(instance), 1)
-        key = mesh_key(thing.data)
-        if key not in pose.shapes:
-            pose.shapes[key] = _shape(thing.data, not for_vectors)
-        shape_keys = _FEWEST if for_vectors else _shape_keys_of(instance)
-        return _Mover(False, key, keys_of(instance), shape_keys)
-
-    pose.things = walk(depsgraph, meet, Report(), make_hair=meet_hair)
+    reader = _Reader(depsgraph, for_vectors, pose)
+    pose.things = walk(depsgraph, reader.meet, Report(), make_hair=reader.meet_hair)
     pose.ids = np.zeros((len(depsgraph.object_instances), 8), np.int32)
     if len(pose.ids):
         depsgraph.object_instances.foreach_get("persistent_id", pose.ids.reshape(-1))
     return pose
+
+
+_BENDING: dict[str, Callable] = {
+    "PointCloud": lambda data, scene: centers_of(data),
+    "Curves": read_curves,
+}
+"""What the pass Vector reads of these data-blocks."""
+
+
+@dataclass(eq=False)
+class _Reader:
+    """Fills a pose while the depsgraph is walked."""
+
+    depsgraph: Any
+    for_vectors: bool
+    pose: Pose
+
+    def meet_hair(self, instance: Any, flags: Flags) -> _Mover:
+        if not self.for_vectors:
+            return self._still(instance)
+        thing = instance.object
+        owner = (instance.instance_object or thing).original.session_uid
+        key, render = ("hair", owner, thing.data.as_pointer()), self.depsgraph.mode == "RENDER"
+        return self._bending(key, read_hair, thing, self.depsgraph.scene_eval, render)
+
+    def meet(self, instance: Any, flags: Flags) -> _Mover | None:
+        thing, data = instance.object, instance.object.data
+        kind = type(data).__name__
+        if thing.type == "LIGHT":
+            return _Mover(True, None, self._keys_of(instance), 1)
+        if kind not in ("Mesh", "PointCloud", "Curves", "Volume"):
+            return None
+        if self.for_vectors and kind in _BENDING:
+            key = (kind, data.as_pointer())
+            return self._bending(key, _BENDING[kind], data, self.depsgraph.scene_eval)
+        if kind != "Mesh" or data.is_editmode:
+            return self._still(instance)
+        key = mesh_key(data)
+        if key not in self.pose.shapes:
+            self.pose.shapes[key] = _shape(data, not self.for_vectors)
+        shape_keys = _FEWEST if self.for_vectors else _shape_keys_of(instance)
+        return _Mover(False, key, self._keys_of(instance), shape_keys)
+
+    def _keys_of(self, instance: Any) -> int:
+        return _FEWEST if self.for_vectors else _keys_of(instance)
+
+    def _still(self, instance: Any) -> _Mover:
+        return _Mover(False, None, self._keys_of(instance), 1)
+
+    def _bending(self, key: tuple, read: Callable, *arguments: Any) -> _Mover:
+        """Of strands and true spheres, read when first met."""
+        if key not in self.pose.shapes:
+            self.pose.shapes[key] = read(*arguments)
+        return _Mover(False, key, _FEWEST, _FEWEST)
 
 
 def _shape(mesh: Any, with_normals: bool) -> Shape:
@@ -173,13 +213,45 @@ def moved(
     return replace(scene, geometries=tuple(geometries), instances=tuple(instances), lights=lights)
 
 
-def at_key(scene: Scene, still: Scene, k: int) -> Scene:
-    """What `moved` made of `still`, at a key that all that moves has; lights stay."""
+def bent(
+    scene: Scene, frame: Pose, keys: list[Pose], report: Report, sentences: Sentences
+) -> dict[int, list[Geometry]]:
+    """Strands and true spheres that move within their objects, by their numbers: as they are at the
+    keys. Arguments as of `moved`.
+    """
+    matcher, found = _Matcher(frame, keys, report, sentences), dict[int, list[Geometry]]()
+    # meshes may have the names and places of point clouds that their modifiers make
+    kinds = StrandSource | np.ndarray
+    things = [t for t in frame.things if isinstance(frame.shapes.get(t.content.shape), kinds)]
+    blocks = [
+        block
+        for block in scene.instances
+        if isinstance(scene.geometries[block.geometry], Strands | Spheres)
+    ]
+    for number, thing in _exported(tuple(blocks), things):
+        place = blocks[number].geometry
+        shapes = None if place in found else matcher.points(thing, scene.geometries[place])
+        if shapes is not None:
+            found[place] = shapes
+    return found
+
+
+def at_key(
+    scene: Scene,
+    still: Scene,
+    k: int,
+    others: Mapping[int, list[Geometry]] = MappingProxyType({}),
+) -> Scene:
+    """What `moved` made of `still`, at a key that all that moves has, and `bent` of `others`;
+    lights stay.
+    """
     geometries = (
-        replace(g, vertices=g.motion[k], motion=None)
+        others[number][k]
+        if number in others
+        else replace(g, vertices=g.motion[k], motion=None)
         if getattr(g, "motion", None) is not None
         else g
-        for g in scene.geometries
+        for number, g in enumerate(scene.geometries)
     )
     instances = (
         replace(block, world_from_object=block.motion[k], motion=None)
@@ -263,7 +335,26 @@ class _Matcher:
             normals = None if normals is None else np.stack(turned)
         return replace(mesh, motion=np.stack(vertices), normal_motion=normals)
 
-    def _shape_at(self, thing: Thing, k: int) -> Shape | None:
+    def points(self, thing: Thing, geometry: Strands | Spheres) -> list[Geometry] | None:
+        """Strands or true spheres at the keys; None where they keep their shape."""
+        here = self._frame.shapes.get(thing.content.shape)
+        there = [self._shape_at(thing, k) for k in range(len(self._keys))]
+        if any(type(one) is not type(here) for one in there) or isinstance(here, Shape | None):
+            return None
+        if isinstance(here, StrandSource):
+            own = here.vertices_with(here.keys)
+            places = [here.vertices_with(one.keys) for one in there]
+            name, count = "vertices", geometry.vertices.shape
+        else:
+            own, places, name, count = here, there, "centers", geometry.centers.shape
+        if own.shape != count or any(one is None or one.shape != count for one in places):
+            self._report.note(self._sentences.recombed, thing.name)
+            return None
+        if all(np.array_equal(one, own, equal_nan=True) for one in places):
+            return None
+        return [replace(geometry, **{name: one}) for one in places]
+
+    def _shape_at(self, thing: Thing, k: int) -> Shape | StrandSource | Array | None:
         there = self._there[k].get(self._names[thing])
         return None if there is None else self._keys[k].shapes.get(there.content.shape)
 

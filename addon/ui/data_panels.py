@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 from bpy_extras.node_utils import find_node_input
 
+from ..export.geometry.volumes import openvdb
 from ..export.materials.graph import node_tree, output_of
 from .panel import EnginePanel, draw_if_known, draw_reason, draw_wide
 
@@ -133,6 +134,24 @@ class GLINT_CAMERA_PT_panorama(EnginePanel, bpy.types.Panel):
         draw_wide(column, owner, "panorama_type")
         for name, text in _PANORAMAS.get(kind, ()):
             draw_wide(column, owner, name, text)
+
+
+class GLINT_VOLUME_PT_render(EnginePanel, bpy.types.Panel):
+    bl_label = "Render"
+    bl_context = "data"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.volume is not None
+
+    def draw(self, context):
+        is_read = openvdb() is not None
+        draw_reason(self.layout, not is_read, "Needs the OpenVDB module of Blender 5.0")
+        column = self.column
+        column.active = is_read
+        for name in ("space", "step_size", "clipping"):
+            column.prop(context.volume.render, name)
 
 
 class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
@@ -342,6 +361,7 @@ class GLINT_WORLD_PT_light_group(EnginePanel, bpy.types.Panel):
 
 CLASSES = (
     GLINT_CAMERA_PT_panorama,
+    GLINT_VOLUME_PT_render,
     GLINT_LIGHT_PT_light,
     GLINT_LIGHT_PT_beam_shape,
     GLINT_LIGHT_PT_nodes,

@@ -10,7 +10,7 @@ that Glint reads too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -30,6 +30,7 @@ _REPLACED_OR_WITHOUT_EFFECT = {
     "DATA_PT_lightprobe_parallax",
     "DATA_PT_lightprobe_visibility",
     "DATA_PT_spot",
+    "DATA_PT_volume_render",
     "NODE_DATA_PT_light",
     "NODE_DATA_PT_spot",
     "RENDER_PT_simplify",
@@ -52,10 +53,6 @@ _BORROWED_FROM_EEVEE = {
     "EEVEE_WORLD_PT_volume",
     "MATERIAL_PT_preview",
 }
-_WITHOUT_EFFECT = {
-    "DATA_PT_volume_render": "No effect in Glint: volume objects are not drawn",
-}
-"""Blender's panels that a file's settings are looked for in, and what each says on top."""
 
 
 def _draw_pass(layout: bpy.types.UILayout, context: bpy.types.Context, **look: str) -> None:
@@ -359,23 +356,6 @@ def _blender_panels() -> Iterator[type]:
             yield panel
 
 
-def _line(text: str) -> Callable[[bpy.types.Panel, bpy.types.Context], None]:
-    def draw(self: bpy.types.Panel, context: bpy.types.Context) -> None:
-        if context.engine == ENGINE:
-            draw_reason(self.layout, True, text)
-
-    return draw
-
-
-_LINES = {name: _line(text) for name, text in _WITHOUT_EFFECT.items()}
-
-
-def _panels_with_lines() -> Iterator[tuple[type, Callable]]:
-    """Those of `_LINES` that this Blender has."""
-    known = {name: getattr(bpy.types, name, None) for name in _LINES}
-    return ((panel, _LINES[name]) for name, panel in known.items() if panel is not None)
-
-
 # Panels of one tab stand in this order, as those of Cycles do.
 _CLASSES = (
     GLINT_RENDER_PT_sampling,
@@ -424,15 +404,11 @@ def register() -> None:
         bpy.utils.register_class(cls)
     for panel in _blender_panels():
         panel.COMPAT_ENGINES.add(ENGINE)
-    for panel, line in _panels_with_lines():
-        panel.prepend(line)
 
 
 def unregister() -> None:
     for handlers in _ENDS:
         handlers.remove(_redraw_statistics)
-    for panel, line in _panels_with_lines():
-        panel.remove(line)
     for panel in _blender_panels():
         panel.COMPAT_ENGINES.discard(ENGINE)
     for cls in reversed(_CLASSES):

@@ -199,6 +199,8 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
             f"since the frame before it moved {came:.6g} pixels to the right and {rose:.6g} up, to "
             f"the next one it moves {goes:.6g} and {rises:.6g}"
         )
+    if hit.open is not None:
+        yield f"of an even sky it sees {_rgb(hit.open)} (Ambient Occlusion, one sample)"
     if hit.holdout:
         yield "it is a holdout: nothing is seen here"
         return

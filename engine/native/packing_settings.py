@@ -21,7 +21,7 @@ from ..sampling import (
 )
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, is_moving, sample_times
-from ..scene import Lens, Light, Mesh, Openings, Scene
+from ..scene import Lens, Light, Openings, Polygons, Scene, Spheres
 from ..settings import DECLARED, Settings
 from . import core_types
 from .packer import Packed, Packer, address, number
@@ -203,8 +203,9 @@ def _add_neighbours(
         rows = packer.lend(np.concatenate(rows), np.float64, (None, 3, 4), "neighbour")
         shapes = np.zeros(len(other.geometries), np.dtype(core_types.ShapeData))
         for k, (here, there) in enumerate(zip(scene.geometries, other.geometries, strict=True)):
-            if there is not here and isinstance(here, Mesh):
-                vertices = packer.lend(there.vertices, np.float32, (None, 3), "neighbour")
+            if there is not here and not isinstance(here, Polygons):
+                points = there.centers if isinstance(there, Spheres) else there.vertices
+                vertices = packer.lend(points, np.float32, (None, 3), "neighbour")
                 shapes[k] = address(vertices), len(vertices)
         told.camera, told.world_from_object = pack_camera(other.camera), address(rows)
         told.row_count, told.shapes, told.shape_count = len(rows), address(shapes), len(shapes)

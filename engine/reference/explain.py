@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..film import OCCLUSION
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
@@ -20,6 +21,7 @@ from .lights import LightSample, Source
 from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
+from .occlusion import openness
 from .paths import Paths, bounced, camera_paths, met, straight_on
 from .pulse import Pulse
 from .rays import Bundle
@@ -73,7 +75,8 @@ class Hit:
     things leave to it; None elsewhere.  moved: (4,) pixels, as the pass Vector has them; None
     where the scene has no neighbours.  shared: of how many shadow rays of a sample how many
     samples of lamps have a share; zeros where each has its own.  shared_bounced: the same of points
-    of bounced light; zeros without one.
+    of bounced light; zeros without one.  open: the share of an even sky, as the pass Ambient
+    Occlusion has it of one sample; None where it is not asked for.
     """
 
     thing: str
@@ -93,6 +96,7 @@ class Hit:
     moved: Numbers | None = None
     shared: tuple[int, int] = (0, 0)
     shared_bounced: tuple[int, int] = (0, 0)
+    open: Numbers | None = None
 
 
 @dataclass(frozen=True)
@@ -138,6 +142,7 @@ class Explainer:
             Pulse(lambda: False),
         )
         self._spread = Spread.samples(scene, settings.samples)[0]
+        self._looks_round = OCCLUSION in settings.passes
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
@@ -294,6 +299,9 @@ class Explainer:
             else None,
             shared=(stage.lighting.marks, stage.shared_samples),
             shared_bounced=stage.shared_bounced,
+            open=_numbers(openness(stage, surface, 0, lambda: None)[:, 0])
+            if paths.depth == 0 and self._looks_round
+            else None,
         )
 
     # --- lights

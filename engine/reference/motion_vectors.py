@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..scene import Camera, Mesh, Scene
+from ..scene import Camera, Mesh, Scene, Spheres, Strands
 from .panorama import picture_points
 from .surface import Surface
 from .vectors import transform, transform_each, unit
@@ -66,10 +66,27 @@ def _on_triangles(scene: Scene, surface: Surface, points: Array) -> Array:
 
 
 def _moved(scene: Scene, other: Scene, surface: Surface, points: Array) -> Array:
-    """The same points of the object in another frame."""
+    """The same points of the object in another frame: those of spheres and segments go as their
+    centres do.
+    """
     if all(a is b for a, b in zip(scene.geometries, other.geometries, strict=True)):
         return points
-    return _on_triangles(other, surface, points)
+    points = _on_triangles(other, surface, points)
+    for number in np.unique(surface.geometry):
+        here, there = scene.geometries[number], other.geometries[number]
+        some = np.flatnonzero(surface.geometry == number)
+        local = surface.local[some]
+        if here is there:
+            continue
+        if isinstance(here, Spheres):
+            way = there.centers.astype(np.float64) - here.centers
+            points[:, some] += way[local].T
+        elif isinstance(here, Strands):
+            way = there.vertices.astype(np.float64) - here.vertices
+            ends = here.starts[local].astype(np.intp)
+            first, second = surface.weights[:2, some]
+            points[:, some] += first * way[ends].T + second * way[ends + 1].T
+    return points
 
 
 def _in_world(scene: Scene, surface: Surface, points: Array) -> Array:

@@ -172,8 +172,10 @@ def _neighbours(scene: Scene) -> Found:
 def _same_shape(geometry: Any, moved: Any) -> Found:
     if type(geometry) is not type(moved):
         yield f"is another kind than the scene's: use {type(geometry).__name__}"
-    elif isinstance(geometry, Mesh):
+    elif isinstance(geometry, Mesh | Strands):
         yield from array("vertices", moved.vertices, np.float32, np.shape(geometry.vertices))
+    elif isinstance(geometry, Spheres):
+        yield from array("centers", moved.centers, np.float32, np.shape(geometry.centers))
 
 
 def _same_rows(instances: Instances, moved: Any) -> Found:

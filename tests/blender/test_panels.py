@@ -91,21 +91,9 @@ light = bpy.data.lights["Light"]
 light.use_nodes = True
 camera = scene.camera.data
 camera.type = "PANO"
-context = SimpleNamespace(scene=scene, camera=camera, engine="GLINT", view_layer=bpy.context.view_layer, light=light,
+context = SimpleNamespace(scene=scene, camera=camera, volume=bpy.data.volumes.new("Cloud"), engine="GLINT", view_layer=bpy.context.view_layer, light=light,
                           material=bpy.data.materials["Material"], world=scene.world,
                           object=bpy.data.objects["Cube"])
-lines = {}
-for name in panels._WITHOUT_EFFECT:
-    panel = getattr(bpy.types, name, None)
-    if panel is None:  # before 5.0 light linking is a panel of Cycles' own
-        continue
-    first = panel.draw._draw_funcs[0]
-    told = {}
-    for engine in ("GLINT", "CYCLES"):
-        asker = SimpleNamespace(layout=Layout())
-        first(asker, SimpleNamespace(engine=engine))
-        told[engine] = asker.layout.drawn
-    lines[name] = told
 properties = {name: prop for group in (scene.glint, scene.glint.final, scene.view_layers[0].glint)
               for name, prop in group.bl_rna.properties.items() if name != "rna_type"}
 def reasons(panel, change, back):
@@ -164,9 +152,9 @@ answer({
         use_scene_lights_render=True, use_scene_world_render=True)))),
     "pass": offered(panels.GLINT_VIEW3D_PT_shading_render_pass, context),
     "tabs": {tab: all_of(tab) for tab in ("data", "material", "world")},
+    "volume": offered(panels.data_panels.GLINT_VOLUME_PT_render, context),
     "light nodes": offered(panels.data_panels.GLINT_LIGHT_PT_nodes, context),
     "world rays": offered(panels.data_panels.GLINT_WORLD_PT_ray_visibility, context),
-    "lines": lines,
     "names": {name: prop.name for name, prop in properties.items()},
     "tracers": {item.identifier: item.name for item in properties["backend"].enum_items},
     "descriptions": [prop.description for prop in properties.values()] + [item.description for prop in properties.values()
@@ -248,17 +236,15 @@ def test_no_name_is_cut_where_the_editor_is_as_wide_as_at_first(told):
     assert told["cut"] == {}
 
 
+def test_volume_objects_have_their_settings(told):
+    assert {"space", "step_size", "clipping"} <= {name for name, _ in told["volume"]}
+
+
 def test_light_settings_have_dots_for_keyframes(told):
     values = {name: dot for name, dot in told["light"] if name != "type"}
     assert values.keys() >= {"color", "energy", "shadow_soft_size", "use_shadow"} and all(
         values.values()
     ), values
-
-
-def test_panels_without_effect_say_so_with_glint_only(told):
-    for name, drawn in told["lines"].items():
-        assert drawn["GLINT"][0][0].startswith("No effect in Glint"), name
-        assert drawn["CYCLES"] == [], name
 
 
 def test_what_is_grey_says_why(told):

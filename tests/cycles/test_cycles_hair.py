@@ -122,6 +122,24 @@ def test_strands_cast_the_same_shadows():
     assert (dark != mine).mean() <= 0.01
 
 
+@pytest.mark.parametrize("turn", [(1.0, 0, 0), (0.1, 0, 0), (1.2, 0, np.pi / 2)])
+def test_ribbons_which_new_scenes_have_are_lit_as_round_strands(turn):
+    """Means of a field in the sun, within 5 %."""
+    scene, field = strand_field(3000, 6, 0.012)
+    assert bpy.data.scenes.new("New").cycles_curves.shape == "RIBBONS"
+    scene.cycles_curves.shape = "RIBBONS"
+    _worn(field, "ShaderNodeBsdfDiffuse")
+    lamp = bpy.data.lights.new("Sun", "SUN")
+    lamp.angle, lamp.energy = 0.05, 3.0
+    sun = bpy.data.objects.new("Sun", lamp)
+    sun.rotation_euler = turn
+    scene.collection.objects.link(sun)
+    cycles.make_exact(scene, 16)
+    truth = cycles.render_passes(scene)["Combined"][..., :3].mean((0, 1))
+    mine = render_glint(scene, "NATIVE", samples=4).combined[..., :3].mean((0, 1))
+    np.testing.assert_allclose(mine, truth, rtol=0.05)
+
+
 def furry_ball():
     """Particle hair with children on a ball, which hides what is behind."""
     scene = cycles.empty_scene(*SIZE)

@@ -8,7 +8,7 @@ import pytest
 import cycles_reference as cycles
 from cycles_reference import bpy
 from glint_picture import render_pair, surface_interior
-from small_scenes import add, add_camera, ball, mesh, moved
+from small_scenes import add, add_camera, add_light, ball, mesh, moved, new_material
 
 SIZE = 512
 """Of pictures: at the edges of texels their slope jumps, and steps of differences decide."""
@@ -185,3 +185,32 @@ def test_normals_are_cycles(case):
     assert np.median(angle) <= median and np.percentile(angle, 99) <= most, (
         f"median {np.median(angle):.3g}°, 99 % {np.percentile(angle, 99):.3g}°"
     )
+
+
+STEEP = [
+    (0.3, True, 0.003, 0.01),
+    (1.0, True, 0.03, 0.06),
+    (0.3, False, 0.0, 0.002),
+    (1.0, False, 0.0, 0.006),
+]
+
+
+@pytest.mark.parametrize(("distance", "darkened", "least", "most"), STEEP)
+def test_steep_bumps_are_as_much_brighter_as_is_told(distance, darkened, least, most) -> None:
+    """On average, a matt ball under a sun: by what Cycles' Bump Map Correction takes away."""
+    scene = cycles.empty_scene(48, 48)
+    material, tree, output = new_material("steep")
+    matt, noise, bump = (
+        tree.nodes.new(f"ShaderNode{name}") for name in ("BsdfDiffuse", "TexNoise", "Bump")
+    )
+    noise.inputs["Scale"].default_value = 3.0
+    bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 1.0, distance
+    material.cycles.use_bump_map_correction = darkened
+    tree.links.new(noise.outputs[0], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], matt.inputs["Normal"])
+    tree.links.new(matt.outputs[0], output.inputs["Surface"])
+    add(scene, "ball", ball(48, 32, material=material))
+    add_camera(scene, (0, -3, 0), (0, 0, 0))
+    add_light(scene, "SUN", (2, -1.5, 1), energy=3.0)
+    wanted, found = render_pair(scene, "NATIVE", "steep").colors()
+    assert least <= found.mean() / wanted.mean() - 1 <= most

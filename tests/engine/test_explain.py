@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import SceneError, Settings, render
+from glint.engine import OCCLUSION, SceneError, Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.scene import (
     Camera,
@@ -274,3 +274,18 @@ def test_what_moves_is_told_in_pixels():
     text = "\n".join(explanation_lines(ray))
     assert "since the frame before it moved 1 pixels to the right and 1 up" in text
     assert PixelExplainer(SCENE, settings).pixel(0, 0).hit.moved is None
+
+
+def test_ambient_occlusion_is_told_where_it_is_asked_for():
+    settings = Settings(samples=1, passes=frozenset({OCCLUSION}))
+    film = render(SCENE, settings).passes[OCCLUSION]
+    explainer, shares = PixelExplainer(SCENE, settings), set()
+    for y in range(film.shape[0]):
+        hit = explainer.pixel(2, y).hit
+        if hit is not None:
+            np.testing.assert_allclose(hit.open, film[y, 2], rtol=1e-6)
+            shares.add(round(hit.open[0], 6))
+    assert len(shares) > 1
+    text = "\n".join(explanation_lines(explainer.pixel(2, 0)))
+    assert "of an even sky it sees" in text
+    assert PixelExplainer(SCENE, Settings(samples=1)).pixel(2, 0).hit.open is None

@@ -256,9 +256,13 @@ def test_the_same_bits_whatever_the_work() -> None:
 
 
 def asking_scene() -> s.Scene:
+    """The first material reads what its rays meet."""
     base = SCENES["flat_and_smooth"]()
+    reads = cast(0, (0.3, -0.2, 1.0), name="raycast_attribute", attribute="told")
     mixed = (occlusion(2.0), occlusion(1.0, only_local=1, inside=1))
-    return replace(base, materials=tuple(mixed[k % 2] for k in range(len(base.materials))))
+    others = tuple(mixed[k % 2] for k in range(1, len(base.materials)))
+    things = tuple(_coloured(g, 4) if isinstance(g, s.Mesh) else g for g in base.geometries)
+    return replace(base, materials=(reads, *others), geometries=things)
 
 
 @needs_core

@@ -73,13 +73,19 @@ def _sphere_round(mesh: Any, report: Report) -> Spheres | None:
 
 def export_points(cloud: Any) -> Spheres | None:
     """An evaluated PointCloud data-block as spheres with material slot 0; None without points."""
-    count = len(cloud.points)
-    if count == 0:
+    centers = centers_of(cloud)
+    if len(centers) == 0:
         return None
-    centers = np.empty((count, 3), np.float32)
-    cloud.attributes["position"].data.foreach_get("vector", centers.reshape(-1))
-    radii = np.full(count, DEFAULT_RADIUS, np.float32)
+    radii = np.full(len(centers), DEFAULT_RADIUS, np.float32)
     radius = cloud.attributes.get("radius")
     if radius is not None:
         radius.data.foreach_get("value", radii)
     return Spheres(cloud.name, centers, radii)
+
+
+def centers_of(cloud: Any) -> np.ndarray:
+    """(k, 3) float32 of an evaluated PointCloud data-block."""
+    centers = np.empty((len(cloud.points), 3), np.float32)
+    if len(centers):
+        cloud.attributes["position"].data.foreach_get("vector", centers.reshape(-1))
+    return centers

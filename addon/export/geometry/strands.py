@@ -68,7 +68,8 @@ class Keys:
 @dataclass(eq=False)
 class StrandSource:
     """Strands with what they were made from. key, share: (v,) of each vertex the key before it and
-    how far it is towards the next one. particles: they are hair of particle systems.
+    how far it is towards the next one. particles: they are hair of particle systems.  is_linear:
+    curves go straight between keys.
     """
 
     strands: Strands
@@ -76,6 +77,7 @@ class StrandSource:
     key: np.ndarray
     share: np.ndarray
     particles: bool = False
+    is_linear: bool = False
     used_slots: tuple[int, ...] = (0,)
     uv_maps: dict[str, Attribute] = field(default_factory=dict)
     attributes: dict[str, Attribute] = field(default_factory=dict)
@@ -85,6 +87,21 @@ class StrandSource:
         maps = {a.name: a for a in self.uv_maps.values()}
         named = {a.name: a for a in self.attributes.values()}
         return replace(self.strands, attributes=tuple({**maps, **named}.values()))
+
+    def vertices_with(self, keys: Keys) -> np.ndarray | None:
+        """(v, 3) float32 where the vertices are when their curves have these keys; None where these
+        are of other curves.
+        """
+        if not np.array_equal(keys.offsets, self.keys.offsets):
+            return None
+        b, t = _bezier(keys, self.key), self.share[:, None].astype(np.float64)
+        if self.is_linear:
+            at = (1 - t) * b[0] + t * b[3]
+        else:
+            s = 1 - t
+            with np.errstate(invalid="ignore", over="ignore"):
+                at = s**3 * b[0] + 3 * s * s * t * b[1] + 3 * s * t * t * b[2] + t**3 * b[3]
+        return at[:, :3].astype(np.float32)
 
     @property
     def curve_of_segment(self) -> np.ndarray:
@@ -209,7 +226,8 @@ def _source(name: str, keys: Keys, scene: Any) -> StrandSource | None:
     slots = keys.slots[keys.curve[key[starts]]] if keys.slots.any() else None
     used = tuple(np.unique(keys.slots).tolist())
     strands = Strands(name, at[:, :3], np.maximum(at[:, 3], 0), starts, slots)
-    return StrandSource(strands, keys, key, share, used_slots=used)
+    is_linear = shape == "THICK_LINEAR"
+    return StrandSource(strands, keys, key, share, is_linear=is_linear, used_slots=used)
 
 
 def _pairs(keys: Keys) -> np.ndarray:

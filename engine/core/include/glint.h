@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 44
+#define GLINT_ABI_VERSION 45
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -352,7 +352,8 @@ enum GlintPass {
 
 /* The same scene in another frame, for GLINT_PASS_VECTOR. camera: of the same kind.
  * world_from_object: as many rows as the scene has. shapes: one for each of its geometries;
- * vertices null where these stay, else those of a mesh, as many as it has. */
+ * vertices null where these stay, else those of a mesh, of spheres or of strands, as many as it
+ * has. */
 typedef struct GlintShape {
   const float* vertices;
   uint64_t vertex_count;

@@ -205,7 +205,7 @@ bool sound_neighbours(const GlintRenderSettings& g, const Scene& scene) {
         (n.shape_count && !n.shapes))
       return false;
     for (size_t i = 0; i < n.shape_count; ++i)
-      if (n.shapes[i].vertices && (scene.geometries[i].kind != GLINT_MESH ||
+      if (n.shapes[i].vertices && (scene.geometries[i].kind == GLINT_POLYGONS ||
                                    n.shapes[i].vertex_count != scene.geometries[i].vertex_count))
         return false;
   }

@@ -65,6 +65,20 @@ Vec3d on_triangle(const Surface& s, const uint32_t* corners, const float* vertic
   return p;
 }
 
+/// How far a point of a sphere or a segment went in object space: as its centre, or as those of the
+/// two spheres that its hull lies between.
+Vec3d shift(const Surface& s, const GlintGeometry& geometry, const float* there) {
+  const bool strand = geometry.kind == GLINT_STRANDS;
+  const size_t first = strand ? geometry.indices[s.primitive] : s.primitive;
+  Vec3d moved;
+  for (size_t k = 0; k < (strand ? 2 : 1); ++k) {
+    const float *a = geometry.vertices + 3 * (first + k), *b = there + 3 * (first + k);
+    const Vec3d way{double(b[0]) - a[0], double(b[1]) - a[1], double(b[2]) - a[2]};
+    moved += (strand ? s.weights[int(k)] : 1.0) * way;
+  }
+  return moved;
+}
+
 }  // namespace
 
 void MotionVectors::at(const Surface& s, double (&motion)[4]) const {
@@ -83,7 +97,9 @@ void MotionVectors::at(const Surface& s, double (&motion)[4]) const {
   for (int k = 0; k < 2; ++k) {
     const GlintNeighbour& other = neighbours_[k];
     const float* const vertices = other.shapes[group.geometry].vertices;
-    const Vec3d there = vertices && is_mesh ? on_triangle(s, corners, vertices) : p;
+    const Vec3d there = !vertices ? p
+                        : is_mesh ? on_triangle(s, corners, vertices)
+                                  : p + shift(s, geometry, vertices);
     const Affine moved = affine(other.world_from_object + 12 * size_t(row));
     const Pixel found = pixel_of(other.camera, point(moved, there));
     if (k == 0) step(found, here, turn, motion);
