@@ -111,6 +111,7 @@ _WAYS = {
     "mirror": " (mirrored)",
     "reflection": " (reflected by a rough surface)",
     "refraction": " (refracted)",
+    "gather": " (thrown on by what is near)",
 }
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 _NAMED = 4

@@ -42,6 +42,10 @@ BENT = 0.25
 """Of the radius in which a surface bends away: discs are no wider. They would light what it does
 not face, up to a hard edge where their plane ends.
 """
+NEAR = 2.5
+"""Radii of discs within which rays look for surfaces instead."""
+GATHER_SAMPLES = 2
+"""Rays that a sample looks along there."""
 SMALLEST = 1 / 16
 """Of their area discs keep."""
 MOST_MORE, UNSEEN_MORE = 64, 8
@@ -108,6 +112,8 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
         each,
         b.caught[index],
         b.light_group[index],
+        gather_reach(b, each),
+        b.last[index],
     )
 
 
@@ -128,6 +134,16 @@ def _even(b: Bounces, each: int) -> Bounces:
             step *= 2
     kept = np.maximum((least / radii) ** 2, SMALLEST)
     return replace(b, spreads=b.spreads * kept, radiance=b.radiance / kept[:, None])
+
+
+def gather_reach(b: Bounces, each: int) -> float:
+    """Within what distance rays look for surfaces that throw light on, in place of points, `each`
+    of which a sample takes: NEAR times the radius of most discs.
+    """
+    radii = np.sqrt(b.spreads / (MERGED * np.pi * each))
+    order = np.argsort(radii, kind="stable")
+    share = np.cumsum(b.weights[order])
+    return NEAR * float(radii[order[np.searchsorted(share, share[-1] / 2)]])
 
 
 def _taken(b: Bounces, count: int) -> tuple[Array, Array]:
@@ -235,7 +251,7 @@ class _Walks:
             columns = self._points(surfaces)
         if columns is None:
             return None
-        points, normals, power, weight, reaches, numbers, caught, group = columns
+        points, normals, power, weight, reaches, numbers, caught, group, last = columns
         good = along_a_curve(points)
         points, weight = points[good], weight[good]
         spreads = _spreads(points, weight)
@@ -252,6 +268,7 @@ class _Walks:
             caught[good],
             group[good],
             _bends(points, normals[good]),
+            last[good],
         )
 
     def _points(self, surfaces: Accelerator) -> list[Array] | None:
@@ -267,7 +284,7 @@ class _Walks:
 
     def _walk(self, surfaces: Accelerator, begun: list[Start]) -> Iterator[tuple[Array, ...]]:
         """Columns of points, normals, power (radiance times area), weights, reaches, numbers,
-        which are on catchers and light groups, a part for each step of the walks.
+        which are on catchers, light groups and which end their walk, a part for each step.
         """
         counts = [start.origin.shape[1] for start in begun]
         totals, n = np.array(counts), sum(counts)
@@ -302,7 +319,8 @@ class _Walks:
             numbers = (steps.number + 0.5) / totals[steps.start] + number * GOLDEN
             parts = surface.x.T, surface.g.T, power.T, weight, surface.offset, numbers % 1.0
             group = [start.light_group[steps.number[a:b]] for start, a, b in spans]
-            yield (*parts, caught, np.concatenate(group))
+            last = steps.scattered + 1 == self._bounces
+            yield (*parts, caught, np.concatenate(group), last)
             steps = self._onward(steps, surface, k, power, weight, number)
 
     def _met(

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -338,7 +338,8 @@ class MeshTable:
     point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
     their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
     unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
-    light_group: (k,) int, -1 for none.
+    light_group: (k,) int, -1 for none.  near: within that distance rays look for surfaces that
+    throw light on, in place of these points; 0: none do.  last: (k,) bool, not for those surfaces.
     """
 
     point: Array
@@ -351,12 +352,14 @@ class MeshTable:
     each: int
     caught: Array
     light_group: Array
+    near: float = 0.0
+    last: Array | None = None
 
     def first(self, count: int) -> MeshTable:
         """The first `count` of the points of each sample."""
         kept = np.arange(len(self.point)) % self.each < count
-        columns = {f.name: getattr(self, f.name)[kept] for f in fields(self) if f.name != "each"}
-        return MeshTable(**columns, each=count)
+        columns = {k: column[kept] for k, column in vars(self).items() if np.ndim(column)}
+        return replace(self, **columns, each=count)
 
 
 def merged(spread: Array | float, each: int, samples: int = MERGED) -> Array | float:

@@ -11,6 +11,7 @@ from ..film import OCCLUSION, PASSES
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable
 from ..sampling import (
+    gather_points,
     light_points,
     lobe_points,
     node_points,
@@ -158,18 +159,23 @@ def _add_meshes(
 def _add_bounced(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..lights.bounced_light import bounced_table
+    from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
 
     table = bounced_table(light, settings.samples, settings.bounced_samples)
     rows = packer.lend(_point_rows(table), np.float64, (None, 18), "bounced light samples")
     data.bounced_table = address(rows)
     data.bounced_count, data.bounced_samples = len(rows), table.each
-    data.bounced_shadows = settings.bounced_shadows
+    data.bounced_shadows, data.gather_reach = settings.bounced_shadows, table.near
+    points = gather_points(settings.samples, GATHER_SAMPLES)
+    points = packer.lend(points, np.float64, (None, 2), "gather points")
+    data.gather_points, data.gather_count = address(points), len(points)
+    data.gather_samples = GATHER_SAMPLES
 
 
 def _point_rows(t: MeshTable) -> np.ndarray:
     """(k, 18) as glint.h has mesh_table."""
-    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc, t.caught)
+    flags = t.caught + 2 * (0 if t.last is None else t.last)
+    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc, flags)
     return np.column_stack((*columns, 1 + t.light_group))
 
 

@@ -13,15 +13,16 @@ from ..scene import Scene
 from ..settings import Settings
 from . import catchers
 from .camera import Spread
+from .gathering import gathering, seen_lobes
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import balance, fibres, highlight, matt_lobes
+from .lighting import Lighting, balance, fibres, highlight, matt_lobes
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
-from .paths import Paths, bounced, camera_paths, met, straight_on, widened
+from .paths import Paths, bounced, camera_paths, met, straight_on
 from .pulse import Pulse
 from .rays import Bundle
 from .scattering import scattered
@@ -102,8 +103,8 @@ class Hit:
 class Ray:
     """A ray and those that follow from it.
 
-    kind: camera, or lens for one through a point of the camera's, mirror, refraction or transparent
-    (the same ray beyond a surface).  weight: T.
+    kind: camera, or lens for one through a point of the camera's, mirror, refraction, gather (for
+    what throws light on near by) or transparent (the same ray beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
     passed: what media leave of it on its way, which `shapes` have in them.  media: what these
     scatter of lights, by their names, and "" what they give of themselves.  shapes: (name,
@@ -194,8 +195,7 @@ class Explainer:
         queries = stage.queries(0)
         surface = stage.shader.bent(met(paths, hit, surface), paths.kind, queries)
         coefficients = stage.shader.coefficients(surface, paths.kind, queries)
-        if paths.reflections:
-            coefficients = widened(coefficients, paths.widest)
+        coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
         if paths.reflections and stage.is_lit_by_meshes:
             coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
         about = self._hit(surface, coefficients, depth, paths)
@@ -256,7 +256,9 @@ class Explainer:
     def _next(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
     ) -> Iterator[Ray]:
-        if paths.depth < self.stage.settings.max_bounces:
+        for near in gathering(self.stage, paths, hit, surface, coefficients, 0):
+            yield self.follow(near, "gather")
+        if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             point = self.stage.lobe_point(0, paths.depth)
             cutoff = self.stage.settings.cutoff
             for after in bounced(paths, hit, surface, coefficients, cutoff, point):
@@ -289,7 +291,7 @@ class Explainer:
             geometric_normal=_numbers(surface.g[:, 0]),
             ambient=_numbers(coefficients.ambient[:, 0] * stage.ambient[:, 0]),
             emission=_numbers(coefficients.emission[:, 0]),
-            lights=tuple(self._lights(surface, coefficients, paths.weight)),
+            lights=tuple(self._lights(surface, coefficients, paths)),
             holdout=instances.holdout,
             caught=self._caught(surface, coefficients, paths),
             moved=_numbers(motion_vectors(stage, surface)[:, 0])
@@ -306,9 +308,9 @@ class Explainer:
     # ----------------------------------------------------------------------------------------------
 
     def _lights(
-        self, surface: Surface, coefficients: Coefficients, weight: Array
+        self, surface: Surface, coefficients: Coefficients, paths: Paths
     ) -> Iterator[LightTerm]:
-        lighting = self.stage.lighting
+        lighting, weight = self.stage.lighting_of(paths), paths.weight
         for source in lighting.sources:
             margin, j = 0, 0
             for j, (narrow, sample, diffuse) in enumerate(
@@ -318,7 +320,7 @@ class Explainer:
                     is_drawn = diffuse is not coefficients.diffuse
                     own = replace(coefficients, diffuse=diffuse, sheens=[], fibres=[])
                     own = own if is_drawn else coefficients
-                    term = self._light(surface, own, source, narrow, sample, j)
+                    term = self._light(surface, own, source, narrow, sample, j, lighting)
                     lost = np.array(term.shadow) != 1.0
                     light = np.array(term.diffuse) + np.array(term.specular)
                     counts = diffuse is coefficients.diffuse and sample.counts
@@ -362,6 +364,7 @@ class Explainer:
         narrow: Narrow | None,
         sample: LightSample,
         j: int,
+        lighting: Lighting,
     ) -> LightTerm:
         n_dot_l = float(sample.cosine(surface.n)[0])
         intensity = sample.light_of(source)[:, 0]
@@ -369,7 +372,7 @@ class Explainer:
         through = coefficients.lets_through() if glossy else False
         sample = replace(sample, leaves=through is not False)
         reached = sample.reaches(surface.g, surface.n, through)
-        reached &= self.stage.lighting.lights(source, surface)
+        reached &= lighting.lights(source, surface)
         lit = reached[0] and intensity.any()
         specular = sum(
             (
@@ -383,10 +386,11 @@ class Explainer:
         if glossy and coefficients.fibres:
             all_ = fibres(surface, coefficients.fibres, seen, sample.direction, matt=False)
             specular = specular + all_[:, 0]
-        even = self.stage.lighting.even_gloss(source, surface, coefficients)[:, 0]
-        specular = specular + even * max(n_dot_l, 0.0)
+        even = lighting.even_gloss(source, surface, coefficients)[:, 0]
+        far = lighting.far_share(source, surface.x, sample)
+        specular = specular + even * max(n_dot_l, 0.0) * far
         matt = matt_lobes(surface, coefficients, seen, sample.direction)
-        diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) + matt[:, 0]
+        diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) * far + matt[:, 0]
         shadow, blocker, distance = (
             self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
         )

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..film import CATCHER, OCCLUSION, VOLUME
 from . import catchers
+from .gathering import gathering, seen_lobes
 from .gloss import reflecting
 from .lighting import DirectLight
 from .lights import Source
@@ -28,7 +29,6 @@ from .paths import (
     met,
     reflected_by_lobes,
     straight_on,
-    widened,
 )
 from .picture import Tile
 from .raster import Strips
@@ -67,7 +67,7 @@ def reflected(
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [(p.reflections, p.glossy, p.transmitted) for p in paths]
+    pasts = [(p.reflections, p.glossy, p.transmitted, p.gathers) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 
@@ -98,7 +98,7 @@ class Generations:
         returned.
         """
         stage = self._stage
-        stage.rays[paths.kind] += len(paths)
+        stage.rays["gather" if paths.gathers else paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
         hits = stage.visibility.closest(paths.rays, paths.kind, strips)
         if stage.media:
@@ -142,10 +142,10 @@ class Generations:
         )
         hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
         self._look_around(paths, hit, surface, coefficients)
-        if paths.reflections:
-            coefficients = widened(coefficients, paths.widest[hit])
+        coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
         self._shade(paths, hit, surface, coefficients)
-        if paths.depth < stage.settings.max_bounces:
+        deeper += gathering(stage, paths, hit, surface, coefficients, self._sample)
+        if paths.depth < stage.settings.max_bounces and not paths.gathers:
             point = stage.lobe_point(self._sample, paths.depth)
             deeper += bounced(
                 paths, hit, surface, coefficients, stage.settings.cutoff, point, stage.splits
@@ -236,13 +236,14 @@ class Generations:
         media = self._stage.media
         spans = media.spans(paths.rays, paths.kind, depth)
         self._see_lights(paths, depth, spans)
-        if media.emits:
+        if media.emits and not paths.gathers:
             glow = media.pieces(spans, paths.rays.near, depth).glow()
             self._add(paths, "Emission", paths.pixel, paths.weight * glow)
             for group in range(len(self._stage.scene.light_groups)):
                 part = media.of_group(group).pieces(spans, paths.rays.near, depth).glow()
                 self._tile.add_to_groups(group, paths.pixel, paths.weight * part)
-        self._scatter(paths, spans, depth)
+        if not paths.gathers:
+            self._scatter(paths, spans, depth)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
 
@@ -399,7 +400,7 @@ class Generations:
             matt = pixel[coefficients.diffuse.any(0)]
             self._tile.softly_lit[matt] = self._tile.bounced[matt] = True
         on_reach, on_cut = self._listeners(pixel)
-        light = self._stage.lighting.direct(
+        light = self._stage.lighting_of(paths).direct(
             surface, coefficients, weight, self._sample, on_reach, on_cut
         )
         add("Diffuse", light.diffuse)
@@ -420,6 +421,9 @@ class Generations:
         self._tile.add(paths.part(part), pixel, values)
         self._tile.add_to_groups(group, pixel, values)
         if self._stage.splits and paths.depth > 0:
+            if paths.gathers and paths.depth == 1:
+                self._tile.add("Diffuse Indirect", pixel, values)
+                return
             is_direct = paths.depth == 1 and part in ("Emission", "Environment")
             surface = "Transmission" if paths.transmitted else "Glossy"
             self._tile.add(f"{surface} {'Direct' if is_direct else 'Indirect'}", pixel, values)

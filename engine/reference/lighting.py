@@ -22,7 +22,7 @@ from .pulse import Pulse
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
 from .surface import Surface
-from .tabled_lights import BouncedSource, Dome, MeshSource
+from .tabled_lights import BouncedSource, Dome, MeshSource, far_share
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
@@ -66,7 +66,8 @@ class Lighting:
     bounced_marks: how many the points of bounced light share.  shows_gloss: gloss of dielectrics
     shows bounced light, as no rays of its own look for surfaces.
     catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
-    many light is told apart by.
+    many light is told apart by.  reach: how far gather rays look for what bounced light has the
+    rest of; 0 where there are none.  gathered: these are surfaces that they found.
     """
 
     sources: tuple[Source, ...]
@@ -80,6 +81,8 @@ class Lighting:
     catchers_alone: bool = False
     light_groups: int = 0
     shows_gloss: bool = True
+    reach: float = 0.0
+    gathered: bool = False
 
     @cached_property
     def _clusters(self) -> LampClusters:
@@ -300,8 +303,11 @@ class Lighting:
         numbers = [
             number
             for number in source.surface_numbers(sample, n)
-            if not (self.catchers_alone and isinstance(source, BouncedSource))
-            or source.is_caught(number)
+            if not isinstance(source, BouncedSource)
+            or (
+                not (self.catchers_alone and not source.is_caught(number))
+                and not (self.gathered and source.is_last(number))
+            )
         ]
         seen = source.seen_from(surface.x, surface.n, numbers, n)
         for number in numbers:
@@ -355,6 +361,15 @@ class Lighting:
             return np.zeros((3, len(surface)))
         return even_gloss(dot(surface.n, surface.v), coefficients.highlights)
 
+    def far_share(self, source: Source, x: Array, sample: LightSample) -> Array | float:
+        """(k,) what of a sample of bounced light the points x (3, k) get from it, and not from
+        what gather rays find.
+        """
+        if not (isinstance(source, BouncedSource) and self.reach > 0):
+            return 1.0
+        to = sample.end - x
+        return far_share(dot(to, to), self.reach)
+
     def _given(
         self,
         surface: Surface,
@@ -380,7 +395,8 @@ class Lighting:
         light = chosen.light_of(source)
         terms = coefficients.highlights if glossy else []
         front = cosine[seen] > 0
-        diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0)
+        far = self.far_share(source, pick(surface.x, seen), chosen)
+        diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0) * far
         if not is_drawn:
             diffuse = diffuse + matt_lobes(surface, coefficients, seen, chosen.direction) * light
         specular = (
@@ -389,7 +405,7 @@ class Lighting:
             * balance(narrow, seen, chosen)
         )
         gloss = pick(self.even_gloss(source, surface, coefficients), seen)
-        specular = specular + gloss * light * np.where(front, cosine[seen], 0.0)
+        specular = specular + gloss * light * np.where(front, cosine[seen], 0.0) * far
         if glossy and not is_drawn and coefficients.fibres:
             shine = fibres(surface, coefficients.fibres, seen, chosen.direction, matt=False)
             specular = specular + shine * light

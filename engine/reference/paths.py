@@ -34,6 +34,7 @@ class Paths:
     (n,) the largest exponent of highlights that they meet, that of the widest lobe on their way.
     refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
     was. transmitted: the first surface that they left refracted them, where passes ask for that.
+    gathers: they look for surfaces that throw light on, near by.
     """
 
     rays: Rays
@@ -47,6 +48,7 @@ class Paths:
     reflections: int = 0
     glossy: bool = False
     transmitted: bool = False
+    gathers: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)
@@ -58,6 +60,8 @@ class Paths:
 
     def part(self, name: str) -> str:
         """The part of the picture that they add to."""
+        if self.gathers and self.depth == 1:
+            return "Diffuse"
         return "Mirror" if self.depth else name
 
 
@@ -151,7 +155,7 @@ def bounced(
         go = np.flatnonzero(k.any(0))
         some = surface.take(go)
         result.append(
-            _leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), pick(k, go), cutoff)
+            leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), pick(k, go), cutoff)
         )
     for term in coefficients.refractions:
         some = surface.take(term.index)
@@ -174,7 +178,7 @@ def bounced(
         past = replace(paths, transmitted=True) if splits and paths.depth == 0 else paths
         result.append(
             _refracted(
-                _leaving(past, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
+                leaving(past, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
             )
         )
     return [paths for paths in result if len(paths)]
@@ -231,10 +235,10 @@ def reflected_by_lobes(
     k = highlights(surface, terms, go, d) / (np.pi * narrow.density(go, d))
     own = np.exp2(np.clip(np.floor(np.log2(np.maximum(exponent[go], 1.0))), 0, 60))
     wide = replace(paths, widest=_with(paths.widest, hit[go], own))
-    leaving = _leaving(wide, hit[go], some, d, np.where(np.isfinite(k), k, 0.0), cutoff)
-    if not len(leaving):
+    found = leaving(wide, hit[go], some, d, np.where(np.isfinite(k), k, 0.0), cutoff)
+    if not len(found):
         return None
-    return replace(leaving, reflections=paths.reflections + 1, glossy=True)
+    return replace(found, reflections=paths.reflections + 1, glossy=True)
 
 
 def _with(widest: Array, index: Array, own: Array) -> Array:
@@ -268,9 +272,7 @@ def _reflectance(surface: Surface, term: Term) -> Array | float:
     return fresnel(np.abs(dot(some.v, some.n)), relative_index(some, term.ior))
 
 
-def _leaving(
-    paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float
-) -> Paths:
+def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float) -> Paths:
     """Rays from the surface along d, started clear of it on the side that d points to."""
     weight = pick(paths.weight, hit) * k
     go = np.flatnonzero(weight.any(0) & ~(np.abs(weight).max(0) < cutoff))

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from ..cryptomatte import id_bits
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
-from ..lights.bounced_light import bounced_table
+from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
 from ..lights.dome import dome_table
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
-from ..sampling import light_points, lobe_points, scatter_offsets
+from ..sampling import gather_points, light_points, lobe_points, scatter_offsets
 from ..scene import Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
@@ -24,6 +25,7 @@ from .lighting import Lighting
 from .lights import CENTER, LightPoint, Source
 from .materials import Shader
 from .media import Media
+from .paths import Paths
 from .pulse import Pulse
 from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .shadows import Shadows
@@ -80,7 +82,10 @@ class Stage:
         self.lighting_of_catchers = (
             self.lighting.of_catchers(caught.astype(bool)) if self.catches else self.lighting
         )
+        near = [source.reach for source in self.sources if isinstance(source, BouncedSource)]
+        self.reach = 0.0 if self.catches or not near else near[0]
         self._lobe_points = lobe_points(settings.samples)
+        self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
         self.asks_rays = scene.most_asked > 0
         self._node_points = points_of_nodes(settings.samples, scene.most_asked)
         self.scatter_offsets = scatter_offsets(settings.samples)
@@ -99,10 +104,28 @@ class Stage:
         axes = np.asarray(self.scene.world.axes, np.float64)
         return radiance(program, self._sky_images, axes.T @ unit(along), kind)
 
+    def gathers(self, paths: Paths) -> bool:
+        """Whether rays look for surfaces near by that throw light on what the paths meet: but for
+        what rough reflections show.
+        """
+        return self.reach > 0 and not paths.gathers and paths.reflections == 0
+
+    def lighting_of(self, paths: Paths) -> Lighting:
+        """Of what the paths meet."""
+        if self.gathers(paths):
+            return replace(self.lighting, reach=self.reach)
+        return replace(self.lighting, gathered=True) if paths.gathers else self.lighting
+
     def lobe_point(self, sample: int, reflections: int) -> LightPoint:
         """Where in the lobes of rough surfaces a sample is reflected that was so often before."""
         levels, tabled, _ = self._lobe_points.shape
         return LightPoint(CENTER.square, self._lobe_points[reflections % levels, sample % tabled])
+
+    def gather_points(self, sample: int) -> list[LightPoint]:
+        """Below which directions a sample looks for surfaces that throw light on."""
+        points, each = self._gather_points, GATHER_SAMPLES
+        first = sample % max(len(points) // each, 1) * each
+        return [LightPoint(CENTER.square, disc) for disc in points[first : first + each]]
 
     def queries(
         self, sample: int, on_rays: Callable[[Array], None] = uncounted

@@ -342,9 +342,26 @@ class BouncedSource(MeshSource):
             self._group(number),
         )
 
+    @property
+    def reach(self) -> float:
+        """How far gather rays look for what lights points as well."""
+        return self._table.near
+
+    def is_last(self, number: int) -> bool:
+        """Whether its light has bounced as often as asked for once it arrives."""
+        return self._table.last is not None and bool(self._table.last[number])
+
     def is_caught(self, number: int) -> bool:
         """Whether a point of the table is on a shadow catcher."""
         return bool(self._table.caught[number])
+
+
+def far_share(square: Array, reach: float) -> Array:
+    """What of the bounced light from a place gather rays do not look for. square: of its
+    distance.
+    """
+    t = np.minimum(square / reach**2, 1.0)
+    return t * (2 - t)
 
 
 def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:

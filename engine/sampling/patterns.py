@@ -19,6 +19,7 @@ MOST_LOBE_POINTS = MOST_NODE_POINTS = 1 << 16
 LOBE_LEVELS = 8
 """Reflections of a path whose directions are independent."""
 _ASIDE = 0.7
+_GATHER_LEVEL = 3
 """Radians."""
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
@@ -234,6 +235,19 @@ def lobe_points(count: int) -> np.ndarray:
     bits = max(count - 1, 0).bit_length()
     disc = concentric_disc(2 * _sobol(1 << bits, _DOME) - 1)
     return np.stack([disc[_shuffled(bits, level)[:count]] for level in range(LOBE_LEVELS)])
+
+
+@functools.lru_cache(maxsize=4)
+def gather_points(samples: int, each: int) -> np.ndarray:
+    """(k, 2) float64 in the unit disc, not to be written to: what lies below the directions in
+    which samples look for surfaces that throw light on, `each` of one after those of the one
+    before. Turned, so that rays do not lie in faces along the axes.
+    """
+    x, y = lobe_points(samples * each)[_GATHER_LEVEL].T
+    cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
+    points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+    points.flags.writeable = False
+    return points
 
 
 @functools.lru_cache(maxsize=16)

@@ -417,6 +417,7 @@ class Bounces:
     the ends of shadow rays stay off it.  numbers: (m,) from 0 to 1, of its own, evenly spread.
     caught: (m,) bool, on a shadow catcher.  light_group: (m,) int, of the light that they pass on.
     bends: (m,) one over the radius in which the surface bends away from there, 0 where it does not.
+    last: (m,) bool, light that has bounced as often as asked for once it arrives.
     """
 
     points: Array
@@ -429,6 +430,7 @@ class Bounces:
     caught: Array
     light_group: Array
     bends: Array
+    last: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 42
+#define GLINT_ABI_VERSION 45
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -385,7 +385,8 @@ typedef struct GlintNeighbour {
  * each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the point and
  * its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the
  * unit disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for
- * points on catchers in place of the 0. Tables may be null where the scene has no such light.
+ * points on catchers in place of the 0, and 2 more for those whose light goes on from no other
+ * surface that gather rays find. Tables may be null where the scene has no such light.
  * lobe_points: (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a
  * path, where in the lobes of rough surfaces its rays are reflected; null only where none are.
  * error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it
@@ -405,8 +406,12 @@ typedef struct GlintNeighbour {
  * lamp_shadows: where more than twice as many lamps cast shadows and have no program, a point sends
  * so many of its rays to them, times the samples of a soft one; 0: one to each, up to 1024.
  * bounced_shadows: how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1
- * to bounced_samples. neighbours: null where nothing moves, else two, of the frame before and of
- * the one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
+ * to bounced_samples. gather_reach: within that distance, world units, each sample looks along
+ * gather_samples rays, 1 to 64, for what throws light on, in place of those points; 0: none does.
+ * gather_points: (gather_count, 2) of the unit disc, below the directions of those rays, of as many
+ * samples as divide it, after which they begin again; null only where gather_reach is 0.
+ * neighbours: null where nothing moves, else two, of the frame before and of the one after.
+ * occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
  * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
  * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
@@ -428,14 +433,15 @@ typedef struct GlintRenderSettings {
   const double* camera_frames;
   const double* occlusion_points;
   const double* node_points;
+  const double* gather_points;
   const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
       camera_frame_count, scatter_count, occlusion_count, node_point_count, opening_count,
-      opening_point_count, passes;
+      opening_point_count, gather_count, passes;
   double dome_axes[9];
-  double error_threshold, cutoff, lens_focus;
+  double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, lamp_shadows, occlusion_samples, opening_samples;
+      bounced_shadows, lamp_shadows, occlusion_samples, opening_samples, gather_samples;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;
@@ -487,7 +493,8 @@ typedef struct GlintStats {
   double build_seconds, trace_seconds;
   uint64_t triangles, instances, primitives, tree_bytes, tree_nodes;
   uint64_t dropped_primitives, dropped_instances, dropped_lights;
-  uint64_t camera_rays, shadow_rays, mirror_rays, refraction_rays, transparent_rays, media_points;
+  uint64_t camera_rays, shadow_rays, mirror_rays, refraction_rays, transparent_rays, gather_rays,
+      media_points;
   uint32_t features, threads;
 } GlintStats;
 

@@ -685,6 +685,13 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));
   s.bounced_table = arena.fill<double>(18 * s.bounced_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.bounced_count = 0;
+  if (dice.chance(0.3)) return;
+  s.gather_reach = positive(dice);
+  s.gather_samples = uint32_t(1 + dice.below(3));
+  s.gather_count = uint64_t(s.gather_samples) * (1 + dice.below(s.samples));
+  s.gather_points = arena.fill<double>(2 * s.gather_count, [&] { return 0.5 * dice.number(); });
+  if (dice.chance(0.05 * dice.wildness)) s.gather_reach = -dice.number();
+  if (dice.chance(0.05 * dice.wildness)) s.gather_count = 0;
 }
 
 void set_lens(Dice& dice, Arena& arena, GlintRenderSettings& s) {

@@ -71,6 +71,13 @@ class DirectLight {
   /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
   /// `illuminate` was told last.
   void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
+  /// How far gather rays look for surfaces that throw light on; 0: there are none.
+  double reach() const { return reach_; }
+  /// Adds to `gathering` a gather ray from each point that `illuminate` was told last: what is
+  /// nearer than `reach` of bounced light.
+  void gather(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts);
+  /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
+  void matten(Batch& batch);
 
  private:
   void prepare(const Batch& batch);
@@ -102,9 +109,10 @@ class DirectLight {
   void find_sharing();
   void share(SharedLight& shared, const Batch& batch, uint32_t sample, RayCounts& counts);
   void list_samples(SharedLight& shared, const Batch& batch, uint32_t sample);
-  void list_samples_of(SharedLight& shared, const Light& light, uint32_t sample,
-                       const int64_t* lit);
+  void list_samples_of(SharedLight& shared, const Light& light, uint32_t sample, const int64_t* lit,
+                       bool is_gathered);
   bool is_clustered(const Light& light) const;
+  bool gathers(const Queue& queue) const;
   const int64_t* receivers(SharedLight& shared, const Batch& batch, const Light& light);
   void choose(SharedLight& shared, const Batch& batch, uint32_t sample);
   void ask(SharedLight& shared, const Batch& batch, size_t number, const AskedLamp* begin,
@@ -119,6 +127,7 @@ class DirectLight {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   uint32_t sample_ = 0;
+  double reach_ = 0;
   bool alone_ = false;       // catchers of shadows are the only things there
   bool scattering_ = false;  // points are of media and not of surfaces
   const bool glassy_;        // some surface lets light through

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "integrator/direct.h"
+#include "math/math.h"
 #include "session/timer.h"
 #include "shading/surface.h"
 
@@ -134,6 +135,9 @@ void DirectLight::find_sharing() {
   lamps_.on = plan_.lamp_shadows > 0 && lamps > 2 * uint64_t(plan_.lamp_shadows);
   lamps_.rays = uint32_t(std::min(uint64_t(plan_.lamp_shadows) * samples, kMostRays));
   bounced_.rays = plan_.bounced_shadows;
+  const double share = 1 / (plan_.gather_reach * plan_.gather_reach);
+  const bool catches = scene_.features & GLINT_FEATURE_SHADOW_CATCHER;
+  reach_ = bounced_.on && !catches && share > 0 && share < kInfinity ? plan_.gather_reach : 0;
 }
 
 /// Bounced light may reach all that is matt: the few points of the first samples may miss it.
@@ -173,6 +177,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
   const bool is_bounced = &shared == &bounced_;
   stage_.matt_alone = is_bounced;
+  stage_.gather2 = is_bounced && gathers(*batch.queue) ? 1 / (reach_ * reach_) : 0;
   shared.shows_gloss = is_bounced && scene_.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
   for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage_.lit = batch.lit.data();
@@ -183,7 +188,8 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
       const Light& light = scene_.lights[k];
       if (!shared.takes_part[k] || is_clustered(light) != clustered) continue;
       list_samples_of(shared, light, sample,
-                      clustered ? shared.near.data() : receivers(shared, batch, light));
+                      clustered ? shared.near.data() : receivers(shared, batch, light),
+                      batch.queue->gathers);
     }
   }
   if (shared.color_sums.empty()) find_clusters(shared);
@@ -194,11 +200,12 @@ bool DirectLight::is_clustered(const Light& light) const {
 }
 
 void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint32_t sample,
-                                  const int64_t* lit) {
+                                  const int64_t* lit, bool is_gathered) {
   const uint32_t count = plan_.samples_of(light);
   for (uint32_t j = 0; j < count; ++j) {
     const LightPoint point = plan_.light_point(light, sample, j);
     if (alone_ && light.is_bounced() && !point.on_catcher) continue;
+    if (is_gathered && point.is_last) continue;
     LightStage stage = stage_;
     light.set(stage, point, count, plan_.physical);
     stage.lit = lit;

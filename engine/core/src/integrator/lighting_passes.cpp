@@ -43,6 +43,10 @@ void Tracer::keep_lighting(const Queue& queue) {
         add(GLINT_PASS_VOLUME_INDIRECT, c, k, batch_.lit_volume_bounced[c][k]);
         continue;
       }
+      if (queue.gathers && queue.depth(k) == 1) {
+        add(GLINT_PASS_DIFFUSE_INDIRECT, c, k, s.total[c][k]);
+        continue;
+      }
       const int first =
           queue.is_transmitted(k) ? GLINT_PASS_TRANSMISSION_DIRECT : GLINT_PASS_GLOSSY_DIRECT;
       const double direct = queue.depth(k) == 1 ? s.emission[c][k] + s.environment[c][k] : 0;

@@ -58,7 +58,9 @@ struct RenderPlan {
   uint64_t node_point_count = 0;
   const GlintNeighbour* neighbours = nullptr;  // two; null where nothing moves
   uint32_t camera_block = 1;
-  double lens_focus = 1;
+  double lens_focus = 1, gather_reach = 0;  // gather_reach: as Scene::anchor scales
+  const double* gather_points = nullptr;
+  uint32_t gather_samples = 1, gather_tabled = 1;
 
   uint32_t samples_of(const Light& light) const {
     if (light.is_mesh()) return mesh_samples;
@@ -121,6 +123,11 @@ struct RenderPlan {
     return lobe_points + 2 * (reflected % lobe_levels * lobe_tabled + sample % lobe_tabled);
   }
 
+  /// Below which direction a sample looks for what throws light on, for the j-th time.
+  const double* gather_point(uint32_t sample, uint32_t j) const {
+    return gather_points + 2 * (size_t(sample % gather_tabled) * gather_samples + j);
+  }
+
   /// The first sample of a pixel of the frame in the tables of the camera.
   size_t camera_row(size_t column, size_t row) const {
     return (row % camera_block * camera_block + column % camera_block) * samples;
@@ -150,7 +157,9 @@ struct RenderPlan {
     if (light.is_bounced()) {
       const size_t number = size_t(sample % bounced_tabled) * bounced_samples + j;
       const double* const row = bounced_table + kPointColumns * number;
-      return {0, 0, 0, 0, row, nullptr, false, row[16] != 0, group_of_row(row)};
+      const double flags = row[16];
+      return {0,         0, 0, 0, row, nullptr, false, flags == 1 || flags == 3, group_of_row(row),
+              flags >= 2};
     }
     LightPoint point;
     point.group = light.group;
@@ -166,7 +175,8 @@ struct RenderPlan {
 
 /// Rays, the time they took, and points at which the programs of media ran.
 struct RayCounts {
-  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0, media_points = 0;
+  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0, gather = 0,
+           media_points = 0;
   double tracing = 0;  // seconds in the accelerator
   RayCounts& operator+=(const RayCounts& b) {
     tracing += b.tracing;
@@ -175,6 +185,7 @@ struct RayCounts {
     mirror += b.mirror;
     refraction += b.refraction;
     transparent += b.transparent;
+    gather += b.gather;
     media_points += b.media_points;
     return *this;
   }

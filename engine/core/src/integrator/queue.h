@@ -78,6 +78,7 @@ class Queue : public RayLayout {
   /// glossy: by the last one that they met; then they do not see the sky either.
   uint32_t reflections = 0;
   bool glossy = false;
+  bool gathers = false;  // they look for surfaces that throw light on: DirectLight::reach
   /// The largest exponent of highlights that ray k meets: that of the widest lobe on its way, a
   /// power of two.
   double widest(size_t k) const {

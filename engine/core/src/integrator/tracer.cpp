@@ -42,7 +42,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       catches_(scene.features & GLINT_FEATURE_SHADOW_CATCHER),
       program_slots_(size_t(scene.most_slots) * kBlock) {}
 
-Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy) {
+Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool gathers) {
   Queue queue(visibility);
   if (!spare_.empty()) {
     queue = std::move(spare_.back());
@@ -51,6 +51,7 @@ Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy) {
   queue.visibility = visibility;
   queue.reflections = reflections;
   queue.glossy = glossy;
+  queue.gathers = gathers;
   return queue;
 }
 
@@ -202,29 +203,30 @@ void Tracer::follow(uint32_t sample) {
   start_paths();
   ahead_.begin(paths_.size());
   if (!surely_empty_) camera_rays();
-  Queue straight = take(kCamera), bounced = take(kMirror), glossy = take(kMirror, 1, true);
-  process(first_, sample, straight, bounced, glossy);
-  wait(std::move(straight));
-  wait(std::move(bounced));
-  wait(std::move(glossy));
+  follow_queue(first_, sample);
   while (!waiting_.empty() && !cancel_) {
     Queue queue = std::move(waiting_.back());
     waiting_.pop_back();
-    straight = take(queue.visibility, queue.reflections, queue.glossy);
-    bounced = take(kMirror, queue.reflections);
-    glossy = take(kMirror, queue.reflections + 1, true);
-    const bool apart = queue.visibility == kCamera || queue.glossy;
-    process(queue, sample, apart ? straight : bounced, bounced, glossy);
-    wait(std::move(straight));
-    wait(std::move(bounced));
-    wait(std::move(glossy));
+    follow_queue(queue, sample);
     give(std::move(queue));
   }
   waiting_.clear();
 }
 
-void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& bounced,
-                     Queue& glossy) {
+/// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
+void Tracer::follow_queue(Queue& queue, uint32_t sample) {
+  const bool apart = queue.visibility == kCamera || queue.glossy;  // else straight on is a mirror's
+  NextRays next{take(queue.visibility, queue.reflections, queue.glossy, queue.gathers),
+                take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
+                take(kMirror, queue.reflections + 1, true, true)};
+  process(queue, sample, apart ? next.straight : next.bounced, next);
+  wait(std::move(next.gathering));
+  wait(std::move(next.straight));
+  wait(std::move(next.bounced));
+  wait(std::move(next.glossy));
+}
+
+void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next) {
   sample_ = sample;
   batch_.begin(queue);
   batch_.first_hits =
@@ -237,8 +239,9 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& boun
   const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
   for (size_t c = 0; gives_aovs && scene_.bends_normals && c < 3; ++c)
     mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
-  shade(queue, straight, bounced);
-  if (batch_.has_groups()) note_glow(queue);
+  shade(queue, straight, next.bounced);
+  if (queue.gathers) matten(queue);
+  else if (batch_.has_groups()) note_glow(queue);
   if (queue.reflections > 0) widen(queue);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
@@ -247,10 +250,11 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& boun
   if (catches_) set_aside_caught(queue);
   direct_.illuminate(batch_, sample, counts_);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
-  direct_.reflect(batch_, sample, glossy, counts_);
+  if (!queue.gathers) direct_.reflect(batch_, sample, next.glossy, counts_);
+  direct_.gather(batch_, sample, next.gathering, counts_);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
-  if (scene_.features & GLINT_FEATURE_MEDIA)
+  if (scene_.features & GLINT_FEATURE_MEDIA && !queue.gathers)
     direct_.scatter(batch_, media_, clear_.data(), sample, counts_);
   keep(queue);
 }
@@ -324,7 +328,8 @@ void Tracer::dim(Queue& queue) {
   media_.find(rays, counts_);
   clear_.resize(queue.size());
   ends_.resize(queue.size());
-  for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? kInfinity : batch_.t[k];
+  const double far = queue.gathers ? 0 : kInfinity;  // where nothing is met
+  for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? far : batch_.t[k];
   media_.march(rays, ends_.data(), sample_,
                queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced, counts_);
   for (size_t k = 0; k < queue.size(); ++k) {
@@ -489,7 +494,8 @@ void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
   for (size_t first = 0, some; first < count; first += some) {
     const size_t end = first < shown ? shown : count;
     some = cuts_.leading(queue, all + first, end - first);
-    shader_.pass_on(batch_, sample_, all + first, some, next, counts_, first >= shown);
+    shader_.pass_on(batch_, sample_, all + first, some, next, counts_,
+                    first >= shown || queue.gathers);
   }
 }
 
@@ -694,6 +700,7 @@ void Tracer::keep(const Queue& queue) {
   keep_part(GLINT_PASS_COMBINED, s.total);
   if (batch_.has_groups()) keep_groups(queue);
   if (film_.wants_lighting()) keep_lighting(queue);
+  if (queue.gathers) return keep_gathered(queue);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
   keep_part(GLINT_PASS_AMBIENT, s.ambient);
   keep_part(GLINT_PASS_EMISSION, s.emission);

@@ -57,9 +57,16 @@ class Tracer {
   uint32_t trace_empty(uint32_t first, uint32_t last);
   void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);
   void follow(uint32_t sample);
-  void process(Queue& queue, uint32_t sample, Queue& straight, Queue& bounced, Queue& glossy);
+  /// Rays that leave the surfaces of a queue.
+  struct NextRays {
+    Queue straight, bounced, glossy, gathering;
+  };
+  void follow_queue(Queue& queue, uint32_t sample);
+  void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
+  void matten(const Queue& queue);
+  void keep_gathered(const Queue& queue);
   void find_hits(const Queue& queue);
   void dim(Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
@@ -97,7 +104,8 @@ class Tracer {
   void keep_meetings();
   void keep(const Queue& queue);
   void wait(Queue queue);
-  Queue take(uint32_t visibility, uint32_t reflections = 0, bool glossy = false);
+  Queue take(uint32_t visibility, uint32_t reflections = 0, bool glossy = false,
+             bool gathers = false);
   void give(Queue queue);
   uint32_t pixel(const Queue& queue, size_t k) const {
     return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());

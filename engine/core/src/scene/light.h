@@ -21,6 +21,7 @@ struct LightPoint {
   bool draws = true;        // highlights draw a direction there
   bool on_catcher = false;  // it is one of a shadow catcher
   int group = -1;           // of lights that its own is in; -1 for none
+  bool is_last = false;     // its light has bounced as often as asked for once it arrives
 };
 
 /// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstring>
 
+#include "math/math.h"
 #include "session/timer.h"
 
 namespace glint {
@@ -110,6 +111,10 @@ RenderPlan plan_of(const GlintRenderSettings& g, const Scene& scene) {
   plan.node_points = g.node_points;
   plan.node_point_count = g.node_point_count;
   plan.lens_focus = g.lens_focus;
+  plan.gather_reach = scene.anchor.scale * g.gather_reach;
+  plan.gather_points = g.gather_points;
+  plan.gather_samples = std::max(g.gather_samples, 1u);
+  plan.gather_tabled = uint32_t(std::max(g.gather_count / plan.gather_samples, uint64_t(1)));
   add_openings(plan, g, scene.anchor);
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
@@ -162,7 +167,10 @@ bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
 
 bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
   return !(scene.features & GLINT_FEATURE_BOUNCED_LIGHT) ||
-         (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples);
+         (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples &&
+          g.gather_reach >= 0 && g.gather_reach < kInfinity &&
+          (g.gather_reach == 0 || (g.gather_points && g.gather_samples >= 1 &&
+                                   g.gather_samples <= 64 && g.gather_count >= g.gather_samples)));
 }
 
 bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {
@@ -545,6 +553,7 @@ GlintStats Job::stats() {
   s.mirror_rays = rays_.mirror;
   s.refraction_rays = rays_.refraction;
   s.transparent_rays = rays_.transparent;
+  s.gather_rays = rays_.gather;
   s.media_points = rays_.media_points;
   if (!built_) return s;
   s.build_seconds = plan_.moving ? moving_seconds_ : scene_->build_seconds;

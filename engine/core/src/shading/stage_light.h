@@ -180,6 +180,13 @@ inline Three even_gloss(const LightStage& s, size_t k) {
   return sum;
 }
 
+/// What of the bounced light from a place at the square of the distance rays do not look for (the
+/// rest: Kollig and Keller 2004, Illumination in the presence of weak singularities).
+inline Doubles far_share(const LightStage& s, Doubles d2) {
+  const Doubles t = smaller(s.gather2 * d2, splat(1));
+  return t * (2 - t);
+}
+
 /// How far along g a ray starts that leaves to the back of its face: beyond the face, but not where
 /// Hanika's start is above it already. There the face is out of its way, and beyond the face it
 /// would start within the body.
@@ -325,6 +332,12 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   given.diffuse = cosine * (I * load3(s.diffuse, k));
   given.specular = Three{};
   if (Shape == kBouncedSource && s.gloss[0]) given.specular = cosine * (I * load3(s.gloss, k));
+  if (Shape == kBouncedSource && s.gather2 > 0) {
+    const Three to = splat3(s.end) - x;
+    const Doubles share = far_share(s, dot(to, to));
+    given.diffuse = share * given.diffuse;
+    given.specular = share * given.specular;
+  }
   if (s.max_specular > 0 && (Shape != kBouncedSource || s.has_sheen)) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen = highlights(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
@@ -474,6 +487,47 @@ size_t reflect(const LightStage& s) {
     found += size_t(__builtin_popcount(lanes));
   }
   return found;
+}
+
+/// What of T a point throws back as what is matt does.
+inline Three matt(const LightStage& s, size_t k) {
+  const Three T = load3(s.diffuse, k);
+  return s.gathers_gloss ? T + even_gloss(s, k) : T;
+}
+
+size_t gather(const LightStage& s) {
+  const double across = __builtin_sqrt(s.radius2);
+  const Doubles upward = splat(__builtin_sqrt(s.radius2 < 1 ? 1 - s.radius2 : 0)),
+                x = splat(across * s.azimuth[0]), y = splat(across * s.azimuth[1]);
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Three n = load3(s.n, k), g = load3(s.g, k), T = matt(s, k);
+    Three t1, t2;
+    frame(n, t1, t2);
+    const Three l = upward * n + x * t1 + y * t2;  // as densely as their cosine (Malley's method)
+    const uint32_t lanes = bits(lit & nonzero(T) & (dot(l, g) > 0));
+    if (!lanes) continue;
+    const Appender append{lanes, found};
+    append.number(s.point, uint32_t(k));
+    append(s.diffuse_out, T);
+    append(s.to, l);
+    append(s.o, load3(s.points_x, k) + load(s.offset + k) * g);
+    found += size_t(__builtin_popcount(lanes));
+  }
+  return found;
+}
+
+void matten(const LightStage& s, double* const* diffuse) {
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask varnished = load(s.lit + k);
+    if (!any(varnished)) continue;
+    const Three T = load3(s.diffuse, k) + where(varnished, even_gloss(s, k));
+    store(diffuse[0] + k, T.x);
+    store(diffuse[1] + k, T.y);
+    store(diffuse[2] + k, T.z);
+  }
 }
 
 size_t light(const LightStage& s) {

@@ -393,6 +393,9 @@ struct LightStage {
   double *diffuse_out[3], *specular_out[3];  // T k I; specular_out null: both in diffuse_out
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
+  double gather2;       // kBouncedSource: one over the square of the distance from which on it
+                        // gives all that it does (far_share); 0: everywhere
+  bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
   bool metals_alone;    // of what `reflect` takes lobes of
   bool has_sheen, has_fibre;  // among the lobes
   bool matt_alone;            // lights no highlights
@@ -507,6 +510,11 @@ struct Stages {
   size_t (*scatter)(const LightStage&);  // the same of points that lie on no surface
   size_t (*gloss)(
       const LightStage&);  // how many points the directions drawn from their lobes light
+  size_t (*gather)(const LightStage&);  // how many points have a ray that looks for what throws
+                                        // light on them: o, to, and in diffuse_out what the
+                                        // radiance from there is times
+  void (*matten)(const LightStage&, double* const* diffuse);  // adds dielectrics' gloss of lit
+                                                              // points to it, as if it were matt
   size_t (*reflect)(const LightStage&);  // how many points have a ray that goes on from them, along
                                          // a direction of their lobes: o, to, and in diffuse_out
                                          // what the light from there is times,

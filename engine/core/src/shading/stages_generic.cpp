@@ -10,8 +10,9 @@
 #include "shading/stage_transmittance.h"
 
 namespace glint {
-extern const Stages stages_generic{
-    "generic", camera,  surface, shade,    vary, run_program, pass, dome, light,        scatter,
-    gloss,     reflect, share,   transmit, sum,  sum_parts,   add,  mean, cosine_powers};
+extern const Stages stages_generic{"generic", camera,  surface,      shade,    vary,  run_program,
+                                   pass,      dome,    light,        scatter,  gloss, gather,
+                                   matten,    reflect, share,        transmit, sum,   sum_parts,
+                                   add,       mean,    cosine_powers};
 }
 #endif

@@ -1,0 +1,85 @@
+// Bounced light from near by: each sample of a point looks along a ray for what throws light on it
+// (final gathering), where the few points that stand for all of it would be spots, and blur the
+// shadows of what they lie on (Kollig and Keller 2004, Illumination in the presence of weak
+// singularities).
+#include <algorithm>
+
+#include "integrator/tracer.h"
+#include "math/math.h"
+
+namespace glint {
+
+/// What surfaces that mirrors show get of bounced light is told apart as well, but not what rough
+/// reflections show.
+bool DirectLight::gathers(const Queue& queue) const {
+  return reach_ > 0 && !queue.gathers && queue.reflections == 0;
+}
+
+void DirectLight::gather(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts) {
+  const Queue& queue = *batch.queue;
+  if (!gathers(queue)) return;
+  stage_.gathers_gloss = scene_.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+  for (uint32_t j = 0; j < plan_.gather_samples; ++j) {
+    const double* const place = plan_.gather_point(sample, j);
+    set_place(stage_, place[0], place[1]);
+    const size_t count = stages_.gather(stage_);
+    for (size_t k = 0; k < count; ++k) {
+      const uint32_t from = point_[k];
+      Path path = queue.path(from);
+      path.T = (1.0 / plan_.gather_samples) * row(stage_.diffuse_out, k);
+      if (!finite(path.T)) continue;
+      path.start = row(batch.points.x, from);
+      path.from = 0;
+      path.straight = 0;
+      path.wants_data = false;
+      path.depth = uint8_t(std::min(path.depth + 1, 255));
+      gathering.push({row(stage_.o, k), row(stage_.to, k), 0, reach_, kMirror}, path);
+      ++counts.gather;
+    }
+  }
+}
+
+void DirectLight::matten(Batch& batch) {
+  prepare(batch);
+  if (scene_.has_varnish) {
+    linked_.assign(batch.lit.begin(), batch.lit.end());
+    for (size_t k = 0; k < batch.size(); ++k)
+      if (linked_[k] && !scene_.materials[batch.material[k]].has(GLINT_AMBIENT)) linked_[k] = 0;
+    stage_.lit = linked_.data();
+    stage_.gathers_gloss = true;
+    stages_.matten(stage_, batch.diffuse);
+  }
+  for (int term = 0; term < scene_.max_specular; ++term)
+    for (size_t c = 0; c < 3; ++c)
+      std::fill_n(batch.specular + (size_t(scene_.specular_columns * term) + c) * batch.stride,
+                  batch.size(), 0.0);
+}
+
+/// They show what lights throw on surfaces, and nothing that these give of themselves: as much of
+/// it as the points of bounced light do not have. Strands throw no light on.
+void Tracer::matten(const Queue& queue) {
+  for (double* const* sums :
+       {batch_.sums.total, batch_.sums.ambient, batch_.sums.emission, batch_.sums.environment})
+    for (size_t c = 0; sums[0] && c < 3; ++c) std::fill_n(sums[c], queue.size(), 0.0);
+  direct_.matten(batch_);
+  const double share = 1 / (direct_.reach() * direct_.reach());
+  for (size_t k = 0; k < queue.size(); ++k) {
+    if (!batch_.lit[k]) continue;
+    const Vec3d to = row(batch_.points.x, k) - queue.ray(k).o;
+    const double rest = 1 - std::min(share * dot(to, to), 1.0);
+    const bool is_hair = scene_.geometry(scene_.group(batch_.instance[k])).kind == GLINT_STRANDS;
+    set_row(batch_.diffuse, k, (is_hair ? 0 : rest * rest) * row(batch_.diffuse, k));
+  }
+}
+
+/// The batch's light to the parts of the picture: that of surfaces that camera rays meet.
+void Tracer::keep_gathered(const Queue& queue) {
+  for (const bool seen : {true, false}) {
+    double* sums = paths_.sums(film_, seen ? GLINT_PASS_DIFFUSE : GLINT_PASS_MIRROR);
+    for (size_t c = 0; sums && c < 3; ++c, sums += paths_.stride())
+      for (size_t k = 0; k < queue.size(); ++k)
+        if ((queue.depth(k) == 1) == seen) sums[queue.slot(k)] += batch_.sums.total[c][k];
+  }
+}
+
+}  // namespace glint
