@@ -44,6 +44,8 @@ not face, up to a hard edge where their plane ends.
 """
 NEAR = 2.5
 """Radii of discs within which rays look for surfaces instead."""
+MOST_SMALLER = 0.65
+"""Of the discs have a smaller radius than the one that is meant."""
 GATHER_SAMPLES = 2
 """Rays that a sample looks along there."""
 SMALLEST = 1 / 16
@@ -138,12 +140,13 @@ def _even(b: Bounces, each: int) -> Bounces:
 
 def gather_reach(b: Bounces, each: int) -> float:
     """Within what distance rays look for surfaces that throw light on, in place of points, `each`
-    of which a sample takes: NEAR times the radius of most discs.
+    of which a sample takes: NEAR times a radius that few discs exceed. These reach into what rays
+    find as well.
     """
     radii = np.sqrt(b.spreads / (MERGED * np.pi * each))
     order = np.argsort(radii, kind="stable")
     share = np.cumsum(b.weights[order])
-    return NEAR * float(radii[order[np.searchsorted(share, share[-1] / 2)]])
+    return NEAR * float(radii[order[np.searchsorted(share, MOST_SMALLER * share[-1])]])
 
 
 def _taken(b: Bounces, count: int) -> tuple[Array, Array]:

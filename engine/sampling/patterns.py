@@ -243,7 +243,7 @@ def gather_points(samples: int, each: int) -> np.ndarray:
     which samples look for surfaces that throw light on, `each` of one after those of the one
     before. Turned, so that rays do not lie in faces along the axes.
     """
-    x, y = lobe_points(samples * each)[_GATHER_LEVEL].T
+    x, y = lobe_points(samples * each)[_GATHER_LEVEL % LOBE_LEVELS].T
     cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
     points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
     points.flags.writeable = False
