@@ -86,7 +86,7 @@ class DirectLight {
   }
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count);
-  void add_rest(const Batch& batch, const Light& light, uint32_t sample);
+  void add_rest(const Batch& batch, const Light& light, uint32_t sample, uint32_t parts);
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                RayCounts& counts);
   void aim_around(const std::vector<uint32_t>& points, const double* place);
