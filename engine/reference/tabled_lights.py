@@ -21,7 +21,7 @@ from .vectors import cross, dot, length, unit
 
 Array = np.ndarray
 
-SKY_PARTS = 4
+SKY_PARTS = 2
 """In so many parts the sky's samples are taken, one by each pixel sample in turn, by what gather
 rays meet: that is seen from afar.
 """
@@ -126,6 +126,11 @@ class Dome(Source):
         found = copy.copy(self)
         found._parts = parts
         return found
+
+    @property
+    def hidden_counts(self) -> int:
+        """How many open directions a hidden one outweighs: of few directions one tells enough."""
+        return 1 << 16 if self._parts > 1 else 1
 
     def sample_count(self, light_samples: int) -> int:
         return self._samples // self._parts

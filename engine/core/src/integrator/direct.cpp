@@ -110,7 +110,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
                                  : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
-      if (light.is_dome() && j < count) note_hidden(reached);
+      if (light.is_dome() && j < count) note_hidden(reached, parts);
       if (stage_.draws && point.draws) {
         const size_t drawn = stages_.gloss(stage_);
         met_ = light.is_mesh();
@@ -168,14 +168,15 @@ void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, Ra
 
 /// Counts for the `count` points of the stage whether something hides the sample from them, or
 /// dims it for them. Where shadows have colours, `blocked_` may be that of an earlier sample.
-void DirectLight::note_hidden(size_t count) {
+void DirectLight::note_hidden(size_t count, uint32_t parts) {
+  const int32_t hidden = parts > 1 ? 1 << 16 : 1;  // of few directions one tells enough
   for (size_t k = 0; k < count; ++k) {
     bool dimmed = !shadow_[0] && blocked_[k];
     for (size_t c = 0; shadow_[0] && c < 3; ++c)
       dimmed |= (stage_.diffuse_out[c][k] != 0 ||
                  (stage_.specular_out[0] && stage_.specular_out[c][k] != 0)) &&
                 shadow_[c][k] != 1;
-    balance_[point_[k]] += dimmed ? -1 : 1;
+    balance_[point_[k]] += dimmed ? -hidden : 1;
   }
 }
 
