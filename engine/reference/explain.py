@@ -313,6 +313,7 @@ class Explainer:
         lighting, weight = self.stage.lighting_of(paths), paths.weight
         for source in lighting.sources:
             margin, j = 0, 0
+            hidden = source.hidden_counts if isinstance(source, Dome) else 1
             for j, (narrow, sample, diffuse) in enumerate(
                 lighting.samples(surface, coefficients, weight, source, 0)
             ):
@@ -325,7 +326,7 @@ class Explainer:
                     light = np.array(term.diffuse) + np.array(term.specular)
                     counts = diffuse is coefficients.diffuse and sample.counts
                     if counts and light.any():
-                        margin += -1 if (lost * light).any() else 1
+                        margin += -hidden if (lost * light).any() else 1
                     yield term
             if isinstance(source, Dome) and margin >= 0:
                 yield self._rest(surface, coefficients, source, j + 1)

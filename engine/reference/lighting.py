@@ -161,7 +161,8 @@ class Lighting:
                 )
                 on_reach(source, seen, source.is_soft(self.light_samples))
                 if diffuse is coefficients.diffuse and light_sample.counts:
-                    balance[seen] += np.where(dimmed, -1, 1)
+                    hidden = source.hidden_counts if isinstance(source, Dome) else 1
+                    balance[seen] += np.where(dimmed, -hidden, 1)
             if isinstance(source, Dome):
                 open_ = np.flatnonzero(lit & (balance >= 0))
                 rest = source.rest(pick(surface.x, open_), pick(surface.n, open_), sample)

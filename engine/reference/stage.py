@@ -31,7 +31,7 @@ from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
-from .tabled_lights import BouncedSource, Dome, MeshSource, OpeningPoints
+from .tabled_lights import SKY_PARTS, BouncedSource, Dome, MeshSource, OpeningPoints
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -84,6 +84,9 @@ class Stage:
         )
         near = [source.reach for source in self.sources if isinstance(source, BouncedSource)]
         self.reach = 0.0 if self.catches or not near else near[0]
+        self._lighting_of_far = replace(self.lighting, reach=self.reach)
+        parts = (s.in_parts(SKY_PARTS) if isinstance(s, Dome) else s for s in self.sources)
+        self._lighting_of_near = replace(self.lighting, sources=tuple(parts), gathered=True)
         self._lobe_points = lobe_points(settings.samples)
         self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
         self.asks_rays = scene.most_asked > 0
@@ -113,8 +116,8 @@ class Stage:
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""
         if self.gathers(paths):
-            return replace(self.lighting, reach=self.reach)
-        return replace(self.lighting, gathered=True) if paths.gathers else self.lighting
+            return self._lighting_of_far
+        return self._lighting_of_near if paths.gathers else self.lighting
 
     def lobe_point(self, sample: int, reflections: int) -> LightPoint:
         """Where in the lobes of rough surfaces a sample is reflected that was so often before."""

@@ -5,6 +5,7 @@ Letters: x shaded point, q point on the light, d distance, z cosine at the light
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,6 +21,10 @@ from .vectors import cross, dot, length, unit
 
 Array = np.ndarray
 
+SKY_PARTS = 2
+"""In so many parts the sky's samples are taken, one by each pixel sample in turn, by what gather
+rays meet: that is seen from afar.
+"""
 LEAST_WIDE = 8.0
 """Exponents from here on draw directions beside the points of lights that may be all around."""
 SKY_DRAWS = 1 / 8
@@ -101,7 +106,7 @@ class Dome(Source):
         self._table, self._samples, self._openings = table, samples, openings
         rows = zip(table.along, table.light, table.points, strict=True)
         points = [DomePoint(along, row[:3], row[3], disc) for along, row, disc in rows]
-        self._directions = len(points)
+        self._directions, self._parts = len(points), 1
         self.points = points if openings is None else [*points, *openings.points()]
 
     draws = SKY_DRAWS
@@ -111,8 +116,24 @@ class Dome(Source):
         is_drawn = number % every == 0 and number < self._directions
         return self.points[number // every] if is_drawn else None
 
+    def in_parts(self, parts: int) -> Dome:
+        """The same of which each sample of a pixel takes another part of its directions and points;
+        itself where these cannot be divided.
+        """
+        counts = [self._samples, *([self._openings.each] if self._openings else [])]
+        if any(count % parts for count in counts):
+            return self
+        found = copy.copy(self)
+        found._parts = parts
+        return found
+
+    @property
+    def hidden_counts(self) -> int:
+        """How many open directions a hidden one outweighs: of few directions one tells enough."""
+        return 1 << 16 if self._parts > 1 else 1
+
     def sample_count(self, light_samples: int) -> int:
-        return self._samples
+        return self._samples // self._parts
 
     def is_soft(self, light_samples: int) -> bool:
         """Four samples of a pixel take 32 directions or more."""
@@ -126,15 +147,18 @@ class Dome(Source):
         return np.full(x.shape[1], LEAST_WIDE)
 
     def numbers(self, sample: int, n: int) -> range:
-        first = sample % (self._directions // n) * n
+        each = n * self._parts
+        first = sample % (self._directions // each) * each + sample % self._parts * n
         return range(first, first + n)
 
     def surface_numbers(self, sample: int, n: int) -> list[int]:
         more = self._openings
         if more is None:
             return [*self.numbers(sample, n)]
+        count = more.each // self._parts
         first = self._directions + sample % (len(more.number) // more.each) * more.each
-        return [*self.numbers(sample, n), *range(first, first + more.each)]
+        first += sample % self._parts * count
+        return [*self.numbers(sample, n), *range(first, first + count)]
 
     def seen_from(
         self, x: Array, n: Array, numbers: Sequence[int], count: int
@@ -150,8 +174,9 @@ class Dome(Source):
         it from, less what the points of a pixel's sample give them; of irradiance over π.
         """
         given = np.zeros_like(n)
-        numbers = self.surface_numbers(sample, self._samples)
-        seen_from = self.seen_from(x, n, numbers, self._samples)
+        count = self._samples // self._parts
+        numbers = self.surface_numbers(sample, count)
+        seen_from = self.seen_from(x, n, numbers, count)
         for number in numbers:
             seen = seen_from(self.points[number])
             given += np.maximum(dot(seen.direction, n), 0.0) * seen.light_of(self)

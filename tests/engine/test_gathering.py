@@ -10,9 +10,11 @@ import pytest
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lights.bounced_light import bounced_light, bounced_table
-from glint.engine.scene import Camera, Input, Instances, Lobe, Material, Mesh, Scene, Strands
+from glint.engine.scene import Camera, Input, Instances, Light, Lobe, Material, Mesh, Scene, Strands
 from test_bounced_discs import FLOOR, LAMP, PIXELS, UP, WIDE, floor_points, form
 from test_bounced_light import GROUND, HERE, added, drawn, lamp, matt, room
+from test_openings import scene as window_scene
+from test_openings import walls
 
 BACKENDS = ["NATIVE", "NUMPY"]
 WALL, END, HIGH = -0.3, 0.5, 0.8
@@ -120,6 +122,22 @@ def test_both_tracers_gather_the_same(scene: Scene) -> None:
     apart = np.abs(native - exact).max(2) / exact.mean()
     assert np.median(apart) < 1e-6
     assert (apart > 1e-4).mean() < 0.01  # edges
+
+
+def test_what_is_found_is_lit_by_all_of_the_sky() -> None:
+    """Each sample asks for half of it."""
+    sky = Light("sky", "DOME", HERE, radiance=np.ones((4, 8, 3), np.float32))
+    scene = replace(wall_with_ends(), lights=(sky,))
+    for some in (scene, replace(window_scene(walls()), lights=(sky,))):
+        native, exact = (added(some, backend, samples=8) for backend in BACKENDS)
+        apart = np.abs(native - exact).max(2) / exact.mean()
+        assert np.median(apart) < 1e-6
+        assert (apart > 1e-4).mean() < 0.02  # edges
+    # half of few directions by each of 64 samples, and half of many
+    few, many = (added(scene, samples=64, light_samples=n)[..., 0] for n in (2, 16))
+    before = floor_points()[..., 0] > WALL + 0.05
+    assert abs(few[before].mean() / many[before].mean() - 1) < 0.02
+    assert off(few[before], many[before]) < 0.05
 
 
 def test_what_is_near_is_indirect_light_of_what_is_matt() -> None:

@@ -81,7 +81,8 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   prepare(batch);
   size_t number = 0;
   for (const Light& light : scene_.lights) {
-    const uint32_t count = plan_.samples_of(light);
+    const uint32_t parts = plan_.parts_of(light, batch.queue->gathers),
+                   count = plan_.samples_of(light) / parts;
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const size_t own = size_t(&light - scene_.lights.data());
     const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[own]),
@@ -94,9 +95,13 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     }
     if (light.is_dome()) balance_.assign(batch.size(), 0);
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
-    const uint32_t all = count + plan_.opening_samples_of(light);
-    for (uint32_t j = 0; j < all && !cancel_; ++j, ++number) {
-      const LightPoint point = plan_.set_sample(stage_, light, sample, j);
+    const uint32_t openings = plan_.opening_samples_of(light) / parts,
+                   first = sample % parts * count,
+                   first_opening = plan_.samples_of(light) + sample % parts * openings;
+    for (uint32_t j = 0; j < count + openings && !cancel_; ++j, ++number) {
+      const uint32_t own = j < count ? first + j : first_opening + (j - count);
+      const LightPoint point = plan_.set_sample(stage_, light, sample, own);
+      if (parts > 1) stage_.share = count;
       group_ = point.group;
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
@@ -105,7 +110,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
                                  : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
-      if (light.is_dome() && j < count) note_hidden(reached);
+      if (light.is_dome() && j < count) note_hidden(reached, parts);
       if (stage_.draws && point.draws) {
         const size_t drawn = stages_.gloss(stage_);
         met_ = light.is_mesh();
@@ -113,7 +118,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
         met_ = false;
       }
     }
-    if (light.is_dome()) add_rest(batch, light, sample);
+    if (light.is_dome()) add_rest(batch, light, sample, parts);
   }
   for (SharedLight* shared : {&lamps_, &bounced_})
     if (shared->on && !cancel_) share(*shared, batch, sample, counts);
@@ -163,20 +168,22 @@ void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, Ra
 
 /// Counts for the `count` points of the stage whether something hides the sample from them, or
 /// dims it for them. Where shadows have colours, `blocked_` may be that of an earlier sample.
-void DirectLight::note_hidden(size_t count) {
+void DirectLight::note_hidden(size_t count, uint32_t parts) {
+  const int32_t hidden = parts > 1 ? 1 << 16 : 1;  // of few directions one tells enough
   for (size_t k = 0; k < count; ++k) {
     bool dimmed = !shadow_[0] && blocked_[k];
     for (size_t c = 0; shadow_[0] && c < 3; ++c)
       dimmed |= (stage_.diffuse_out[c][k] != 0 ||
                  (stage_.specular_out[0] && stage_.specular_out[c][k] != 0)) &&
                 shadow_[c][k] != 1;
-    balance_[point_[k]] += dimmed ? -1 : 1;
+    balance_[point_[k]] += dimmed ? -hidden : 1;
   }
 }
 
 /// What the directions of a sample leave out of a dome, where at least half of them are open: so
 /// what stands free has no steps, and its pixels may stop soon.
-void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t sample) {
+void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t sample,
+                           uint32_t parts) {
   DomeStage stage{};
   for (int c = 0; c < 3; ++c) {
     stage.n[c] = stage_.n[c];
@@ -186,10 +193,12 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stage.count = batch.size();
   stage.lit = stage_.lit;
   stage.dome = &plan_.dome;
-  stage.drawn = plan_.light_point(light, sample, 0).drawn;
-  stage.directions = plan_.dome_samples;
-  std::vector<OpeningPoint> points(plan_.opening_samples);
-  for (uint32_t j = 0; j < points.size(); ++j) points[j] = plan_.opening_point(sample, j);
+  const uint32_t directions = plan_.dome_samples / parts, part = sample % parts;
+  stage.drawn = plan_.light_point(light, sample, part * directions).drawn;
+  stage.directions = directions;
+  std::vector<OpeningPoint> points(plan_.opening_samples / parts);
+  for (size_t j = 0; j < points.size(); ++j)
+    points[j] = plan_.opening_point(sample, uint32_t(part * points.size() + j));
   for (int c = 0; c < 3; ++c) stage.x[c] = stage_.points_x[c];
   stage.openings = &plan_.open;
   stage.opening_points = points.data();

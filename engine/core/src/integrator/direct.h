@@ -85,8 +85,8 @@ class DirectLight {
     return alone_ ? scene_.opacity_of_catchers(light) : scene_.opacity(light);
   }
   void find_lit(const Batch& batch, const Light& light);
-  void note_hidden(size_t count);
-  void add_rest(const Batch& batch, const Light& light, uint32_t sample);
+  void note_hidden(size_t count, uint32_t parts);
+  void add_rest(const Batch& batch, const Light& light, uint32_t sample, uint32_t parts);
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                RayCounts& counts);
   void aim_around(const std::vector<uint32_t>& points, const double* place);

@@ -73,6 +73,14 @@ struct RenderPlan {
     return light.is_dome() ? opening_samples : 0;
   }
 
+  /// In how many parts a light's samples are taken, one by each pixel sample in turn: what gather
+  /// rays meet is seen from afar, and asks for a part of the sky alone.
+  uint32_t parts_of(const Light& light, bool gathered) const {
+    constexpr uint32_t parts = 2;
+    const bool whole = dome_samples % parts != 0 || opening_samples % parts != 0;
+    return gathered && light.is_dome() && !whole ? parts : 1;
+  }
+
   /// Point j on the openings of a dome for pixel sample `sample`.
   OpeningPoint opening_point(uint32_t sample, uint32_t j) const {
     const double* const row =
