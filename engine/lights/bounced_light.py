@@ -139,9 +139,9 @@ def _even(b: Bounces, each: int) -> Bounces:
 
 
 def gather_reach(b: Bounces, each: int) -> float:
-    """Within what distance rays look for surfaces that throw light on, in place of points, `each`
-    of which a sample takes: NEAR times a radius that few discs exceed. These reach into what rays
-    find as well.
+    """Within what distance, world units, rays look for surfaces that throw light on, in place of
+    points, `each` of which a sample takes: NEAR times the radius that MOST_SMALLER of the discs do
+    not exceed. Larger ones reach into what rays find as well.
     """
     radii = np.sqrt(b.spreads / (MERGED * np.pi * each))
     order = np.argsort(radii, kind="stable")

@@ -338,8 +338,9 @@ class MeshTable:
     point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
     their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
     unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
-    light_group: (k,) int, -1 for none.  near: within that distance rays look for surfaces that
-    throw light on, in place of these points; 0: none do.  last: (k,) bool, not for those surfaces.
+    light_group: (k,) int, -1 for none.  near: within that distance, world units, rays look for
+    surfaces that throw light on, in place of these points; 0: none do.  last: (k,) bool, points
+    that do not light those surfaces.
     """
 
     point: Array

@@ -1,4 +1,4 @@
-"""Bounced light from near by: each sample of a point looks along a ray for what throws light on it
+"""Bounced light from near by: each sample of a point looks along rays for what throws light on it
 (final gathering), where the few points that stand for all of it would be spots, and blur the
 shadows of what they lie on (Kollig and Keller 2004, Illumination in the presence of weak
 singularities).

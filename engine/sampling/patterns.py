@@ -19,8 +19,9 @@ MOST_LOBE_POINTS = MOST_NODE_POINTS = 1 << 16
 LOBE_LEVELS = 8
 """Reflections of a path whose directions are independent."""
 _ASIDE = 0.7
-_GATHER_LEVEL = 3
 """Radians."""
+_GATHER_LEVEL = 3
+"""Of `lobe_points`, an order that first reflections do not take."""
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
 _POLYNOMIALS = (

@@ -180,8 +180,8 @@ void DirectLight::note_hidden(size_t count, uint32_t parts) {
   }
 }
 
-/// What the directions of a sample leave out of a dome, where at least half of them are open: so
-/// what stands free has no steps, and its pixels may stop soon.
+/// What the directions of a sample leave out of a dome, where at least half of them are open (all,
+/// where they are taken in parts): so what stands free has no steps, and its pixels may stop soon.
 void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t sample,
                            uint32_t parts) {
   DomeStage stage{};

@@ -73,7 +73,7 @@ class DirectLight {
   void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
   /// How far gather rays look for surfaces that throw light on; 0: there are none.
   double reach() const { return reach_; }
-  /// Adds to `gathering` a gather ray from each point that `illuminate` was told last: what is
+  /// Adds to `gathering` the gather rays of the points that `illuminate` was told last: what is
   /// nearer than `reach` of bounced light.
   void gather(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts);
   /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
@@ -127,7 +127,7 @@ class DirectLight {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   uint32_t sample_ = 0;
-  double reach_ = 0;
+  double reach_ = 0;         // as reach()
   bool alone_ = false;       // catchers of shadows are the only things there
   bool scattering_ = false;  // points are of media and not of surfaces
   const bool glassy_;        // some surface lets light through
