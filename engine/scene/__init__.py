@@ -6,6 +6,7 @@ core drops; `view_axes.py` turns scenes into a narrow view's axes.
 """
 
 from .model import (
+    BUMP_SHADOWING,
     CAMERAS,
     CHANNELS,
     CORNER,
@@ -45,6 +46,7 @@ from .model import (
 )
 
 __all__ = [
+    "BUMP_SHADOWING",
     "CAMERAS",
     "CHANNELS",
     "CORNER",

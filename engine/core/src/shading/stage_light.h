@@ -1,6 +1,7 @@
 // Light from one sample of one light (notes 4.13-4.16, light.h). Letters: x point, l direction to
 // the light, d distance, z cosine at the light, g n geometric and shading normal, v to the viewer.
 #pragma once
+#include "shading/stage_bump.h"
 #include "shading/stage_sample.h"
 
 namespace glint {
@@ -123,7 +124,8 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
       if (bits(sheen)) {
         const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
         const Doubles share = gloss.sheen(load(column + SpecularTerm::kMasking * s.stride),
-                                          load(column + SpecularTerm::kFresnel * s.stride));
+                                          load(column + SpecularTerm::kFresnel * s.stride),
+                                          smaller(-dot(n, d), splat(1)));
         sum.sheen = sum.sheen + where(sheen, share * term.k);
       }
       Mask apart = sheen;
@@ -326,8 +328,11 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   // Light from behind passes through fibres, but for what comes from matt surfaces.
   const bool through = s.has_fibre && Shape != kBouncedSource;
   const Mask front = cosine > 0, side = through ? front | (cosine < 0) : front,
-             reached = given.reached = lit & at.good & side & ~within<Shape>(s, k, at);
-  if (!any(reached)) return false;
+             met = lit & at.good & side & ~within<Shape>(s, k, at);
+  if (!any(met)) return false;
+  const BumpShadow bump = bump_shadow(s, k, n, at.l);
+  given.reached = met & ~bump.hidden;
+  if (!any(given.reached)) return false;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
   given.diffuse = cosine * (I * load3(s.diffuse, k));
   given.specular = Three{};
@@ -350,6 +355,7 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
       given.specular = where(front, given.specular) + I * seen.fibre;
     }
   }
+  if (bump.some) given.diffuse = bump.share * given.diffuse;
   return true;
 }
 
@@ -371,7 +377,7 @@ __attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_
     at.factor = at.factor * cell.spread;
   }
   const Doubles cosine = dot(n, at.l);
-  given.reached = lit & drawn.good & at.good & (cosine > 0);
+  given.reached = lit & drawn.good & at.good & (cosine > 0) & ~bump_shadow(s, k, n, at.l).hidden;
   if (!any(given.reached)) return false;
   const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
   given.at = at;
@@ -443,7 +449,8 @@ size_t gloss_towards_mesh(const LightStage& s) {
     const Drawn drawn = draw(s, k, n, narrow);
     const Doubles cosine = dot(n, drawn.l);
     const Highlights seen = highlights(s, k, n, drawn.l, cosine, &narrow);
-    const Mask reached = lit & drawn.good & (cosine > 0) & nonzero(seen.light);
+    const Mask reached = lit & drawn.good & (cosine > 0) & nonzero(seen.light) &
+                         ~bump_shadow(s, k, n, drawn.l).hidden;
     const uint32_t lanes = bits(reached);
     if (!lanes) continue;
     const Appender append{lanes, found};
@@ -489,10 +496,13 @@ size_t reflect(const LightStage& s) {
   return found;
 }
 
-/// What of T a point throws back as what is matt does.
-inline Three matt(const LightStage& s, size_t k) {
-  const Three T = load3(s.diffuse, k);
-  return s.gathers_gloss ? T + even_gloss(s, k) : T;
+/// What of T a point throws back as what is matt does, of light along l.
+inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l) {
+  const BumpShadow bump = bump_shadow(s, k, n, l);
+  Three T = load3(s.diffuse, k);
+  if (bump.some) T = bump.share * T;
+  if (s.gathers_gloss) T = T + even_gloss(s, k);
+  return bump.some ? where(~bump.hidden, T) : T;
 }
 
 size_t gather(const LightStage& s) {
@@ -503,10 +513,11 @@ size_t gather(const LightStage& s) {
   for (size_t k = 0; k < s.count; k += kLanes) {
     const Mask lit = load(s.lit + k);
     if (!any(lit)) continue;
-    const Three n = load3(s.n, k), g = load3(s.g, k), T = matt(s, k);
+    const Three n = load3(s.n, k), g = load3(s.g, k);
     Three t1, t2;
     frame(n, t1, t2);
     const Three l = upward * n + x * t1 + y * t2;  // as densely as their cosine (Malley's method)
+    const Three T = matt(s, k, n, l);
     const uint32_t lanes = bits(lit & nonzero(T) & (dot(l, g) > 0));
     if (!lanes) continue;
     const Appender append{lanes, found};
