@@ -46,8 +46,9 @@ class LightTerm:
     infinite for a sun. shadow: S.  blocker: name of the first thing in between, "" for none;
     blocker_distance: how far it is. diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p,
     before the shadow. Directions drawn from narrow highlights are samples too, without diffuse
-    light; both kinds have a share of the highlight. group: name of its light group, "" for none.  bump_shadow: the
-    share that matt lobes get for the bumps that the normal is of; 0 where these hide all.
+    light; both kinds have a share of the highlight. group: name of its light group, "" for none.
+    bump_shadow: the share that matt lobes get for the bumps that the normal is of; 0 where these
+    hide all.
     """
 
     light: str

@@ -43,8 +43,9 @@ class Surface(Spot):
     outer side is seen. offset: (n,) how far from the surface other rays must start to be clear of
     rounding.  row: (n,) of Placements.  mesh_n: (3, n) shading normals before materials'
     programs bend them.  unbent: (3, n) what the normals were bent from where bumps hide light, else
-    0; bump: (n,) how, as `bumps.bump_shadow` takes it.  far: (n,) lengths of the rays that meet them.  past: (4, n) what these went
-    through, as `SurfacePoints.ray_depth` has it; a bounce where nobody says otherwise.
+    0; bump: (n,) how, as `bumps.bump_shadow` takes it.  far: (n,) lengths of the rays that meet
+    them.  past: (4, n) what these went through, as `SurfacePoints.ray_depth` has it; a bounce where
+    nobody says otherwise.
     """
 
     row: Array
