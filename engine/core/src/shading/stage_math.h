@@ -5,6 +5,8 @@
 namespace glint {
 namespace {
 
+constexpr double kCircle = 3.14159265358979323846;
+
 /// cos^p of the angle whose squared tangent is given, for a cosine > 0: exp(-p/2 log(1 + tan^2)),
 /// accurate at any p >= 0.
 inline Doubles cosine_power(Doubles tangent2, Doubles p) {

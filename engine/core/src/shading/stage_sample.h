@@ -30,13 +30,6 @@ inline Doubles spot(const LightStage& s, const Three& l) {
   return t * t * (3 - 2 * t);
 }
 
-/// Two unit vectors that make a frame with n (vec.h).
-inline void frame(const Three& n, Three& t1, Three& t2) {
-  const Doubles s = with_sign(splat(1), n.z), a = -1 / (s + n.z), b = n.x * n.y * a;
-  t1 = {1 + s * n.x * n.x * a, s * b, -s * n.x};
-  t2 = {b, s + n.y * n.y * a, -n.y};
-}
-
 /// The direction at the disc point of the cone round `axis` with 1 - cos(half angle) = versine,
 /// uniform in solid angle.
 inline Three in_cone(const LightStage& s, const Three& axis, Doubles versine) {

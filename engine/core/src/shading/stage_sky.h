@@ -8,8 +8,6 @@
 namespace glint {
 namespace {
 
-constexpr double kCircle = 3.14159265358979323846;
-
 /// What comes from a dome in the direction l, over the density of its directions there, and one
 /// over that.
 struct SkyCell {

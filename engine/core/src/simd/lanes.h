@@ -190,6 +190,13 @@ inline Way way(const Three& a) {
   return {choose(l > 0, splat(1) / l, splat(0)) * a, l};
 }
 
+/// Two unit vectors that make a frame with n (vec.h).
+inline void frame(const Three& n, Three& t1, Three& t2) {
+  const Doubles s = with_sign(splat(1), n.z), a = -1 / (s + n.z), b = n.x * n.y * a;
+  t1 = {1 + s * n.x * n.x * a, s * b, -s * n.x};
+  t2 = {b, s + n.y * n.y * a, -n.y};
+}
+
 /// What surface.h calls rounding.
 inline Doubles rounding(Doubles size) { return (8 * 0x1p-24) * size; }
 

@@ -1,0 +1,134 @@
+// The tracer's rays to the points that they meet: camera rays, closest hits, surfaces, and what
+// media before these leave of the rays.
+#include <algorithm>
+
+#include "integrator/tracer.h"
+#include "math/math.h"
+#include "session/timer.h"
+
+namespace glint {
+
+/// The queue's camera rays hit nothing, and nobody asks where they lead.
+void Tracer::miss(const Queue& queue) {
+  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone);
+  std::fill_n(batch_.material.data(), queue.size(), missed(queue));
+}
+
+void Tracer::camera_rays() {
+  CameraStage stage = camera_.stage();
+  stage.count = paths_.size();
+  stage.across = paths_.u();
+  stage.upward = paths_.v();
+  stage.lens_x = paths_.lens(0);
+  stage.lens_y = paths_.lens(1);
+  stage.bend = stage.lens_x ? 1 / plan_.lens_focus : 0;
+  for (size_t c = 0; c < 12; ++c) stage.frame[c] = paths_.frame(c);
+  for (size_t k = 0; k < 3; ++k) {
+    stage.o[k] = first_.column(Queue::kO + k);
+    stage.d[k] = first_.column(Queue::kD + k);
+  }
+  stage.t_min = first_.column(Queue::kTMin);
+  stage.t_max = first_.column(Queue::kTMax);
+  stages_.camera(stage);
+  camera_.clip(stage);
+  const Vec3d eye = plan_.camera_frames ? Vec3d{} : camera_.eye();  // frames have their own
+  const bool beside = !camera_.has_one_eye() || plan_.is_spread();
+  for (size_t k = 0; any(eye) && k < 3; ++k)
+    for (size_t i = 0; i < stage.count; ++i)
+      stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
+  for (size_t k = 0; (beside || any(eye)) && k < 3; ++k)
+    std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
+  if (stage.panorama) leave_out_unseen(stage);
+}
+
+/// Beyond the picture of a panorama's lens rays bring nothing: it is black there.
+void Tracer::leave_out_unseen(const CameraStage& stage) {
+  for (size_t k = 0; k < stage.count; ++k) {
+    const bool seen = stage.t_max[k] >= 0;
+    for (size_t c = 0; c < 3; ++c) first_.column(Queue::kT + c)[k] = seen ? 1 : 0;
+  }
+}
+
+void Tracer::find_hits(const Queue& queue) {
+  if (batch_.first_hits && batch_.first_hits->look_up(*tile_, batch_.hits())) return;
+  {
+    const Timer timer(counts_.tracing);
+    Rays rays = queue.rays();
+    // Every surface counts for what is remembered, and for passes that tell of holes as of other
+    // surfaces.
+    const bool all = batch_.first_hits || film_.wants(GLINT_PASS_COST) ||
+                     film_.wants(GLINT_PASS_GAP) || film_.wants(GLINT_PASS_AOV);
+    rays.opacity = all ? nullptr : scene_.opacity();
+    const bool straight = rays.opacity && queue.visibility == kCamera && &queue != &first_;
+    if (straight && !batch_.fallbacks) ahead_.closest(queue, batch_.hits());
+    else scene_.accel().closest(rays, batch_.hits(), scratch_);
+  }
+  batch_.charge_fallbacks();
+  if (&queue == &first_) counts_.camera += queue.size();
+  if (batch_.first_hits) batch_.first_hits->keep(*tile_, batch_.hits());
+}
+
+void Tracer::find_points(const Queue& queue) {
+  find_hits(queue);
+  SurfaceStage stage{};
+  stage.count = queue.size();
+  stage.points = batch_.points;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.start[c] = queue.column(Queue::kStart + c);
+    stage.d[c] = queue.column(Queue::kD + c);
+  }
+  stage.instance = batch_.instance.data();
+  stage.primitive = batch_.primitive.data();
+  stage.u = batch_.u.data();
+  stage.v = batch_.v.data();
+  stage.instances = scene_.instance_shapes.data();
+  stage.groups = scene_.group_shapes.data();
+  stage.missed = missed(queue);
+  stages_.surface(stage);
+  for (size_t k = 0; !scene_.only_meshes && k < queue.size(); ++k) {
+    if (batch_.material[k] != kNoMaterial) continue;
+    const Path path = queue.path(k);
+    batch_.set_surface(k, surface_at(scene_, path.start, queue.ray(k).d, batch_.hit(k)));
+    const GlintInstances& group = scene_.group(batch_.instance[k]);
+    batch_.material[k] = group.flags & GLINT_HOLDOUT
+                             ? scene_.holdout()
+                             : scene_.material_of(group, batch_.primitive[k]);
+  }
+}
+
+/// How far behind the first hits of the camera rays the next ones lie.
+void Tracer::find_gaps() {
+  std::vector<Ray> rays;
+  std::vector<uint32_t> from;
+  for (uint32_t k = 0; k < first_.size(); ++k) {
+    if (batch_.missed(k) || !paths_.is_first(k)) continue;
+    rays.push_back(first_.ray(k));
+    from.push_back(k);
+    rays.back().t_min = beyond(batch_.t[k]);
+  }
+  std::vector<Hit> hits(rays.size());
+  scene_.accel().closest(rays.data(), hits.data(), rays.size(), scratch_);
+  for (size_t i = 0; i < hits.size(); ++i) {
+    if (hits[i].instance != Hit::kNone)
+      film_.set_gap(pixel(first_, from[i]), (hits[i].t - batch_.t[from[i]]) / scene_.anchor.scale);
+  }
+}
+
+/// What media before their hits leave of the rays' weights.
+void Tracer::dim(Queue& queue) {
+  const Rays rays = queue.rays();
+  media_.find(rays, counts_);
+  clear_.resize(queue.size());
+  ends_.resize(queue.size());
+  const double far = queue.gathers ? 0 : kInfinity;  // where nothing is met
+  for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? far : batch_.t[k];
+  media_.march(rays, ends_.data(), sample_,
+               queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced, counts_);
+  for (size_t k = 0; k < queue.size(); ++k) {
+    clear_[k] = queue.path(k).T;
+    const Vec3d T = media_.passed(k, rays.t_min[k], ends_[k]) * clear_[k];
+    for (int c = 0; c < 3; ++c) queue.column(Queue::kT + size_t(c))[k] = T[c];
+  }
+}
+
+}  // namespace glint

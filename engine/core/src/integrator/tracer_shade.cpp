@@ -1,0 +1,186 @@
+// What the points that rays meet add to the picture before lights, and the rays that go on from
+// them: constant materials all at once, others material by material.
+#include <algorithm>
+#include <cmath>
+
+#include "integrator/tracer.h"
+
+namespace glint {
+
+void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
+  ShadeStage stage{};
+  stage.count = queue.size();
+  stage.material = batch_.material.data();
+  stage.terms = (queue.reflections > 0 ? scene_.reflected_terms : scene_.material_terms).data();
+  stage.specular_terms = scene_.specular_terms.data();
+  stage.max_specular = scene_.max_specular;
+  stage.sums = batch_.sums;
+  stage.specular_columns = scene_.specular_columns;
+  stage.view_terms = scene_.view_terms.data();
+  stage.max_view = scene_.max_view;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.n[c] = batch_.points.n[c];
+    stage.d[c] = queue.column(Queue::kD + c);
+  }
+  for (size_t c = 0; c < 3; ++c) {
+    stage.T[c] = queue.column(Queue::kT + c);
+    stage.diffuse[c] = batch_.diffuse[c];
+  }
+  stage.specular = batch_.specular;
+  stage.stride = batch_.stride;
+  stage.lit = batch_.lit.data();
+  stage.others = batch_.others.data();
+  const size_t others = stages_.shade(stage);
+  const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.reflections == 0;
+  for (size_t c = 0; batch_.has_groups() && c < 3; ++c)
+    std::copy_n(batch_.sums.emission[c], queue.size(), batch_.glow[c]);
+  for (size_t k = 0; sees_lights && k < queue.size(); ++k) see_lights(k);
+  double* lost = paths_.lost_alpha();
+  for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
+       ++k)
+    if (batch_.missed(k)) lost[queue.slot(k)] += mean(queue.path(k).T);
+  for (size_t i = 0; i < others;) {
+    const uint32_t k = batch_.others[i];
+    if (batch_.material[k] == scene_.holdout()) {
+      shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]);
+      ++i;
+    } else if (batch_.material[k] == scene_.surroundings()) i += see_sky(queue, i, others - i);
+    else i += vary(queue, i, others - i, {straight, bounced});
+  }
+}
+
+/// Adds the lights' own shapes that ray k sees.
+void Tracer::see_lights(size_t k) {
+  if (scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS)
+    shader_.seen_lights(batch_, k, scene_.features & GLINT_FEATURE_MEDIA ? &media_ : nullptr,
+                        clear_.data());
+}
+
+/// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How
+/// many they are.
+size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
+  const uint32_t* rows = batch_.others.data() + first;
+  const Material& material = scene_.materials[batch_.material[rows[0]]];
+  EvaluateStage stage{};
+  stage.tables = scene_.input_tables();
+  while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
+    ++stage.count;
+  stage.rows = rows;
+  stage.instance = batch_.instance.data();
+  stage.primitive = batch_.primitive.data();
+  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
+  stage.lobe_count = material.lobe_count;
+  stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
+  stage.sums = batch_.sums;
+  for (size_t c = 0; c < 3; ++c) {
+    if (batch_.has_groups()) stage.sums.emission[c] = batch_.glow[c];
+    stage.T[c] = queue.column(Queue::kT + c);
+    stage.diffuse[c] = batch_.diffuse[c];
+    stage.ambient[c] = scene_.ambient[int(c)];
+    stage.n[c] = batch_.points.n[c];
+    stage.d[c] = queue.column(Queue::kD + c);
+    if (c < 2) stage.weights[c] = batch_.points.weights[c];
+    stage.x[c] = batch_.points.x[c];
+    stage.g[c] = batch_.points.g[c];
+    stage.bent[c] = batch_.points.n[c];
+    stage.start[c] = queue.column(Queue::kStart + c);
+  }
+  if (material.program > 0) {
+    stage.program = &scene_.program_of(material);
+    stage.normal = material.normal;
+    stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
+    stage.slots = program_slots_.data();
+    stage.outside = batch_.points.outside;
+    stage.tags = queue.tags();
+    stage.offset = batch_.points.offset;
+    if (stage.program->asks_rays) stage.queries = queries_.at(batch_, sample_, counts_);
+  }
+  stage.specular_columns = scene_.specular_columns;
+  stage.specular = batch_.specular;
+  stage.passing = batch_.passing_columns;
+  stage.passing_columns = batch_.passing_width;
+  stage.stride = batch_.stride;
+  stage.lit = batch_.lit.data();
+  stage.passing_rows = batch_.passing_rows.data();
+  pass_on(queue, stages_.vary(stage), next);
+  for (size_t i = 0; batch_.has_groups() && i < stage.count; ++i)
+    Batch::add_to(batch_.sums.emission, rows[i], row(batch_.glow, rows[i]));
+  for (size_t i = 0; film_.wants_data() && material.passing > 0 && i < stage.count; ++i)
+    if (queue.wants_data(rows[i]))
+      shader_.record_veil(batch_, rows[i], film_, pixel(queue, rows[i]));
+  return stage.count;
+}
+
+/// Adds what the world's program gives to those of the batch's `others` from `first` on, of
+/// `count`, that hit nothing. How many they are.
+size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
+  const uint32_t* rows = batch_.others.data() + first;
+  size_t seen = 0;
+  while (seen < count && batch_.material[rows[seen]] == scene_.surroundings()) {
+    const uint32_t* some = rows + seen;
+    const size_t most = std::min(count - seen, kBlock);
+    size_t here = 1;
+    while (here < most && batch_.material[some[here]] == scene_.surroundings()) ++here;
+    const double* const slot = run_sky(queue, some, here);
+    for (size_t i = 0; i < here; ++i)
+      for (size_t c = 0; c < 3; ++c) {
+        const double radiance = slot[c * kBlock + i], T = queue.column(Queue::kT + c)[some[i]];
+        const double light = std::isfinite(radiance) ? T * radiance : 0;
+        batch_.sums.total[c][some[i]] += light;
+        if (batch_.sums.environment[c]) batch_.sums.environment[c][some[i]] += light;
+      }
+    seen += here;
+  }
+  return seen;
+}
+
+/// What the world's program gives to up to a block of rays: its three slots.
+const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t count) {
+  const RayKind kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
+  ProgramPoints points{};
+  for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
+    const uint32_t k = rows[std::min(i, count - 1)];
+    points.outside[i] = -1;
+    for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
+    for (size_t c = 0; c < 3; ++c)
+      for (size_t axis = 0; axis < 3; ++axis)
+        points.d[axis][i] += scene_.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
+  }
+  stages_.program({scene_.input_tables(), scene_.sky_program, &points, kind, count,
+                   program_slots_.data(), nullptr});
+  return program_slots_.data() + scene_.sky_slot;
+}
+
+/// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
+void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
+  uint32_t* const all = batch_.passing_rows.data();
+  size_t shown = count;  // those beyond are on catchers
+  if (catches_)
+    shown = size_t(
+        std::stable_partition(all, all + count, [&](uint32_t k) { return !is_caught(queue, k); }) -
+        all);
+  for (size_t first = 0, some; first < count; first += some) {
+    const size_t end = first < shown ? shown : count;
+    some = cuts_.leading(queue, all + first, end - first);
+    shader_.pass_on(batch_, sample_, all + first, some, next, counts_,
+                    first >= shown || queue.gathers);
+  }
+}
+
+/// Highlights that rough surfaces show of others are no narrower than their own lobes: points of
+/// lights would be dots in them.
+void Tracer::widen(const Queue& queue) {
+  for (size_t k = 0; k < queue.size(); ++k) {
+    const double widest = queue.widest(k);
+    for (int number = 0; number < scene_.max_specular; ++number) {
+      double* const column =
+          batch_.specular + size_t(scene_.specular_columns * number) * batch_.stride + k;
+      double& exponent = column[SpecularTerm::kExponent * batch_.stride];
+      if (!(exponent > widest)) continue;
+      for (size_t c = 0; c < 3; ++c) column[c * batch_.stride] *= (widest + 1) / (exponent + 1);
+      exponent = widest;
+    }
+  }
+}
+
+}  // namespace glint

@@ -1,0 +1,79 @@
+// Rays that go on from lit points along directions of their lobes: reflections of other surfaces,
+// and rays that look for bounced light (final gathering). Letters as in stage_highlights.h.
+#pragma once
+#include "shading/stage_highlights.h"
+#include "shading/stage_rows.h"
+
+namespace glint {
+namespace {
+
+size_t reflect(const LightStage& s) {
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Narrow all = reflecting_terms(s, k);
+    if (!any(lit & (all.total > 0))) continue;
+    const Three n = load3(s.n, k);
+    const Drawn drawn = draw<true>(s, k, n, all);
+    const Doubles cosine = dot(n, drawn.l);
+    const Highlights seen = highlights<true>(s, k, n, drawn.l, cosine, &all);
+    const Three share = (1 / (kCircle * seen.density)) * seen.light;
+    const Mask reached = lit & drawn.good & (cosine > 0) & (seen.density > 0) &
+                         (dot(drawn.l, load3(s.g, k)) > 0) & nonzero(share);
+    const uint32_t lanes = bits(reached);
+    if (!lanes) continue;
+    const Appender append{lanes, found};
+    append.number(s.point, uint32_t(k));
+    append(s.diffuse_out, share);
+    append(s.t_max, drawn.exponent);
+    append(s.to, drawn.l);
+    append(s.o, load3(s.points_x, k) + load(s.offset + k) * load3(s.g, k));
+    found += size_t(__builtin_popcount(lanes));
+  }
+  return found;
+}
+
+/// What of T a point throws back as what is matt does.
+inline Three matt(const LightStage& s, size_t k) {
+  const Three T = load3(s.diffuse, k);
+  return s.gathers_gloss ? T + even_gloss(s, k) : T;
+}
+
+size_t gather(const LightStage& s) {
+  const double across = __builtin_sqrt(s.radius2);
+  const Doubles upward = splat(__builtin_sqrt(s.radius2 < 1 ? 1 - s.radius2 : 0)),
+                x = splat(across * s.azimuth[0]), y = splat(across * s.azimuth[1]);
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Three n = load3(s.n, k), g = load3(s.g, k), T = matt(s, k);
+    Three t1, t2;
+    frame(n, t1, t2);
+    const Three l = upward * n + x * t1 + y * t2;  // as densely as their cosine (Malley's method)
+    const uint32_t lanes = bits(lit & nonzero(T) & (dot(l, g) > 0));
+    if (!lanes) continue;
+    const Appender append{lanes, found};
+    append.number(s.point, uint32_t(k));
+    append(s.diffuse_out, T);
+    append(s.to, l);
+    append(s.o, load3(s.points_x, k) + load(s.offset + k) * g);
+    found += size_t(__builtin_popcount(lanes));
+  }
+  return found;
+}
+
+void matten(const LightStage& s, double* const* diffuse) {
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask varnished = load(s.lit + k);
+    if (!any(varnished)) continue;
+    const Three T = load3(s.diffuse, k) + where(varnished, even_gloss(s, k));
+    store(diffuse[0] + k, T.x);
+    store(diffuse[1] + k, T.y);
+    store(diffuse[2] + k, T.z);
+  }
+}
+
+}  // namespace
+}  // namespace glint
