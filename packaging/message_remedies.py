@@ -20,7 +20,7 @@ REMEDIES: dict[str, str] = {
     "Ray visibility hides the shape of a light, not its light: … shine through what refracts": "Use light linking to keep its light off things, or hide the lamp",
     "Refracted rays see what glossy rays see, whatever the transmission visibility of … says": "Set Ray Visibility → Glossy and Transmission alike",
     "Shadow caustics are not rendered: … cast none; light passes glass straight on": "Nothing: glass is lit and lets light pass; put a lamp where the caustic is missed",
-    "Bump Map Correction is not switched off in …: bent normals are kept from showing what is behind the surface": "Lower the strength of the bump where it looks flat",
+    "Bump Map Correction is not switched off for mirrors of …: bent normals are kept from showing what is behind the surface": "Lower the strength of the bump where it looks flat",
     "Lights have a colour that is not finite (…): its bad channels are black": "Set the light's colour anew",
     "The spread of area lights is not rendered (…): they shine over the whole half-space": "Set Beam Shape → Spread to 180°, or use a Spot light",
     "The world … is seen by reflections and refractions alike, and lights what either diffuse or glossy rays see": "Set World properties → Ray Visibility → Glossy and Transmission alike, and Diffuse as Glossy",

@@ -63,7 +63,9 @@ void DirectLight::prepare(const Batch& batch) {
     stage_.origin[c] = p.origin[c];
     stage_.d[c] = batch.queue->rays().d[c];
     stage_.diffuse[c] = batch.diffuse[c];
+    stage_.unbent[c] = batch.unbent[c];
   }
+  stage_.bump = batch.bump;
   stage_.count = batch.size();
   stage_.offset = p.offset;
   stage_.lit = batch.lit.data();

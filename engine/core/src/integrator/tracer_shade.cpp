@@ -83,11 +83,15 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.x[c] = batch_.points.x[c];
     stage.g[c] = batch_.points.g[c];
     stage.bent[c] = batch_.points.n[c];
+    stage.unbent[c] = batch_.unbent[c];
     stage.start[c] = queue.column(Queue::kStart + c);
   }
   if (material.program > 0) {
     stage.program = &scene_.program_of(material);
     stage.normal = material.normal;
+    stage.bump_shadowing = material.bump_shadowing;
+    stage.base_normal = material.base_normal;
+    stage.bump = batch_.bump;
     stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;

@@ -34,7 +34,7 @@ struct Material {
   uint32_t first_lobe = 0, lobe_count = 0;
   int32_t index = 0, program = 0, normal = 0;  // as GlintMaterial has them
   uint32_t crypto = 0;
-  int32_t aov = 0, medium = 0;
+  int32_t aov = 0, medium = 0, bump_shadowing = 0, base_normal = 0;
   uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
   int specular_count = 0, view_count = 0;
   int passing = 0;  // lobes that send rays on, unless all of these are nothing

@@ -169,6 +169,7 @@ class Scene {
   uint32_t most_slots = 0;                    // of programs
   bool asks_rays = false;                     // some program does
   bool bends_normals = false;                 // some material gives shading normals of its own
+  bool shadows_bumps = false;                 // and hides light by them
   /// Of a material that has one.
   const ProgramShape& program_of(const Material& m) const {
     return programs[size_t(m.program - 1)];

@@ -135,8 +135,9 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
     if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient))
       add_lobe(given[g.first_lobe + k]);
   materials.push_back({uint32_t(first), uint32_t(lobes.size() - first), g.index, g.program,
-                       g.normal, g.crypto, g.aov, g.medium});
+                       g.normal, g.crypto, g.aov, g.medium, g.bump_shadowing, g.base_normal});
   bends_normals = bends_normals || g.normal > 0;
+  shadows_bumps = shadows_bumps || (g.normal > 0 && g.bump_shadowing != GLINT_BUMP_NONE);
 }
 
 /// Lobes whose inputs do not vary get their product now.

@@ -216,6 +216,9 @@ struct EvaluateStage {
   const int64_t *outside, *tags;
   int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
   double* bent[3];
+  int bump_shadowing;  // GlintBumpShadowing; base_normal: as `normal`, what that was bent from
+  int32_t base_normal;
+  double *unbent[3], *bump;  // as LightStage has them
   const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
@@ -382,6 +385,7 @@ struct LightStage {
   double most_exponent;  // of the scene
   size_t first, count;   // points; first: a multiple of kPad
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
+  const double *unbent[3], *bump;  // as stage_bump.h reads them; null where no material has any
   const double* specular;
   size_t stride;
   int max_specular, specular_columns;
