@@ -55,6 +55,7 @@ REMEDIES: dict[str, str] = {
     "this Blender has no OpenImageIO to apply its view transform with": "Use a whole Blender program, or set Quality Target → Mean Error",
     "The shutter curve never opens the shutter: it is open for all its time": "Render properties → Motion Blur → Shutter Curve: raise it above 0",
     "…. The plot is the image … and …": "Nothing: it says where the plot is",
+    "the file ends early": "Write the OpenVDB file anew, or copy it again",
     "…: the header is broken: …": "Render the picture again",
     "…: there are no pixels in it": "Render the picture again",
     "Blender did not ask Glint to render this scene": "Turn on Use for Rendering in the view layer",
