@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "shading/surface.h"
+
 namespace glint {
 namespace {
 

@@ -61,7 +61,7 @@ void Tracer::note_denoising(size_t k, uint32_t path, double share) {
 Vec3d Tracer::albedo(size_t k) const {
   Vec3d sum;
   const Material& material = scene_.materials[batch_.material[k]];
-  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  const LobeShape* lobe = scene_.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
     if (lobe->kind == GLINT_MIRROR || lobe->kind == GLINT_REFRACTION) sum += batch_.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;

@@ -99,8 +99,8 @@ class Tracer {
   };
   Highlights highlights(size_t k) const;
   size_t note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count);
-  void run_aovs(const Queue& queue, const Material& given, const uint32_t* rows,
-                const Surface* surfaces, size_t count);
+  void set_aov_points(const Queue& queue, const uint32_t* rows, size_t count,
+                      ProgramPoints& points) const;
   void keep_meetings();
   void keep(const Queue& queue);
   void wait(Queue queue);

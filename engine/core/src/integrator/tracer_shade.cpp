@@ -68,7 +68,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.rows = rows;
   stage.instance = batch_.instance.data();
   stage.primitive = batch_.primitive.data();
-  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
+  stage.lobes = scene_.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
   stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;

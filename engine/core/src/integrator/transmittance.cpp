@@ -197,7 +197,7 @@ void TransparentShadows::read_shares(const Rays& rays) {
     if (material.has(GLINT_TRANSPARENT)) {
       stage_.first = first;
       stage_.count = end - first;
-      stage_.lobes = scene_.lobe_shapes.data() + material.first_lobe;
+      stage_.lobes = scene_.lobes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
       stage_.program = material.program > 0 ? &scene_.program_of(material) : nullptr;
       stages_.transmit(stage_);

@@ -40,10 +40,6 @@ size_t next(size_t i, size_t size, int extension) {
   return i + 1 < size ? i + 1 : extension == GLINT_REPEAT ? 0 : i;
 }
 
-Vec3d finite_or_zero(Vec3d c) {
-  return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
-}
-
 /// Whether two inputs look at the same of an image.
 bool same_read(const GlintInput& a, const GlintInput& b) {
   const bool as_alpha = a.channel == GLINT_ALPHA,
@@ -134,20 +130,20 @@ OpacityMaps::Known OpacityMaps::known(uint32_t m) {
     return found;
   }
   for (uint32_t l = material.first_lobe; l < material.first_lobe + material.lobe_count; ++l) {
-    const Lobe& lobe = scene_.lobes[l];
+    const LobeShape& lobe = scene_.lobes[l];
     for (uint32_t i = lobe.first_input;
          lobe.kind == GLINT_TRANSPARENT && i < lobe.first_input + lobe.input_count; ++i) {
       const GlintInput& input = scene_.inputs[i];
       if (input.texture < 0) continue;
       // a hole of a cubic image would take four texels in a row
-      if (scene_.texture_shapes[size_t(input.texture)].interpolation == GLINT_CUBIC) continue;
+      if (scene_.textures[size_t(input.texture)].interpolation == GLINT_CUBIC) continue;
       found.at_zero = where(m, i, 0);
       found.at_one = where(m, i, 1);
       if (found.at_zero == Opacity::kVaried && found.at_one == Opacity::kVaried) continue;
       const bool of_alpha = input.channel == GLINT_ALPHA;
       found.map = &maps_
                        .try_emplace({input.texture, of_alpha},
-                                    scene_.texture_shapes[size_t(input.texture)], of_alpha)
+                                    scene_.textures[size_t(input.texture)], of_alpha)
                        .first->second;
       found.always = Opacity::kMapped;
       found.input = &input;
@@ -163,7 +159,7 @@ uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
   Vec3d passes;
   bool all = true, nothing_else = true;
   for (uint32_t l = material.first_lobe; l < material.first_lobe + material.lobe_count; ++l) {
-    const Lobe& lobe = scene_.lobes[l];
+    const LobeShape& lobe = scene_.lobes[l];
     Vec3d k;
     const bool sure = product(lobe, input, reading, k);
     if (lobe.kind == GLINT_TRANSPARENT) {
@@ -178,9 +174,9 @@ uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
 }
 
 /// A lobe's coefficient there; false where it depends on something else.
-bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3d& k) const {
+bool OpacityMaps::product(const LobeShape& lobe, uint32_t input, double reading, Vec3d& k) const {
   if (lobe.constant) {
-    k = lobe.k;
+    k = coefficient(lobe);
     return true;
   }
   bool all = true;
@@ -193,8 +189,7 @@ bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3
       all = false;
       continue;
     }
-    const Vec3d value = zero ? Vec3d{} : finite_or_zero({in.value[0], in.value[1], in.value[2]});
-    const Vec3d factor = of_product(in, value);
+    const Vec3d factor = factor_of(in, zero ? 0 : 1);
     if (!any(factor)) {
       k = {};
       return true;

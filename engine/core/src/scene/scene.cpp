@@ -8,6 +8,7 @@
 #include "math/math.h"
 #include "scene/opacity_map.h"
 #include "scene/panorama_step.h"
+#include "scene/texture.h"
 
 namespace glint {
 namespace {
@@ -99,7 +100,7 @@ Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera
   shape_groups();
   shape_instances(base);
   fold_materials();
-  shape_materials();
+  count_passing();
   earlier_.trees.same_space = earlier_.trees.accel && anchor == earlier_.anchor;
   if (base) share_trees(*base, exact);
   if (base) share_emitters(*base);
@@ -200,7 +201,7 @@ void Scene::copy_tables(const GlintSceneData& data) {
   copy(attributes, data.attributes, data.attribute_count);
   copy(groups, data.instances, data.instances_count);
   copy(material_slots, data.material_slots, data.material_slot_count);
-  copy(textures, data.textures, data.texture_count);
+  for (uint64_t i = 0; i < data.texture_count; ++i) textures.push_back(shape_of(data.textures[i]));
   copy_programs(data);
   copy(inputs, data.inputs, data.input_count);
   world_from_object = data.world_from_object;

@@ -142,10 +142,10 @@ class Scene {
   std::vector<GlintInstances> groups;
   std::vector<uint32_t> material_slots;
   std::vector<Placement> placements;
-  std::vector<Texture> textures;
+  std::vector<TextureShape> textures;
   std::vector<ProgramShape> programs;
   std::vector<GlintInput> inputs;
-  std::vector<Lobe> lobes;
+  std::vector<LobeShape> lobes;
   std::vector<Material> materials;
   std::vector<Light> lights;
   std::vector<GlintEmitter> emitters;
@@ -191,12 +191,10 @@ class Scene {
   std::vector<MaterialTerms> reflected_terms;  // as rays see them that rough surfaces reflect
   std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
   std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
-  std::vector<LobeShape> lobe_shapes;
-  std::vector<TextureShape> texture_shapes;
   InputTables input_tables() const {
     return {&program_view, &instance_values,  instance_shapes.data(),
             groups.data(), geometries.data(), attributes.data(),
-            inputs.data(), reads.data(),      texture_shapes.data()};
+            inputs.data(), reads.data(),      textures.data()};
   }
   ProgramView program_view{};
   InstanceValues instance_values{};
@@ -222,7 +220,7 @@ class Scene {
   void shape_groups();
   void shape_instances(const Scene* base);
   void fold_materials();
-  void shape_materials();
+  void count_passing();
   double radius(const Scene* base);
   void reuse_from(const Scene& base, const GlintSceneData& data, bool exact);
   void share_trees(const Scene& base, bool exact);

@@ -16,8 +16,8 @@ void add_to(double (&sum)[3], Vec3d c) {
 }
 
 /// A lobe as a row of ViewTerm.
-void fold_view(const Lobe& lobe, Vec3d ambient, double* row) {
-  const Vec3d k = lobe.kind == GLINT_AMBIENT ? lobe.k * ambient : lobe.k;
+void fold_view(const LobeShape& lobe, Vec3d ambient, double* row) {
+  const Vec3d k = coefficient(lobe) * (lobe.kind == GLINT_AMBIENT ? ambient : Vec3d{1, 1, 1});
   double* color = row + (lobe.kind == GLINT_AMBIENT ? ViewTerm::kAmbient : ViewTerm::kDiffuse);
   for (int c = 0; c < 3; ++c) color[c] += k[c];
   row[ViewTerm::kExponent] = lobe.exponent;
@@ -31,7 +31,8 @@ struct Rows {
 };
 
 /// Adds a lobe to the terms of its material.
-void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
+void fold(const LobeShape& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
+  const Vec3d k = coefficient(lobe);
   terms.others |= !lobe.constant;
   if (depends_on_view(lobe)) {
     fold_view(lobe, ambient, rows.view);
@@ -39,15 +40,15 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
   }
   switch (lobe.kind) {
     case GLINT_AMBIENT:
-      add_to(terms.ambient, lobe.k * ambient);
-      return add_to(terms.glow, lobe.k * ambient);
+      add_to(terms.ambient, k * ambient);
+      return add_to(terms.glow, k * ambient);
     case GLINT_EMISSION:
-      add_to(terms.emission, lobe.k);
-      return add_to(terms.glow, lobe.k);
+      add_to(terms.emission, k);
+      return add_to(terms.glow, k);
     case GLINT_DIFFUSE:
-      return add_to(terms.diffuse, lobe.k);
+      return add_to(terms.diffuse, k);
     case GLINT_SPECULAR:
-      for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
+      for (int c = 0; c < 3; ++c) rows.specular[c] = k[c];
       rows.specular[SpecularTerm::kExponent] = lobe.exponent;
       if (rows.columns >= SpecularTerm::kShaped) {
         rows.specular[SpecularTerm::kMasking] = lobe.masking * lobe.masking;
@@ -56,14 +57,14 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
       rows.specular += rows.columns;
       return;
     case GLINT_SHEEN:
-      for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
+      for (int c = 0; c < 3; ++c) rows.specular[c] = k[c];
       rows.specular[SpecularTerm::kExponent] = SpecularTerm::kSheen;
       rows.specular[SpecularTerm::kMasking] = lobe.exponent;
       rows.specular[SpecularTerm::kFresnel] = lobe.masking;
       rows.specular += rows.columns;
       return;
     default:
-      terms.others |= any(lobe.k);
+      terms.others |= any(k);
   }
 }
 
@@ -88,7 +89,18 @@ bool has_one(const int32_t* word, uint64_t count, std::initializer_list<std::str
   return found;
 }
 
+Vec3d finite_or_zero(Vec3d c) {
+  return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
+}
+
 }  // namespace
+
+Vec3d factor_of(const GlintInput& input, double read) {
+  Vec3d k = finite_or_zero(read * Vec3d{input.value[0], input.value[1], input.value[2]});
+  for (int c = 0; input.bounded && c < 3; ++c)
+    k[c] = std::clamp(k[c] + input.offset[c], input.low, input.high);
+  return input.complement ? Vec3d{1, 1, 1} - k : k;
+}
 
 void Scene::copy_programs(const GlintSceneData& data) {
   program_words_.assign(data.program_words, data.program_words + data.program_word_count);
@@ -121,7 +133,7 @@ void Scene::compile_materials(const GlintSceneData& data) {
   for (uint64_t i = 0; i < data.material_count; ++i) add_material(data.materials[i], data.lobes);
   materials.push_back({uint32_t(lobes.size()), 2, 0});
   for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
-    lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}});
+    lobes.push_back({kind, true, false, 0, 0, 1, 0, {0.8, 0.8, 0.8}, 0, 0, 0, 0, 0, 0});
   for (Material& material : materials) {
     compare_lobes(material);
     number_reads(material);
@@ -142,23 +154,23 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
 
 /// Lobes whose inputs do not vary get their product now.
 void Scene::add_lobe(const GlintLobe& g) {
-  Lobe lobe{g.kind,          g.fresnel,      false,         g.exponent,  g.ior,
-            g.masking,       g.first_input,  g.input_count, {1, 1, 1},   false,
-            g.exponent_slot, g.masking_slot, g.ior_slot,    g.fibre_slot};
+  LobeShape lobe{g.kind,     false,        false,         g.fresnel,       g.exponent,
+                 g.ior,      g.masking,    {1, 1, 1},     g.exponent_slot, g.masking_slot,
+                 g.ior_slot, g.fibre_slot, g.first_input, g.input_count};
   bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0;
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(inputs[g.first_input + k]);
-  PointReads none;
-  if (!varies) {
-    lobe.k = coefficient(*this, lobe, Surface{}, none);
-    lobe.constant = true;
-  }
+  lobe.constant = !varies;
+  Vec3d k{1, 1, 1};
+  for (uint32_t i = 0; !varies && i < g.input_count; ++i)
+    k = k * factor_of(inputs[g.first_input + i]);
+  for (int c = 0; c < 3; ++c) lobe.k[c] = std::isfinite(k[c]) ? k[c] : 0;
   lobes.push_back(lobe);
 }
 
 void Scene::compare_lobes(Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
-    const Lobe& lobe = lobes[material.first_lobe + k];
+    const LobeShape& lobe = lobes[material.first_lobe + k];
     material.kinds |= 1u << lobe.kind;
     const bool fibre = is_fibre(lobe.kind), sheen = lobe.kind == GLINT_SHEEN;
     material.specular_count += lobe.kind == GLINT_SPECULAR || sheen || fibre;
@@ -190,7 +202,7 @@ void Scene::compare_lobes(Material& material) {
 void Scene::number_reads(const Material& material) {
   std::vector<uint32_t> seen;
   for (uint32_t l = 0; l < material.lobe_count; ++l) {
-    const Lobe& lobe = lobes[material.first_lobe + l];
+    const LobeShape& lobe = lobes[material.first_lobe + l];
     for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
       if (inputs[i].texture < 0) continue;
       const auto begin = seen.end() - std::min<ptrdiff_t>(std::ssize(seen), kReadsCompared);
@@ -204,7 +216,7 @@ void Scene::number_reads(const Material& material) {
 
 /// Whether two lobes read the same: they often differ in their kind alone.
 bool Scene::same_inputs(size_t a, size_t b) const {
-  const Lobe &p = lobes[a], &q = lobes[b];
+  const LobeShape &p = lobes[a], &q = lobes[b];
   auto same = [&](uint32_t k) {
     return std::memcmp(&inputs[p.first_input + k], &inputs[q.first_input + k],
                        sizeof(GlintInput)) == 0;
@@ -251,27 +263,11 @@ void Scene::fold_materials() {
     }
 }
 
-void Scene::shape_materials() {
-  for (const Lobe& g : lobes)
-    lobe_shapes.push_back({g.kind,
-                           g.constant,
-                           g.like_last,
-                           g.fresnel,
-                           g.exponent,
-                           g.ior,
-                           g.masking,
-                           {g.k.x, g.k.y, g.k.z},
-                           g.exponent_slot,
-                           g.masking_slot,
-                           g.ior_slot,
-                           g.fibre_slot,
-                           g.first_input,
-                           g.input_count});
-  for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());
+void Scene::count_passing() {
   for (size_t m = 0; m < materials.size(); ++m) {
     if (!material_terms[m].others) continue;
-    const Lobe* first = lobes.data() + materials[m].first_lobe;
-    const auto passes = [](const Lobe& lobe) { return (1u << lobe.kind & kPassing) != 0; };
+    const LobeShape* first = lobes.data() + materials[m].first_lobe;
+    const auto passes = [](const LobeShape& lobe) { return (1u << lobe.kind & kPassing) != 0; };
     materials[m].passing = int(std::count_if(first, first + materials[m].lobe_count, passes));
     max_passing = std::max(max_passing, materials[m].passing);
   }

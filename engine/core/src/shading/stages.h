@@ -135,12 +135,12 @@ struct ShadeStage {
   uint32_t* others;  // rays whose material the stage leaves to others
 };
 
-/// A lobe and an image as the stages read them (material.h, texture.h).
+/// One term of a surface. fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK.
 struct LobeShape {
   int kind;
-  bool constant, like_last;
+  bool constant, like_last;  // k is final; its inputs are those of the lobe before
   int fresnel;
-  double exponent, ior, masking, k[3];                        // k: where constant
+  double exponent, ior, masking, k[3];
   int32_t exponent_slot, masking_slot, ior_slot, fibre_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
 };
@@ -199,6 +199,16 @@ struct ProgramStage {
   size_t count;
   double* slots;
   const RayQueries* queries;  // null where no rays can be asked for
+};
+
+/// The coefficient of one lobe at the points of a block. Finite.
+struct CoefficientStage {
+  InputTables tables;
+  const ProgramPoints* points;
+  size_t count;
+  const double* slots;  // of the material's program at these points; null for none
+  const LobeShape* lobe;
+  double* k[3];
 };
 
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
@@ -508,6 +518,7 @@ struct Stages {
   size_t (*shade)(const ShadeStage&);    // how many `others`
   size_t (*vary)(const EvaluateStage&);  // how many `passing_rows`
   void (*program)(const ProgramStage&);
+  void (*coefficients)(const CoefficientStage&);
   PassedRays (*pass)(const PassStage&);
   void (*dome)(const DomeStage&);
   size_t (*light)(const LightStage&);    // how many points the sample reaches
