@@ -75,6 +75,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.most_exponent = scene_.most_exponent;
   stage_.has_sheen = scene_.has_sheen;
   stage_.has_fibre = scene_.has_fibre;
+  stage_.turns_lobes = scene_.turns_lobes;
   stage_.specular_columns = scene_.specular_columns;
 }
 

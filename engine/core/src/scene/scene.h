@@ -170,6 +170,7 @@ class Scene {
   bool asks_rays = false;                     // some program does
   bool bends_normals = false;                 // some material gives shading normals of its own
   bool shadows_bumps = false;                 // and hides light by them
+  bool turns_lobes = false;                   // some SPECULAR lobe may have a normal of its own
   /// Of a material that has one.
   const ProgramShape& program_of(const Material& m) const {
     return programs[size_t(m.program - 1)];

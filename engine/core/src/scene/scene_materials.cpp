@@ -133,7 +133,7 @@ void Scene::compile_materials(const GlintSceneData& data) {
   for (uint64_t i = 0; i < data.material_count; ++i) add_material(data.materials[i], data.lobes);
   materials.push_back({uint32_t(lobes.size()), 2, 0});
   for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
-    lobes.push_back({kind, true, false, 0, 0, 1, 0, {0.8, 0.8, 0.8}, 0, 0, 0, 0, 0, 0});
+    lobes.push_back({kind, true, false, 0, 0, 1, 0, {0.8, 0.8, 0.8}, 0, 0, 0, 0, 0, 0, 0});
   for (Material& material : materials) {
     compare_lobes(material);
     number_reads(material);
@@ -156,8 +156,8 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
 void Scene::add_lobe(const GlintLobe& g) {
   LobeShape lobe{g.kind,     false,        false,         g.fresnel,       g.exponent,
                  g.ior,      g.masking,    {1, 1, 1},     g.exponent_slot, g.masking_slot,
-                 g.ior_slot, g.fibre_slot, g.first_input, g.input_count};
-  bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0;
+                 g.ior_slot, g.fibre_slot, g.first_input, g.input_count,   g.normal_slot};
+  bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0 || g.normal_slot > 0;
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(inputs[g.first_input + k]);
   lobe.constant = !varies;
@@ -187,8 +187,14 @@ void Scene::compare_lobes(Material& material) {
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       specular_columns = std::max(specular_columns, SpecularTerm::kShaped);
     if (fibre) specular_columns = SpecularTerm::kFibred;
+    const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);
+    if (turns && lobe.kind == GLINT_SPECULAR) {
+      turns_lobes = true;
+      specular_columns = SpecularTerm::kTurned;
+    }
     if (1u << lobe.kind & kPassing && (lobe.exponent_slot > 0 || lobe.ior_slot > 0))
-      passing_columns = PassingTerm::kShaped;
+      passing_columns = std::max(passing_columns, PassingTerm::kShaped);
+    if (turns && 1u << lobe.kind & kPassing) passing_columns = PassingTerm::kTurned;
     if (k > 0)
       lobes[material.first_lobe + k].like_last =
           same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
