@@ -587,7 +587,8 @@ std::string scene_problems(const GlintSceneData& data, const Scene& base) {
   const std::vector<uint32_t> there = same_geometries(data, base);
   for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i) {
     const GlintGeometry& g = data.geometries[i];
-    if (there[i] == AccelBase::kNone || !same_attributes(data, g, base, base.geometries[there[i]]))
+    if (there[i] == AccelBase::kNone ||
+        !same_attributes(data, g, base, base.instances.geometries[there[i]]))
       check_geometry(data, g, i, report);
   }
   return report.text();

@@ -28,7 +28,7 @@ size_t Tracer::note_aovs_of(const Queue& queue, const uint32_t* rows, size_t cou
   ProgramPoints points;
   set_aov_points(queue, rows, here, points);
   if (given.program > 0) {
-    const ProgramShape& program = scene_.program_of(given);
+    const ProgramShape& program = *scene_.programs.of(given.program);
     stages_.program({scene_.input_tables(), &program, &points, RayKind::kCamera, here,
                      program_slots_.data(),
                      program.asks_rays ? queries_.at(batch_, sample_, counts_) : nullptr});
@@ -36,7 +36,7 @@ size_t Tracer::note_aovs_of(const Queue& queue, const uint32_t* rows, size_t cou
   double* const sums = paths_.sums(film_, GLINT_PASS_AOV);
   bool gives[256] = {};
   for (uint32_t l = 0; l < given.lobe_count; ++l) {
-    const LobeShape& lobe = scene_.lobes[given.first_lobe + l];
+    const LobeShape& lobe = scene_.materials.lobes[given.first_lobe + l];
     const size_t aov = size_t(lobe.exponent);
     double color[3][kBlock];
     stages_.coefficients({scene_.input_tables(),

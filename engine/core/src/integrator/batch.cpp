@@ -17,12 +17,13 @@ size_t group_columns_of(const Scene& scene, Passes passes) {
 Batch::Batch(const Scene& scene, Passes passes)
     : scene_(scene),
       passes_(passes),
-      smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.bends_normals),
+      smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.materials.bends_normals),
       splits_(passes & kLightingPasses),
-      columns_(
-          kFixed + (smooth_ ? kSmooth : 0) + size_t(scene.specular_columns * scene.max_specular) +
-          size_t(scene.passing_columns * scene.max_passing) + (scene.shadows_bumps ? kBumps : 0) +
-          kParts + (splits_ ? kSplit : 0) + 3 + group_columns_of(scene, passes)),
+      columns_(kFixed + (smooth_ ? kSmooth : 0) +
+               size_t(scene.materials.specular_columns * scene.materials.max_specular) +
+               size_t(scene.materials.passing_columns * scene.materials.max_passing) +
+               (scene.materials.shadows_bumps ? kBumps : 0) + kParts + (splits_ ? kSplit : 0) + 3 +
+               group_columns_of(scene, passes)),
       groups_(group_columns_of(scene, passes)),
       given_(groups_.size() / 3) {}
 
@@ -95,7 +96,7 @@ void Batch::place_columns() {
     three(points.n);
     three(points.origin);
   }
-  if (scene_.shadows_bumps) {
+  if (scene_.materials.shadows_bumps) {
     three(unbent);
     bump = one();
   }
@@ -119,10 +120,10 @@ void Batch::place_columns() {
     if (splits_) three(*to);
   if (has_groups()) three(glow);
   for (double*& column : groups_) column = one();
-  specular = scene_.max_specular > 0 ? columns_[next] : nullptr;
-  next += size_t(scene_.specular_columns * scene_.max_specular);
-  passing_columns = scene_.max_passing > 0 ? columns_[next] : nullptr;
-  passing_width = scene_.passing_columns;
+  specular = scene_.materials.max_specular > 0 ? columns_[next] : nullptr;
+  next += size_t(scene_.materials.specular_columns * scene_.materials.max_specular);
+  passing_columns = scene_.materials.max_passing > 0 ? columns_[next] : nullptr;
+  passing_width = scene_.materials.passing_columns;
   stride = columns_.rows();
 }
 

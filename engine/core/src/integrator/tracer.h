@@ -48,8 +48,8 @@ class Tracer {
   /// The material of its rays that hit nothing.
   uint32_t missed(const Queue& queue) const {
     const bool sees_nothing =
-        queue.glossy || (scene_.transparent_film && queue.visibility == kCamera);
-    return sees_nothing ? scene_.nothing() : scene_.surroundings();
+        queue.glossy || (scene_.world.transparent_film && queue.visibility == kCamera);
+    return sees_nothing ? scene_.materials.nothing() : scene_.materials.surroundings();
   }
   void camera_rays();
   void leave_out_unseen(const CameraStage& stage);
@@ -78,7 +78,7 @@ class Tracer {
   bool is_caught(const Queue& queue, size_t k) const {
     return catches_ && queue.visibility == kCamera &&
            batch_.material[k] < scene_.materials.size() &&
-           scene_.group(batch_.instance[k]).flags & GLINT_CATCHER;
+           scene_.instances.group(batch_.instance[k]).flags & GLINT_CATCHER;
   }
   void set_aside_caught(const Queue& queue);
   void settle_caught(const Queue& queue, uint32_t sample);

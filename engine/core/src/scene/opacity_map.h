@@ -10,8 +10,8 @@
 
 namespace glint {
 
-class Scene;
-struct Light;
+struct InstanceTable;
+struct Scene;
 
 /// Of each square of texels that a lookup reads, whether all of it is 0, or 1: two bits each, which
 /// stay in a cache where images do not.
@@ -84,7 +84,9 @@ class OpacityMaps {
 class PassedInstances {
  public:
   /// Those of the light sets, and with `catchers_alone` all but catchers.
-  PassedInstances(const Scene& scene, uint64_t passed_sets, bool catchers_alone);
+  /// opacity: of all instances; or null.
+  PassedInstances(const InstanceTable& instances, const Opacity* opacity, uint64_t passed_sets,
+                  bool catchers_alone);
   PassedInstances(const PassedInstances&) = delete;
   PassedInstances& operator=(const PassedInstances&) = delete;
   const Opacity& view() const { return view_; }

@@ -119,9 +119,9 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   Surface s;
   s.instance = hit.instance;
   s.primitive = hit.primitive;
-  const GlintGeometry& geometry = scene.geometry(scene.group(hit.instance));
-  const Affine m = scene.matrix(hit.instance);
-  const NormalMatrix to_world = scene.normal_matrix(hit.instance);
+  const GlintGeometry& geometry = scene.instances.geometry(scene.instances.group(hit.instance));
+  const Affine m = scene.instances.matrix(hit.instance);
+  const NormalMatrix to_world = scene.instances.normal_matrix(hit.instance);
   if (geometry.kind == GLINT_SPHERES) place_on_sphere(m, to_world, geometry, ray, hit, s);
   else if (geometry.kind == GLINT_STRANDS) place_on_strand(m, to_world, geometry, ray, hit, s);
   else place_on_polygon(m, to_world, geometry, ray, hit, s);
@@ -135,8 +135,8 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
 }
 
 Vec3d uv_at(const Scene& scene, const Surface& s) {
-  const GlintGeometry& geometry = scene.geometry(scene.group(s.instance));
-  const GlintAttribute* a = scene.attributes.data() + geometry.first_attribute;
+  const GlintGeometry& geometry = scene.instances.geometry(scene.instances.group(s.instance));
+  const GlintAttribute* a = scene.instances.attributes.data() + geometry.first_attribute;
   const GlintAttribute* const end = a + geometry.attribute_count;
   while (a != end && a->channels != 2) ++a;
   if (a == end) return {};

@@ -7,7 +7,7 @@
 
 namespace glint {
 
-class Scene;
+struct Scene;
 
 /// A point of a surface in anchored space. g and n are unit and turned to the viewer.
 struct Surface {
