@@ -26,8 +26,6 @@ WITH = {
 }  # fmt: skip
 """What must not be 0 for other inputs to count."""
 FAMILIES = {
-    "anisotropic": "anisotropy",
-    "rotation": "anisotropy",
     "diffuse roughness": "diffuse roughness",
 }
 KINDS = sorted(name for name in dir(bpy.types) if name.startswith("ShaderNodeBsdf")) + [
