@@ -454,6 +454,9 @@ def test_a_metal_coloured_by_a_texture_is_the_same_metal(scene, roughness):  # n
 def test_anisotropic_highlights_are_stretched(scene, amount):  # noqa: F811
     shader = Shader(shader="ShaderNodeBsdfAnisotropic")
     set_inputs(shader.shader, Roughness=0.4, Anisotropy=amount, Rotation=0.2)
+    tangent = shader.node("ShaderNodeCombineXYZ")
+    set_inputs(tangent, X=0.1, Y=3.0)
+    shader.link(tangent, 0, shader.shader, "Tangent")
     result, lobes = shader.export()
     assert not result.notes
     assert all((x.stretch_output >= 0) == (amount != 0) for x in of_kind(lobes, "SPECULAR"))

@@ -53,6 +53,9 @@ class Brush:
         expressions = self._view.evaluator.expressions
         zero = expressions.constant((0.0, 0.0, 0.0))
         along = expressions.apply("scaled_sum", self._tangent(), self._size, zero)
+        if along.constant is not None:  # which have no outputs
+            none = expressions.constant(0.0)
+            along = expressions.apply("scaled_sum", expressions.apply("normal"), none, along)
         output = expressions.output(along)
         return {
             replace(key, stretch_output=output) if key.kind == "SPECULAR" else key: weight

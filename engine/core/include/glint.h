@@ -143,9 +143,9 @@ enum GlintLobeKind {
  * not above 0 is the lobe's own. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of three slots
  * with the fibre's tangent in world space, of any length, 0 of what is no fibre. normal_slot: of
  * SPECULAR, MIRROR and REFRACTION lobes, 0 or 1 plus the first of three slots with a shading normal
- * of their own in world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three slots
- * with a direction across the normal in world space, as long as what slopes along it are times; 0
- * for none. */
+ * of their own in world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three
+ * slots with a direction across the normal in world space, as long as what slopes along it are
+ * times; 0 for none. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
