@@ -9,7 +9,7 @@ from ..program.operations import Reference
 from ..program.program import Instruction, Program, instructions
 from ..program.table import CODES
 from ..scene import Input, Material, Medium
-from .core_types import Channel, Fresnel, LobeKind
+from .core_types import BumpShadowing, Channel, Fresnel, LobeKind
 from .packer import Packer, number
 
 
@@ -45,6 +45,8 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
         id_bits(material.name),
         aov,
         _medium(packer, material.medium) if material.medium is not None else 0,
+        number(material.bump_shadowing, BumpShadowing, "bump shadowing"),
+        _slot(outputs, material.base_normal_output),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
+from .bumps import bump_shadow
 from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
@@ -389,7 +390,8 @@ class Lighting:
         is_drawn = diffuse is not coefficients.diffuse
         glossy = source.has_highlights
         through = coefficients.lets_through() if glossy and not is_drawn else False
-        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n, through))
+        hidden, matt = bump_shadow(surface.n, surface.unbent, surface.bump, sample.direction)
+        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n, through) & ~hidden)
         if not source.color.any():
             seen = seen[:0]
         chosen = replace(sample.taken(seen), inner=None, leaves=through is not False)
@@ -400,6 +402,7 @@ class Lighting:
         diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0) * far
         if not is_drawn:
             diffuse = diffuse + matt_lobes(surface, coefficients, seen, chosen.direction) * light
+            diffuse = matt[seen] * diffuse
         specular = (
             np.where(front, highlights(surface, terms, seen, chosen.direction), 0.0)
             * light

@@ -12,6 +12,7 @@ import numpy as np
 from ..cryptomatte import id_bits
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
+from .bumps import bump_of
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
@@ -109,6 +110,7 @@ class Shader:
         self._materials = (*scene.materials, DEFAULT)  # index -1 is the default
         self._attributes = attributes
         self.images = [Image(t) for t in scene.textures]
+        self._first_rod = geometry.first_rod
         self._around = Surroundings(attributes, self.images, geometry, scene.camera)
         self.has_programs = any(m.program is not None for m in scene.materials)
 
@@ -189,16 +191,23 @@ class Shader:
 
     def bent(self, surface: Surface, kind: str, queries: SceneQueries | None = None) -> Surface:
         """The surface with the shading normals that materials' programs give it."""
-        n = surface.n
+        if not any(self._materials[k].normal_output >= 0 for k in np.unique(surface.material)):
+            return surface
+        n, unbent, bump = surface.n.copy(), surface.unbent.copy(), surface.bump.copy()
+        strands = surface.primitive >= self._first_rod
         for material, index in self._by_material(surface):
             if material.normal_output < 0:
                 continue
             outputs = self._outputs(material, surface, index, kind, queries)
-            given = outputs[material.normal_output]
-            given = unit(np.where(np.isfinite(given), given, 0.0))
-            n = n.copy() if n is surface.n else n
-            n[:, index] = np.where(given.any(0), given, pick(surface.n, index))
-        return surface if n is surface.n else replace(surface, n=n)
+            mesh = pick(surface.n, index)
+            n[:, index] = _normal(outputs, material.normal_output, mesh)
+            if material.bump_shadowing == "NONE":
+                continue
+            base, here = _normal(outputs, material.base_normal_output, mesh), pick(n, index)
+            is_bent = (here != base).any(0) & ~strands[index]
+            unbent[:, index] = np.where(is_bent, base, 0.0)
+            bump[index] = bump_of(material.bump_shadowing, dot(base, here))
+        return replace(surface, n=n, unbent=unbent, bump=bump)
 
     def aovs(
         self, surface: Surface, kind: str, count: int, queries: SceneQueries | None = None
@@ -308,6 +317,14 @@ def _tangents(lobe: Lobe, outputs: list[Array], count: int) -> Array:
         return np.zeros((3, count))
     given = np.broadcast_to(outputs[lobe.fibre_output], (3, count))
     return np.where(np.isfinite(given), given, 0.0)
+
+
+def _normal(outputs: list[Array], output: int, mesh: Array) -> Array:
+    """(3, m) a normal of the material's program, unit; the mesh's where it gives none."""
+    if output < 0:
+        return mesh
+    given = unit(np.where(np.isfinite(outputs[output]), outputs[output], 0.0))
+    return np.where(given.any(0), given, mesh)
 
 
 def _index(lobe: Lobe, outputs: list[Array]) -> Array | float:

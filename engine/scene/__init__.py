@@ -8,6 +8,7 @@ core drops; `view_axes.py` turns scenes into a narrow view's axes.
 
 from .delta import SceneDelta, settled
 from .model import (
+    BUMP_SHADOWING,
     CAMERAS,
     CHANNELS,
     CORNER,
@@ -47,6 +48,7 @@ from .model import (
 )
 
 __all__ = [
+    "BUMP_SHADOWING",
     "CAMERAS",
     "CHANNELS",
     "CORNER",

@@ -337,6 +337,10 @@ class Medium:
         return a + x, b + y, c + z
 
 
+BUMP_SHADOWING = ("NONE", "SIDES", "CHIANG", "GGX")
+"""How light that a bent normal faces is hidden by what it was bent from (SEMANTICS.md, Light)."""
+
+
 @dataclass(frozen=True)
 class Material:
     """A surface is the sum of its lobes.
@@ -347,7 +351,9 @@ class Material:
     surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
     whose exponent is the number of the AOV.  medium: what fills the inside of what wears it, the
     first one of its materials that have any, its program's textures are the scene's; None for
-    nothing.
+    nothing.  bump_shadowing: one of `BUMP_SHADOWING`, with another normal than the mesh's; the
+    output base_normal_output is what that was bent from, the mesh's normal where it is -1, zero or
+    not finite.
     """
 
     name: str
@@ -357,6 +363,8 @@ class Material:
     normal_output: int = -1
     aovs: Material | None = None
     medium: Medium | None = None
+    bump_shadowing: str = "NONE"
+    base_normal_output: int = -1
 
 
 @dataclass(frozen=True, eq=False)

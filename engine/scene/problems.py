@@ -35,6 +35,7 @@ from .checks import (
     whole,
 )
 from .model import (
+    BUMP_SHADOWING,
     CAMERAS,
     CHANNELS,
     CORNER,
@@ -444,7 +445,9 @@ def _material(textures: int, material: Material) -> Found:
         if given.aovs is not None:
             yield "aovs has AOVs of its own: use none"
         yield from (f"aovs: {text}" for text in _material(textures, replace(given, aovs=None)))
-    yield from handle("normal_output", material.normal_output, outputs, "outputs", none=True)
+    for name in ("normal_output", "base_normal_output"):
+        yield from handle(name, getattr(material, name), outputs, "outputs", none=True)
+    yield from one_of("bump_shadowing", material.bump_shadowing, BUMP_SHADOWING)
     yield from _medium(material.medium, textures)
     strangers = [*holds("lobes", material.lobes, (Lobe,))]
     yield from strangers

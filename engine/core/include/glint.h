@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 45
+#define GLINT_ABI_VERSION 46
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -149,17 +149,23 @@ typedef struct GlintLobe {
   int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, fibre_slot;
 } GlintLobe;
 
+/* How light that a bent normal n faces is hidden by the normal m that it was bent from: not at all;
+ * where it comes from behind m; and besides, by what m and n say of bumps, from matt lobes: Chiang,
+ * Li, Burley 2019, or Conty Estevez, Lecocq, Stein 2019 (engine/SEMANTICS.md, Light). */
+enum GlintBumpShadowing { GLINT_BUMP_NONE, GLINT_BUMP_SIDES, GLINT_BUMP_CHIANG, GLINT_BUMP_GGX };
+
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program
  * with the shading normal in world space that takes the place of the mesh's. crypto: what
  * Cryptomatte passes tell of it, the bits of a float. aov: 0, or 1 plus the number of a material
  * that no instance has: its EMISSION lobes, whose exponents are numbers of AOVs, are what this one
  * gives to these. medium: 0, or 1 plus the number of what fills the inside of things that wear it.
- */
+ * bump_shadowing: of GlintBumpShadowing; base_normal: as normal, what that was bent from, 0 for the
+ * mesh's. */
 typedef struct GlintMaterial {
   uint32_t first_lobe, lobe_count;
   int32_t index, program, normal;
   uint32_t crypto;
-  int32_t aov, medium;
+  int32_t aov, medium, bump_shadowing, base_normal;
 } GlintMaterial;
 
 /* What light passes through: how much of it that goes straight on is taken away or sent elsewhere,

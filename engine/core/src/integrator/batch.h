@@ -96,7 +96,8 @@ class Batch {
   std::vector<float> u, v;
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};
-  SumColumns sums{};  // parts that are not kept are null
+  double *unbent[3] = {}, *bump = nullptr;  // as LightStage has them
+  SumColumns sums{};                        // parts that are not kept are null
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
   double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {},
          *lit_glossy_bounced[3] = {}, *lit_volume[3] = {}, *lit_volume_bounced[3] = {};

@@ -2,6 +2,7 @@
 // pixel, k coefficient of a lobe.
 #pragma once
 #include "program/run.h"
+#include "shading/stage_bump.h"
 #include "shading/stage_inputs.h"
 #include "shading/stage_math.h"
 #include "shading/stage_rows.h"
@@ -159,14 +160,35 @@ inline void set_points(const EvaluateStage& s, size_t first, size_t count, Progr
   }
 }
 
-/// Shading normals of the program: unit, and on the side of the face that is seen, else the mesh's.
+/// A normal of the program, unit; the mesh's where it gives none. slot: 0 for the mesh's.
+inline Three given_normal(const OnMesh& p, int32_t slot, const Three& mesh) {
+  if (slot == 0) return mesh;
+  const Three n = unit(finite_or_zero(slots3(p, slot)));
+  return choose(nonzero(n), n, mesh);
+}
+
+/// Which of the points are on strands, where bumps hide nothing.
+inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
+  return each_lane<Mask>([&](size_t lane) {
+    const uint32_t group = s.tables.instances[s.instance[at.row[lane]]].group;
+    const bool here = s.tables.geometries[s.tables.groups[group].geometry].kind == GLINT_STRANDS;
+    return here ? int64_t(-1) : int64_t(0);
+  });
+}
+
+/// Shading normals of the program, and what they were bent from.
 inline void bend_normals(const EvaluateStage& s, size_t first, size_t count) {
   for (size_t k = 0; k < count; k += kLanes) {
     const Chosen at = chosen(s.rows, first + k, first + count);
     OnMesh p{};
     p.slots = s.slots + k;
-    const Three n = unit(finite_or_zero(slots3(p, s.normal)));
-    scatter3(s.bent, at, choose(nonzero(n), n, gather3(s.n, at)));
+    const Three mesh = gather3(s.n, at), n = given_normal(p, s.normal, mesh);
+    if (s.bump_shadowing != GLINT_BUMP_NONE) {
+      const Three m = given_normal(p, s.base_normal, mesh);
+      scatter3(s.unbent, at, where(nonzero(n - m) & ~on_strands(s, at), m));
+      scatter(s.bump, at, bump_of(s.bump_shadowing, dot(m, n)));
+    }
+    scatter3(s.bent, at, n);
   }
 }
 

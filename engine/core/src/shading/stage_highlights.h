@@ -125,7 +125,8 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
       if (bits(sheen)) {
         const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
         const Doubles share = gloss.sheen(load(column + SpecularTerm::kMasking * s.stride),
-                                          load(column + SpecularTerm::kFresnel * s.stride));
+                                          load(column + SpecularTerm::kFresnel * s.stride),
+                                          smaller(-dot(n, d), splat(1)));
         sum.sheen = sum.sheen + where(sheen, share * term.k);
       }
       Mask apart = sheen;

@@ -135,12 +135,12 @@ struct ShadeStage {
   uint32_t* others;  // rays whose material the stage leaves to others
 };
 
-/// A lobe and an image as the stages read them (material.h, texture.h).
+/// One term of a surface. fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK.
 struct LobeShape {
   int kind;
-  bool constant, like_last;
+  bool constant, like_last;  // k is final; its inputs are those of the lobe before
   int fresnel;
-  double exponent, ior, masking, k[3];                        // k: where constant
+  double exponent, ior, masking, k[3];
   int32_t exponent_slot, masking_slot, ior_slot, fibre_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
 };
@@ -201,6 +201,16 @@ struct ProgramStage {
   const RayQueries* queries;  // null where no rays can be asked for
 };
 
+/// The coefficient of one lobe at the points of a block. Finite.
+struct CoefficientStage {
+  InputTables tables;
+  const ProgramPoints* points;
+  size_t count;
+  const double* slots;  // of the material's program at these points; null for none
+  const LobeShape* lobe;
+  double* k[3];
+};
+
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
 /// `specular` and `lit`, as ShadeStage does, and `passing`.
 struct EvaluateStage {
@@ -216,6 +226,9 @@ struct EvaluateStage {
   const int64_t *outside, *tags;
   int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
   double* bent[3];
+  int bump_shadowing;  // GlintBumpShadowing; base_normal: as `normal`, what that was bent from
+  int32_t base_normal;
+  double *unbent[3], *bump;  // as LightStage has them
   const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
@@ -382,6 +395,7 @@ struct LightStage {
   double most_exponent;  // of the scene
   size_t first, count;   // points; first: a multiple of kPad
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
+  const double *unbent[3], *bump;  // as stage_bump.h reads them; null where no material has any
   const double* specular;
   size_t stride;
   int max_specular, specular_columns;
@@ -504,6 +518,7 @@ struct Stages {
   size_t (*shade)(const ShadeStage&);    // how many `others`
   size_t (*vary)(const EvaluateStage&);  // how many `passing_rows`
   void (*program)(const ProgramStage&);
+  void (*coefficients)(const CoefficientStage&);
   PassedRays (*pass)(const PassStage&);
   void (*dome)(const DomeStage&);
   size_t (*light)(const LightStage&);    // how many points the sample reaches
