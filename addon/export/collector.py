@@ -308,7 +308,8 @@ class Collector:
             if shape.geometry is not None:
                 self._shapes.append(shape)
                 self._wishes.append(())
-        self.met[key].about.update(block.original.session_uid for block in about)
+        for block in about:
+            self.met[key].about.add(block.original.session_uid)
         return self._known[key]
 
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:

@@ -71,40 +71,31 @@ class MaterialCache:
 
 
 def _joined(used: tuple[Compiled, ...]) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
-    numbers: dict[TextureKey, int] = {}
-    textures: list[Texture] = []
-    materials: list[Material] = []
-    for compiled in used:
-        for key, texture in compiled.textures:
-            if key not in numbers:
-                numbers[key] = len(textures)
-                textures.append(texture)
-        own = [numbers[key] for key, _ in compiled.textures]
-        materials.append(
-            _with_textures(compiled.material, {-1: -1, **dict(enumerate(own))})
-            if own
-            else compiled.material
-        )
-    return _without_unused(materials, textures)
-
-
-def _without_unused(
-    materials: list[Material], textures: list[Texture]
-) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
-    """Materials and textures with only the textures that a lobe reads, renumbered: some were only
-    made for their mean.
+    """With only the textures that something reads, in the order in which they were met: some were
+    only made for their mean.
     """
-    every = [*materials, *(m.aovs for m in materials if m.aovs is not None)]
-    used = sorted(
-        {factor.texture for m in every for lobe in m.lobes for factor in lobe.factors}
-        | {texture for m in every if m.program for texture in m.program.textures}
-        | {k for m in every if m.medium and m.medium.program for k in m.medium.program.textures}
+    textures = {key: texture for compiled in used[::-1] for key, texture in compiled.textures}
+    met = dict.fromkeys(key for compiled in used for key, _ in compiled.textures)
+    places = [_places_read(compiled.material) for compiled in used]
+    read = {c.textures[k][0] for c, own in zip(used, places, strict=True) for k in own}
+    kept = [key for key in met if key in read]
+    numbers = {key: number for number, key in enumerate(kept)}
+    materials = tuple(
+        _with_textures(c.material, {-1: -1, **{k: numbers[c.textures[k][0]] for k in own}})
+        if own
+        else c.material
+        for c, own in zip(used, places, strict=True)
     )
-    used = [texture for texture in used if texture >= 0]
-    numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
+    return materials, tuple(textures[key] for key in kept)
 
-    kept = tuple(_with_textures(material, numbers) for material in materials)
-    return kept, tuple(textures[old] for old in used)
+
+def _places_read(material: Material) -> set[int]:
+    """Which of its textures its lobes and programs read, those for AOVs too."""
+    every = [material, *([material.aovs] if material.aovs is not None else [])]
+    programs = [m.program for m in every]
+    programs += [m.medium.program for m in every if m.medium is not None]
+    factors = {factor.texture for m in every for lobe in m.lobes for factor in lobe.factors}
+    return factors.union(*(p.textures for p in programs if p is not None)) - {-1}
 
 
 def _with_textures(material: Material, numbers: dict[int, int]) -> Material:

@@ -60,11 +60,15 @@ class Materials:
         self.aovs = aovs
         self._cache, self._decoded = cache, decoded
         self._numbers: dict[MaterialKey, int] = {}
+        self._at: dict[int, int] = {}  # numbers by addresses, which are quick to ask for
         self._used: list[Compiled] = []
 
     def index(self, material: Any) -> int:
         """Index of an evaluated Blender material; of Blender's default surface for None."""
-        return self._number(MaterialKey(_uid(material)), material)
+        address = material.as_pointer() if material is not None else 0
+        if address not in self._at:
+            self._at[address] = self._number(MaterialKey(_uid(material)), material)
+        return self._at[address]
 
     def volume(self, material: Any, volume: Volume) -> tuple[int, MeshSource | None]:
         """Index of an evaluated Blender material, None for none, as a Volume object wears it, and
