@@ -75,6 +75,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.most_exponent = scene_.materials.most_exponent;
   stage_.has_sheen = scene_.materials.has_sheen;
   stage_.has_fibre = scene_.materials.has_fibre;
+  stage_.turns_lobes = scene_.materials.turns_lobes;
   stage_.specular_columns = scene_.materials.specular_columns;
 }
 
