@@ -12,6 +12,8 @@
 
 namespace glint {
 
+struct Scene;
+
 /// Numbers of a row of the tables of lights that are surfaces (glint.h).
 constexpr size_t kPointColumns = 18;
 
@@ -198,5 +200,8 @@ struct RayCounts {
     return *this;
   }
 };
+
+/// The settings have no problems.
+RenderPlan plan_of(const GlintRenderSettings& settings, const Scene& scene);
 
 }  // namespace glint
