@@ -25,16 +25,16 @@ __attribute__((noinline)) void finish_at_edge(const Beam<Count>& beam, const Tre
   answers.v[r] = float(e.v);
 }
 
-/// The hits of kLanes rays, in double.
+/// The hits of kFloats rays, in double.
 template <int Count>
 inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Answers& answers,
                         int k) {
   const Order& order = *beam.order;
   const Ints pending = load(beam.pending + k);
-  const Mask none = equal(pending, Ints{});
-  const uint32_t hits = ~bits(none) & ((1u << kLanes) - 1);
+  const FloatMask none = equal(pending, Ints{});
+  const uint32_t hits = ~bits(none) & ((1u << kFloats) - 1);
   if (!hits) {
-    for (int h = 0; h < kLanes; h += kDoubles) store(answers.t + k + h, splat(kInf));
+    for (int h = 0; h < kFloats; h += kLanes) store(answers.t + k + h, splat(kInf));
     store(answers.instance + k, Ints{} - 1);
     store(answers.primitive + k, Ints{});
     store(answers.u + k, Floats{});
@@ -47,7 +47,7 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
   const int place = int(beam.leaf_at[r]);
   const bool one = all_zero(
       ((pending ^ int32_t(beam.pending[r])) | (leaf_at ^ int32_t(beam.leaf_at[r]))) & some);
-  alignas(64) float corner[9][kLanes];
+  alignas(64) float corner[9][kFloats];
   Ints instance, primitive;
   if (one) {
     const PrimitiveId id = tree.ids[leaf_first(beam.pending[r]) + beam.leaf_at[r]];
@@ -58,16 +58,16 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
                n = ((pending >> kCountShift & 7) + 1) & some;
     for (int a = 0; a < 3; ++a) {
       Ints at = 9 * ordinal + in_leaf + order.axes[a] * n;
-      for (int j = 0; j < 3; ++j, at += 3 * n) store(corner[3 * j + a], gather(tree.floats, at));
+      for (int j = 0; j < 3; ++j, at += 3 * n) store(corner[3 * j + a], read_at(tree.floats, at));
     }
     const Ints id = 2 * (ordinal + in_leaf);
     const float* ids = reinterpret_cast<const float*>(tree.ids);
-    instance = Ints(gather(ids, id));
-    primitive = Ints(gather(ids, id + 1));
+    instance = Ints(read_at(ids, id));
+    primitive = Ints(read_at(ids, id + 1));
   }
-  alignas(64) float u[kLanes], v[kLanes];
+  alignas(64) float u[kFloats], v[kFloats];
   uint32_t close = 0;
-  for (int h = 0; h < kLanes; h += kDoubles) {
+  for (int h = 0; h < kFloats; h += kLanes) {
     const BeamSource& s = beam.source;
     Doubles p[3][3];
     for (int j = 0; j < 3; ++j)
@@ -80,16 +80,16 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
           {load(s.d[0] + k + h) * inverse, load(s.d[1] + k + h) * inverse});
     e.weigh();
     const Longs hit = widen(beam.pending + k + h) != Longs{};
-    store(answers.t + k + h, select(hit, e.depth / along, splat(kInf)));
+    store(answers.t + k + h, choose(hit, e.depth / along, splat(kInf)));
     narrow(u + h, e.u);
     narrow(v + h, e.v);
     const Doubles margin = splat(beam.close);
     close |= bits(at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin)) << h;
   }
-  store(answers.instance + k, select(none, Ints{} - 1, instance));
-  store(answers.primitive + k, select(none, Ints{}, primitive));
-  store(answers.u + k, select(none, Floats{}, load(u)));
-  store(answers.v + k, select(none, Floats{}, load(v)));
+  store(answers.instance + k, choose(none, Ints{} - 1, instance));
+  store(answers.primitive + k, choose(none, Ints{}, primitive));
+  store(answers.u + k, choose(none, Floats{}, load(u)));
+  store(answers.v + k, choose(none, Floats{}, load(v)));
   for (uint32_t edges = hits & ~close; edges; edges &= edges - 1)
     finish_at_edge(beam, tree, answers, k + __builtin_ctz(edges));
 }
@@ -110,7 +110,7 @@ __attribute__((noinline)) bool trace_beam(const TreeView& tree, const Rays& rays
     const uint8_t stop = answers.stop();
     for (int k = 0; k < Count; ++k) answers.blocked[k] = beam.farthest[k] > kFar ? stop : 0;
   } else
-    for (int k = 0; k < Count; k += kLanes) finish_beam(beam, tree, answers, k);
+    for (int k = 0; k < Count; k += kFloats) finish_beam(beam, tree, answers, k);
   return true;
 }
 

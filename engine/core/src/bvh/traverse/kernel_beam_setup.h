@@ -26,14 +26,14 @@ inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSp
   }
   const Doubles sign = splat(double(order.sign)), zero{};
   Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf), latest{};
-  for (int k = 0; k < Count; k += kDoubles) {
+  for (int k = 0; k < Count; k += kLanes) {
     const Doubles ahead = flip(load(s.d[2] + k), sign), x = magnitude(load(s.d[0] + k)),
                   y = magnitude(load(s.d[1] + k)), t_min = load(s.t_min + k),
                   t_max = load(s.t_max + k);
     const DoubleMask good = (axis < 2 ? at_most(x, ahead) : less(x, ahead)) &
                             (axis < 1 ? at_most(y, ahead) : less(y, ahead)) & at_most(zero, t_min) &
                             less(t_min, t_max);
-    if (bits(good) != (1u << kDoubles) - 1) return false;
+    if (bits(good) != (1u << kLanes) - 1) return false;
     shortest = smaller(ahead, shortest);
     longest = larger(ahead, longest);
     earliest = smaller(t_max, earliest);
@@ -62,7 +62,7 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
   BeamSpan span;
   if (!set_source(beam, rays, first, span)) return false;
   const BeamSource& s = beam.source;
-  for (int k = 0; k < Count; k += kDoubles) {
+  for (int k = 0; k < Count; k += kLanes) {
     Longs other{};
     for (const double* p : s.o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
     if (any(Longs(other != Longs{}))) return false;
@@ -78,7 +78,7 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
   beam.reach = beam.off = 0;
   beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
   const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
-  for (int k = 0; k < Count; k += kDoubles) {
+  for (int k = 0; k < Count; k += kLanes) {
     const Doubles end = endless ? Doubles{} : 1 / magnitude(load(s.t_max + k) * load(s.d[2] + k));
     narrow(beam.farthest + k, end * (1 - 0x1p-21));
     narrow(beam.nearest + k, end * (1 + 0x1p-21));
@@ -120,7 +120,7 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
   beam.order = &order;
   const Doubles sign = splat(double(order.sign));
   Doubles off{}, square{}, nearest = splat(kInf), farthest{}, end{}, past = splat(kInf);
-  for (int k = 0; k < Count; k += kDoubles) {
+  for (int k = 0; k < Count; k += kLanes) {
     const Doubles along = load(s.d[2] + k), length = magnitude(along),
                   way = load(s.o[2] + k) - splat(apex[2]), steps = way / along;
     Doubles distance{};

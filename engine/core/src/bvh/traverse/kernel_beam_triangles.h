@@ -1,7 +1,7 @@
 // Triangles as a beam sees them from its apex: bounds of its rays' edge functions and depths.
 #pragma once
 #include "bvh/traverse/kernel_packets.h"
-#include "simd/broad_lanes.h"
+#include "simd/broad.h"
 
 namespace glint {
 namespace {
@@ -47,7 +47,7 @@ struct Beam {
   }
 };
 
-/// The triangles [first, first + kLanes) of a leaf, seen from a beam's apex. Edge functions k + x
+/// The triangles [first, first + kFloats) of a leaf, seen from a beam's apex. Edge functions k + x
 /// place + y place', positive inside; 1 / depth = plane + plane_x place + plane_y place', off by
 /// less than plane_off.
 ///
@@ -124,7 +124,7 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
   const Floats swing = fused(magnitude(nx), w0, magnitude(ny) * w1);
   t.edge_on = ~bits(less(fused(splat(4.0f), t.margin, swing), magnitude(area)));
   const Ints side = Ints(area) & INT32_MIN;
-  Mask beside =
+  FloatMask beside =
       less(fused(magnitude(t.plane_x), w0, fused(magnitude(t.plane_y), w1, t.plane)) + t.plane_off,
            splat(beam.last_end));
   for (int e = 0; e < 3; ++e) {
@@ -140,7 +140,7 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
 
 /// The same in memory, to be had one by one.
 struct BeamTable {
-  alignas(64) float lines[14][kLanes];
+  alignas(64) float lines[14][kFloats];
   explicit BeamTable(const BeamTriangles& t) {
     for (int e = 0; e < 3; ++e) {
       store(lines[3 * e], t.k[e]);

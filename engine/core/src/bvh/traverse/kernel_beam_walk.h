@@ -67,9 +67,9 @@ struct BeamWalk {
   void leaf(ChildRef ref) {
     const Triangles triangles(tree, ref);
     uint32_t changed = 0;
-    for (int first = 0; first < triangles.n; first += kLanes) {
+    for (int first = 0; first < triangles.n; first += kFloats) {
       const BeamTriangles seen = see_triangles<Any>(beam, triangles, first);
-      const int rest = triangles.n - first < kLanes ? triangles.n - first : kLanes;
+      const int rest = triangles.n - first < kFloats ? triangles.n - first : kFloats;
       uint32_t mask = seen.near & ((1u << rest) - 1);
       if (!mask) continue;
       const BeamTable table(seen);
@@ -144,11 +144,11 @@ struct BeamWalk {
                     away = less(least, spread(-margin)) | less(high, farthest);
     const uint32_t sure = bits(nearer);
     if (sure && Any) {
-      store_broad(beam.farthest + k, select(nearer, spread(__builtin_inff()), farthest));
-      store_broad(beam.nearest + k, select(nearer, spread(__builtin_inff()), nearest));
+      store_broad(beam.farthest + k, choose(nearer, spread(__builtin_inff()), farthest));
+      store_broad(beam.nearest + k, choose(nearer, spread(__builtin_inff()), nearest));
     } else if (sure) {
-      store_broad(beam.farthest + k, select(nearer, low, farthest));
-      store_broad(beam.nearest + k, select(nearer, high, nearest));
+      store_broad(beam.farthest + k, choose(nearer, low, farthest));
+      store_broad(beam.nearest + k, choose(nearer, high, nearest));
       put(beam.pending + k, nearer, ref);
       put(beam.leaf_at + k, nearer, uint32_t(place));
     }
@@ -171,8 +171,8 @@ struct BeamWalk {
     for (int j = 0; j < 3; ++j)
       for (int a = 0; a < 3; ++a) p[j][a] = splat(double(leaf.at(j, s.order->axes[a])[place]));
     uint32_t found = 0;
-    for (int h = 0; h < kBroad; h += kDoubles) {
-      if (!(rays >> h & ((1u << kDoubles) - 1))) continue;
+    for (int h = 0; h < kBroad; h += kLanes) {
+      if (!(rays >> h & ((1u << kLanes) - 1))) continue;
       const int r = k + h;
       const Doubles along = load(s.d[2] + r), inverse = 1 / along, margin = splat(beam.close);
       Exact<Doubles> e;
@@ -192,8 +192,8 @@ struct BeamWalk {
     const BeamSource& s = beam.source;
     const Plane plane(Triangles(tree, ref), place, *s.order);
     uint32_t left = 0;
-    for (int h = 0; h < kBroad; h += kDoubles) {
-      if (!(rays >> h & ((1u << kDoubles) - 1))) continue;
+    for (int h = 0; h < kBroad; h += kLanes) {
+      if (!(rays >> h & ((1u << kLanes) - 1))) continue;
       const int r = k + h;
       const Doubles inverse = 1 / load(s.d[2] + r);
       left |= well_behind({load(s.o[0] + r), load(s.o[1] + r), load(s.o[2] + r)},
@@ -247,7 +247,7 @@ struct BeamWalk {
   bool walk() {
     const Order& order = *beam.order;
     Floats m[kLines], c[kLines];
-    Mask falls[kLines];
+    FloatMask falls[kLines];
     for (int l = 0; l < kLines; ++l) {
       const int a = l / 2;
       const float turn = beam.width[a] + 0x1p-22f, apart = l % 2 ? beam.room : -beam.room;
@@ -269,19 +269,19 @@ struct BeamWalk {
       } else {
         const Node& n = tree.nodes[at];
         uint32_t mask = 0;
-        for (int h = 0; h < kWidth; h += kLanes) {
+        for (int h = 0; h < kWidth; h += kFloats) {
           const Boxes b = boxes_of(n.planes[0] + h, order);
           const Floats near = larger(b.front, first), far = smaller(b.rear, splat(beam.last_depth));
           const auto line = [&](int l, bool low) {
-            return fused(m[l], low ? select(falls[l], far, near) : select(falls[l], near, far),
+            return fused(m[l], low ? choose(falls[l], far, near) : choose(falls[l], near, far),
                          c[l]);
           };
-          const Mask misses = less(far, near) | less(b.high_x, line(kLowX, true)) |
-                              less(line(kHighX, false), b.low_x) |
-                              less(b.high_y, line(kLowY, true)) |
-                              less(line(kHighY, false), b.low_y);
+          const FloatMask misses = less(far, near) | less(b.high_x, line(kLowX, true)) |
+                                   less(line(kHighX, false), b.low_x) |
+                                   less(b.high_y, line(kLowY, true)) |
+                                   less(line(kHighY, false), b.low_y);
           store(front + h, near);
-          mask |= (~bits(misses) & ((1u << kLanes) - 1)) << h;
+          mask |= (~bits(misses) & ((1u << kFloats) - 1)) << h;
         }
         const int base = top;
         for (; mask; mask &= mask - 1) {
