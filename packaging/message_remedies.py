@@ -36,7 +36,6 @@ REMEDIES: dict[str, str] = {
     "Particle Info is not known in …: it is as where there are no particles": "Use Object Info or an attribute",
     "Shaders of … have normals of their own: each point has their mean, by how much of each shader it shows": "Give all shaders of the material the same normal, or mix by a mask of 0 and 1",
     "Subsurface scattering is rendered as diffuse in …": "Nothing, where the picture is right; else make the base colour warmer",
-    "The coat of … has the normal of what lies below it": "Link the same normal to Coat Normal",
     "The distribution … is rendered as GGX in …": "Choose GGX",
     "The phase function … is rendered as Henyey-Greenstein with the same mean in …": "Choose Henyey-Greenstein",
     "The … of metals is not rendered: … turn white at grazing angles": "Set the edge tint to white",

@@ -13,8 +13,7 @@ LOBES = "GGX is drawn as Blinn-Phong lobes"
 LEFT_OUT = f"{LOBES}; anisotropy and thin film are left out"
 
 APPROXIMATED: dict[str, str] = {
-    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; subsurface and diffuse roughness as diffuse; the "
-    "coat has the normal of what lies below it",
+    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; subsurface and diffuse roughness as diffuse",
     "ShaderNodeBsdfDiffuse": "Roughness is left out",
     "ShaderNodeBsdfAnisotropic": LEFT_OUT,
     "ShaderNodeBsdfGlossy": LEFT_OUT,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .vectors import dot
+from .vectors import dot, unit
 
 Array = np.ndarray
 
@@ -24,6 +24,24 @@ def bump_of(kind: str, mn: Array) -> Array:
         return np.zeros_like(mn)
     with np.errstate(divide="ignore"):
         return np.clip(0.125 * (1 / (mn * mn) - 1), 0.0, 1.0)
+
+
+def lifted(n: Array, g: Array, v: Array) -> Array:
+    """(3, k) normals so far towards g that the directions v are mirrored at them to above the
+    surface (Cycles' ensure_valid_specular_reflection).
+    """
+    vg, ng = dot(v, g), dot(n, g)
+    t = np.minimum(0.9 * vg, 0.01)
+    low = 2 * dot(n, v) * ng - vg < t
+    across = unit(n - ng * g)
+    x = np.where(across.any(0), across, n)
+    vx = dot(v, x)
+    a, c = vx * vx + vg * vg, (t + vg) ** 2
+    b = 2 * (a + vg * t)
+    root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
+    z2 = 0.25 * (b + np.where(vx < 0, root, -root)) / np.where(a > 0, a, 1.0)
+    high = np.sqrt(np.maximum(1 - z2, 0.0)) * x + np.sqrt(np.maximum(z2, 0.0)) * g
+    return np.where(low & (a > 0), high, n)
 
 
 def bump_shadow(n: Array, m: Array, bump: Array, l: Array) -> tuple[Array, Array]:  # noqa: E741, the notes' letter

@@ -376,6 +376,8 @@ class Explainer:
         glossy = source.has_highlights
         through = coefficients.lets_through() if glossy else False
         sample = replace(sample, leaves=through is not False)
+        if glossy:
+            through = through | coefficients.turned_to(sample.direction)
         reached = sample.reaches(surface.g, surface.n, through)
         hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, sample.direction)
         reached &= lighting.lights(source, surface) & ~hidden
@@ -383,7 +385,7 @@ class Explainer:
         specular = sum(
             (
                 term.k[:, 0] * self._highlight(surface, sample, term)
-                for term in (coefficients.highlights if glossy and n_dot_l > 0 else ())
+                for term in (coefficients.highlights if glossy else ())
             ),
             np.zeros(3),
         )

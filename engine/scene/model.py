@@ -257,6 +257,8 @@ class Lobe:
     width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
     fans out round the tangent, 0 for as far as normals do.  fibre_output: of FIBRE lobes, the
     output with the fibre's tangent in the world, of any length, 0 of what is no fibre; -1: all 0.
+    normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a shading normal of
+    their own in the world; where it is zero or not finite, or -1, they have the point's.
     """
 
     kind: str
@@ -270,6 +272,7 @@ class Lobe:
     masking_output: int = -1
     ior_output: int = -1
     fibre_output: int = -1
+    normal_output: int = -1
 
     @property
     def is_glossy(self) -> bool:

@@ -502,8 +502,9 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from strangers
     for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures, outputs)
-    for name in ("exponent_output", "masking_output", "ior_output", "fibre_output"):
-        yield from handle(name, getattr(lobe, name), outputs, "outputs", none=True)
+    for name in ("exponent", "masking", "ior", "fibre", "normal"):
+        output = getattr(lobe, f"{name}_output")
+        yield from handle(f"{name}_output", output, outputs, "outputs", none=True)
 
 
 def _input(factor: Input, textures: int, outputs: int) -> Found:

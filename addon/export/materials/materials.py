@@ -135,6 +135,7 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     )
     normal, base, is_bumped = evaluator.normals(closure)
     kinds = {key.kind for key in closure}
+    is_bumped = is_bumped or any(key.normal_output >= 0 for key in closure)
     note_material(material, kinds, is_bumped, report)
     passed = passed_by_light(closure, evaluator)
     closure = {key: terms for key, terms in closure.items() if key.kind != PASSED}
@@ -305,6 +306,7 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].schlick,
             item[0].exponent_output,
             item[0].ior_output,
+            item[0].normal_output,
         ),
     )
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
@@ -323,6 +325,7 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
         key.masking_output,
         key.ior_output,
         key.fibre_output,
+        key.normal_output,
     )
 
 

@@ -75,6 +75,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.most_exponent = scene_.materials.most_exponent;
   stage_.has_sheen = scene_.materials.has_sheen;
   stage_.has_fibre = scene_.materials.has_fibre;
+  stage_.turns_lobes = scene_.materials.turns_lobes;
   stage_.specular_columns = scene_.materials.specular_columns;
 }
 
@@ -196,10 +197,10 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stage.count = batch.size();
   stage.lit = stage_.lit;
   stage.dome = &plan_.dome;
-  const uint32_t directions = plan_.dome_samples / parts, part = sample % parts;
+  const uint32_t directions = plan_.dome_directions.each / parts, part = sample % parts;
   stage.drawn = plan_.light_point(light, sample, part * directions).drawn;
   stage.directions = directions;
-  std::vector<OpeningPoint> points(plan_.opening_samples / parts);
+  std::vector<OpeningPoint> points(plan_.opening_samples_of(light) / parts);
   for (size_t j = 0; j < points.size(); ++j)
     points[j] = plan_.opening_point(sample, uint32_t(part * points.size() + j));
   for (int c = 0; c < 3; ++c) stage.x[c] = stage_.points_x[c];

@@ -23,7 +23,7 @@ Region widened(Region r, const GlintCamera& camera) {
 
 /// The openings of a dome in anchored space.
 void add_openings(RenderPlan& plan, const GlintRenderSettings& g, const Anchor& anchor) {
-  const double ratio = double(g.opening_samples) / plan.dome_samples;
+  const double ratio = double(g.opening_samples) / plan.dome_directions.each;
   std::vector<Opening> rows(g.openings ? g.opening_count : 0);
   for (size_t i = 0; i < rows.size(); ++i) {
     const double* const row = g.openings + 13 * i;
@@ -42,9 +42,7 @@ void add_openings(RenderPlan& plan, const GlintRenderSettings& g, const Anchor& 
     on.density = ratio * row[12] / (4 * length(right) * length(up));
   }
   if (rows.empty()) return;
-  plan.opening_samples = g.opening_samples;
-  plan.opening_tabled = uint32_t(std::max(g.opening_point_count / g.opening_samples, uint64_t(1)));
-  plan.opening_points = g.opening_points;
+  plan.opening_places = {g.opening_points, 3, g.opening_samples, g.opening_point_count};
   plan.opening_rows = std::make_shared<const std::vector<Opening>>(std::move(rows));
   plan.open = {plan.opening_rows->data(), plan.opening_rows->size()};
 }
@@ -75,17 +73,11 @@ RenderPlan plan_of(const GlintRenderSettings& g, const Scene& scene) {
   plan.pixel_offsets = g.pixel_offsets;
   plan.light_square = g.light_square;
   plan.light_disc = g.light_disc;
-  plan.dome_samples = std::max(g.dome_samples, 1u);
-  plan.dome_tabled = uint32_t(std::max(g.dome_count / plan.dome_samples, uint64_t(1)));
-  plan.dome_table = g.dome_table;
-  plan.mesh_samples = std::max(g.mesh_samples, 1u);
-  plan.mesh_tabled = uint32_t(std::max(g.mesh_count / plan.mesh_samples, uint64_t(1)));
-  plan.mesh_table = g.mesh_table;
+  plan.dome_directions = {g.dome_table, 9, g.dome_samples, g.dome_count};
+  plan.mesh_points = {g.mesh_table, kPointColumns, g.mesh_samples, g.mesh_count};
   plan.mesh_rows = size_t(g.mesh_count);
-  plan.bounced_samples = std::max(g.bounced_samples, 1u);
-  plan.bounced_tabled = uint32_t(std::max(g.bounced_count / plan.bounced_samples, uint64_t(1)));
-  plan.bounced_table = g.bounced_table;
-  plan.bounced_shadows = std::clamp(g.bounced_shadows, 1u, plan.bounced_samples);
+  plan.bounced_points = {g.bounced_table, kPointColumns, g.bounced_samples, g.bounced_count};
+  plan.bounced_shadows = std::clamp(g.bounced_shadows, 1u, plan.bounced_points.each);
   plan.lobe_points = g.lobe_points;
   plan.lobe_levels = std::max(g.lobe_levels, 1u);
   plan.lobe_tabled = std::max(size_t(g.lobe_count) / plan.lobe_levels, size_t(1));
@@ -102,17 +94,12 @@ RenderPlan plan_of(const GlintRenderSettings& g, const Scene& scene) {
   plan.camera_frames = g.camera_frames;
   plan.camera_block = g.camera_block;
   plan.neighbours = g.neighbours;
-  plan.occlusion_points = g.occlusion_points;
-  plan.occlusion_samples = std::max(g.occlusion_samples, 1u);
-  plan.occlusion_tabled =
-      uint32_t(std::max(g.occlusion_count / plan.occlusion_samples, uint64_t(1)));
+  plan.occlusion_directions = {g.occlusion_points, 2, g.occlusion_samples, g.occlusion_count};
   plan.node_points = g.node_points;
   plan.node_point_count = g.node_point_count;
   plan.lens_focus = g.lens_focus;
   plan.gather_reach = scene.anchor.scale * g.gather_reach;
-  plan.gather_points = g.gather_points;
-  plan.gather_samples = std::max(g.gather_samples, 1u);
-  plan.gather_tabled = uint32_t(std::max(g.gather_count / plan.gather_samples, uint64_t(1)));
+  plan.gather_places = {g.gather_points, 2, g.gather_samples, g.gather_count};
   add_openings(plan, g, scene.anchor);
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;

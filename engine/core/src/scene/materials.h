@@ -26,6 +26,13 @@ struct Material {
   int passing = 0;  // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
   bool has(int kind) const { return kinds >> kind & 1; }
+  /// Whether normals of the lobe are lifted so far that mirrors see nothing below the surface.
+  bool lifts(const LobeShape& lobe) const {
+    const bool shiny = lobe.kind == GLINT_SPECULAR
+                           ? lobe.masking > 0
+                           : lobe.kind == GLINT_MIRROR || lobe.kind == GLINT_REFRACTION;
+    return shiny && program > 0 && bump_shadowing >= GLINT_BUMP_CHIANG;
+  }
 };
 
 /// Lobes that light from everywhere, or of matt surfaces, meets at some directions of view more
@@ -67,6 +74,7 @@ struct MaterialTable {
   int passing_columns = PassingTerm::kPlain;  // of each of these lobes
   bool bends_normals = false;                 // some material gives shading normals of its own
   bool shadows_bumps = false;                 // and hides light by them
+  bool turns_lobes = false;                   // some SPECULAR lobe may have a normal of its own
 
   size_t size() const { return rows.size(); }
   const Material& operator[](size_t number) const { return rows[number]; }

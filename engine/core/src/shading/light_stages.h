@@ -123,6 +123,7 @@ struct LightStage {
   bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
   bool metals_alone;    // of what `reflect` takes lobes of
   bool has_sheen, has_fibre;  // among the lobes
+  bool turns_lobes;           // some SPECULAR lobe may have a normal of its own
   bool matt_alone;            // lights no highlights
 };
 

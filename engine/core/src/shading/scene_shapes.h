@@ -47,18 +47,20 @@ struct SpecularTerm {
   /// the lean.
   static constexpr double kSheen = -2;
   /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one
-  /// over the masking, and `tangent` three numbers.
+  /// over the masking, and `tangent` three numbers. There SPECULAR lobes have a normal of their
+  /// own, 0 for the point's.
   static constexpr double kFibreDiffuse = -3, kFibreSpecular = -4, kFibreTransmission = -5;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
-                       kTangent = 6, kFibred = 9;
+                       kTangent = 6, kFibred = 9, kNormal = 6, kTurned = 9;
   /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
   static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
 };
 
 /// A lobe that sends rays on: columns of k (three) and, where some lobe of the scene has them from
-/// a program, the exponent and the index of refraction.
+/// a program, the exponent and the index of refraction, or a normal of their own, 0 for the
+/// point's.
 struct PassingTerm {
-  static constexpr int kPlain = 3, kExponent = 3, kIor = 4, kShaped = 5;
+  static constexpr int kPlain = 3, kExponent = 3, kIor = 4, kShaped = 5, kNormal = 5, kTurned = 8;
 };
 
 /// What of a surface is times (1 - n.v)^exponent.
@@ -74,6 +76,7 @@ struct LobeShape {
   double exponent, ior, masking, k[3];
   int32_t exponent_slot, masking_slot, ior_slot, fibre_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
+  int32_t normal_slot;
 };
 constexpr double kSrgbToe = 0.04045;  // up to here the sRGB curve is a line
 constexpr size_t kCurveSteps = 4096;  // of its table

@@ -91,14 +91,15 @@ Vec3d Shader::passed(const Batch& batch, size_t k) const {
 
 Gives Shader::gives(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
-  const double cosine = std::fabs(dot(row(batch.points.n, k), batch.queue->ray(k).d));
+  const Vec3d d = batch.queue->ray(k).d, n = row(batch.points.n, k);
   Gives gives;
   const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
     const double given = batch.passing_ior(k, i, lobe->ior),
                  ior = batch.outside[k] ? given : 1 / given;
     const bool mirrors = lobe->kind == GLINT_MIRROR, refracts = lobe->kind == GLINT_REFRACTION;
-    const double R = lobe->fresnel && (mirrors || refracts) ? reflectance(cosine, ior) : 0;
+    const double cosine = std::fabs(dot(batch.passing_normal(k, i, n), d)),
+                 R = lobe->fresnel && (mirrors || refracts) ? reflectance(cosine, ior) : 0;
     if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * batch.passing(k, i);
     if (refracts) gives.refracted += (1 - R) * batch.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;

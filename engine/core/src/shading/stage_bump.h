@@ -17,6 +17,19 @@ inline Doubles bump_of(int kind, Doubles mn) {
   return smaller(larger(0.125 * (1 / mn2 - 1), splat(0)), splat(1));
 }
 
+/// The normal n, so far towards g that the direction v is mirrored at it to above the surface
+/// (Cycles' ensure_valid_specular_reflection).
+inline Three lifted(const Three& n, const Three& g, const Three& v) {
+  const Doubles vg = dot(v, g), ng = dot(n, g), t = smaller(0.9 * vg, splat(0.01)),
+                mirrored = 2 * dot(n, v) * ng - vg;
+  const Three across = unit(n - ng * g), x = choose(nonzero(across), across, n);
+  const Doubles vx = dot(v, x), a = vx * vx + vg * vg, b = 2 * (a + vg * t),
+                c = (t + vg) * (t + vg), d = root(larger(b * b - 4 * a * c, splat(0))),
+                z2 = 0.25 * (b + choose(vx < 0, d, -d)) / a;
+  const Three high = root(larger(1 - z2, splat(0))) * x + root(larger(z2, splat(0))) * g;
+  return choose((mirrored < t) & (a > 0), high, n);
+}
+
 /// Of light along l: where it comes from behind m, and the share of it that matt lobes get.
 struct BumpShadow {
   bool some = false;

@@ -24,8 +24,9 @@ inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWal
     for (int number = 0; number < stage.max_specular; ++number) {
       const Term term(stage, k, number);
       far2 = choose(nonzero(term.k), larger(term.exponent, far2), far2);
-      const Mask strand = term.exponent <= SpecularTerm::kFibreDiffuse;
-      far2 = choose(strand & nonzero(term.k), splat(__builtin_inf()), far2);  // looks at each lamp
+      Mask apart = term.exponent <= SpecularTerm::kFibreDiffuse;
+      if (stage.turns_lobes) apart |= nonzero(Term::normal(stage, k, number, Three{}));
+      far2 = choose(apart & nonzero(term.k), splat(__builtin_inf()), far2);  // looks at each lamp
     }
     store(walk.far2 + (k - first), far2);
     store(walk.until + (k - first), choose(load(s.lit + k), splat(0), splat(__builtin_inf())));

@@ -74,9 +74,50 @@ inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   if (matt) sum.diffuse = sum.diffuse + where(~here, k);
 }
 
-inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
+/// A normal of the program, unit; `other` where it gives none. slot: 0 for that.
+inline Three given_normal(const OnMesh& p, int32_t slot, const Three& other) {
+  if (slot == 0) return other;
+  const Three n = unit(finite_or_zero(slots3(p, slot)));
+  return choose(nonzero(n), n, other);
+}
+
+/// Which of the points are on strands, where bumps hide nothing.
+inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
+  return each_lane<Mask>([&](size_t lane) {
+    const uint32_t group = s.tables.instances[s.instance[at.row[lane]]].group;
+    const bool here = s.tables.geometries[s.tables.groups[group].geometry].kind == GLINT_STRANDS;
+    return here ? int64_t(-1) : int64_t(0);
+  });
+}
+
+/// The normal of a lobe that shines, 0 where it is the point's, and where it faces the viewer, as
+/// microfacets have to.
+struct LobeNormal {
+  Three own{};
+  Mask faces = ~Mask{};
+};
+inline LobeNormal lobe_normal(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                              const LobeShape& lobe) {
+  const bool micro =
+      s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
+  if (lobe.normal_slot == 0 && !micro) return {};
+  const Three point = gather3(s.n, at), v = -gather3(s.d, at);
+  Three n = given_normal(p, lobe.normal_slot, point);
+  if (!micro) return {where(nonzero(n - point), n)};
+  if (s.bump_shadowing >= GLINT_BUMP_CHIANG)
+    n = choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), v));
+  return {where(nonzero(n - point), n), dot(n, v) > 0};
+}
+
+inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, Three Tk,
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
+  if (lobe.kind == GLINT_SPECULAR) {
+    const LobeNormal normal = lobe_normal(s, at, p, lobe);
+    Tk = where(normal.faces, Tk);
+    if (s.specular_columns >= SpecularTerm::kTurned)
+      scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal.own);
+  }
   scatter3(column, s.stride, at, Tk);
   sum.lit |= nonzero(Tk);
   if (lobe.kind == GLINT_SHEEN) {
@@ -97,10 +138,16 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
 }
 
 inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
-                        const LobeShape& lobe, const Three& k, Lobes& sum) {
+                        const LobeShape& lobe, Three k, Lobes& sum) {
   double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
+  if (lobe.kind != GLINT_TRANSPARENT) {
+    const LobeNormal normal = lobe_normal(s, at, p, lobe);
+    k = where(normal.faces, k);
+    if (s.passing_columns == PassingTerm::kTurned)
+      scatter3(column + PassingTerm::kNormal * s.stride, s.stride, at, normal.own);
+  }
   scatter3(column, s.stride, at, k);
-  if (s.passing_columns == PassingTerm::kShaped) {
+  if (s.passing_columns >= PassingTerm::kShaped) {
     scatter(column + PassingTerm::kExponent * s.stride, at,
             lobe_number(p, lobe.exponent, lobe.exponent_slot));
     scatter(column + PassingTerm::kIor * s.stride, at, lobe_ior(p, lobe));
@@ -158,22 +205,6 @@ inline void set_points(const EvaluateStage& s, size_t first, size_t count, Progr
           length(gather3(s.x, at) - gather3(s.start, at)) / s.tables.view->scale);
     store(points.tags + k, gather(s.tags, at));
   }
-}
-
-/// A normal of the program, unit; the mesh's where it gives none. slot: 0 for the mesh's.
-inline Three given_normal(const OnMesh& p, int32_t slot, const Three& mesh) {
-  if (slot == 0) return mesh;
-  const Three n = unit(finite_or_zero(slots3(p, slot)));
-  return choose(nonzero(n), n, mesh);
-}
-
-/// Which of the points are on strands, where bumps hide nothing.
-inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
-  return each_lane<Mask>([&](size_t lane) {
-    const uint32_t group = s.tables.instances[s.instance[at.row[lane]]].group;
-    const bool here = s.tables.geometries[s.tables.groups[group].geometry].kind == GLINT_STRANDS;
-    return here ? int64_t(-1) : int64_t(0);
-  });
 }
 
 /// Shading normals of the program, and what they were bent from.

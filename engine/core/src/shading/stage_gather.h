@@ -20,7 +20,8 @@ size_t reflect(const LightStage& s) {
     const Doubles cosine = dot(n, drawn.l);
     const Highlights seen = highlights<true>(s, k, n, drawn.l, cosine, &all);
     const Three share = (1 / (kCircle * seen.density)) * seen.light;
-    const Mask reached = lit & drawn.good & (cosine > 0) & (seen.density > 0) &
+    const Mask front = s.turns_lobes ? ~Mask{} : cosine > 0;
+    const Mask reached = lit & drawn.good & front & (seen.density > 0) &
                          (dot(drawn.l, load3(s.g, k)) > 0) & nonzero(share);
     const uint32_t lanes = bits(reached);
     if (!lanes) continue;
