@@ -43,9 +43,7 @@ void DirectLight::look_around(const Batch& batch, const std::vector<uint32_t>& p
   open.assign(count, {});
   const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
   stage_.shape = kDirection;
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays = shadow_rays(count);
   const double* place = plan_.occlusion_directions.row(sample, 0);
   for (uint32_t j = 0; j < each && !cancel_; ++j, place += 2) {
     aim_around(points, place);

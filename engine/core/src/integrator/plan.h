@@ -44,38 +44,26 @@ struct SampleTable {
   }
 };
 
-struct RenderPlan {
-  Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
-                         // their neighbours are looked at
-  double error_threshold = 0, cutoff = 0;
-  uint32_t samples = 1, light_samples = 1, bounced_shadows = 1, volume_samples = 1,
-           lamp_shadows = 0, max_bounces = 0, crypto_ids = 0;
-  Passes passes = 0;
-  int threads = 1;
-  BuildQuality quality = BuildQuality::kBalanced;
-  bool physical = true, unseen = false, hold_waves = false, moving = false,
-       remember = false;  // unseen: nobody looks before the last wave
-  const double* pixel_offsets = nullptr;
-  const double* light_square = nullptr;
-  const double* light_disc = nullptr;
+/// The settings, and what follows from them.
+struct RenderPlan : GlintRenderSettings {
+  /// One sample of nothing.
+  RenderPlan() : GlintRenderSettings{} { samples = light_samples = lobe_levels = 1; }
+  /// The settings have no problems.
+  RenderPlan(const GlintRenderSettings& settings, const Scene& scene);
+
+  /// In place of the settings' four numbers. shown: the pixels that were asked for; the region has
+  /// a margin where their neighbours are looked at.
+  Region region{}, shown{};
+  int thread_count = 1;
   SampleTable dome_directions, bounced_points, occlusion_directions, gather_places;
-  SampleTable mesh_points;  // of the first mesh light, and after its mesh_rows those of the next
-  size_t mesh_rows = 0;
-  const double* lobe_points = nullptr;  // lobe_levels runs of lobe_tabled
-  size_t lobe_levels = 1, lobe_tabled = 1;
-  int reflections = GLINT_REFLECT_OFF;
+  SampleTable mesh_points;  // of the first mesh light, and after its mesh_count those of the next
+  SampleTable opening_places;  // where there are openings
+  size_t lobe_tabled = 1;      // lobe_levels runs of so many lobe_points
   DomeCells dome;
   std::shared_ptr<const std::vector<Opening>> opening_rows;  // also of copies
   Openings open;
-  SampleTable opening_places;  // where there are openings
-  const double* scatter_offsets = nullptr;
-  const double* lens_points = nullptr;    // null for a pinhole
-  const double* camera_frames = nullptr;  // null for a camera that stands still
-  const double* node_points = nullptr;    // as GlintRenderSettings has them
-  uint64_t node_point_count = 0;
-  const GlintNeighbour* neighbours = nullptr;  // two; null where nothing moves
-  uint32_t camera_block = 1;
-  double lens_focus = 1, gather_reach = 0;  // gather_reach: as Scene::anchor scales
+
+  bool physical() const { return illumination == GLINT_PHYSICAL; }
 
   uint32_t samples_of(const Light& light) const {
     if (light.is_mesh()) return mesh_points.each;
@@ -112,7 +100,7 @@ struct RenderPlan {
   LightPoint set_sample(LightStage& stage, const Light& light, uint32_t sample, uint32_t j) const {
     const uint32_t count = samples_of(light);
     const LightPoint point = light_point(light, sample, j < count ? j : 0);
-    light.set(stage, point, count, physical);
+    light.set(stage, point, count, physical());
     if (opening_samples_of(light) == 0) return point;
     stage.shape = kOpenSky;
     stage.openings = &open;
@@ -162,7 +150,7 @@ struct RenderPlan {
     }
     if (light.is_mesh()) {
       const double* const row =
-          mesh_points.row(sample, j) + kPointColumns * light.mesh_number * mesh_rows;
+          mesh_points.row(sample, j) + kPointColumns * light.mesh_number * size_t(mesh_count);
       return {0, 0, row[14], row[15], row, nullptr, j == 0, false, group_of_row(row)};
     }
     if (light.is_bounced()) {
@@ -200,8 +188,5 @@ struct RayCounts {
     return *this;
   }
 };
-
-/// The settings have no problems.
-RenderPlan plan_of(const GlintRenderSettings& settings, const Scene& scene);
 
 }  // namespace glint

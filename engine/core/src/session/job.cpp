@@ -31,7 +31,7 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
-      plan_(plan_of(settings, scene)),
+      plan_(settings, scene),
       film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
             plan_.crypto_ids, scene.aov_count, scene.light_group_count),
       thread_([this] { work(); }) {}
@@ -70,7 +70,8 @@ void Job::work() {
 }
 
 void Job::run() {
-  if (!scene_->build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
+  if (!scene_->build(plan_.thread_count, BuildQuality(plan_.acceleration), cancel_))
+    return enter(GLINT_CANCELLED);
   moving_seconds_ = scene_->trees.build_seconds();
   enter(GLINT_TRACING);
   trace_waves();
@@ -79,7 +80,7 @@ void Job::run() {
 
 /// Samples of the first wave: no more than somebody wants to look at.
 uint32_t Job::first_wave() {
-  if (!plan_.unseen || film_.estimate().on()) return 1;
+  if (plan_.waves != GLINT_WAVES_UNSEEN || film_.estimate().on()) return 1;
   return std::min(plan_.samples, film_.refinement().on() ? Refinement::kFirst : kUnseenWave);
 }
 
@@ -91,7 +92,8 @@ bool Job::at_once() {
 }
 
 void Job::trace_waves() {
-  pool_ = std::make_unique<ThreadPool>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
+  pool_ =
+      std::make_unique<ThreadPool>(int(std::min(size_t(plan_.thread_count), film_.tiles().size())));
   const bool looks_up =
       plan_.remember && !plan_.is_spread() && !plan_.moving &&
       !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
@@ -146,7 +148,8 @@ bool Job::wait_for_scene() {
     const Timer timer(seconds);
     drop_tracers();
     ask_for_scene();
-    if (cancel_ || !scene_->build(plan_.threads, plan_.quality, cancel_)) return false;
+    if (cancel_ || !scene_->build(plan_.thread_count, BuildQuality(plan_.acceleration), cancel_))
+      return false;
     make_tracers(nullptr);
   }
   std::lock_guard lock(mutex_);
@@ -232,7 +235,7 @@ void Job::trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t 
 
 void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
   samples_ = samples;
-  bool hold = plan_.hold_waves && samples < plan_.samples;
+  bool hold = plan_.waves == GLINT_WAVES_HELD && samples < plan_.samples;
   if (hold) state_ = GLINT_HELD;
   changed_.notify_all();
   if (!hold) return;
@@ -264,7 +267,7 @@ std::string Job::move(Scene& scene, const GlintRenderSettings& settings) {
   std::string problems = settings_problems(settings, scene);
   if (!problems.empty()) return problems;
   if (!same_view(scene.camera, scene_->camera)) return "scene: the camera is another one";
-  const RenderPlan plan = plan_of(settings, scene);
+  const RenderPlan plan(settings, scene);
   const auto same = [](const Region& a, const Region& b) {
     return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
   };
@@ -305,7 +308,7 @@ GlintStats Job::stats() {
   if (plan_.camera_frames) s.features |= GLINT_FEATURE_CAMERA_MOTION;
   if (plan_.moving) s.features |= GLINT_FEATURE_OBJECT_MOTION;
   if (plan_.open.count) s.features |= GLINT_FEATURE_OPENINGS;
-  s.threads = uint32_t(plan_.threads);
+  s.threads = uint32_t(plan_.thread_count);
   s.camera_rays = rays_.camera;
   s.shadow_rays = rays_.shadow;
   s.mirror_rays = rays_.mirror;

@@ -68,15 +68,10 @@ struct ViewTerm {
   static constexpr size_t kDiffuse = 0, kAmbient = 3, kExponent = 6, kColumns = 7;
 };
 
-/// One term of a surface. fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK.
-struct LobeShape {
-  int kind;
-  bool constant, like_last;  // k is final; its inputs are those of the lobe before
-  int fresnel;
-  double exponent, ior, masking, k[3];
-  int32_t exponent_slot, masking_slot, ior_slot, fibre_slot;  // as GlintLobe has them
-  uint32_t first_input, input_count;
-  int32_t normal_slot;
+/// One term of a surface: k is final where it is constant.
+struct LobeShape : GlintLobe {
+  bool constant, like_last;  // like_last: its inputs are those of the lobe before
+  double k[3];
 };
 constexpr double kSrgbToe = 0.04045;  // up to here the sRGB curve is a line
 constexpr size_t kCurveSteps = 4096;  // of its table
