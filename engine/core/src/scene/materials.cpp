@@ -73,10 +73,11 @@ Vec3d finite_or_zero(Vec3d c) {
   return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
 }
 
-/// Lobes whose t.inputs do not vary get their product now.
+/// Lobes whose inputs do not vary get their product now.
 void add_lobe(MaterialTable& t, const GlintLobe& g) {
   LobeShape lobe{g, false, false, {1, 1, 1}};
-  bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0 || g.normal_slot > 0;
+  bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0 || g.normal_slot > 0 ||
+                g.stretch_slot > 0;
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(t.inputs[g.first_input + k]);
   lobe.constant = !varies;
@@ -130,11 +131,15 @@ void compare_lobes(MaterialTable& t, Material& material) {
     t.has_varnish = t.has_varnish || (shaped && lobe.fresnel & GLINT_DIELECTRIC);
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
-    if (fibre) t.specular_columns = SpecularTerm::kFibred;
+    if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);
     const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);
     if (turns && lobe.kind == GLINT_SPECULAR) {
       t.turns_lobes = true;
-      t.specular_columns = SpecularTerm::kTurned;
+      t.specular_columns = std::max(t.specular_columns, SpecularTerm::kTurned);
+    }
+    if (lobe.stretch_slot > 0 && lobe.kind == GLINT_SPECULAR) {
+      t.stretches_lobes = true;
+      t.specular_columns = SpecularTerm::kStretched;
     }
     if (1u << lobe.kind & kPassing && (lobe.exponent_slot > 0 || lobe.ior_slot > 0))
       t.passing_columns = std::max(t.passing_columns, PassingTerm::kShaped);

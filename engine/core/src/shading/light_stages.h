@@ -124,6 +124,7 @@ struct LightStage {
   bool metals_alone;    // of what `reflect` takes lobes of
   bool has_sheen, has_fibre;  // among the lobes
   bool turns_lobes;           // some SPECULAR lobe may have a normal of its own
+  bool stretches_lobes;       // or be stretched
   bool matt_alone;            // lights no highlights
 };
 
