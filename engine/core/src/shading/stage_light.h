@@ -190,14 +190,18 @@ __attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_
   return true;
 }
 
-template <int Shape, bool Bent>
+template <int Shape, bool Bent, bool Drawn = false>
 size_t light_from(const LightStage& s) {
   size_t found = 0;
   Given given;
-  for (size_t k = s.first; k < s.count; k += kLanes)
-    if (give<Shape, Bent>(s, k, given))
+  for (size_t k = s.first; k < s.count; k += kLanes) {
+    bool gives = false;
+    if constexpr (Drawn) gives = give_drawn<Shape, Bent>(s, k, given);
+    else gives = give<Shape, Bent>(s, k, given);
+    if (gives)
       found +=
           append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
+  }
   return found;
 }
 
@@ -229,19 +233,8 @@ size_t scatter_from(const LightStage& s) {
   return found;
 }
 
-template <int Shape, bool Bent>
-size_t gloss_from(const LightStage& s) {
-  size_t found = 0;
-  Given given;
-  for (size_t k = s.first; k < s.count; k += kLanes)
-    if (give_drawn<Shape, Bent>(s, k, given))
-      found +=
-          append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
-  return found;
-}
-
-/// The same for a mesh light: what the light is there, the rays have to find out. They begin at the
-/// point itself, of whose directions the density is, not where its shadow rays do.
+/// Drawn directions towards a mesh light: what the light is there, the rays have to find out. They
+/// begin at the point itself, of whose directions the density is, not where its shadow rays do.
 template <bool Bent>
 size_t gloss_towards_mesh(const LightStage& s) {
   size_t found = 0;
@@ -303,7 +296,7 @@ size_t gloss(const LightStage& s) {
     return is_bent(s) ? gloss_towards_mesh<true>(s) : gloss_towards_mesh<false>(s);
   return with_shape<kDirection, kSphereSource, kDiscSource, kPlaneSource, kRectangleSource, kSky,
                     kOpenSky>(s.shape, [&]<int Shape>() {
-    return is_bent(s) ? gloss_from<Shape, true>(s) : gloss_from<Shape, false>(s);
+    return is_bent(s) ? light_from<Shape, true, true>(s) : light_from<Shape, false, true>(s);
   });
 }
 

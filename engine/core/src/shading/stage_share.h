@@ -45,20 +45,14 @@ template <bool Bent>
 void add_lamp_as(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
                  double* given) {
   switch (sample.stage.shape) {
-    case kDirection:
-      return add_lamp<kDirection, Bent>(to, sample, first, end, given);
+    case kDirection: return add_lamp<kDirection, Bent>(to, sample, first, end, given);
     case kBouncedSource:
       return add_sample<false, Bent, kBouncedSource>(to, sample.stage, first, end, given);
-    case kPointSource:
-      return add_lamp<kPointSource, Bent>(to, sample, first, end, given);
-    case kSphereSource:
-      return add_lamp<kSphereSource, Bent>(to, sample, first, end, given);
-    case kDiscSource:
-      return add_lamp<kDiscSource, Bent>(to, sample, first, end, given);
-    case kRectangleSource:
-      return add_lamp<kRectangleSource, Bent>(to, sample, first, end, given);
-    default:
-      return add_lamp<kPlaneSource, Bent>(to, sample, first, end, given);
+    case kPointSource: return add_lamp<kPointSource, Bent>(to, sample, first, end, given);
+    case kSphereSource: return add_lamp<kSphereSource, Bent>(to, sample, first, end, given);
+    case kDiscSource: return add_lamp<kDiscSource, Bent>(to, sample, first, end, given);
+    case kRectangleSource: return add_lamp<kRectangleSource, Bent>(to, sample, first, end, given);
+    default: return add_lamp<kPlaneSource, Bent>(to, sample, first, end, given);
   }
 }
 
