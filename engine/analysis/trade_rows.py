@@ -18,17 +18,17 @@ _SHOWN = 6
 class Row:
     """One setting, measured.
 
-    knobs: field of Settings → value.  seconds: of tracing the squares.  Of the whole frame, as the
-    squares tell: frame_seconds, trees included;  relative_rmse: of linear colour, over the
-    picture's root mean square;  levels: difference on screen, in 8-bit levels, that the share
-    `trade_errors.VISIBLE` of the pixels stays within;  psnr: decibels of the screen's colours;
-    flip_mean, flip_p99: LDR-FLIP;  wrong: share of pixels that are off by more than 1 %.
-    max_error: largest difference of linear colour in the squares.  spread: two standard deviations of relative_rmse, as a share of it; 0
-    where the squares are the whole frame.  unseen: the relative_rmse of a frame of whose squares
-    as many are as wrong as the worst one measured as would be missed by all picks once in 20.
-    bound: where no square met an error, what relative_rmse is below, as `with_bounds` has it; else
-    0.  on_front: no other row is both faster and better.
-    current: the base settings.  checked: also on squares that had no part in choosing.
+    knobs: field of Settings → value. seconds: of tracing the squares. Of the whole frame, as the
+    squares tell: frame_seconds, trees included; relative_rmse: of linear colour, over the picture's
+    root mean square; levels: difference on screen, in 8-bit levels, that the share
+    `trade_errors.VISIBLE` of the pixels stays within; psnr: decibels of the screen's colours;
+    flip_mean, flip_p99: LDR-FLIP; wrong: share of pixels that are off by more than 1 %. max_error:
+    largest difference of linear colour in the squares. spread: two standard deviations of
+    relative_rmse, as a share of it; 0 where the squares are the whole frame. unseen: the
+    relative_rmse of a frame of whose squares as many are as wrong as the worst one measured as
+    would be missed by all picks once in 20. bound: where no square met an error, what relative_rmse
+    is below, as `with_bounds` has it; else 0. on_front: no other row is both faster and better.
+    current: the base settings. checked: also on squares that had no part in choosing.
     """
 
     knobs: dict[str, Any]
