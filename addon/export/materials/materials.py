@@ -170,7 +170,7 @@ def default_material() -> Material:
         if bpy.app.version < (5, 0, 0)
         else plastic_closure(grey, constant(1.0), Roughness(0.5), Ior(1.5), True)
     )
-    return Material("default_surface", lobes_of(closure))  # as Cycles calls it
+    return Material("default_surface", lobes_of(without_normals(closure)))  # as Cycles calls it
 
 
 def compile_material(material: Any, images: Images, report: Report) -> Material:
@@ -184,9 +184,8 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
         if tree is not None
         else _viewport_surface(material, evaluator)
     )
-    normal, base, is_bumped = evaluator.normals(closure)
+    closure, normal, base, is_bumped = evaluator.normals(closure)
     kinds = {key.kind for key in closure}
-    is_bumped = is_bumped or any(key.normal_output >= 0 for key in closure)
     note_material(material, kinds, is_bumped, report)
     passed = passed_by_light(closure, evaluator)
     closure = {key: terms for key, terms in closure.items() if key.kind != PASSED}
