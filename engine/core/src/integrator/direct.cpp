@@ -89,7 +89,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
                    count = plan_.samples_of(light) / parts;
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),
-               notes = batch.softly_lit && count > 1 && sample < Refinement::kFirst;
+               notes = batch.soft_light && count > 1 && sample < Refinement::kFirst;
     if (!shares || notes) find_lit(batch, light);
     if (notes) find_cut(batch, light);
     if (shares) {
@@ -165,7 +165,7 @@ void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, Ra
     path.wants_data = false;
     path.widest = std::min(path.widest, stage_.t_max[k]);
     ++path.depth;
-    if (batch.softly_lit) batch.mark_softly_lit(from, Refinement::kReached);
+    if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);
     glossy.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kMirror}, path);
     ++counts.mirror;
   }
@@ -198,10 +198,10 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stage.count = batch.size();
   stage.lit = stage_.lit;
   stage.dome = &plan_.dome;
-  const uint32_t directions = plan_.dome_samples / parts, part = sample % parts;
+  const uint32_t directions = plan_.dome_directions.each / parts, part = sample % parts;
   stage.drawn = plan_.light_point(light, sample, part * directions).drawn;
   stage.directions = directions;
-  std::vector<OpeningPoint> points(plan_.opening_samples / parts);
+  std::vector<OpeningPoint> points(plan_.opening_samples_of(light) / parts);
   for (size_t j = 0; j < points.size(); ++j)
     points[j] = plan_.opening_point(sample, uint32_t(part * points.size() + j));
   for (int c = 0; c < 3; ++c) stage.x[c] = stage_.points_x[c];
@@ -225,8 +225,8 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
                           RayCounts& counts) {
   if (count == 0) return;
   if (light.program) apply_program(light, count);
-  const bool soft = batch.softly_lit && stage_.share > 1 && !light.is_dome();
-  for (size_t k = 0; soft && k < count; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
+  const bool soft = batch.soft_light && stage_.share > 1 && !light.is_dome();
+  for (size_t k = 0; soft && k < count; ++k) batch.mark_soft_light(point_[k], Refinement::kReached);
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
@@ -253,9 +253,7 @@ Vec3d DirectLight::shadow_start(uint32_t point, const Vec3d& end) const {
 /// What the `count` drawn directions of the stage meet of a mesh light: samples of it, as the stage
 /// has them of other lights. How many do.
 size_t DirectLight::meet_emitters(const Light& light, size_t count) {
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays = shadow_rays(count);
   scene_.trees.emitters(light).closest(
       rays, {distance_, placement_.data(), emitter_.data(), u_.data(), v_.data()}, scratch_);
   size_t kept = 0;
@@ -305,9 +303,7 @@ void DirectLight::apply_program(const Light& light, size_t count) {
 
 /// What media on the way take of the light of the stage's `count` points.
 void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays = shadow_rays(count);
   media_.find(rays, counts);
   ends_of_shadows_.resize(count);
   for (size_t k = 0; k < count; ++k)  // what is dark already is not asked
@@ -323,11 +319,11 @@ void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& count
 void DirectLight::find_cut(const Batch& batch, const Light& light) const {
   for (size_t k = 0; k < batch.size(); ++k)
     if (stage_.lit[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k)))
-      batch.mark_softly_lit(k, Refinement::kCut);
+      batch.mark_soft_light(k, Refinement::kCut);
 }
 
 /// False where a point's shadow is not known.
-bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
+bool DirectLight::read_shadow_cache(const uint8_t* known, size_t count) {
   bool all = true;
   for (size_t k = 0; k < count; ++k) {
     const uint8_t shadow = known[point_[k]];
@@ -340,11 +336,9 @@ bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
 /// known: of the points, as FirstHitCache::shadows has it, or null.
 void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
                                RayCounts& counts) {
-  if (known && recall_shadows(known, count)) return;
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
+  if (known && read_shadow_cache(known, count)) return;
   const Timer timer(counts.tracing);
-  Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  Rays rays = shadow_rays(count);
   // Else it is asked for after what is solid is known.
   if (light.passed_sets || alone_) rays.opacity = opacity(light);
   scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);

@@ -71,8 +71,8 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
   if (!depths_.any()) return;
   prepare(batch);
   place_points(batch);
-  for (size_t k = 0; batch.softly_lit && k < batch.size(); ++k)
-    if (depths_.any(k)) batch.mark_softly_lit(k, Refinement::kReached | Refinement::kCut);
+  for (size_t k = 0; batch.soft_light && k < batch.size(); ++k)
+    if (depths_.any(k)) batch.mark_soft_light(k, Refinement::kReached | Refinement::kCut);
   scattering_ = true;
   for (const Light& light : scene_.lights)
     scatter_light(batch, spans, clear, light, sample, counts);
@@ -85,7 +85,7 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
                  each = (plan_.volume_samples + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
     const LightPoint point = plan_.light_point(light, sample, j);
-    light.set(stage_, point, count, plan_.physical);
+    light.set(stage_, point, count, plan_.physical());
     group_ = point.group;
     stage_.casts_shadow = true;  // so that the ways to it are known
     stage_.draws = false;

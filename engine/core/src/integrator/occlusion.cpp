@@ -35,18 +35,16 @@ void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* 
   }
 }
 
-void DirectLight::look_around(const Batch& batch, const std::vector<uint32_t>& points,
-                              uint32_t sample, std::vector<Vec3d>& open, RayCounts& counts) {
+void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32_t>& points,
+                                    uint32_t sample, std::vector<Vec3d>& open, RayCounts& counts) {
   const size_t count = points.size();
-  const uint32_t each = plan_.occlusion_samples;
+  const uint32_t each = plan_.occlusion_directions.each;
   if (!(scene_.world.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
   open.assign(count, {});
   const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
   stage_.shape = kDirection;
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
-  const double* place = plan_.occlusion_points + 2 * size_t(sample % plan_.occlusion_tabled) * each;
+  const Rays rays = shadow_rays(count);
+  const double* place = plan_.occlusion_directions.row(sample, 0);
   for (uint32_t j = 0; j < each && !cancel_; ++j, place += 2) {
     aim_around(points, place);
     for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(points[k]);
@@ -76,7 +74,7 @@ void Tracer::note_occlusion(const Queue& queue, uint32_t sample) {
     if (batch_.material[k] < scene_.materials.size() && !is_caught(queue, k))
       occlusion_rows_.push_back(k);
   if (occlusion_rows_.empty()) return;
-  direct_.look_around(batch_, occlusion_rows_, sample, open_, counts_);
+  direct_.ambient_occlusion(batch_, occlusion_rows_, sample, open_, counts_);
   double* const sums = paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION);
   for (size_t i = 0; i < occlusion_rows_.size(); ++i) {
     const uint32_t k = occlusion_rows_[i];

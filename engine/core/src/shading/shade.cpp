@@ -9,7 +9,7 @@
 namespace glint {
 namespace {
 
-constexpr size_t kMostLevels = 64;      // of lobe points
+constexpr uint32_t kMostLevels = 64;    // of lobe points
 constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transparent ray
 
 /// Of a smooth dielectric, unpolarised; 1 at total reflection (Fresnel 1823).
@@ -63,14 +63,14 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   DiscPlace places[kMostLevels];
   if (material.is_rough_glass) {
     stage.places = places;
-    stage.levels = uint32_t(std::min(plan_.lobe_levels, kMostLevels));
+    stage.levels = std::min(plan_.lobe_levels, kMostLevels);
     for (uint32_t level = 0; level < stage.levels; ++level) {
       const double* const point = plan_.lobe_point(sample, level);
       places[level] = disc_place(point[0], point[1]);
     }
-    for (size_t k = 0; batch.softly_lit && k < count; ++k)
+    for (size_t k = 0; batch.soft_light && k < count; ++k)
       if (batch.queue->path(rows[k]).depth < stage.max_bounces)
-        batch.mark_softly_lit(rows[k], Refinement::kCut);
+        batch.mark_soft_light(rows[k], Refinement::kCut);
   }
   const PassedRays passed = stages_.pass(stage);
   counts.refraction += passed.refraction;
@@ -107,7 +107,7 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
   return gives;
 }
 
-void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+void Shader::record_transparent(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
   if (mean(passed(batch, k)) < 0.5) record(batch, k, film, pixel);
 }
 
@@ -190,7 +190,7 @@ void Shader::seen_lights(Batch& batch, size_t k, const MediaSpans* media,
       program.run(light, path.depth > 0 ? RayKind::kBounced : RayKind::kCamera, 1);
       T = T * program.share(light, 0);
     }
-    const Vec3d seen = T * light.radiance(ray.o, ray.d, plan_.physical);
+    const Vec3d seen = T * light.radiance(ray.o, ray.d, plan_.physical());
     batch.add(k, batch.sums.emission, seen);
     batch.add_to_group(light.group, k, seen);
   }
