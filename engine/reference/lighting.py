@@ -18,14 +18,8 @@ from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
-<<<<<<< HEAD
 from .lobe_light import fibres, highlights, matt_lobes
 from .materials import Coefficients, Term
-from .pulse import Pulse
-=======
-from .materials import Coefficients, Term, taken
-from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen
->>>>>>> main
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
 from .surface import Surface
