@@ -256,7 +256,9 @@ class Lobe:
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
     width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
     fans out round the tangent, 0 for as far as normals do.  fibre_output: of FIBRE lobes, the
-    output with the fibre's tangent in the world, of any length, 0 of what is no fibre; -1: all 0.
+    output with the fibre's tangent in the world, as long as the fibre is thick there, 0
+    of what is no fibre; -1: all 0.  between_fibres: what it shows or lets through is light that
+    other fibres scattered: `Scene.as_lit` drops it where light does not bounce.
     """
 
     kind: str
@@ -270,6 +272,7 @@ class Lobe:
     masking_output: int = -1
     ior_output: int = -1
     fibre_output: int = -1
+    between_fibres: bool = False
 
     @property
     def is_glossy(self) -> bool:
@@ -357,6 +360,11 @@ class Material:
     normal_output: int = -1
     aovs: Material | None = None
     medium: Medium | None = None
+
+    def of_single_fibres(self) -> Material:
+        """Without what light between fibres shows; itself where there is nothing of it."""
+        lobes = tuple(lobe for lobe in self.lobes if not lobe.between_fibres)
+        return self if len(lobes) == len(self.lobes) else replace(self, lobes=lobes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -616,13 +624,20 @@ class Scene:
     light_groups: tuple[str, ...] = ()
 
     def as_lit(
-        self, *, by_world: bool, by_meshes: bool, bounces: int, finding: bool = True
+        self,
+        *,
+        by_world: bool,
+        by_meshes: bool,
+        bounces: int,
+        finding: bool = True,
+        between_fibres: bool | None = None,
     ) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
         lights it too.  bounces: how often surfaces scatter light onto others.  finding: the
-        openings of rooms to the sky, else its light keeps those that it has. A scene with nothing
-        of all that stays.
+        openings of rooms to the sky, else its light keeps those that it has.  between_fibres:
+        lobes of light between fibres stay; None: where light bounces. A scene with nothing of all
+        that stays.
         """
         from ..lights.bounced_light import bounced_light
         from ..lights.lamps import in_order
@@ -641,6 +656,10 @@ class Scene:
                 scene = replace(scene, lights=lamps)
         glow = mesh_lights(self) if by_meshes else ()
         scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
+        if not (bounces > 0 if between_fibres is None else between_fibres):
+            materials = tuple(material.of_single_fibres() for material in scene.materials)
+            if any(a is not b for a, b in zip(materials, scene.materials, strict=True)):
+                scene = replace(scene, materials=materials)
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
 

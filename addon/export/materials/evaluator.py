@@ -67,6 +67,7 @@ class LobeKey:
     masking_output: int = -1
     ior_output: int = -1
     fibre_output: int = -1
+    between_fibres: bool = False
     anisotropy: float = 0.0
     anisotropy_output: int = -1
     normal: Value | None = None  # of the shader that it comes from
