@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from .film import Film
-from .scene import Scene
+from .scene import Scene, SceneDelta
 from .settings import Settings
 
 if TYPE_CHECKING:
@@ -32,8 +32,11 @@ class KeptRender:
         should_stop: Callable[[], bool] = lambda: False,
         on_progress: Callable[[float], None] = lambda fraction: None,
         on_wave: Callable[[Film], None] | None = None,
+        delta: SceneDelta | None = None,
     ) -> Film:
-        """The arguments, and what is raised, are those of `engine.render`."""
+        """The arguments, and what is raised, are those of `engine.render`. delta: from the scene
+        before to this one, where there is one; else they are compared.
+        """
         from . import check, render
 
         if settings.backend != "NATIVE":
@@ -50,7 +53,7 @@ class KeptRender:
 
             self._native = NativeLive()
         try:
-            return self._native.draw(scene, settings, should_stop, on_progress, on_wave)
+            return self._native.draw(scene, settings, should_stop, on_progress, on_wave, delta)
         except BaseException:
             self.close()
             raise

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from .errors import SceneError
 from .film import Film
-from .scene import Scene
+from .scene import Scene, SceneDelta
 from .settings import Settings
 
 if TYPE_CHECKING:
@@ -41,7 +41,8 @@ class Task:
     keep_first_wave: newer tasks wait until this one's first wave is complete, so that pictures come
     also while tasks come faster. exact: the picture has the bits that `engine.render` gives. Else
     trees that stand relative to an earlier eye may be used, which differ in the last bits and need
-    not be made anew.
+    not be made anew. delta: from a scene before to this one; what was drawn last is compared with
+    this scene where it is not from there.
     """
 
     scene: Scene
@@ -49,6 +50,7 @@ class Task:
     tag: object = None
     keep_first_wave: bool = False
     exact: bool = True
+    delta: SceneDelta | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +258,9 @@ class _Tracers:
             from .native.live import NativeLive
 
             self._native = self._native or NativeLive()
-            self._native.render(task.scene, task.settings, task.exact, should_stop, on_film)
+            self._native.render(
+                task.scene, task.settings, task.exact, should_stop, on_film, task.delta
+            )
             return
         self.close()
         _render_reference(task, should_stop, on_film)

@@ -13,8 +13,10 @@ import core_wheel
 import environment
 import tree
 
-PARALLEL = ("-n", "auto", "--dist", "loadfile")
-"""Files of tests in several processes: what a file makes for its tests is made once."""
+PARALLEL = ("-n", "auto", "--dist", "loadfile", "--max-worker-restart", "0")
+"""Files of tests in several processes: what a file makes for its tests is made once. A process that
+dies ends the run: one put in its place was seen to wait for ever.
+"""
 
 
 def main() -> int:

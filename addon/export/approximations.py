@@ -11,14 +11,9 @@ from .materials.graph import is_blinn_phong, node_tree, output_of
 
 LOBES = "GGX is drawn as Blinn-Phong lobes"
 LEFT_OUT = f"{LOBES}; anisotropy and thin film are left out"
-_STEEP = (
-    "steep slopes are brighter where light grazes them: Cycles darkens what is matt there (Bump "
-    "Map Correction), a ball under noise of Scale 3 by 1 % at a Distance of 0.3, by 5 % at 1"
-)
 
 APPROXIMATED: dict[str, str] = {
-    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; subsurface and diffuse roughness as diffuse; the "
-    "coat has the normal of what lies below it",
+    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; subsurface and diffuse roughness as diffuse",
     "ShaderNodeBsdfDiffuse": "Roughness is left out",
     "ShaderNodeBsdfAnisotropic": LEFT_OUT,
     "ShaderNodeBsdfGlossy": LEFT_OUT,
@@ -53,8 +48,7 @@ APPROXIMATED: dict[str, str] = {
     "bouncing",
     "ShaderNodePointInfo": "zeros, as of what is no point cloud",
     "ShaderNodeBump": "Filter Width is a tenth of a pixel; at the edges of patterns 1 % of the "
-    f"pixels differ; {_STEEP}",
-    "ShaderNodeNormalMap": _STEEP,
+    "pixels differ",
     **dict.fromkeys(
         ("ShaderNodeDisplacement", "ShaderNodeVectorDisplacement"),
         "Displacement and Bump shows the slopes of the surface, in Cycles times the object's scale",

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.displacement import Displacement, Place
-from ...engine.scene import Geometry, Instances, Scene, Spheres, Strands
+from ...engine.scene import Geometry, Instances, Scene, SceneDelta, Spheres, Strands
 from .camera import border, export_camera, resolution
 from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
@@ -56,7 +56,8 @@ class Export:
     stats: seconds per stage ("objects", "finish", "export") and counts ("meshes", "instances",
     "triangles", "lights", "materials", "textures", "bytes"). region: the render border as (x0, y0,
     x1, y1) pixels of the full frame, origin bottom left, or None. displaced: how meshes were, by
-    their numbers among the scene's geometries.
+    their numbers among the scene's geometries. delta: from the scene before, None where none is
+    known.
     """
 
     scene: Scene
@@ -64,6 +65,7 @@ class Export:
     stats: dict[str, float] = field(default_factory=dict)
     region: tuple[int, int, int, int] | None = None
     displaced: dict[int, Displaced] = field(default_factory=dict)
+    delta: SceneDelta | None = None
 
 
 @contextmanager

@@ -78,19 +78,23 @@ def note_subdivision(name: str, thing: Any, report: Report) -> None:
         )
 
 
-def note_material(material: Any, is_see_through: bool, is_bent: bool, report: Report) -> None:
-    """is_see_through: it has a transparent lobe. is_bent: nodes bend its normal."""
-    if is_see_through and not getattr(material, "use_transparent_shadow", True):
+def is_corrected(material: Any) -> bool:
+    """Whether Bump Map Correction is on."""
+    return getattr(getattr(material, "cycles", None), "use_bump_map_correction", True)
+
+
+def note_material(material: Any, kinds: set[str], is_bent: bool, report: Report) -> None:
+    """kinds: of its lobes. is_bent: nodes bend its normal."""
+    if "TRANSPARENT" in kinds and not getattr(material, "use_transparent_shadow", True):
         report.note(
             "Shadows of {} are transparent although Transparent Shadows is off: turn off the alpha "
             "for shadow rays by Light Path, Is Shadow Ray",
             material.name,
         )
-    own = getattr(material, "cycles", None)
-    if is_bent and not getattr(own, "use_bump_map_correction", True):
+    if is_bent and "MIRROR" in kinds and not is_corrected(material):
         report.note(
-            "Bump Map Correction is not switched off in {}: bent normals are kept from showing "
-            "what is behind the surface",
+            "Bump Map Correction is not switched off for mirrors of {}: bent normals are kept from "
+            "showing what is behind the surface",
             material.name,
         )
 

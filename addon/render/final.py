@@ -9,10 +9,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 
 import bpy
 
 from ... import engine
+from ...engine.scene import SceneDelta
 from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..export.darkness import darkness
 from ..ui.properties import settings_from, tracer_notes
@@ -42,6 +44,7 @@ class Job:
     but one. size: of the result in pixels.  preview: a material preview,
     about which nothing is told. frame: of the animation.  aim: the error that settings are to be
     found for.  renderer: what draws, where it keeps the frame before.
+    delta: from the scene of that frame.
     """
 
     scene: engine.Scene
@@ -56,6 +59,7 @@ class Job:
     aim: Aim | None = None
     view: str = ""
     renderer: engine.KeptRender | None = None
+    delta: SceneDelta | None = None
 
     @property
     def title(self) -> str:
@@ -160,6 +164,7 @@ def prepare(
             aim=aim,
             view=name,
             renderer=kept.renderer if kept is not None else None,
+            delta=export.delta,
         )
         for k, (name, scene) in enumerate(zip(names, moving, strict=True))
     )
@@ -241,7 +246,9 @@ def _trace(
     if _painters and not job.preview:
         film = _painters[-1](job)
     else:
-        draw = engine.render if job.renderer is None else job.renderer.render
+        draw = (
+            engine.render if job.renderer is None else partial(job.renderer.render, delta=job.delta)
+        )
         film = draw(
             job.scene,
             replace(job.settings, passes=passes | {"Error"}) if is_seen else job.settings,

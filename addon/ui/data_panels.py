@@ -245,9 +245,7 @@ class GLINT_MATERIAL_PT_settings_surface(EnginePanel, bpy.types.Panel):
         shadows.prop(material, "use_transparent_shadow", text="Shadows")
         if hasattr(getattr(material, "cycles", None), "use_bump_map_correction"):
             bumps = column.column(heading="Bump Map")
-            bumps.active = False
             bumps.prop(material.cycles, "use_bump_map_correction", text="Correction")
-            draw_reason(column, True, "Correction is always on in Glint")
 
 
 class _VolumePanel(EnginePanel):

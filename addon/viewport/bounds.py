@@ -1,18 +1,13 @@
-"""What can be said of where things stand: how deep a scene is along a view, and whether two scenes
-are alike, in it or altogether.
-"""
+"""How deep a scene is along a view."""
 
 from __future__ import annotations
 
 import weakref
-from dataclasses import fields, replace
-from itertools import compress, starmap
-from operator import attrgetter, is_not
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from ...engine.scene import Camera, Geometry, Instances, Light, Scene, Spheres, Strands
+from ...engine.scene import Camera, Geometry, Scene, Spheres, Strands
 
 _boxes: weakref.WeakKeyDictionary[Geometry, np.ndarray] = weakref.WeakKeyDictionary()
 
@@ -33,55 +28,6 @@ def stepped_up(camera: Camera, scene: Scene) -> Camera:
     return replace(
         camera, world_from_camera=moved, clip_end=camera.clip_end - step, clip_planes=planes
     )
-
-
-def same_places(a: Scene, b: Scene) -> bool:
-    """Whether the same geometries stand at the same places in two scenes, seen by the same rays."""
-    if a.geometries != b.geometries or len(a.instances) != len(b.instances):
-        return False
-    others = map(is_not, a.instances, b.instances)
-    return a.instances is b.instances or all(
-        starmap(_same_group, compress(zip(a.instances, b.instances, strict=True), others))
-    )
-
-
-def same_content(a: Scene, b: Scene) -> bool:
-    """Whether two scenes are the same but for their cameras. Meshes and images that were read anew
-    count as others.
-    """
-    if a.world != b.world or (a.geometries, a.materials, a.textures) != (
-        b.geometries,
-        b.materials,
-        b.textures,
-    ):
-        return False
-    return _all_same(a.lights, b.lights, "world_from_light") and _all_same(
-        a.instances, b.instances, "world_from_object"
-    )
-
-
-def _all_same(some: tuple[Any, ...], others: tuple[Any, ...], matrix: str) -> bool:
-    """Of lights, or of instances, of which all but one field are no arrays."""
-    if len(some) != len(others):
-        return False
-    plain, matrix_of = _PLAIN[matrix], attrgetter(matrix)
-    anew = compress(zip(some, others, strict=True), map(is_not, some, others))
-    return all(
-        plain(a) == plain(b) and matrix_of(a).tobytes() == matrix_of(b).tobytes() for a, b in anew
-    )
-
-
-_PLAIN = {
-    matrix: attrgetter(*(field.name for field in fields(kind) if field.name != matrix))
-    for kind, matrix in ((Light, "world_from_light"), (Instances, "world_from_object"))
-}
-"""By the name of a kind's matrix: all its other fields."""
-
-
-def _same_group(a: Instances, b: Instances) -> bool:
-    flags = ("geometry", "visible_camera", "visible_mirror", "visible_shadow")
-    same = all(getattr(a, name) == getattr(b, name) for name in flags)
-    return same and np.array_equal(a.world_from_object, b.world_from_object)
 
 
 def _nearest(scene: Scene, camera: Camera) -> float:

@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 
 from ... import engine
-from ...engine.scene import Camera, Scene
+from ...engine.scene import Camera, Scene, SceneDelta
 from ..export import ExportError
 from ..export.darkness import darkness
 from ..export.light_groups import LightGroups
@@ -26,7 +26,6 @@ from ..export.sync.incremental import NO_CAMERA, shown_in
 from ..render import statistics
 from ..ui.properties import tracer_notes, viewport_settings_from
 from . import bounds, status, timer
-from .bounds import same_content, same_places
 from .draw import Picture, as_colors
 from .pacing import Motion, Pacer
 from .sharing import SharedExport, export_of
@@ -105,6 +104,7 @@ class Session:
         self._pacer = Pacer()
         self._motion = Motion()
         self.content: Scene | None = None
+        self._delta: SceneDelta | None = None  # from the content before
         self._settings: engine.Settings | None = None
         self._wishes: _Wishes | None = None
         self._shown_pass = "Combined"
@@ -150,9 +150,11 @@ class Session:
             core=tracer_notes(depsgraph.scene.glint.final.backend),
             light=darkness(content),
         )
-        if self._shows(content, wishes):
+        known = self._export.delta(**asked)
+        delta = self.content and SceneDelta.between(self.content, content, known)
+        if self._shows(delta, wishes):
             return  # another object is selected, or the display transform is another
-        self.content, self._wishes = content, wishes
+        self.content, self._wishes, self._delta = content, wishes, delta
         self._settings, self._shown_pass = wishes.settings, wishes.shown_pass
         if self._view is not None and context.region_data.view_perspective != "CAMERA":
             # it is most likely as it was, and Blender takes a while until it draws
@@ -160,13 +162,13 @@ class Session:
         else:
             self._view = None
 
-    def _shows(self, content: Scene, wishes: _Wishes) -> bool:
+    def _shows(self, delta: SceneDelta | None, wishes: _Wishes) -> bool:
         """Whether the pictures that are there, or were asked for, are of this."""
         return (
-            self.content is not None
+            delta is not None
             and self.live.error is None
             and wishes == self._wishes
-            and same_content(content, self.content)
+            and delta.keeps_content
         )
 
     def draw(
@@ -197,7 +199,7 @@ class Session:
         timer.forget(self)
         self.live.close()
         self._later = []
-        self.content = self._traced = self._export = None
+        self.content = self._delta = self._traced = self._export = None
         self._pictures.clear()
 
     @property
@@ -302,12 +304,16 @@ class Session:
         """
         if self._traced is None or self._traced[0] != view.key:
             return False
-        return same_places(self._traced[1], self.content)
+        return self._since_traced.keeps_places
 
     def _bounces_anew(self) -> bool:
         """Whether it takes time to find out how light bounces before there is an exact picture."""
-        known = self._traced is not None and same_content(self._traced[1], self.content)
+        known = self._traced is not None and self._since_traced.keeps_content
         return self._settings.lighting["bounces"] > 0 and not known
+
+    @property
+    def _since_traced(self) -> SceneDelta:
+        return SceneDelta.between(self._traced[1], self.content, self._delta)
 
     def _scene(self, camera: Camera) -> Scene:
         return replace(self.content, camera=bounds.stepped_up(camera, self.content))
@@ -324,13 +330,14 @@ class Session:
             self._target(view, "DRAFT", divisor),
             keep_first_wave=True,
             exact=False,
+            delta=self._delta,
         )
 
     def _once(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         """One sample of every pixel, with the trees that are there."""
         settings = replace(self._first_settings, region=view.border)
         return engine.Task(
-            scene, settings, self._target(view, "FULL"), keep_first_wave=keep, exact=False
+            scene, settings, self._target(view, "FULL"), keep, exact=False, delta=self._delta
         )
 
     @property
@@ -351,6 +358,7 @@ class Session:
             replace(self._settings, region=view.border),
             self._target(view, "FULL"),
             keep_first_wave=keep,
+            delta=self._delta,
         )
 
     def _frame(self, view: View) -> engine.Task:
@@ -367,6 +375,7 @@ class Session:
             replace(self.content, camera=view.frame.camera),
             replace(self._settings, region=region),
             self._target(view, "FRAME"),
+            delta=self._delta,
         )
 
     def _target(self, view: View, stage: str, divisor: int = 1) -> _Target:

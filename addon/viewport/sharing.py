@@ -7,7 +7,7 @@ from __future__ import annotations
 import weakref
 from typing import Any
 
-from ...engine.scene import Camera, Scene
+from ...engine.scene import Camera, Scene, SceneDelta
 from ..export.sync.incremental import LiveExport
 from . import timer
 
@@ -30,6 +30,10 @@ class SharedExport:
             self._export.hear(depsgraph)
         self._told.add(viewer)
         return self._export.scene(depsgraph, camera, **wishes)
+
+    def delta(self, **wishes: Any) -> SceneDelta | None:
+        """As of `LiveExport`."""
+        return self._export.delta(**wishes)
 
     def notes(self, **wishes: Any) -> tuple[str, ...]:
         """What could not be exported as it is, of the scene that a viewer with these wishes was

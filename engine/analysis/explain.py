@@ -226,6 +226,9 @@ def _light_lines(term: LightTerm) -> Iterator[str]:
     if term.n_dot_l <= 0:
         yield "  it shines from behind"
         return
+    if term.bump_shadow == 0:
+        yield "  it shines from behind the surface that is bumped"
+        return
     blocked = (
         f", blocked by '{term.blocker}' at {term.blocker_distance:.6g}" if term.blocker else ""
     )
@@ -233,6 +236,8 @@ def _light_lines(term: LightTerm) -> Iterator[str]:
         f"  k_d I n·l = {_rgb(term.diffuse)}, k_s I (n·h)^p = {_rgb(term.specular)}, S = "
         f"{_rgb(term.shadow)}{blocked}"
     )
+    if term.bump_shadow != 1:
+        yield f"  bumps leave {term.bump_shadow:.6g} of it to what is matt"
 
 
 def _rgb(values: tuple[float, ...]) -> str:

@@ -226,6 +226,8 @@ class _Surfaces:
             outside=np.full(len(primitive), sign > 0),
             offset=np.zeros(len(primitive)),
             mesh_n=g,
+            unbent=np.zeros_like(g),
+            bump=np.zeros(len(primitive)),
             far=np.zeros(len(primitive)),
             past=np.array([[1.0], [0.0], [0.0], [0.0]]).repeat(len(primitive), 1),
         )

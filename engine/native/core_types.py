@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 45
+ABI_VERSION = 47
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -84,6 +84,13 @@ class LobeKind(IntEnum):
 class Fresnel(IntEnum):
     DIELECTRIC = 1
     SCHLICK = 2
+
+
+class BumpShadowing(IntEnum):
+    NONE = 0
+    SIDES = 1
+    CHIANG = 2
+    GGX = 3
 
 
 class LightKind(IntEnum):
@@ -293,7 +300,8 @@ class LobeData(Structure):
     _fields_ = [
         *_each(c_double, "exponent ior masking"),
         *_each(c_uint32, "first_input input_count"),
-        *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot fibre_slot"),
+        *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot fibre_slot normal_slot"),
+        *_each(c_int32, "reserved"),
     ]
 
 
@@ -302,7 +310,7 @@ class MaterialData(Structure):
         *_each(c_uint32, "first_lobe lobe_count"),
         *_each(c_int32, "index program normal"),
         *_each(c_uint32, "crypto"),
-        *_each(c_int32, "aov medium"),
+        *_each(c_int32, "aov medium bump_shadowing base_normal"),
     ]
 
 

@@ -5,12 +5,13 @@ anew.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 from .. import native
 from ..film import Film
 from ..sampling.motion import is_moving
 from ..scene import Light, Openings, Scene, left_out
+from ..scene.delta import SceneDelta
 from ..scene.view_axes import ViewAxes, narrow_view_axes
 from ..settings import Settings
 from .core_types import State
@@ -38,13 +39,6 @@ class _Held:
     exact: bool
 
 
-def _same_but_camera(a: Scene, b: Scene) -> bool:
-    """Whether two scenes are made of the very same values otherwise."""
-    return all(
-        getattr(a, f.name) is getattr(b, f.name) for f in fields(Scene) if f.name != "camera"
-    )
-
-
 class NativeLive:
     """One scene in the core, and renders of it. For one thread."""
 
@@ -63,12 +57,14 @@ class NativeLive:
         exact: bool,
         should_stop: Callable[[], bool],
         on_film: Callable[[Film, bool], None],
+        delta: SceneDelta | None = None,
     ) -> None:
         """Draw `scene`; `on_film` gets every wave that there is time to read, and True with the
         last. Raises as `native.render_native`.
 
         exact: the bits of `native.render_native`. Else trees may be those of another place of the
-        camera, and what moved has its own.
+        camera, and what moved has its own.  delta: from a scene before to this one, where there is
+        one.
         """
 
         def give(film: Film, final: bool) -> None:
@@ -79,7 +75,7 @@ class NativeLive:
                 final,
             )
 
-        scene = self._lit(scene, settings, exact)
+        scene = self._lit(scene, settings, exact, delta)
         if is_moving(scene):  # every sample is of a scene of its own: there is nothing to keep
             film = native.render_native(
                 scene, settings, should_stop, on_wave=lambda film: on_film(film, False)
@@ -87,7 +83,7 @@ class NativeLive:
             if film.complete:
                 give(film, True)
             return
-        held = self._hold(scene, exact)
+        held = self._hold(scene, exact, delta)
         plan = pack_settings(held.told, settings, waves="SEEN", remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
             self._run(
@@ -105,14 +101,15 @@ class NativeLive:
         should_stop: Callable[[], bool],
         on_progress: Callable[[float], None] = lambda fraction: None,
         on_wave: Callable[[Film], None] | None = None,
+        delta: SceneDelta | None = None,
     ) -> Film:
         """`native.render_native` on the scene that is held: the same bits and the same work, so
-        that its time and rays can be told.
+        that its time and rays can be told. delta: as of `render`.
         """
-        scene = self._lit(scene, settings, exact=True)
+        scene = self._lit(scene, settings, True, delta)
         if is_moving(scene):
             return native.render_native(scene, settings, should_stop, on_progress, on_wave)
-        held = self._hold(scene, exact=True)
+        held = self._hold(scene, True, delta)
         plan = pack_settings(held.told, settings, "UNSEEN" if on_wave is None else "HELD")
         with native._render(self._core, held.handle, plan.data) as job:
             render = native._Render(self._core, job, scene, settings, held.axes)
@@ -128,7 +125,9 @@ class NativeLive:
     # --- scenes
     # ----------------------------------------------------------------------------------------------
 
-    def _lit(self, scene: Scene, settings: Settings, exact: bool) -> Scene:
+    def _lit(
+        self, scene: Scene, settings: Settings, exact: bool, delta: SceneDelta | None
+    ) -> Scene:
         """The scene as the settings want it lit, the same value for the same. exact: else light
         bounces, and comes through openings, as in the last picture that was: to find out anew takes
         longer than a redraw.
@@ -137,7 +136,7 @@ class NativeLive:
         if asked is not None and asked[1] == lighting and asked[2] >= exact:
             if asked[0] is scene:
                 return asked[3]
-            if _same_but_camera(asked[0], scene):  # nothing of the lights is of the camera
+            if SceneDelta.between(asked[0], scene, delta).keeps_content:  # no light is the camera's
                 lit = replace(asked[3], camera=scene.camera)
                 self._asked = (scene, *asked[1:3], lit)
                 return lit
@@ -157,7 +156,7 @@ class NativeLive:
         self._asked = (scene, lighting, exact, lit)
         return lit
 
-    def _hold(self, scene: Scene, exact: bool) -> _Held:
+    def _hold(self, scene: Scene, exact: bool, delta: SceneDelta | None) -> _Held:
         """The scene in the core: the one that is there, or one that takes over from it what has not
         changed.
         """
@@ -166,7 +165,7 @@ class NativeLive:
             return before
         axes = narrow_view_axes(scene.camera)
         told = axes.scene(scene) if axes else scene
-        packed = self._packer.pack(told)
+        packed = self._packer.pack(told, delta)
         base = before.handle if before is not None else None
         handle = native.created(self._core, packed.data, base, exact)
         self.close()

@@ -7,8 +7,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import compress, count
-from operator import is_not
 from typing import Any
 
 import numpy as np
@@ -34,6 +32,7 @@ from ..scene import (
     Strands,
     Texture,
 )
+from ..scene.delta import Numbers, SceneDelta, differing
 from ..scene.panorama import Eye, Panorama
 from . import core_types
 from .packer import Packed, Packer, address, number
@@ -59,20 +58,21 @@ class _Part:
 
 
 class ScenePacker:
-    """Packs scene after scene: tables of values that are the very same as those of the scene before
-    are not made again.
+    """Packs scene after scene: tables of what is as it was in the scene before are not made again.
 
     What was packed stays as it is: tables are copied before rows of them change.
     """
 
     def __init__(self) -> None:
         self._names: dict[str, int] = {}
+        self._scene = Scene(None)
         self._parts: dict[str, _Part] = {}
         self._nobodys: tuple[tuple, Material] | None = None
         self._lit_by: dict[tuple[Program, int], Material] = {}
 
-    def pack(self, scene: Scene) -> Packed:
-        """As `pack_scene`."""
+    def pack(self, scene: Scene, known: SceneDelta | None = None) -> Packed:
+        """As `pack_scene`. known: as `SceneDelta.between` has it."""
+        delta = SceneDelta.between(self._scene, scene, known)
         data = core_types.SceneData(camera=pack_camera(scene.camera))
         data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
         data.transparent, mist = scene.world.transparent, scene.world.mist
@@ -83,26 +83,24 @@ class ScenePacker:
         data.world_light_group = 1 + scene.world.light_group
         data.mist_falloff = number(mist.falloff, core_types.Mist, "mist falloff")
         data.world_axes[:] = np.asarray(scene.world.axes, np.float64).T.reshape(9)
+        materials = (
+            *scene.materials,
+            *aov_materials(scene),
+            *self._carriers(scene),
+            *self._sky(scene),
+        )
+        place = functools.partial(_instances, self._names, delta.how)
         parts = {
-            "geometries": self._part("geometries", scene.geometries, self._geometries),
-            "materials": self._part(
-                "materials",
-                (
-                    *scene.materials,
-                    *aov_materials(scene),
-                    *self._carriers(scene),
-                    *self._sky(scene),
-                ),
-                self._materials,
+            "geometries": self._part(
+                "geometries", scene.geometries, self._geometries, delta.geometries
             ),
-            "textures": self._part("textures", _all_textures(scene), _textures),
-            "lights": self._part("lights", scene.lights, _lights),
-            "emitters": self._part("emitters", _all_emitters(scene), _emitters),
-            "instances": self._part(
-                "instances", scene.instances, functools.partial(_instances, self._names)
-            ),
+            "materials": self._derived("materials", materials, self._materials),
+            "textures": self._derived("textures", _all_textures(scene), _textures),
+            "lights": self._part("lights", scene.lights, _lights, delta.lights),
+            "emitters": self._derived("emitters", _all_emitters(scene), _emitters),
+            "instances": self._part("instances", scene.instances, place, delta.instances),
         }
-        self._parts = parts
+        self._scene, self._parts = scene, parts
         parts = {**parts, "lights": _with_programs(scene, parts)}
         if self._sky(scene):
             sky = parts["materials"].tables["materials"][-1]
@@ -150,16 +148,24 @@ class ScenePacker:
         return (self._nobodys[1],)
 
     def _part(
-        self, name: str, source: tuple, make: Callable[[tuple, _Part | None, list[int]], _Part]
+        self,
+        name: str,
+        source: tuple,
+        make: Callable[[tuple, _Part | None, tuple[int, ...]], _Part],
+        changed: Numbers,
     ) -> _Part:
         before = self._parts.get(name)
-        if before is None or len(before.source) != len(source):
-            return make(source, None, [])
-        changed = list(compress(count(), map(is_not, source, before.source)))
+        if before is None or changed is None:
+            return make(source, None, ())
         return make(source, before, changed) if changed else before
 
+    def _derived(self, name: str, source: tuple, make: Callable) -> _Part:
+        """Of values that are gathered from several places of the scene."""
+        before = self._parts.get(name)
+        return self._part(name, source, make, before and differing(before.source, source))
+
     def _geometries(
-        self, geometries: tuple[Geometry, ...], before: _Part | None, changed: list[int]
+        self, geometries: tuple[Geometry, ...], before: _Part | None, changed: tuple[int, ...]
     ) -> _Part:
         if before is not None:
             others = {k: _PackedGeometry(geometries[k], self._names) for k in changed}
@@ -180,7 +186,7 @@ class ScenePacker:
         )
 
     def _materials(
-        self, materials: tuple[Material, ...], before: _Part | None, changed: list[int]
+        self, materials: tuple[Material, ...], before: _Part | None, changed: tuple[int, ...]
     ) -> _Part:
         packer = Packer(names=self._names)
         numbers = {id(material): 1 + k for k, material in enumerate(materials)}
@@ -256,7 +262,9 @@ def _patched_geometries(
     return _Part(geometries, tables, lent)
 
 
-def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list[int]) -> _Part:
+def _textures(
+    textures: tuple[Texture, ...], before: _Part | None, changed: tuple[int, ...]
+) -> _Part:
     packer = Packer()
     return _Part(
         textures,
@@ -265,7 +273,7 @@ def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list
     )
 
 
-def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int]) -> _Part:
+def _lights(lights: tuple[Light, ...], before: _Part | None, changed: tuple[int, ...]) -> _Part:
     sizes = [len(light.emitters.corners) if light.emitters else 0 for light in lights]
     firsts = np.cumsum([0, *sizes]).tolist()
     rows = [
@@ -284,7 +292,9 @@ def _all_emitters(scene: Scene) -> tuple[Emitters, ...]:
     return tuple(light.emitters for light in scene.lights if light.emitters is not None)
 
 
-def _emitters(emitters: tuple[Emitters, ...], before: _Part | None, changed: list[int]) -> _Part:
+def _emitters(
+    emitters: tuple[Emitters, ...], before: _Part | None, changed: tuple[int, ...]
+) -> _Part:
     """Of the MESH lights, one after the other."""
     tables = [np.zeros(len(light.corners), np.dtype(core_types.EmitterData)) for light in emitters]
     for light, table in zip(emitters, tables, strict=True):
@@ -443,14 +453,15 @@ def _polygons(packer: Packer, polygons: Polygons) -> dict[str, Any]:
 
 def _instances(
     names: dict[str, int],
+    how: frozenset[str],
     groups: tuple[Instances, ...],
     before: _Part | None,
-    changed: list[int],
+    changed: tuple[int, ...],
 ) -> _Part:
     """One array of matrices and one of materials for all groups; a scene's only group lends its
-    own.
+    own.  how: the changed ones differ from those before.
     """
-    if before is not None and all(_differ_in_place(groups[k], before.source[k]) for k in changed):
+    if before is not None and how <= {"world_from_object"} and _fit(groups, before, changed):
         return _moved_instances(groups, before, changed)
     packer = Packer(names=names)
     matrices = [np.asarray(group.world_from_object) for group in groups]
@@ -505,15 +516,15 @@ def _instance_values(
     }
 
 
-def _differ_in_place(a: Instances, b: Instances) -> bool:
-    """Whether two groups are as many placements of the same."""
-    alike = a.materials == b.materials and _group(a, 0, 0, 0) == _group(b, 0, 0, 0)
-    alike = alike and a.values.keys() == b.values.keys()
-    alike = alike and all(np.array_equal(rows, b.values[name]) for name, rows in a.values.items())
-    return alike and np.shape(a.world_from_object) == np.shape(b.world_from_object)
+def _fit(groups: tuple[Instances, ...], before: _Part, changed: tuple[int, ...]) -> bool:
+    """Whether as many rows were there before."""
+    counts = before.tables["instances"]["row_count"]
+    return all(np.shape(groups[k].world_from_object) == (counts[k], 3, 4) for k in changed)
 
 
-def _moved_instances(groups: tuple[Instances, ...], before: _Part, changed: list[int]) -> _Part:
+def _moved_instances(
+    groups: tuple[Instances, ...], before: _Part, changed: tuple[int, ...]
+) -> _Part:
     matrices = before.tables["world_from_object"].copy()
     first_rows = before.tables["instances"]["first_row"]
     for k in changed:

@@ -9,7 +9,7 @@ from ..program.operations import Reference
 from ..program.program import Instruction, Program, instructions
 from ..program.table import CODES
 from ..scene import Input, Material, Medium
-from .core_types import Channel, Fresnel, LobeKind
+from .core_types import BumpShadowing, Channel, Fresnel, LobeKind
 from .packer import Packer, number
 
 
@@ -33,6 +33,8 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
                 _slot(outputs, lobe.masking_output),
                 _slot(outputs, lobe.ior_output),
                 _slot(outputs, lobe.fibre_output),
+                _slot(outputs, lobe.normal_output),
+                0,
             )
         )
         packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])
@@ -45,6 +47,8 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
         id_bits(material.name),
         aov,
         _medium(packer, material.medium) if material.medium is not None else 0,
+        number(material.bump_shadowing, BumpShadowing, "bump shadowing"),
+        _slot(outputs, material.base_normal_output),
     )
 
 

@@ -12,6 +12,7 @@ from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
 from . import catchers
+from .bumps import bump_shadow
 from .camera import Spread
 from .gathering import gathering, seen_lobes
 from .generations import reflected
@@ -46,6 +47,8 @@ class LightTerm:
     blocker_distance: how far it is. diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p,
     before the shadow. Directions drawn from narrow highlights are samples too, without diffuse
     light; both kinds have a share of the highlight. group: name of its light group, "" for none.
+    bump_shadow: the share that matt lobes get for the bumps that the normal is of; 0 where these
+    hide all.
     """
 
     light: str
@@ -61,6 +64,7 @@ class LightTerm:
     diffuse: Numbers
     specular: Numbers
     group: str = ""
+    bump_shadow: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -372,13 +376,16 @@ class Explainer:
         glossy = source.has_highlights
         through = coefficients.lets_through() if glossy else False
         sample = replace(sample, leaves=through is not False)
+        if glossy:
+            through = through | coefficients.turned_to(sample.direction)
         reached = sample.reaches(surface.g, surface.n, through)
-        reached &= lighting.lights(source, surface)
+        hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, sample.direction)
+        reached &= lighting.lights(source, surface) & ~hidden
         lit = reached[0] and intensity.any()
         specular = sum(
             (
                 term.k[:, 0] * self._highlight(surface, sample, term)
-                for term in (coefficients.highlights if glossy and n_dot_l > 0 else ())
+                for term in (coefficients.highlights if glossy else ())
             ),
             np.zeros(3),
         )
@@ -392,6 +399,7 @@ class Explainer:
         specular = specular + even * max(n_dot_l, 0.0) * far
         matt = matt_lobes(surface, coefficients, seen, sample.direction)
         diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) * far + matt[:, 0]
+        diffuse = share * diffuse
         shadow, blocker, distance = (
             self._shadow(surface, source, sample, coefficients.fibres if glossy else [])
             if lit
@@ -411,6 +419,7 @@ class Explainer:
             diffuse=_numbers(diffuse * intensity if lit else np.zeros(3)),
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
             group=self._group(sample.group_of(source)),
+            bump_shadow=0.0 if hidden[0] else float(share[0]),
         )
 
     def _highlight(self, surface: Surface, sample: LightSample, term: Term) -> float:

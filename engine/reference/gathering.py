@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..scene import Strands
+from .bumps import bump_shadow
 from .gloss import even_gloss
 from .lights import LightPoint
 from .materials import Coefficients
@@ -37,17 +38,19 @@ def gathering(
     """Rays from the points that throw light back as what is matt does."""
     if not stage.gathers(paths):
         return []
-    k = coefficients.diffuse.copy()
+    gloss = np.zeros_like(coefficients.diffuse)
     if stage.lighting.shows_gloss:
-        k += even_gloss(dot(surface.n, surface.v), coefficients.highlights)
+        gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights)
     points = stage.gather_points(sample)
     past = {"reflections": paths.reflections + 1, "glossy": True, "gathers": True}
     result = []
     for point in points:
         d = _direction(surface.n, point)
+        hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
+        k = np.where(hidden, 0.0, share * coefficients.diffuse + gloss)
         go = np.flatnonzero(k.any(0) & (dot(d, surface.g) > 0))
-        some, share = surface.take(go), pick(k, go) / len(points)
-        found = leaving(paths, hit[go], some, pick(d, go), share, 0.0)
+        some, given = surface.take(go), pick(k, go) / len(points)
+        found = leaving(paths, hit[go], some, pick(d, go), given, 0.0)
         rays = replace(found.rays, far=np.full(len(found), stage.reach))
         result.append(replace(found, rays=rays, **past))
     return [found for found in result if len(found)]

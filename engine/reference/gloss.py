@@ -74,7 +74,7 @@ class Narrow:
                 0.0,
             )
             if k.any():
-                self._terms.append((term.index, k, term.exponent))
+                self._terms.append((term.index, k, term.exponent, term.normals(surface)))
                 self._total[term.index] += k / (term.exponent + 1)
 
     def __bool__(self) -> bool:
@@ -86,11 +86,9 @@ class Narrow:
         """
         towards, density = self._surface.v.copy(), np.zeros(len(self._surface))
         towards[:, seen] = direction
-        for index, k, exponent in self._terms:
+        for index, k, exponent, n in self._terms:
             l = pick(towards, index)  # noqa: E741, the notes' letter
-            density[index] += k * blinn_phong(
-                pick(self._surface.n, index), pick(self._surface.v, index), l, exponent
-            )
+            density[index] += k * blinn_phong(n, pick(self._surface.v, index), l, exponent)
         size = length(self._surface.v + towards) * self._total
         spread = 4 * np.pi * size
         found = np.divide(density, spread, out=np.zeros_like(size), where=size > 0)[seen]
@@ -103,15 +101,16 @@ class Narrow:
         x, y = point.disc
         at = (x * x + y * y) * self._total
         before, rest, exponent = np.zeros_like(at), np.zeros_like(at), np.zeros_like(at)
-        for index, k, p in self._terms:
+        axis = self._surface.n.copy()
+        for index, k, p, n in self._terms:
             part = k / (p + 1)
             here = (part > 0) & (at[index] >= before[index])
             chosen = index[here]
             rest[chosen] = (at[chosen] - before[chosen]) / part[here]
-            exponent[chosen] = taken(p, here)
+            exponent[chosen], axis[:, chosen] = taken(p, here), n[:, here]
             before[index] += part
         v = self._surface.v
-        h = half_vector(self._surface.n, point, np.minimum(rest, 1 - 2.0**-53), exponent)
+        h = half_vector(axis, point, np.minimum(rest, 1 - 2.0**-53), exponent)
         cosine = dot(v, h)
         return 2 * cosine * h - v, (self._total > 0) & (cosine > 0), exponent
 

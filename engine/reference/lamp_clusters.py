@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..lights.lamps import cluster_levels
+from .bumps import bump_shadow
 from .lights import Source
 from .materials import Term
 from .surface import Surface
@@ -115,7 +116,7 @@ class LampClusters:
         for term in terms:
             exponent = np.where(term.k.any(0), term.exponent, 0.0)
             far2[term.index] = np.maximum(far2[term.index], exponent)
-        none = np.zeros((3, len(surface)))
+        none, bumpy = np.zeros((3, len(surface))), surface.unbent.any(0)
         start = FarLight(np.zeros(len(surface), bool), none, none, none[0])
 
         def walk(
@@ -124,6 +125,7 @@ class LampClusters:
             to = cluster.middle - surface.x
             z = dot(surface.n, to)
             ok = open_ & (dot(to, to) >= cluster.radius2 * far2) & (z * z > cluster.radius2)
+            ok &= ~bumpy | (dot(surface.unbent, to) ** 2 > cluster.radius2)
             if ok.any():
                 far = replace(far, seen=far.seen | ok)
                 front = np.flatnonzero(ok & (z > 0))
@@ -161,7 +163,9 @@ def _given(
     intensity = 1 / (4 * np.pi**2 * d * d)
     matt, highlights = lobes(front, l)
     cosines = np.maximum(cosine + _beside(cluster, n, l, cosine, d), 0.0)
-    matt = cosines * pick(diffuse, front) + matt
+    hidden, share = bump_shadow(n, pick(surface.unbent, front), surface.bump[front], l)
+    matt = np.where(hidden, 0.0, share * (cosines * pick(diffuse, front) + matt))
+    highlights = np.where(hidden, 0.0, highlights)
     return intensity * cosine, intensity * matt, intensity * highlights
 
 

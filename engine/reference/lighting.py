@@ -12,6 +12,7 @@ import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
+from .bumps import bump_shadow
 from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
@@ -260,8 +261,15 @@ class Lighting:
             )
 
         apart = np.zeros(len(surface), bool)
-        for term in coefficients.fibres:
-            apart[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
+        turned = [term for term in coefficients.highlights if term.normal is not None]
+        for term in (*coefficients.fibres, *turned):
+            has = np.broadcast_to(term.k, (3, len(term.index))).any(0)
+            other = (
+                True
+                if term.normal is None
+                else (term.normals(surface) != pick(surface.n, term.index)).any(0)
+            )
+            apart[term.index] |= has & other
         yield from self._clusters.lights(
             surface, coefficients.highlights, coefficients.diffuse, given, apart, lobes
         )
@@ -389,10 +397,14 @@ class Lighting:
         is_drawn = diffuse is not coefficients.diffuse
         glossy = source.has_highlights
         through = coefficients.lets_through() if glossy and not is_drawn else False
-        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n, through))
+        leaves = through is not False
+        if glossy:
+            through = through | coefficients.turned_to(sample.direction)
+        hidden, matt = bump_shadow(surface.n, surface.unbent, surface.bump, sample.direction)
+        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n, through) & ~hidden)
         if not source.color.any():
             seen = seen[:0]
-        chosen = replace(sample.taken(seen), inner=None, leaves=through is not False)
+        chosen = replace(sample.taken(seen), inner=None, leaves=leaves)
         light = chosen.light_of(source)
         terms = coefficients.highlights if glossy else []
         front = cosine[seen] > 0
@@ -400,8 +412,9 @@ class Lighting:
         diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0) * far
         if not is_drawn:
             diffuse = diffuse + matt_lobes(surface, coefficients, seen, chosen.direction) * light
+            diffuse = matt[seen] * diffuse
         specular = (
-            np.where(front, highlights(surface, terms, seen, chosen.direction), 0.0)
+            highlights(surface, terms, seen, chosen.direction)
             * light
             * balance(narrow, seen, chosen)
         )
@@ -435,10 +448,11 @@ def highlight(
     l: Array,  # noqa: E741, the notes' letter
 ) -> Array:
     """(m,) max(0, n·h)^p of a SPECULAR lobe with all that it is times, at the places `chosen` (m,)
-    of the term's points, for points with n·l > 0.
+    of the term's points; 0 where n·l is not above 0. n: the points', where it has none of its own.
     """
     lobe = term.lobe
-    return blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
+    n = n if term.normal is None else term.normal[:, chosen]
+    power = blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
         n,
         v,
         l,
@@ -447,6 +461,7 @@ def highlight(
         lobe.fresnel,
         lobe.schlick,
     )
+    return np.where(dot(n, l) > 0, power, 0.0)
 
 
 def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 from ..cryptomatte import id_bits
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
+from .bumps import bump_of, lifted
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
@@ -39,7 +40,8 @@ class Term:
     """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m).
 
     exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
-    number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.
+    number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.  normal: (3, m) normals of its
+    own, None where they are those of the points.
     """
 
     index: Array
@@ -49,6 +51,11 @@ class Term:
     masking: Array | float
     ior: Array | float
     fibre: Array | None = None
+    normal: Array | None = None
+
+    def normals(self, surface: Surface) -> Array:
+        """(3, m) shading normals at its points."""
+        return pick(surface.n, self.index) if self.normal is None else self.normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +98,17 @@ class Coefficients:
                 found[term.index] |= term.k.any(0)
         return found
 
+    def turned_to(self, direction: Array) -> Array:
+        """(n,) bool: where highlights with normals of their own see what is in these directions
+        (3, n).
+        """
+        found = np.zeros(self.diffuse.shape[1], bool)
+        for term in self.highlights:
+            if term.normal is not None:
+                is_before = dot(term.normal, pick(direction, term.index)) > 0
+                found[term.index] |= is_before & term.k.any(0)
+        return found
+
     def albedo(self) -> Array:
         """(3, n): about what of even light the points give back; mirrors and glass without what
         Fresnel says.
@@ -109,6 +127,7 @@ class Shader:
         self._materials = (*scene.materials, DEFAULT)  # index -1 is the default
         self._attributes = attributes
         self.images = [Image(t) for t in scene.textures]
+        self._first_rod = geometry.first_rod
         self._around = Surroundings(attributes, self.images, geometry, scene.camera)
         self.has_programs = any(m.program is not None for m in scene.materials)
 
@@ -175,7 +194,9 @@ class Shader:
             else:
                 masking = _number(lobe.masking, lobe.masking_output, outputs)
                 ior = _index(lobe, outputs)
-                terms[lobe.kind].append(Term(index, k, lobe, exponent, masking, ior))
+                normal, k = self._turned(lobe, surface, index, k, outputs)
+                term = Term(index, k, lobe, exponent, masking, ior, normal=normal)
+                terms[lobe.kind].append(term)
 
         self._each_lobe(surface, kind, add, queries=queries)
         return Coefficients(
@@ -189,16 +210,43 @@ class Shader:
 
     def bent(self, surface: Surface, kind: str, queries: SceneQueries | None = None) -> Surface:
         """The surface with the shading normals that materials' programs give it."""
-        n = surface.n
+        if not any(self._materials[k].normal_output >= 0 for k in np.unique(surface.material)):
+            return surface
+        n, unbent, bump = surface.n.copy(), surface.unbent.copy(), surface.bump.copy()
+        strands = surface.primitive >= self._first_rod
         for material, index in self._by_material(surface):
             if material.normal_output < 0:
                 continue
             outputs = self._outputs(material, surface, index, kind, queries)
-            given = outputs[material.normal_output]
-            given = unit(np.where(np.isfinite(given), given, 0.0))
-            n = n.copy() if n is surface.n else n
-            n[:, index] = np.where(given.any(0), given, pick(surface.n, index))
-        return surface if n is surface.n else replace(surface, n=n)
+            mesh = pick(surface.n, index)
+            n[:, index] = _normal(outputs, material.normal_output, mesh)
+            if material.bump_shadowing == "NONE":
+                continue
+            base, here = _normal(outputs, material.base_normal_output, mesh), pick(n, index)
+            is_bent = (here != base).any(0) & ~strands[index]
+            unbent[:, index] = np.where(is_bent, base, 0.0)
+            bump[index] = bump_of(material.bump_shadowing, dot(base, here))
+        return replace(surface, n=n, unbent=unbent, bump=bump)
+
+    def _turned(
+        self, lobe: Lobe, surface: Surface, index: Array, k: Array, outputs: list[Array]
+    ) -> tuple[Array | None, Array]:
+        """A lobe's normals, None for those of the points, and k (3, m): 0 where microfacets are
+        turned away from the viewer.
+        """
+        material = self._materials[surface.material[index[0]]] if len(index) else DEFAULT
+        shines = lobe.is_glossy or lobe.kind in ("MIRROR", "REFRACTION")
+        is_micro = shines and material.program is not None and material.bump_shadowing != "NONE"
+        if lobe.kind == "SHEEN" or not (is_micro or lobe.normal_output >= 0):
+            return None, k
+        n, v = pick(surface.n, index), pick(surface.v, index)
+        n = _normal(outputs, lobe.normal_output, n)
+        if not is_micro:
+            return n, k
+        if material.bump_shadowing in ("CHIANG", "GGX"):
+            strands = surface.primitive[index] >= self._first_rod
+            n = np.where(strands, n, lifted(n, pick(surface.g, index), v))
+        return n, np.where(dot(n, v) > 0, np.broadcast_to(k, n.shape), 0.0)
 
     def aovs(
         self, surface: Surface, kind: str, count: int, queries: SceneQueries | None = None
@@ -308,6 +356,14 @@ def _tangents(lobe: Lobe, outputs: list[Array], count: int) -> Array:
         return np.zeros((3, count))
     given = np.broadcast_to(outputs[lobe.fibre_output], (3, count))
     return np.where(np.isfinite(given), given, 0.0)
+
+
+def _normal(outputs: list[Array], output: int, mesh: Array) -> Array:
+    """(3, m) a normal of the material's program, unit; the mesh's where it gives none."""
+    if output < 0:
+        return mesh
+    given = unit(np.where(np.isfinite(outputs[output]), outputs[output], 0.0))
+    return np.where(given.any(0), given, mesh)
 
 
 def _index(lobe: Lobe, outputs: list[Array]) -> Array | float:

@@ -58,7 +58,7 @@ def sheen(n: Array, v: Array, l: Array, width: Array | float, lean: Array | floa
     along v. For points with n·l > 0 (Zeltner, Burley, Chiang 2022, Practical multiple-scattering
     sheen using linearly transformed cosines).
     """
-    nl, nv = dot(n, l), np.clip(dot(n, v), 0.0, 1.0)
+    nl, nv = dot(n, l), np.minimum(dot(n, v), 1.0)
     sine2 = 1 - nv * nv
     safe = np.where(sine2 > 0, sine2, 1.0)
     along = np.where(sine2 > 0, (dot(l, v) - nl * nv) / np.sqrt(safe), 0.0)

@@ -148,17 +148,19 @@ def bounced(
     splits: it is to be known which surface they left first.
     """
     result = []
-    if coefficients.mirrors:
-        k = np.zeros((3, len(surface)))
+    for output in sorted({term.lobe.normal_output for term in coefficients.mirrors}):
+        k, n = np.zeros((3, len(surface))), surface.n.copy()
         for term in coefficients.mirrors:
-            add_at(k, term.index, term.k * _reflectance(surface, term))
+            if term.lobe.normal_output == output:
+                add_at(k, term.index, term.k * _reflectance(surface, term))
+                n[:, term.index] = term.normals(surface)
         go = np.flatnonzero(k.any(0))
-        some = surface.take(go)
+        some, n = surface.take(go), pick(n, go)
         result.append(
-            leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), pick(k, go), cutoff)
+            leaving(paths, hit[go], some, reflected(-some.v, n, some.g), pick(k, go), cutoff)
         )
     for term in coefficients.refractions:
-        some = surface.take(term.index)
+        some = replace(surface.take(term.index), n=term.normals(surface))
         index = relative_index(some, term.ior)
         d, passes = refracted(-some.v, some.n, some.g, index)
         rough = np.broadcast_to(np.asarray(term.exponent) > 0, passes.shape)
@@ -230,7 +232,7 @@ def reflected_by_lobes(
     if not narrow:
         return None
     d, drawn, exponent = narrow.draw(point)
-    go = np.flatnonzero(drawn & (dot(surface.n, d) > 0) & (dot(surface.g, d) > 0))
+    go = np.flatnonzero(drawn & (dot(surface.g, d) > 0))
     d, some = pick(d, go), surface.take(go)
     k = highlights(surface, terms, go, d) / (np.pi * narrow.density(go, d))
     own = np.exp2(np.clip(np.floor(np.log2(np.maximum(exponent[go], 1.0))), 0, 60))
@@ -269,7 +271,7 @@ def _reflectance(surface: Surface, term: Term) -> Array | float:
     if not term.lobe.fresnel:
         return 1.0
     some = surface.take(term.index)
-    return fresnel(np.abs(dot(some.v, some.n)), relative_index(some, term.ior))
+    return fresnel(np.abs(dot(some.v, term.normals(surface))), relative_index(some, term.ior))
 
 
 def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float) -> Paths:

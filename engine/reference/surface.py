@@ -42,8 +42,10 @@ class Surface(Spot):
     v: (3, n) unit, to the viewer.  start: (3, n) where shadow rays start.  outside: (n,) bool, the
     outer side is seen. offset: (n,) how far from the surface other rays must start to be clear of
     rounding.  row: (n,) of Placements.  mesh_n: (3, n) shading normals before materials'
-    programs bend them.  far: (n,) lengths of the rays that meet them.  past: (4, n) what these went
-    through, as `SurfacePoints.ray_depth` has it; a bounce where nobody says otherwise.
+    programs bend them.  unbent: (3, n) what the normals were bent from where bumps hide light, else
+    0; bump: (n,) how, as `bumps.bump_shadow` takes it.  far: (n,) lengths of the rays that meet
+    them.  past: (4, n) what these went through, as `SurfacePoints.ray_depth` has it; a bounce where
+    nobody says otherwise.
     """
 
     row: Array
@@ -55,6 +57,8 @@ class Surface(Spot):
     outside: Array
     offset: Array
     mesh_n: Array
+    unbent: Array
+    bump: Array
     far: Array
     past: Array
 
@@ -152,6 +156,8 @@ def _surface(
         outside=outside,
         offset=ULPS * reach,
         mesh_n=n,
+        unbent=np.zeros_like(n),
+        bump=np.zeros(len(depth)),
         far=length(x - o),
         past=np.repeat(_ONCE, len(depth), 1),
     )

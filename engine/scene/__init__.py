@@ -1,11 +1,14 @@
 """The scene as plain values, the checks that it passes and what the core drops of it.
 
-`model.py` has the values, all of which are imported from here; `problems.py` lists what is wrong
+`model.py` has the values, all of which are imported from here; `delta.py` has what changed from one
+scene to the next; `problems.py` lists what is wrong
 with a scene at the API boundary, with `checks.py` of single values; `left_out.py` names what the
 core drops; `view_axes.py` turns scenes into a narrow view's axes.
 """
 
+from .delta import SceneDelta, settled
 from .model import (
+    BUMP_SHADOWING,
     CAMERAS,
     CHANNELS,
     CORNER,
@@ -45,6 +48,7 @@ from .model import (
 )
 
 __all__ = [
+    "BUMP_SHADOWING",
     "CAMERAS",
     "CHANNELS",
     "CORNER",
@@ -77,8 +81,10 @@ __all__ = [
     "Openings",
     "Polygons",
     "Scene",
+    "SceneDelta",
     "Spheres",
     "Strands",
     "Texture",
     "World",
+    "settled",
 ]

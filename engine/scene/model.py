@@ -256,9 +256,11 @@ class Lobe:
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
     width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
     fans out round the tangent, 0 for as far as normals do.  fibre_output: of FIBRE lobes, the
-    output with the fibre's tangent in the world, as long as the fibre is thick there, 0
-    of what is no fibre; -1: all 0.  between_fibres: what it shows or lets through is light that
-    other fibres scattered: `Scene.as_lit` drops it where light does not bounce.
+    output with the fibre's tangent in the world, as long as the fibre is thick there, 0 of what is
+    no fibre; -1: all 0.  normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a
+    shading normal of their own in the world; where it is zero or not finite, or -1, they have the
+    point's.  between_fibres: what it shows or lets through is light that other fibres scattered:
+    `Scene.as_lit` drops it where light does not bounce.
     """
 
     kind: str
@@ -272,6 +274,7 @@ class Lobe:
     masking_output: int = -1
     ior_output: int = -1
     fibre_output: int = -1
+    normal_output: int = -1
     between_fibres: bool = False
 
     @property
@@ -340,6 +343,10 @@ class Medium:
         return a + x, b + y, c + z
 
 
+BUMP_SHADOWING = ("NONE", "SIDES", "CHIANG", "GGX")
+"""How light that a bent normal faces is hidden by what it was bent from (SEMANTICS.md, Light)."""
+
+
 @dataclass(frozen=True)
 class Material:
     """A surface is the sum of its lobes.
@@ -350,7 +357,9 @@ class Material:
     surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
     whose exponent is the number of the AOV.  medium: what fills the inside of what wears it, the
     first one of its materials that have any, its program's textures are the scene's; None for
-    nothing.
+    nothing.  bump_shadowing: one of `BUMP_SHADOWING`, with another normal than the mesh's; the
+    output base_normal_output is what that was bent from, the mesh's normal where it is -1, zero or
+    not finite.
     """
 
     name: str
@@ -360,6 +369,8 @@ class Material:
     normal_output: int = -1
     aovs: Material | None = None
     medium: Medium | None = None
+    bump_shadowing: str = "NONE"
+    base_normal_output: int = -1
 
     def of_single_fibres(self) -> Material:
         """Without what light between fibres shows; itself where there is nothing of it."""

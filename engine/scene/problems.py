@@ -35,6 +35,7 @@ from .checks import (
     whole,
 )
 from .model import (
+    BUMP_SHADOWING,
     CAMERAS,
     CHANNELS,
     CORNER,
@@ -444,7 +445,9 @@ def _material(textures: int, material: Material) -> Found:
         if given.aovs is not None:
             yield "aovs has AOVs of its own: use none"
         yield from (f"aovs: {text}" for text in _material(textures, replace(given, aovs=None)))
-    yield from handle("normal_output", material.normal_output, outputs, "outputs", none=True)
+    for name in ("normal_output", "base_normal_output"):
+        yield from handle(name, getattr(material, name), outputs, "outputs", none=True)
+    yield from one_of("bump_shadowing", material.bump_shadowing, BUMP_SHADOWING)
     yield from _medium(material.medium, textures)
     strangers = [*holds("lobes", material.lobes, (Lobe,))]
     yield from strangers
@@ -499,8 +502,9 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from strangers
     for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures, outputs)
-    for name in ("exponent_output", "masking_output", "ior_output", "fibre_output"):
-        yield from handle(name, getattr(lobe, name), outputs, "outputs", none=True)
+    for name in ("exponent", "masking", "ior", "fibre", "normal"):
+        output = getattr(lobe, f"{name}_output")
+        yield from handle(f"{name}_output", output, outputs, "outputs", none=True)
 
 
 def _input(factor: Input, textures: int, outputs: int) -> Found:

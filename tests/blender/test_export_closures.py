@@ -269,14 +269,20 @@ def test_a_sheen_whose_roughness_varies_is_that_of_each_point(scene, roughness):
 
 @pytest.mark.parametrize("linked", [("Normal",), ("Coat Normal",), ("Normal", "Coat Normal")])
 @pytest.mark.parametrize("coat", [0.0, 0.5])
-def test_a_coat_with_another_normal_is_told(scene, linked, coat):  # noqa: F811
+def test_a_coat_has_its_own_normal(scene, linked, coat):  # noqa: F811
     """An unlinked Coat Normal is the mesh's in Cycles, whatever lies below."""
-    shader = principled(Base_Color=RED, Coat_Weight=coat)
+    shader = principled(Base_Color=RED, Coat_Weight=coat, Coat_Roughness=0.4)
     bent = shader.node("ShaderNodeNormalMap")
     for name in linked:
         shader.link(bent, 0, shader.shader, name)
-    notes = shader.export()[0].notes
-    assert any("coat" in note for note in notes) == (coat > 0 and len(linked) == 1)
+    result, lobes = shader.export()
+    assert not result.notes
+    differs = coat > 0 and len(linked) == 1
+    assert {lobe.kind for lobe in lobes if lobe.normal_output >= 0} == (
+        {"SPECULAR"} if differs else set()
+    )
+    (material,) = (m for m in result.scene.materials if m.lobes == lobes)
+    assert (material.bump_shadowing != "NONE") == ("Normal" in linked or differs)
 
 
 def test_principled_metal(scene):  # noqa: F811

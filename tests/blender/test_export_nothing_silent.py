@@ -155,7 +155,8 @@ def _see_through() -> Shader:
 
 
 def _bent() -> Shader:
-    shader = Shader()
+    shader = Shader(shader="ShaderNodeBsdfGlossy")
+    shader.shader.inputs["Roughness"].default_value = 0.0
     shader.link(shader.node("ShaderNodeNormalMap"), 0, shader.shader, "Normal")
     shader.shader.inputs["Normal"].links[0].from_node.inputs["Color"].default_value = ODD
     shader.material.cycles.use_bump_map_correction = False

@@ -10,6 +10,7 @@ import pytest
 
 from export_support import export, link, scene, use_nodes  # noqa: F401
 from glint.addon.export.geometry import volumes
+from glint.addon.export.geometry.volume_files import check_whole
 from glint.engine import Settings, render
 from test_viewport_incremental import Follower
 from volume_files import NEEDED, fog_box, two_blobs, write_grids
@@ -94,14 +95,31 @@ def test_files_that_end_early_are_told(scene, tmp_path):  # noqa: F811
     whole = tmp_path / "whole.vdb"
     write_grids(whole, 0.5, (0, 0, 0), density=values)
     data = whole.read_bytes()
-    for share in (0.001, 0.03, 0.1, 0.5, 0.9, 0.999):  # in between the module reads an empty grid
-        path = tmp_path / f"{share}.vdb"
-        path.write_bytes(data[: int(share * len(data))])
+    for length in (len(data) // 2, len(data) - 1):  # further down Blender takes gigabytes
+        path = tmp_path / f"{length}.vdb"
+        path.write_bytes(data[:length])
         volume(str(path), principled())
         result = export()
-        assert found_notes("cannot be read", result), share
-        assert not media(result)
+        (note,) = found_notes("cannot be read", result)
+        assert "ends early" in note and not media(result)
         bpy.data.volumes.remove(bpy.data.volumes["Cloud"])
+
+
+@needs_module
+def test_headers_that_end_early_are_told(tmp_path):
+    """Without Blender, which itself takes gigabytes where some of them end."""
+    whole = tmp_path / "whole.vdb"
+    write_grids(whole, 0.5, (0, 0, 0), density=fog_box(4), heat=fog_box(4))
+    data, broken = whole.read_bytes(), tmp_path / "broken.vdb"
+    check_whole(str(whole))
+    for length in (*range(130), len(data) // 2, len(data) - 1):
+        broken.write_bytes(data[:length])
+        with pytest.raises(EOFError):
+            check_whole(str(broken))
+    for where in (57, 61, 65, 76, 96, 116):  # counts, lengths of texts, where a grid ends
+        broken.write_bytes(data[:where] + b"\xff\xff\xff\xfe" + data[where + 4 :])
+        with pytest.raises(EOFError):
+            check_whole(str(broken))
 
 
 @needs_module

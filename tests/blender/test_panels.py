@@ -198,7 +198,6 @@ def test_what_works_is_offered(told):
         "displacement_method",
         "use_transparent_shadow",
         "use_bump_map_correction",
-        "Correction is always on in Glint",
     ]
     assert told["lighting"] == [["use_scene_lights_render", True], ["use_scene_world_render", True]]
     assert [name for name, _ in told["pass"]] == ["viewport_pass"]

@@ -2,6 +2,7 @@
 export gives, bit for bit.
 """
 
+import copy
 import dataclasses
 import random
 
@@ -15,7 +16,7 @@ from glint.addon.export import export_scene
 from glint.addon.export.geometry.shapes import mark_sphere
 from glint.addon.export.sync import incremental
 from glint.addon.export.sync.incremental import LiveExport
-from glint.engine.scene import Camera, Mesh
+from glint.engine.scene import Camera, Mesh, SceneDelta
 
 CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4))
 
@@ -39,7 +40,13 @@ class Follower:
 
     def _update(self, _scene, depsgraph):
         self.heard = [(update.id.id_type, update.id.name) for update in depsgraph.updates]
+        before = copy.deepcopy(self.scene)
+        known = self.scene
         self.scene = self.live.update(depsgraph, CAMERA, passes=self.passes)
+        if known is not None:
+            delta = self.live.delta(self.passes)
+            assert delta == SceneDelta.between(known, self.scene, delta)
+            named_alone(delta, before, self.scene)
 
     def check(self):
         bpy.context.view_layer.update()
@@ -48,6 +55,19 @@ class Follower:
         assert set(self.live.notes(self.passes)) == {
             note for note in full.notes if "camera" not in note
         }
+
+
+def named_alone(delta, before, after):
+    """Values that the delta does not name are to the last bit what they were.
+
+    before: a copy, in which nothing follows what is written into the arrays of the scene.
+    """
+    for name in ("geometries", "instances", "materials", "textures", "lights"):
+        named = getattr(delta, name)
+        pairs = zip(getattr(before, name), getattr(after, name), strict=named is not None)
+        for k, (one, two) in enumerate(pairs if named is not None else ()):
+            assert k in named or same(one, two, f"{name}[{k}]")
+    assert delta.world or same(before.world, after.world, "world")
 
 
 def same(one, two, where):

@@ -16,9 +16,8 @@ from glint.addon.export import export as walked
 from glint.addon.render import statistics
 from glint.addon.ui import properties
 from glint.addon.viewport import draw, redraws, session, status
-from glint.addon.viewport.bounds import same_places
 from glint.addon.viewport.surroundings import Surroundings
-from glint.engine.scene import Instances, Light, Mesh, World
+from glint.engine.scene import Light, World
 
 SIZE = (64, 48)
 LONGEST = 60.0
@@ -274,6 +273,19 @@ def test_only_what_can_be_seen_asks_for_another_picture(watcher):
             assert same(watcher.session.live.newest.film, watcher.expected())
 
 
+def test_a_selection_asks_for_nothing_where_materials_read_objects(watcher):
+    shader = Shader("Personal")
+    shader.link(shader.node("ShaderNodeObjectInfo"), "Color", shader.shader, "Color")
+    watcher.edit(lambda: None)
+    assert any(group.values for group in watcher.session.content.instances)
+    before = watcher.session.requests
+    watcher.edit(lambda: shader.quad.select_set(not shader.quad.select_get()))
+    assert watcher.session.requests == before
+    watcher.edit(lambda: setattr(shader.quad, "color", (1, 0, 0, 1)))
+    assert watcher.session.requests > before
+    assert same(watcher.session.live.newest.film, watcher.expected())
+
+
 @pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="no core here")
 def test_a_brighter_lamp_traces_nothing(watcher):
     bpy.context.scene.glint.viewport.samples = 1
@@ -460,23 +472,6 @@ def test_surroundings_leave_all_else():
     assert Surroundings(False).around(plain).lights == lights[1:]
     around = Surroundings(True, studio).around(plain)
     assert around.world is studio and around.lights == lights[:1]
-
-
-def test_scenes_with_the_same_places():
-    """Other materials, lights and worlds are no other places; other matrices, geometries and
-    visibilities are.
-    """
-    mesh = Mesh("Mesh", np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32))
-    group = Instances("Mesh", 0, np.eye(4)[None, :3], ())
-    one = engine.Scene(None, (mesh,), (group,))
-    assert same_places(
-        one, replace(one, world=World((1, 1, 1)), instances=(replace(group, materials=(1,)),))
-    )
-    others = [{"world_from_object": 2 * group.world_from_object}, {"visible_shadow": False}]
-    assert not any(
-        same_places(one, replace(one, instances=(replace(group, **other),))) for other in others
-    )
-    assert not same_places(one, replace(one, geometries=(replace(mesh),)))
 
 
 def test_heat_grows_with_what_it_shows():

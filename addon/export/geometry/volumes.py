@@ -12,11 +12,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 
 from ....engine.scene import Mesh
 from ..report import Report
 from .meshes import MeshSource
+from .volume_files import check_whole
 
 BLOCK = 8
 """Voxels along a side of a block: what is empty all over one is passed in a step."""
@@ -78,6 +80,7 @@ class Volume:
     @cached_property
     def _types(self) -> dict[str, str]:
         with self._file() as path:
+            check_whole(path)
             return {g.name: g.valueTypeName for g in openvdb().readAllGridMetadata(path)}
 
     def grid(self, name: str) -> Grid | None:
@@ -179,8 +182,6 @@ _CORNERS = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 def openvdb() -> Any:
     """The module that Blender brings; None where it brings none."""
-    import bpy
-
     if hasattr(bpy.utils, "expose_bundled_modules"):
         bpy.utils.expose_bundled_modules()
     try:
@@ -196,7 +197,7 @@ def read_volume(data: Any, owner: Any, report: Report) -> Volume | None:
     """
     if openvdb() is None:
         report.note(
-            "Volume objects need the OpenVDB module that Blender 5.0 brings: {} are left out here; "
+            "Volume objects need the OpenVDB module that Blender 4.5 brings: {} are left out here; "
             "convert them to meshes",
             owner.name,
         )
@@ -207,8 +208,7 @@ def read_volume(data: Any, owner: Any, report: Report) -> Volume | None:
             "OpenVDB files",
             owner.name,
         )
-    data.grids.load()
-    path = data.grids.frame_filepath or data.filepath
+    path = _frame_path(data)
     if not path:
         report.note(
             "Volume objects without a file are left out: {}; write them to OpenVDB files",
@@ -227,8 +227,16 @@ def read_volume(data: Any, owner: Any, report: Report) -> Volume | None:
     return found
 
 
+def _frame_path(data: Any) -> str:
+    """The file of the frame; Blender tells that of a sequence once it has tried to read it."""
+    if not data.is_sequence:
+        return bpy.path.abspath(data.filepath, library=data.original.library)
+    data.grids.load()
+    return data.grids.frame_filepath or data.filepath
+
+
 def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
+    return (str(error)[:200].splitlines() or [type(error).__name__])[0]
 
 
 def _state(path: str) -> tuple:

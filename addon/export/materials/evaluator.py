@@ -67,6 +67,7 @@ class LobeKey:
     masking_output: int = -1
     ior_output: int = -1
     fibre_output: int = -1
+    normal_output: int = -1
     between_fibres: bool = False
     anisotropy: float = 0.0
     anisotropy_output: int = -1
@@ -229,9 +230,21 @@ class Evaluator:
         value = self._trees.value(place) if fed else self._trees.normal()
         return value if value.constant is None else self.expressions.apply("normal")
 
-    def normal(self, closure: Closure) -> int:
-        """The output that holds the shading normal of a material with these lobes, the mean of
-        theirs by how much each of them is; -1 where it is the mesh's.
+    def normals(self, closure: Closure) -> tuple[int, int, bool]:
+        """The outputs that hold the shading normal of a material with these lobes, and what it was
+        bent from, -1 where that is the mesh's; and whether the first may be another one.
+        """
+        base = self._trees.normal()
+        bent = self._normal(closure)
+        if bent is None:
+            return -1, -1, False
+        output = self.expressions.output
+        is_meshs = base is self.expressions.apply("normal")
+        return output(bent), -1 if is_meshs else output(base), bent is not base
+
+    def _normal(self, closure: Closure) -> Value | None:
+        """The shading normal of a material with these lobes, the mean of theirs by how much each of
+        them is; None where it is the mesh's.
         """
         own, shares = self.expressions.apply("normal"), dict[Value, Sum]()
         for key, terms in closure.items():
@@ -240,12 +253,12 @@ class Evaluator:
                 shares[normal] = add(shares.get(normal, ZERO), terms)
         if len(shares) < 2:
             bent = next(iter(shares), own)
-            return self.expressions.output(bent) if bent is not own else -1
+            return bent if bent is not own else None
         self.note(
             "Shaders of {} have normals of their own: each point has their mean, by how much of "
             "each shader it shows"
         )
-        return self.expressions.output(self._mean_normal(shares))
+        return self._mean_normal(shares)
 
     def _mean_normal(self, shares: dict[Value, Sum]) -> Value:
         do, value_of = self.expressions.apply, self.expressions.value_of

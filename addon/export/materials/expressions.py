@@ -95,6 +95,7 @@ class Expressions:
             lobes=lobes,
             program=program,
             normal_output=numbers[material.normal_output],
+            base_normal_output=numbers[material.base_normal_output],
         )
 
     def _sum(self, a: Value, b: Value) -> Value:
@@ -154,9 +155,10 @@ class Expressions:
 
 
 def _outputs_of(material: Material) -> set[int]:
-    named = {material.normal_output}
+    named = {material.normal_output, material.base_normal_output}
     for lobe in material.lobes:
         named |= {lobe.exponent_output, lobe.masking_output, lobe.ior_output, lobe.fibre_output}
+        named.add(lobe.normal_output)
         named |= {f.output for f in lobe.factors}
     return named
 
@@ -169,6 +171,7 @@ def _renumbered(lobe: Lobe, numbers: dict[int, int]) -> Lobe:
         masking_output=numbers[lobe.masking_output],
         ior_output=numbers[lobe.ior_output],
         fibre_output=numbers[lobe.fibre_output],
+        normal_output=numbers[lobe.normal_output],
     )
 
 

@@ -20,7 +20,7 @@ from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.volume import VolumeReader
-from ..unheard import note_material
+from ..unheard import is_corrected, note_material
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
@@ -133,8 +133,10 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
         if tree is not None
         else _viewport_surface(material, evaluator)
     )
-    normal = evaluator.normal(closure)
-    note_material(material, LobeKey("TRANSPARENT") in closure, normal >= 0, report)
+    normal, base, is_bumped = evaluator.normals(closure)
+    kinds = {key.kind for key in closure}
+    is_bumped = is_bumped or any(key.normal_output >= 0 for key in closure)
+    note_material(material, kinds, is_bumped, report)
     passed = passed_by_light(closure, evaluator)
     closure = {key: terms for key, terms in closure.items() if key.kind != PASSED}
     if getattr(material, "use_transparent_shadow", True):
@@ -142,8 +144,25 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     lobes = lobes_of(evaluator.settled(without_normals(closure)))
     medium = _inside(tree, material, images, report)
     return evaluator.expressions.with_program(
-        Material(material.name, lobes, material.pass_index, normal_output=normal, medium=medium)
+        Material(
+            material.name,
+            lobes,
+            material.pass_index,
+            normal_output=normal,
+            medium=medium,
+            bump_shadowing=bump_shadowing(material) if is_bumped else "NONE",
+            base_normal_output=base if is_bumped else -1,
+        )
     )
+
+
+def bump_shadowing(material: Any) -> str:
+    """How Cycles of this Blender hides light by bumps (`engine.scene.BUMP_SHADOWING`)."""
+    import bpy
+
+    if not is_corrected(material):
+        return "SIDES"
+    return "GGX" if bpy.app.version >= (4, 5, 0) else "CHIANG"
 
 
 def compile_volume(
@@ -288,6 +307,7 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].schlick,
             item[0].exponent_output,
             item[0].ior_output,
+            item[0].normal_output,
         ),
     )
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
@@ -306,6 +326,7 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
         key.masking_output,
         key.ior_output,
         key.fibre_output,
+        key.normal_output,
         key.between_fibres,
     )
 

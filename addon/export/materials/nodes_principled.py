@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .nodes_shader import (
@@ -96,8 +97,20 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     roughness = view.roughness("Coat Roughness", 0.03)
     lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior.number)))
     through = multiply(rest(lost), mix(view.factor("Coat Weight"), ONE, tint))
-    coat = coat_closure(weight, roughness, ior)
+    coat = _turned(view, coat_closure(weight, roughness, ior))
     return add_closures(scale_closure(surface, through), coat)
+
+
+def _turned(view: NodeView, coat: Closure) -> Closure:
+    """A coat whose highlights and mirrors have its own normal."""
+    below, own = (view.evaluator.normal_at(view.input(n)) for n in ("Normal", "Coat Normal"))
+    if own is below:
+        return coat
+    output = view.evaluator.expressions.output(own)
+    return {
+        replace(key, normal_output=output) if key.kind in ("SPECULAR", "MIRROR") else key: terms
+        for key, terms in coat.items()
+    }
 
 
 def _layer(view: NodeView, name: str) -> tuple[Sum, Callable[[Sum], Sum]]:
@@ -125,9 +138,6 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 
 def _note_what_is_left_out(view: NodeView) -> None:
     bend(view)
-    below, coat = (view.evaluator.normal_at(view.input(n)) for n in ("Normal", "Coat Normal"))
-    if coat is not below and view.factor("Coat Weight"):
-        view.note("The coat of {} has the normal of what lies below it")
     note_left_out(view, LEFT_OUT)
     if view.number("Metallic"):
         note_edge_tint(view, "Specular Tint")

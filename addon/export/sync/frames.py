@@ -39,4 +39,4 @@ def export_frame(
     seconds = time.perf_counter() - start
     read = {f"anew: {name}": float(count) for name, count in live.work.items()}
     stats = {"objects": seconds, "finish": 0.0, "export": seconds, **counts(found), **read}
-    return Export(found, tuple(notes), stats, region)
+    return Export(found, tuple(notes), stats, region, delta=live.delta(passes))

@@ -18,7 +18,17 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ....engine.scene import Camera, Geometry, Material, Mesh, Scene, Strands, Texture
+from ....engine.scene import (
+    Camera,
+    Geometry,
+    Material,
+    Mesh,
+    Scene,
+    SceneDelta,
+    Strands,
+    Texture,
+    settled,
+)
 from ..export import Collector, _Lamp, _Placed, _world, is_displaced
 from ..geometry.meshes import MeshSource
 from ..geometry.shapes import export_points
@@ -203,6 +213,8 @@ class LiveExport:
         self._store = Store()
         self._frame: tuple[int, float] | None = None
         self._stages: dict[tuple, Stage] = {}
+        self._given: dict[tuple, Scene] = {}
+        self._deltas: dict[tuple, SceneDelta] = {}
 
     def update(
         self,
@@ -221,6 +233,8 @@ class LiveExport:
         updates, images = depsgraph.updates[:], _KeepingImages(self._store, Report())
         self._store.read.clear()
         self._store.keep_met(self._stages)
+        self._given = {asked: self._given[asked] for asked in self._stages}
+        self._deltas = {}
         turns = self._turns_images(depsgraph.scene_eval)
         if turns:
             self._stages = {}
@@ -277,7 +291,19 @@ class LiveExport:
         asked = _asked(passes, space, groups)
         if asked not in self._stages:
             self._stages[asked] = self._walked(depsgraph, asked, space, asked[0])
-        return replace(self._stages[asked].scene, camera=camera)
+        stage, before = self._stages[asked], self._given.get(asked)
+        if before is not None and asked not in self._deltas:
+            stage.scene, self._deltas[asked] = settled(before, stage.scene)
+        self._given[asked] = stage.scene
+        return replace(stage.scene, camera=camera)
+
+    def delta(
+        self, passes: frozenset[str] = frozenset(), space: Any = None, groups: tuple = ()
+    ) -> SceneDelta | None:
+        """How the scene that `scene` gave last for the same view differs from the one that it gave
+        before what was heard last; None where there is none.
+        """
+        return self._deltas.get(_asked(passes, space, groups))
 
     def notes(
         self, passes: frozenset[str] = frozenset(), space: Any = None, groups: tuple = ()

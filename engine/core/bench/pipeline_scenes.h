@@ -167,7 +167,9 @@ struct Description {
                          .exponent_slot = 0,
                          .masking_slot = 0,
                          .ior_slot = 0,
-                         .fibre_slot = 0});
+                         .fibre_slot = 0,
+                         .normal_slot = 0,
+                         .reserved = 0});
     }
   }
 

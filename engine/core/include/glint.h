@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 45
+#define GLINT_ABI_VERSION 47
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -141,25 +141,34 @@ enum GlintLobeKind {
  * masking_slot, ior_slot: 0, or 1 plus the slot of the material's program that takes the place of
  * the number; exponent and masking are kept from 0 to the lobe's own, an ior that is not finite or
  * not above 0 is the lobe's own. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of three slots
- * with the fibre's tangent in world space, of any length, 0 of what is no fibre. */
+ * with the fibre's tangent in world space, of any length, 0 of what is no fibre. normal_slot: of
+ * SPECULAR, MIRROR and REFRACTION lobes, 0 or 1 plus the first of three slots with a shading normal
+ * of their own in world space. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;
   int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, fibre_slot;
+  int32_t normal_slot, reserved;
 } GlintLobe;
+
+/* How light that a bent normal n faces is hidden by the normal m that it was bent from: not at all;
+ * where it comes from behind m; and besides, by what m and n say of bumps, from matt lobes: Chiang,
+ * Li, Burley 2019, or Conty Estevez, Lecocq, Stein 2019 (engine/SEMANTICS.md, Light). */
+enum GlintBumpShadowing { GLINT_BUMP_NONE, GLINT_BUMP_SIDES, GLINT_BUMP_CHIANG, GLINT_BUMP_GGX };
 
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program
  * with the shading normal in world space that takes the place of the mesh's. crypto: what
  * Cryptomatte passes tell of it, the bits of a float. aov: 0, or 1 plus the number of a material
  * that no instance has: its EMISSION lobes, whose exponents are numbers of AOVs, are what this one
  * gives to these. medium: 0, or 1 plus the number of what fills the inside of things that wear it.
- */
+ * bump_shadowing: of GlintBumpShadowing; base_normal: as normal, what that was bent from, 0 for the
+ * mesh's. */
 typedef struct GlintMaterial {
   uint32_t first_lobe, lobe_count;
   int32_t index, program, normal;
   uint32_t crypto;
-  int32_t aov, medium;
+  int32_t aov, medium, bump_shadowing, base_normal;
 } GlintMaterial;
 
 /* What light passes through: how much of it that goes straight on is taken away or sent elsewhere,

@@ -295,12 +295,12 @@ void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Re
   const auto within_program = [&](int32_t slot, int width) {
     return slot == 0 || (slot > 0 && int64_t(slot) - 1 + width <= int64_t(slots));
   };
-  bool good = within_program(m.normal, 3);
+  bool good = within_program(m.normal, 3) && within_program(m.base_normal, 3);
   for (uint32_t l = m.first_lobe; l < m.first_lobe + m.lobe_count; ++l) {
     const GlintLobe& lobe = d.lobes[l];
     for (int32_t slot : {lobe.exponent_slot, lobe.masking_slot, lobe.ior_slot})
       good = good && within_program(slot, 1);
-    good = good && within_program(lobe.fibre_slot, 3);
+    good = good && within_program(lobe.fibre_slot, 3) && within_program(lobe.normal_slot, 3);
     for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i)
       good = good && within_program(d.inputs[i].output, 3);
   }
@@ -358,6 +358,8 @@ void check_materials(const GlintSceneData& d, Report& report) {
     check_aovs(d, m, i, report);
     report.add(m.medium >= 0 && uint64_t(m.medium) <= d.medium_count,
                "material %llu: medium beyond the table", ull(i));
+    report.add(within(m.bump_shadowing, GLINT_BUMP_GGX), "material %llu: unknown bump shadowing %d",
+               ull(i), m.bump_shadowing);
     report.add(is_id(m.crypto), "material %llu: its id of Cryptomatte is not finite", ull(i));
     if (report.good()) check_slots(d, m, i, report);
   }
@@ -585,7 +587,8 @@ std::string scene_problems(const GlintSceneData& data, const Scene& base) {
   const std::vector<uint32_t> there = same_geometries(data, base);
   for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i) {
     const GlintGeometry& g = data.geometries[i];
-    if (there[i] == AccelBase::kNone || !same_attributes(data, g, base, base.geometries[there[i]]))
+    if (there[i] == AccelBase::kNone ||
+        !same_attributes(data, g, base, base.instances.geometries[there[i]]))
       check_geometry(data, g, i, report);
   }
   return report.text();

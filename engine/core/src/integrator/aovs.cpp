@@ -25,26 +25,30 @@ size_t Tracer::note_aovs_of(const Queue& queue, const uint32_t* rows, size_t cou
   const Material& given = scene_.materials[size_t(scene_.materials[number].aov - 1)];
   size_t here = 1;
   while (here < std::min(count, kBlock) && batch_.material[rows[here]] == number) ++here;
-  Surface surfaces[kBlock];
-  for (size_t i = 0; i < here; ++i) {
-    surfaces[i] = batch_.surface(rows[i]);
-    if (scene_.materials[number].normal > 0)  // the batch's is bent by now
-      surfaces[i].n = {mesh_normals_[0][rows[i]], mesh_normals_[1][rows[i]],
-                       mesh_normals_[2][rows[i]]};
+  ProgramPoints points;
+  set_aov_points(queue, rows, here, points);
+  if (given.program > 0) {
+    const ProgramShape& program = *scene_.programs.of(given.program);
+    stages_.program({scene_.input_tables(), &program, &points, RayKind::kCamera, here,
+                     program_slots_.data(),
+                     program.asks_rays ? queries_.at(batch_, sample_, counts_) : nullptr});
   }
-  if (given.program > 0) run_aovs(queue, given, rows, surfaces, here);
   double* const sums = paths_.sums(film_, GLINT_PASS_AOV);
   bool gives[256] = {};
   for (uint32_t l = 0; l < given.lobe_count; ++l) {
-    const Lobe& lobe = scene_.lobes[given.first_lobe + l];
+    const LobeShape& lobe = scene_.materials.lobes[given.first_lobe + l];
     const size_t aov = size_t(lobe.exponent);
+    double color[3][kBlock];
+    stages_.coefficients({scene_.input_tables(),
+                          &points,
+                          here,
+                          program_slots_.data(),
+                          &lobe,
+                          {color[0], color[1], color[2]}});
     for (size_t i = 0; i < here; ++i) {
-      PointReads reads;
-      reads.slots = program_slots_.data() + i;
-      const Vec3d color = coefficient(scene_, lobe, surfaces[i], reads);
       const double weight = mean(queue.path(rows[i]).T);
       double* const sum = sums + 4 * aov * paths_.stride() + queue.slot(rows[i]);
-      for (size_t c = 0; c < 3; ++c) sum[c * paths_.stride()] += weight * color[int(c)];
+      for (size_t c = 0; c < 3; ++c) sum[c * paths_.stride()] += weight * color[c][i];
       if (!gives[aov]) sum[3 * paths_.stride()] += weight;
     }
     gives[aov] = true;
@@ -52,33 +56,17 @@ size_t Tracer::note_aovs_of(const Queue& queue, const uint32_t* rows, size_t cou
   return here;
 }
 
-/// The program of a material's AOVs at up to a block of points.
-void Tracer::run_aovs(const Queue& queue, const Material& given, const uint32_t* rows,
-                      const Surface* surfaces, size_t count) {
-  ProgramPoints points{};
+/// The points of rows of a material as programs read them; normals are the mesh's, where the
+/// batch's are bent by now.
+void Tracer::set_aov_points(const Queue& queue, const uint32_t* rows, size_t count,
+                            ProgramPoints& points) const {
+  const bool bent = scene_.materials[batch_.material[rows[0]]].normal > 0;
   for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
-    const Surface& s = surfaces[std::min(i, count - 1)];
-    const Vec3d d = queue.ray(rows[std::min(i, count - 1)]).d;
-    points.instance[i] = s.instance;
-    points.primitive[i] = s.primitive;
-    points.outside[i] = s.outside ? -1 : 0;
-    for (int c = 0; c < 3; ++c) {
-      points.weights[c][i] = s.weights[c];
-      points.x[c][i] = s.x[c];
-      points.g[c][i] = s.g[c];
-      points.n[c][i] = s.n[c];
-      points.d[c][i] = d[c];
-    }
-    const uint32_t row = rows[std::min(i, count - 1)];
-    points.length[i] = length(s.x - queue.path(row).start) / scene_.anchor.scale;
-    points.tags[i] = queue.tags()[row];
-    points.offset[i] = s.offset;
-    points.row[i] = row;
+    const uint32_t k = points.row[i] = rows[std::min(i, count - 1)];
+    Surface s = batch_.surface(k);
+    if (bent) s.n = {mesh_normals_[0][k], mesh_normals_[1][k], mesh_normals_[2][k]};
+    set_point(points, i, scene_, s, queue.path(k).start, queue.ray(k).d, queue.tags()[k]);
   }
-  const ProgramShape& program = scene_.program_of(given);
-  stages_.program({scene_.input_tables(), &program, &points, RayKind::kCamera, count,
-                   program_slots_.data(),
-                   program.asks_rays ? queries_.at(batch_, sample_, counts_) : nullptr});
 }
 
 }  // namespace glint

@@ -5,6 +5,7 @@ namespace {
 
 constexpr size_t kFixed = 1 + 3 + 3 + 3 + 2 + 3 + 3;  // t, x, g, offset and weights, diffuse, total
 constexpr size_t kSmooth = 3 + 3;                     // n, origin
+constexpr size_t kBumps = 3 + 1;                      // unbent, bump
 constexpr size_t kParts = 6 * 3, kSplit = 6 * 3;
 
 size_t group_columns_of(const Scene& scene, Passes passes) {
@@ -16,12 +17,13 @@ size_t group_columns_of(const Scene& scene, Passes passes) {
 Batch::Batch(const Scene& scene, Passes passes)
     : scene_(scene),
       passes_(passes),
-      smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.bends_normals),
+      smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.materials.bends_normals),
       splits_(passes & kLightingPasses),
       columns_(kFixed + (smooth_ ? kSmooth : 0) +
-               size_t(scene.specular_columns * scene.max_specular) +
-               size_t(scene.passing_columns * scene.max_passing) + kParts + (splits_ ? kSplit : 0) +
-               3 + group_columns_of(scene, passes)),
+               size_t(scene.materials.specular_columns * scene.materials.max_specular) +
+               size_t(scene.materials.passing_columns * scene.materials.max_passing) +
+               (scene.materials.shadows_bumps ? kBumps : 0) + kParts + (splits_ ? kSplit : 0) + 3 +
+               group_columns_of(scene, passes)),
       groups_(group_columns_of(scene, passes)),
       given_(groups_.size() / 3) {}
 
@@ -29,6 +31,8 @@ void Batch::begin(const Queue& rays) {
   queue = &rays;
   count_ = rays.size();
   if (count_ > columns_.rows() || !t) reserve(count_);
+  for (double* column : {unbent[0], unbent[1], unbent[2]})
+    if (column) std::fill_n(column, count_, 0.0);
   bool primary = rays.visibility == kCamera;
   SumColumns only_total{};
   for (int c = 0; c < 3; ++c) {
@@ -92,6 +96,10 @@ void Batch::place_columns() {
     three(points.n);
     three(points.origin);
   }
+  if (scene_.materials.shadows_bumps) {
+    three(unbent);
+    bump = one();
+  }
   points.outside = outside.data();
   points.material = material.data();
   three(diffuse);
@@ -112,10 +120,10 @@ void Batch::place_columns() {
     if (splits_) three(*to);
   if (has_groups()) three(glow);
   for (double*& column : groups_) column = one();
-  specular = scene_.max_specular > 0 ? columns_[next] : nullptr;
-  next += size_t(scene_.specular_columns * scene_.max_specular);
-  passing_columns = scene_.max_passing > 0 ? columns_[next] : nullptr;
-  passing_width = scene_.passing_columns;
+  specular = scene_.materials.max_specular > 0 ? columns_[next] : nullptr;
+  next += size_t(scene_.materials.specular_columns * scene_.materials.max_specular);
+  passing_columns = scene_.materials.max_passing > 0 ? columns_[next] : nullptr;
+  passing_width = scene_.materials.passing_columns;
   stride = columns_.rows();
 }
 

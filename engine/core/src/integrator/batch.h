@@ -82,6 +82,15 @@ class Batch {
     return {column[0], column[stride], column[2 * stride]};
   }
 
+  /// Its normal; n where it has none of its own.
+  Vec3d passing_normal(size_t k, int lobe, Vec3d n) const {
+    if (passing_width != PassingTerm::kTurned) return n;
+    const size_t first = size_t(passing_width) * size_t(lobe) + PassingTerm::kNormal;
+    const double* const own = passing_columns + first * stride + k;
+    const Vec3d m{own[0], own[stride], own[2 * stride]};
+    return any(m) ? m : n;
+  }
+
   /// Its index of refraction; `own` where the scene has none of a program.
   double passing_ior(size_t k, int lobe, double own) const {
     if (passing_width == PassingTerm::kPlain) return own;
@@ -96,7 +105,8 @@ class Batch {
   std::vector<float> u, v;
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};
-  SumColumns sums{};  // parts that are not kept are null
+  double *unbent[3] = {}, *bump = nullptr;  // as LightStage has them
+  SumColumns sums{};                        // parts that are not kept are null
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
   double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {},
          *lit_glossy_bounced[3] = {}, *lit_volume[3] = {}, *lit_volume_bounced[3] = {};

@@ -76,12 +76,12 @@ void Tracer::show_caught(const Queue& queue, uint32_t k, Vec3d ratio) {
     return;
   }
   const double light = std::clamp(mean(ratio), 0.0, 1.0);
-  if (scene_.transparent_film) {
+  if (scene_.world.transparent_film) {
     lost[path] += light * mean(seen);
     return;
   }
-  Vec3d behind = scene_.background;
-  if (scene_.sky_program) {
+  Vec3d behind = scene_.world.background;
+  if (scene_.world.sky_program) {
     const double* const slot = run_sky(queue, &k, 1);
     for (int c = 0; c < 3; ++c) {
       const double radiance = slot[size_t(c) * kBlock];
@@ -89,7 +89,7 @@ void Tracer::show_caught(const Queue& queue, uint32_t k, Vec3d ratio) {
     }
   }
   batch_.add(k, batch_.sums.environment, light * (seen * behind));
-  batch_.add_to_group(scene_.world_light_group, k, light * (seen * behind));
+  batch_.add_to_group(scene_.world.light_group, k, light * (seen * behind));
 }
 
 }  // namespace glint

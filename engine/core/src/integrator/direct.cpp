@@ -63,17 +63,20 @@ void DirectLight::prepare(const Batch& batch) {
     stage_.origin[c] = p.origin[c];
     stage_.d[c] = batch.queue->rays().d[c];
     stage_.diffuse[c] = batch.diffuse[c];
+    stage_.unbent[c] = batch.unbent[c];
   }
+  stage_.bump = batch.bump;
   stage_.count = batch.size();
   stage_.offset = p.offset;
   stage_.lit = batch.lit.data();
   stage_.specular = batch.specular;
   stage_.stride = batch.stride;
-  stage_.max_specular = scene_.max_specular;
-  stage_.most_exponent = scene_.most_exponent;
-  stage_.has_sheen = scene_.has_sheen;
-  stage_.has_fibre = scene_.has_fibre;
-  stage_.specular_columns = scene_.specular_columns;
+  stage_.max_specular = scene_.materials.max_specular;
+  stage_.most_exponent = scene_.materials.most_exponent;
+  stage_.has_sheen = scene_.materials.has_sheen;
+  stage_.has_fibre = scene_.materials.has_fibre;
+  stage_.turns_lobes = scene_.materials.turns_lobes;
+  stage_.specular_columns = scene_.materials.specular_columns;
 }
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
@@ -84,8 +87,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     const uint32_t parts = plan_.parts_of(light, batch.queue->gathers),
                    count = plan_.samples_of(light) / parts;
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
-    const size_t own = size_t(&light - scene_.lights.data());
-    const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[own]),
+    const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),
                notes = batch.softly_lit && count > 1 && sample < Refinement::kFirst;
     if (!shares || notes) find_lit(batch, light);
     if (notes) find_cut(batch, light);
@@ -131,14 +133,16 @@ void DirectLight::find_lit(const Batch& batch, const Light& light) {
   if (light.lights_all()) return;
   linked_.assign(batch.lit.begin(), batch.lit.end());
   for (size_t k = 0; k < batch.size(); ++k)
-    if (linked_[k] && !light.lights(scene_.group(batch.instance[k]).light_set)) linked_[k] = 0;
+    if (linked_[k] && !light.lights(scene_.instances.group(batch.instance[k]).light_set))
+      linked_[k] = 0;
   stage_.lit = linked_.data();
 }
 
 bool DirectLight::reflects() const {
   const bool all = plan_.reflections == GLINT_REFLECT_ALL,
              metals = plan_.reflections == GLINT_REFLECT_METALS;
-  return plan_.max_bounces > 0 && ((all && scene_.has_gloss) || (metals && scene_.has_metals));
+  return plan_.max_bounces > 0 &&
+         ((all && scene_.materials.has_gloss) || (metals && scene_.materials.has_metals));
 }
 
 void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {
@@ -225,12 +229,11 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_, counts);
+    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts);
   } else {
     if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));
-    if (glassy_)
-      transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
+    if (glassy_) transparent_shadows_.follow(stage_, blocked_.data(), count, shadow_, counts);
   }
   if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
   add(batch, light, count);
@@ -252,12 +255,12 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
-  scene_.emitter_accel(light).closest(
+  scene_.trees.emitters(light).closest(
       rays, {distance_, placement_.data(), emitter_.data(), u_.data(), v_.data()}, scratch_);
   size_t kept = 0;
   for (size_t k = 0; k < count; ++k) {
     if (placement_[k] == Hit::kNone) continue;
-    const GlintEmitter& emitter = scene_.emitters[light.first_emitter + emitter_[k]];
+    const GlintEmitter& emitter = scene_.lights.emitters[light.first_emitter + emitter_[k]];
     const Vec3d from = row(stage_.o, k), l = row(stage_.to, k), q = from + distance_[k] * l;
     const LightMeeting met =
         light.meeting(emitter, row(stage_.points_x, point_[k]), row(stage_.origin, point_[k]), q, l,
@@ -343,7 +346,7 @@ void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
   Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
   // Else it is asked for after what is solid is known.
   if (light.passed_sets || alone_) rays.opacity = opacity(light);
-  scene_.accel().occluded(rays, blocked_.data(), scratch_);
+  scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
 }

@@ -82,7 +82,7 @@ class DirectLight {
  private:
   void prepare(const Batch& batch);
   const Opacity* opacity(const Light& light) const {
-    return alone_ ? scene_.opacity_of_catchers(light) : scene_.opacity(light);
+    return alone_ ? scene_.trees.opacity_of_catchers(light) : scene_.trees.opacity(light);
   }
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count, uint32_t parts);

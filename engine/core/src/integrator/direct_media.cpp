@@ -65,8 +65,8 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
   ends_of_rays_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k)
     ends_of_rays_[k] = batch.missed(k) ? kInfinity : batch.t[k];
-  if (scene_.emits) add_glow(batch, spans, clear);
-  if (!scene_.scatters) return;
+  if (scene_.media.emits) add_glow(batch, spans, clear);
+  if (!scene_.media.scatters) return;
   depths_.build(spans, batch.queue->rays(), ends_of_rays_.data());
   if (!depths_.any()) return;
   prepare(batch);

@@ -178,7 +178,8 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   const bool is_bounced = &shared == &bounced_;
   stage_.matt_alone = is_bounced;
   stage_.gather2 = is_bounced && gathers(*batch.queue) ? 1 / (reach_ * reach_) : 0;
-  shared.shows_gloss = is_bounced && scene_.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+  shared.shows_gloss =
+      is_bounced && scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
   for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage_.lit = batch.lit.data();
   shared.near.resize(shared.columns.rows());
@@ -285,8 +286,7 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   const size_t count = drawn ? stages_.gloss(stage_) : stages_.light(stage_);
   for (size_t k = 0; batch.softly_lit && k < count; ++k) batch.mark_softly_lit(point_[k], met);
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
-  if (glassy_)
-    transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_, counts);
+  if (glassy_) transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts);
   else find_shadows(light, count, nullptr, counts);
   if (scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
   for (size_t k = 0; k < count; ++k) {

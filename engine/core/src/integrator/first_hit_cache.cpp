@@ -6,6 +6,11 @@
 #include "scene/scene.h"
 
 namespace glint {
+namespace {
+
+constexpr size_t kMostCaches = 2;  // a viewport shows a view and in it the render's frame
+
+}  // namespace
 
 FirstHitCache::FirstHitCache(const GlintCamera& camera, const RenderPlan& plan, const Film& film)
     : camera_(camera),
@@ -70,6 +75,22 @@ void FirstHitCache::keep(const Tile& tile, const Hits& hits) {
   std::copy_n(hits.instance, count, instance_.data() + first);
   std::copy_n(hits.primitive, count, primitive_.data() + first);
   kept_.data()[first] = 1;
+}
+
+std::shared_ptr<FirstHitCache> FirstHitCaches::of(const GlintCamera& camera, const RenderPlan& plan,
+                                                  const Film& film) {
+  std::lock_guard lock(mutex_);
+  const auto found = std::find_if(caches_.begin(), caches_.end(),
+                                  [&](const auto& cache) { return cache->is_of(camera, plan); });
+  if (found != caches_.end()) std::rotate(caches_.begin(), found, found + 1);
+  else caches_.insert(caches_.begin(), std::make_shared<FirstHitCache>(camera, plan, film));
+  if (caches_.size() > kMostCaches) caches_.pop_back();
+  return caches_.front();
+}
+
+void FirstHitCaches::share(const FirstHitCaches& other) {
+  std::lock_guard lock(other.mutex_);
+  caches_ = other.caches_;
 }
 
 }  // namespace glint

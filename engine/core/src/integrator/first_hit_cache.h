@@ -9,13 +9,14 @@
 #include "bvh/accel.h"
 #include "film/film.h"
 #include "glint.h"
+#include "integrator/first_hit_caches.h"
 #include "integrator/plan.h"
 #include "session/zeroed_buffer.h"
 #include "shading/stages.h"
 
 namespace glint {
 
-class Scene;
+struct Scene;
 
 /// Of one camera, region and first sample point, in one accelerator. 24 bytes a pixel, and one for
 /// each of the first light samples. Its rows are the film's; threads may write rows of different

@@ -18,7 +18,7 @@ bool DirectLight::gathers(const Queue& queue) const {
 void DirectLight::gather(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts) {
   const Queue& queue = *batch.queue;
   if (!gathers(queue)) return;
-  stage_.gathers_gloss = scene_.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+  stage_.gathers_gloss = scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
   for (uint32_t j = 0; j < plan_.gather_samples; ++j) {
     const double* const place = plan_.gather_point(sample, j);
     set_place(stage_, place[0], place[1]);
@@ -41,7 +41,7 @@ void DirectLight::gather(const Batch& batch, uint32_t sample, Queue& gathering, 
 
 void DirectLight::matten(Batch& batch) {
   prepare(batch);
-  if (scene_.has_varnish) {
+  if (scene_.materials.has_varnish) {
     linked_.assign(batch.lit.begin(), batch.lit.end());
     for (size_t k = 0; k < batch.size(); ++k)
       if (linked_[k] && !scene_.materials[batch.material[k]].has(GLINT_AMBIENT)) linked_[k] = 0;
@@ -49,10 +49,11 @@ void DirectLight::matten(Batch& batch) {
     stage_.gathers_gloss = true;
     stages_.matten(stage_, batch.diffuse);
   }
-  for (int term = 0; term < scene_.max_specular; ++term)
+  for (int term = 0; term < scene_.materials.max_specular; ++term)
     for (size_t c = 0; c < 3; ++c)
-      std::fill_n(batch.specular + (size_t(scene_.specular_columns * term) + c) * batch.stride,
-                  batch.size(), 0.0);
+      std::fill_n(
+          batch.specular + (size_t(scene_.materials.specular_columns * term) + c) * batch.stride,
+          batch.size(), 0.0);
 }
 
 /// They show what lights throw on surfaces, and nothing that these give of themselves: as much of
@@ -67,7 +68,8 @@ void Tracer::matten(const Queue& queue) {
     if (!batch_.lit[k]) continue;
     const Vec3d to = row(batch_.points.x, k) - queue.ray(k).o;
     const double rest = 1 - std::min(share * dot(to, to), 1.0);
-    const bool is_hair = scene_.geometry(scene_.group(batch_.instance[k])).kind == GLINT_STRANDS;
+    const bool is_hair =
+        scene_.instances.geometry(scene_.instances.group(batch_.instance[k])).kind == GLINT_STRANDS;
     set_row(batch_.diffuse, k, (is_hair ? 0 : rest * rest) * row(batch_.diffuse, k));
   }
 }

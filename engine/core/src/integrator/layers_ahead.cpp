@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "shading/surface.h"
+
 namespace glint {
 namespace {
 
@@ -20,8 +22,8 @@ void answer(const Hit& hit, size_t k, const Hits& hits) {
 void LayersAhead::closest(const Queue& queue, const Hits& hits) {
   if (generation_++ < kPlain) {
     Rays rays = queue.rays();
-    rays.opacity = scene_.opacity();
-    return scene_.accel().closest(rays, hits, scratch_);
+    rays.opacity = scene_.trees.opacity();
+    return scene_.trees.accel().closest(rays, hits, scratch_);
   }
   if (generation_ == kPlain + 1) {
     ahead_.assign(paths_, {});
@@ -60,7 +62,7 @@ void LayersAhead::look_ahead(const Queue& queue, const Hits& hits) {
                          Queue::kD + 1, Queue::kD + 2, Queue::kTMin,  Queue::kTMax};
   for (size_t c = 0; c < kT; ++c)
     for (size_t i = 0; i < count; ++i) rays_[c][i] = queue.column(from[c])[rows_[i]];
-  Opacity onward = *scene_.opacity();
+  Opacity onward = *scene_.trees.opacity();
   onward.onward = true;
   const Rays rays{{rays_[kO], rays_[kO + 1], rays_[kO + 2]},
                   {rays_[kD], rays_[kD + 1], rays_[kD + 2]},
@@ -69,11 +71,11 @@ void LayersAhead::look_ahead(const Queue& queue, const Hits& hits) {
                   count,
                   queue.visibility,
                   &onward};
-  scene_.accel().closest(
+  scene_.trees.accel().closest(
       rays, {rays_[kT], instance_.data(), primitive_.data(), u_.data(), v_.data()}, scratch_);
   for (size_t i = 0; i < count; ++i)
     rays_[kTMax][i] = std::min(rays_[kTMax][i], beyond(beyond(rays_[kT][i])));
-  scene_.accel().find_layers(rays, {found_.data(), count_.data()}, blocked_.data(), scratch_);
+  scene_.trees.accel().find_layers(rays, {found_.data(), count_.data()}, blocked_.data(), scratch_);
   keep(queue, hits);
 }
 

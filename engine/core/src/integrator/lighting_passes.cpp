@@ -60,8 +60,9 @@ void Tracer::note_glow(const Queue& queue) {
   const SumColumns& s = batch_.sums;
   for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.material[k] < scene_.materials.size() && any(row(batch_.glow, k)))
-      batch_.add_to_group(scene_.group(batch_.instance[k]).light_group - 1, k, row(batch_.glow, k));
-    batch_.add_to_group(scene_.world_light_group, k, row(s.ambient, k) + row(s.environment, k));
+      batch_.add_to_group(scene_.instances.group(batch_.instance[k]).light_group - 1, k,
+                          row(batch_.glow, k));
+    batch_.add_to_group(scene_.world.light_group, k, row(s.ambient, k) + row(s.environment, k));
   }
 }
 

@@ -33,7 +33,7 @@ double shift_of(uint32_t sample) {
 void MediaSpans::march(const Rays& rays, const double* ends, uint32_t sample, RayKind kind,
                        RayCounts& counts, bool to_end) {
   cells_.clear();
-  if (!scene_.varies) return;
+  if (!scene_.media.varies) return;
   const double shift = shift_of(sample), coarse = kind == RayKind::kShadow ? kShadowSteps : 1;
   everywhere_.assign(rays.count, {0, -kInfinity, kInfinity});
   going_.clear();
@@ -63,7 +63,7 @@ void MediaSpans::cut(const Rays& rays, uint32_t ray, const double* ends, double 
   }
   for (size_t i = first_span(ray); i < end_[ray]; ++i) {
     Span& span = spans_[i];
-    const Enclosure& e = scene_.enclosures[span.enclosure];
+    const Enclosure& e = scene_.media.enclosures[span.enclosure];
     if (!scene_.media[e.medium].program) continue;
     cut_evenly(span, std::max(span.from, rays.t_min[ray]), std::min(span.to, ends[ray]),
                coarse * e.step, shift);
@@ -75,14 +75,14 @@ void MediaSpans::cut(const Rays& rays, uint32_t ray, const double* ends, double 
 void MediaSpans::end_span(Span& span, const Medium& medium, uint32_t instance) {
   span.cells = uint32_t(cells_.size()) - span.first_cell;
   for (size_t i = span.first_cell; i < cells_.size(); ++i) {
-    cells_[i].medium = uint32_t(&medium - scene_.media.data());
+    cells_[i].medium = uint32_t(&medium - scene_.media.rows.data());
     cells_[i].instance = instance;
   }
 }
 
 /// Runs the programs along the rays, so many cells of each at a time, up to where it is dark.
 void MediaSpans::ask_in_turn(const Rays& rays, RayKind kind, bool to_end, RayCounts& counts) {
-  asked_.resize(scene_.media.size());
+  asked_.resize(scene_.media.rows.size());
   while (!going_.empty()) {
     for (std::vector<Asked>& asked : asked_) asked.clear();
     const auto asked_of = [&](const Going& g) {
@@ -163,9 +163,9 @@ void MediaSpans::cut_growing(Span& span, double from, double to, double step, do
 void MediaSpans::run(const Medium& medium, const std::vector<Asked>& asked, const Rays& rays,
                      RayKind kind) {
   if (asked.empty()) return;
-  slots_.resize(size_t(scene_.most_slots) * kBlock);
+  slots_.resize(size_t(scene_.programs.most_slots) * kBlock);
   InputTables tables = scene_.input_tables();
-  if (&medium == world()) tables.instances = &scene_.world_space;  // number 0, as all have it
+  if (&medium == world()) tables.instances = &scene_.media.world_space;  // number 0, as all have it
   ProgramPoints points{};
   for (size_t first = 0; first < asked.size(); first += kBlock) {
     const size_t count = std::min(asked.size() - first, kBlock);

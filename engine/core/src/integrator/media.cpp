@@ -29,7 +29,7 @@ MediaSpans::MediaSpans(const Scene& scene, Scratch& scratch)
     : scene_(scene),
       stages_(best_stages()),
       scratch_(scratch),
-      veils_(scene.enclosures.size(), Opacity::kVaried) {
+      veils_(scene.media.enclosures.size(), Opacity::kVaried) {
   opacity_.of_instance = veils_.data();
   if (!veils_.empty()) hits_.resize(kAtOnce * Layers::kMost);
 }
@@ -38,7 +38,7 @@ void MediaSpans::find(const Rays& rays, RayCounts& counts) {
   crossings_.clear();
   spans_.clear();
   end_.assign(rays.count, 0);
-  if (scene_.enclosures.empty()) return;
+  if (scene_.media.enclosures.empty()) return;
   find_crossings(rays, counts);
   std::sort(crossings_.begin(), crossings_.end(), [](const Crossing& a, const Crossing& b) {
     return a.ray != b.ray               ? a.ray < b.ray
@@ -91,7 +91,7 @@ void MediaSpans::find_crossings(const Rays& rays, RayCounts& counts) {
                       some,
                       rays.visibility,
                       &opacity_};
-      scene_.media_accel().find_layers(here, {hits_.data(), found}, blocked, scratch_);
+      scene_.trees.media().find_layers(here, {hits_.data(), found}, blocked, scratch_);
       for (size_t i = 0; i < some; ++i) {
         if (blocked[i] == 0) continue;
         const size_t layers = std::min<size_t>(found[i], Layers::kMost);
@@ -117,8 +117,8 @@ void MediaSpans::take_layers(const Rays& rays, uint32_t ray, const Hit* hits, si
 /// Whether the ray meets the outer side.
 bool MediaSpans::enters(const Rays& rays, uint32_t ray, const Hit& hit) const {
   const Vec3d d{rays.d[0][ray], rays.d[1][ray], rays.d[2][ray]};
-  const uint32_t instance = scene_.enclosures[hit.instance].instance;
-  const GlintGeometry& geometry = scene_.geometry(scene_.group(instance));
+  const uint32_t instance = scene_.media.enclosures[hit.instance].instance;
+  const GlintGeometry& geometry = scene_.instances.geometry(scene_.instances.group(instance));
   if (geometry.kind != GLINT_MESH) {
     Hit met = hit;
     met.instance = instance;
@@ -127,7 +127,7 @@ bool MediaSpans::enters(const Rays& rays, uint32_t ray, const Hit& hit) const {
   const uint32_t* corner = geometry.triangles + 3 * size_t(hit.primitive);
   const Vec3d a = vertex(geometry, corner[0]), b = vertex(geometry, corner[1]),
               c = vertex(geometry, corner[2]);
-  return dot(scene_.normal_matrix(instance)(unit(cross(b - a, c - a))), d) <= 0;
+  return dot(scene_.instances.normal_matrix(instance)(unit(cross(b - a, c - a))), d) <= 0;
 }
 
 /// Makes the crossings of one ray and enclosure that rounding cannot tell apart one; they are
@@ -171,7 +171,7 @@ void MediaSpans::add_spans(const Rays& rays, size_t first, size_t end) {
 /// Cut to the enclosure's box: a surface that is not closed bounds nothing beyond it.
 void MediaSpans::add_span(const Rays& rays, uint32_t ray, uint32_t enclosure, double from,
                           double to) {
-  const Enclosure& e = scene_.enclosures[enclosure];
+  const Enclosure& e = scene_.media.enclosures[enclosure];
   for (int c = 0; c < 3; ++c) {
     const double o = rays.o[c][ray], d = rays.d[c][ray];
     if (d == 0) {
@@ -221,7 +221,8 @@ Vec3d MediaSpans::depth(size_t k, double from, double to, uint64_t passed_sets,
   if (world()) sum = depth_of(*world(), everywhere(k), from, to);
   for (size_t i = first_span(k); i < end_[k]; ++i) {
     const Span& span = spans_[i];
-    const GlintInstances& group = scene_.group(scene_.enclosures[span.enclosure].instance);
+    const GlintInstances& group =
+        scene_.instances.group(scene_.media.enclosures[span.enclosure].instance);
     if (passed_sets && passed_sets >> group.light_set & 1) continue;
     if (catchers_alone && !(group.flags & GLINT_CATCHER)) continue;
     sum += depth_of(medium_of(span), span, from, to);
@@ -265,12 +266,12 @@ void MediaSpans::list_pieces(size_t k, double from, double to, std::vector<Piece
       piece.scattering += matter->scattering;
       if (!emits || *emits == group) piece.emission += matter->emission;
     };
-    if (world()) add(matter_at(*world(), everywhere(k), inside), scene_.world_light_group);
+    if (world()) add(matter_at(*world(), everywhere(k), inside), scene_.world.light_group);
     for (size_t i = first; i < end_[k]; ++i) {
-      const Enclosure& e = scene_.enclosures[spans_[i].enclosure];
+      const Enclosure& e = scene_.media.enclosures[spans_[i].enclosure];
       if (inside > spans_[i].from && inside < spans_[i].to)
         add(matter_at(scene_.media[e.medium], spans_[i], inside),
-            scene_.group(e.instance).light_group - 1);
+            scene_.instances.group(e.instance).light_group - 1);
     }
     pieces.push_back(piece);
   }
@@ -313,8 +314,8 @@ Vec3d MediaSpans::scattering(size_t k, double t, Vec3d d, Vec3d l, uint64_t excl
   if (world()) add(matter_at(*world(), everywhere(k), t));
   for (size_t i = first_span(k); i < end_[k]; ++i) {
     const Span& span = spans_[i];
-    const Enclosure& e = scene_.enclosures[span.enclosure];
-    const bool lit = !(excluded_sets >> scene_.group(e.instance).light_set & 1);
+    const Enclosure& e = scene_.media.enclosures[span.enclosure];
+    const bool lit = !(excluded_sets >> scene_.instances.group(e.instance).light_set & 1);
     if (lit && span.from <= t && t <= span.to) add(matter_at(scene_.media[e.medium], span, t));
   }
   return sum;

@@ -89,10 +89,10 @@ class MediaSpans {
   void add_span(const Rays& rays, uint32_t ray, uint32_t enclosure, double from, double to);
   size_t first_span(size_t k) const { return k > 0 ? end_[k - 1] : 0; }
   const Medium& medium_of(const Span& span) const {
-    return scene_.media[scene_.enclosures[span.enclosure].medium];
+    return scene_.media[scene_.media.enclosures[span.enclosure].medium];
   }
   const Medium* world() const {
-    return scene_.world_medium >= 0 ? &scene_.media[size_t(scene_.world_medium)] : nullptr;
+    return scene_.media.world >= 0 ? &scene_.media[size_t(scene_.media.world)] : nullptr;
   }
   /// The world's medium of ray k, as a span.
   Span everywhere(size_t k) const;

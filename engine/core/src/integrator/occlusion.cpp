@@ -22,7 +22,7 @@ struct Across {
 
 /// Rays from the points in the direction over `place`, as far as occlusion looks.
 void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* place) {
-  const double reach = scene_.anchor.scale * scene_.occlusion_distance;
+  const double reach = scene_.anchor.scale * scene_.world.occlusion_distance;
   const double height = std::sqrt(std::max(0.0, 1 - place[0] * place[0] - place[1] * place[1]));
   for (size_t k = 0; k < points.size(); ++k) {
     const Vec3d n = row(stage_.n, points[k]);
@@ -39,7 +39,7 @@ void DirectLight::look_around(const Batch& batch, const std::vector<uint32_t>& p
                               uint32_t sample, std::vector<Vec3d>& open, RayCounts& counts) {
   const size_t count = points.size();
   const uint32_t each = plan_.occlusion_samples;
-  if (!(scene_.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
+  if (!(scene_.world.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
   open.assign(count, {});
   const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
   stage_.shape = kDirection;
@@ -51,10 +51,10 @@ void DirectLight::look_around(const Batch& batch, const std::vector<uint32_t>& p
     aim_around(points, place);
     for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(points[k]);
     if (glassy_) {
-      transparent_shadows_.trace(batch, stage_, scene_.opacity(), zeros_, count, shadow_, counts);
+      transparent_shadows_.trace(stage_, scene_.trees.opacity(), zeros_, count, shadow_, counts);
     } else {
       const Timer timer(counts.tracing);
-      scene_.accel().occluded(rays, blocked_.data(), scratch_);
+      scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);
       counts.shadow += count;
     }
     if (dims) {

@@ -13,8 +13,8 @@ SceneQueries& of(void* self) { return *static_cast<SceneQueries*>(self); }
 SceneQueries::SceneQueries(const Scene& scene, const RenderPlan& plan, const Stages& stages,
                            Scratch& scratch)
     : scene_(scene), stages_(stages), scratch_(scratch) {
-  if (!scene.asks_rays) return;
-  alone_.assign(scene.placements.size(), Opacity::kClear);
+  if (!scene.programs.asks_rays) return;
+  alone_.assign(scene.instances.placements.size(), Opacity::kClear);
   own_.of_instance = alone_.data();
   own_.alone = true;
   layers_.resize(kBlock * Layers::kMost);
@@ -38,7 +38,7 @@ SceneQueries::SceneQueries(const Scene& scene, const RenderPlan& plan, const Sta
   };
   queries_.table = plan.node_points;
   queries_.rows = plan.node_point_count;
-  queries_.reach = scene.occlusion_distance;
+  queries_.reach = scene.world.occlusion_distance;
 }
 
 const RayQueries* SceneQueries::at(const Batch& batch, uint32_t sample, RayCounts& counts) {
@@ -117,7 +117,7 @@ void SceneQueries::find_blocked(const ProgramPoints& points, size_t count, const
   std::fill_n(blocked, count, uint8_t(0));
   uint8_t found[kBlock + kPad];
   each_choice(points, count, rays, of, Opacity::kSolid, [&](const Rays& some) {
-    scene_.accel().occluded(some, found, scratch_);
+    scene_.trees.accel().occluded(some, found, scratch_);
     for (size_t i = 0; i < some.count; ++i) blocked[chosen_.from[i]] = found[i] != 0;
   });
 }
@@ -129,7 +129,7 @@ AskedHits SceneQueries::find_nearest(const ProgramPoints& points, size_t count,
   uint32_t instance[kBlock + kPad], primitive[kBlock + kPad];
   float u[kBlock + kPad], v[kBlock + kPad];
   each_choice(points, count, rays, of, Opacity::kSolid, [&](const Rays& some) {
-    scene_.accel().closest(some, {t, instance, primitive, u, v}, scratch_);
+    scene_.trees.accel().closest(some, {t, instance, primitive, u, v}, scratch_);
     for (size_t i = 0; i < some.count; ++i)
       if (instance[i] != Hit::kNone) add_hit(i, {t[i], instance[i], primitive[i], u[i], v[i]});
   });
@@ -142,7 +142,7 @@ AskedHits SceneQueries::find_crossings(const ProgramPoints& points, size_t count
   hits_ = 0;
   uint8_t found[kBlock + kPad], dimmed[kBlock + kPad];
   each_choice(points, count, rays, AskedOf::kOwn, Opacity::kVaried, [&](const Rays& some) {
-    scene_.accel().find_layers(some, {layers_.data(), found}, dimmed, scratch_);
+    scene_.trees.accel().find_layers(some, {layers_.data(), found}, dimmed, scratch_);
     for (size_t i = 0; i < some.count; ++i) {
       const Hit* hit = layers_.data() + i * Layers::kMost;
       double from = 0;
@@ -179,8 +179,8 @@ AskedHits SceneQueries::placed() {
   stage.primitive = primitive_.data();
   stage.u = u_.data();
   stage.v = v_.data();
-  stage.instances = scene_.instance_shapes.data();
-  stage.groups = scene_.group_shapes.data();
+  stage.instances = scene_.instances.shapes.data();
+  stage.groups = scene_.instances.group_shapes.data();
   PointColumns& at = stage.points;
   AskedHits hits{hits_, point_.data(),  instance_.data(), primitive_.data(), {}, {}, {},
                  {},    outside_.data()};
@@ -197,7 +197,7 @@ AskedHits SceneQueries::placed() {
   at.outside = outside_.data();
   at.material = material_.data();
   if (hits_ > 0) stages_.surface(stage);
-  for (size_t k = 0; !scene_.only_meshes && k < hits_; ++k) {
+  for (size_t k = 0; !scene_.instances.only_meshes && k < hits_; ++k) {
     if (material_[k] != kNoMaterial) continue;
     const Surface s = surface_at(scene_, row(stage.start, k), row(stage.d, k),
                                  {columns_[kT][k], instance_[k], primitive_[k], u_[k], v_[k]});

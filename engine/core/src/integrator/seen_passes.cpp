@@ -30,12 +30,12 @@ void Tracer::note_seen(const Queue& queue) {
       const Vec3d stays{1 - std::clamp(passed.x, 0.0, 1.0), 1 - std::clamp(passed.y, 0.0, 1.0),
                         1 - std::clamp(passed.z, 0.0, 1.0)};
       const double distance = camera_.distance(row(batch_.points.x, k));
-      clear[queue.slot(k)] += (1 - scene_.mist.at(distance)) * mean(T * stays);
+      clear[queue.slot(k)] += (1 - scene_.world.mist.at(distance)) * mean(T * stays);
     }
     const double weight = mean(T) * (1 - mean(passed));
     if (film_.wants_denoising()) note_denoising(k, queue.slot(k), weight);
     if (!film_.wants_cryptomatte() || !(weight > 0)) continue;
-    const GlintInstances& group = scene_.group(batch_.instance[k]);
+    const GlintInstances& group = scene_.instances.group(batch_.instance[k]);
     meetings_.push_back(
         {queue.slot(k),
          {group.crypto_object, scene_.materials[batch_.material[k]].crypto, group.crypto_asset},
@@ -61,7 +61,7 @@ void Tracer::note_denoising(size_t k, uint32_t path, double share) {
 Vec3d Tracer::albedo(size_t k) const {
   Vec3d sum;
   const Material& material = scene_.materials[batch_.material[k]];
-  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
     if (lobe->kind == GLINT_MIRROR || lobe->kind == GLINT_REFRACTION) sum += batch_.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;
@@ -75,9 +75,9 @@ Vec3d Tracer::albedo(size_t k) const {
 /// T times about what of even light the highlights of a lit point give back.
 Tracer::Highlights Tracer::highlights(size_t k) const {
   Highlights sum;
-  for (int term = 0; term < scene_.max_specular; ++term) {
+  for (int term = 0; term < scene_.materials.max_specular; ++term) {
     const double* const column =
-        batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
+        batch_.specular + size_t(scene_.materials.specular_columns * term) * batch_.stride + k;
     const double exponent = column[SpecularTerm::kExponent * batch_.stride];
     const Vec3d k_s{column[0], column[batch_.stride], column[2 * batch_.stride]};
     if (exponent == SpecularTerm::kSheen || exponent == SpecularTerm::kFibreDiffuse)

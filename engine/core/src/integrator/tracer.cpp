@@ -37,7 +37,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
       catches_(scene.features & GLINT_FEATURE_SHADOW_CATCHER),
-      program_slots_(size_t(scene.most_slots) * kBlock) {}
+      program_slots_(size_t(scene.programs.most_slots) * kBlock) {}
 
 Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool gathers) {
   Queue queue(visibility);
@@ -77,7 +77,7 @@ void Tracer::choose(const Tile& tile) {
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
                   !camera_.is_panorama() &&
                   !(scene_.features & (GLINT_FEATURE_VISIBLE_LIGHTS | GLINT_FEATURE_MEDIA)) &&
-                  !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
+                  !scene_.world.sky_program && scene_.trees.accel().surely_empty(frustum(tile));
 }
 
 /// Round all camera rays of the tile's samples.
@@ -95,7 +95,9 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
       (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_BOUNCED_LIGHT))
     return 1;
   if (direct_.reflects() || direct_.shares()) return 1;
-  if (scene_.has_rough_glass || scene_.scatters || scene_.varies || scene_.asks_rays) return 1;
+  if (scene_.materials.has_rough_glass || scene_.media.scatters || scene_.media.varies ||
+      scene_.programs.asks_rays)
+    return 1;
   if (film_.wants(GLINT_PASS_AMBIENT_OCCLUSION)) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
@@ -132,7 +134,7 @@ void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t fi
 uint32_t Tracer::trace(uint32_t first, uint32_t last) {
   if (surely_empty_) return trace_empty(first, last);
   const uint32_t count = packet_samples(last - first);
-  const size_t step = Paths::kMost / count / (scene_.varies ? kFewer : 1);
+  const size_t step = Paths::kMost / count / (scene_.media.varies ? kFewer : 1);
   if (!active_.empty()) points_.set(camera_, plan_, *tile_, first, count);
   for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
     const uint32_t* const begin = active_.data() + k;
@@ -193,7 +195,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (scene_.features & GLINT_FEATURE_MEDIA) dim(queue);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
-  for (size_t c = 0; gives_aovs && scene_.bends_normals && c < 3; ++c)
+  for (size_t c = 0; gives_aovs && scene_.materials.bends_normals && c < 3; ++c)
     mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
   shade(queue, straight, next.bounced);
   if (queue.gathers) matten(queue);

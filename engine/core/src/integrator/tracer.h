@@ -48,8 +48,8 @@ class Tracer {
   /// The material of its rays that hit nothing.
   uint32_t missed(const Queue& queue) const {
     const bool sees_nothing =
-        queue.glossy || (scene_.transparent_film && queue.visibility == kCamera);
-    return sees_nothing ? scene_.nothing() : scene_.surroundings();
+        queue.glossy || (scene_.world.transparent_film && queue.visibility == kCamera);
+    return sees_nothing ? scene_.materials.nothing() : scene_.materials.surroundings();
   }
   void camera_rays();
   void leave_out_unseen(const CameraStage& stage);
@@ -78,7 +78,7 @@ class Tracer {
   bool is_caught(const Queue& queue, size_t k) const {
     return catches_ && queue.visibility == kCamera &&
            batch_.material[k] < scene_.materials.size() &&
-           scene_.group(batch_.instance[k]).flags & GLINT_CATCHER;
+           scene_.instances.group(batch_.instance[k]).flags & GLINT_CATCHER;
   }
   void set_aside_caught(const Queue& queue);
   void settle_caught(const Queue& queue, uint32_t sample);
@@ -99,8 +99,8 @@ class Tracer {
   };
   Highlights highlights(size_t k) const;
   size_t note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count);
-  void run_aovs(const Queue& queue, const Material& given, const uint32_t* rows,
-                const Surface* surfaces, size_t count);
+  void set_aov_points(const Queue& queue, const uint32_t* rows, size_t count,
+                      ProgramPoints& points) const;
   void keep_meetings();
   void keep(const Queue& queue);
   void wait(Queue queue);

@@ -58,10 +58,10 @@ void Tracer::find_hits(const Queue& queue) {
     // surfaces.
     const bool all = batch_.first_hits || film_.wants(GLINT_PASS_COST) ||
                      film_.wants(GLINT_PASS_GAP) || film_.wants(GLINT_PASS_AOV);
-    rays.opacity = all ? nullptr : scene_.opacity();
+    rays.opacity = all ? nullptr : scene_.trees.opacity();
     const bool straight = rays.opacity && queue.visibility == kCamera && &queue != &first_;
     if (straight && !batch_.fallbacks) ahead_.closest(queue, batch_.hits());
-    else scene_.accel().closest(rays, batch_.hits(), scratch_);
+    else scene_.trees.accel().closest(rays, batch_.hits(), scratch_);
   }
   batch_.charge_fallbacks();
   if (&queue == &first_) counts_.camera += queue.size();
@@ -81,18 +81,18 @@ void Tracer::find_points(const Queue& queue) {
   stage.primitive = batch_.primitive.data();
   stage.u = batch_.u.data();
   stage.v = batch_.v.data();
-  stage.instances = scene_.instance_shapes.data();
-  stage.groups = scene_.group_shapes.data();
+  stage.instances = scene_.instances.shapes.data();
+  stage.groups = scene_.instances.group_shapes.data();
   stage.missed = missed(queue);
   stages_.surface(stage);
-  for (size_t k = 0; !scene_.only_meshes && k < queue.size(); ++k) {
+  for (size_t k = 0; !scene_.instances.only_meshes && k < queue.size(); ++k) {
     if (batch_.material[k] != kNoMaterial) continue;
     const Path path = queue.path(k);
     batch_.set_surface(k, surface_at(scene_, path.start, queue.ray(k).d, batch_.hit(k)));
-    const GlintInstances& group = scene_.group(batch_.instance[k]);
+    const GlintInstances& group = scene_.instances.group(batch_.instance[k]);
     batch_.material[k] = group.flags & GLINT_HOLDOUT
-                             ? scene_.holdout()
-                             : scene_.material_of(group, batch_.primitive[k]);
+                             ? scene_.materials.holdout()
+                             : scene_.instances.material_of(group, batch_.primitive[k]);
   }
 }
 
@@ -107,7 +107,7 @@ void Tracer::find_gaps() {
     rays.back().t_min = beyond(batch_.t[k]);
   }
   std::vector<Hit> hits(rays.size());
-  scene_.accel().closest(rays.data(), hits.data(), rays.size(), scratch_);
+  scene_.trees.accel().closest(rays.data(), hits.data(), rays.size(), scratch_);
   for (size_t i = 0; i < hits.size(); ++i) {
     if (hits[i].instance != Hit::kNone)
       film_.set_gap(pixel(first_, from[i]), (hits[i].t - batch_.t[from[i]]) / scene_.anchor.scale);

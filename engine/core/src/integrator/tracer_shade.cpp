@@ -11,13 +11,14 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
   stage.count = queue.size();
   stage.material = batch_.material.data();
-  stage.terms = (queue.reflections > 0 ? scene_.reflected_terms : scene_.material_terms).data();
-  stage.specular_terms = scene_.specular_terms.data();
-  stage.max_specular = scene_.max_specular;
+  stage.terms =
+      (queue.reflections > 0 ? scene_.materials.reflected_terms : scene_.materials.terms).data();
+  stage.specular_terms = scene_.materials.specular_terms.data();
+  stage.max_specular = scene_.materials.max_specular;
   stage.sums = batch_.sums;
-  stage.specular_columns = scene_.specular_columns;
-  stage.view_terms = scene_.view_terms.data();
-  stage.max_view = scene_.max_view;
+  stage.specular_columns = scene_.materials.specular_columns;
+  stage.view_terms = scene_.materials.view_terms.data();
+  stage.max_view = scene_.materials.max_view;
   for (size_t c = 0; c < 3; ++c) {
     stage.n[c] = batch_.points.n[c];
     stage.d[c] = queue.column(Queue::kD + c);
@@ -36,15 +37,16 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
     std::copy_n(batch_.sums.emission[c], queue.size(), batch_.glow[c]);
   for (size_t k = 0; sees_lights && k < queue.size(); ++k) see_lights(k);
   double* lost = paths_.lost_alpha();
-  for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
-       ++k)
+  for (size_t k = 0;
+       scene_.world.transparent_film && queue.visibility == kCamera && k < queue.size(); ++k)
     if (batch_.missed(k)) lost[queue.slot(k)] += mean(queue.path(k).T);
   for (size_t i = 0; i < others;) {
     const uint32_t k = batch_.others[i];
-    if (batch_.material[k] == scene_.holdout()) {
+    if (batch_.material[k] == scene_.materials.holdout()) {
       shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]);
       ++i;
-    } else if (batch_.material[k] == scene_.surroundings()) i += see_sky(queue, i, others - i);
+    } else if (batch_.material[k] == scene_.materials.surroundings())
+      i += see_sky(queue, i, others - i);
     else i += vary(queue, i, others - i, {straight, bounced});
   }
 }
@@ -68,7 +70,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.rows = rows;
   stage.instance = batch_.instance.data();
   stage.primitive = batch_.primitive.data();
-  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
+  stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
   stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;
@@ -76,18 +78,22 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     if (batch_.has_groups()) stage.sums.emission[c] = batch_.glow[c];
     stage.T[c] = queue.column(Queue::kT + c);
     stage.diffuse[c] = batch_.diffuse[c];
-    stage.ambient[c] = scene_.ambient[int(c)];
+    stage.ambient[c] = scene_.world.ambient[int(c)];
     stage.n[c] = batch_.points.n[c];
     stage.d[c] = queue.column(Queue::kD + c);
     if (c < 2) stage.weights[c] = batch_.points.weights[c];
     stage.x[c] = batch_.points.x[c];
     stage.g[c] = batch_.points.g[c];
     stage.bent[c] = batch_.points.n[c];
+    stage.unbent[c] = batch_.unbent[c];
     stage.start[c] = queue.column(Queue::kStart + c);
   }
   if (material.program > 0) {
-    stage.program = &scene_.program_of(material);
+    stage.program = scene_.programs.of(material.program);
     stage.normal = material.normal;
+    stage.bump_shadowing = material.bump_shadowing;
+    stage.base_normal = material.base_normal;
+    stage.bump = batch_.bump;
     stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;
@@ -95,7 +101,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.offset = batch_.points.offset;
     if (stage.program->asks_rays) stage.queries = queries_.at(batch_, sample_, counts_);
   }
-  stage.specular_columns = scene_.specular_columns;
+  stage.specular_columns = scene_.materials.specular_columns;
   stage.specular = batch_.specular;
   stage.passing = batch_.passing_columns;
   stage.passing_columns = batch_.passing_width;
@@ -116,11 +122,11 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
 size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
   const uint32_t* rows = batch_.others.data() + first;
   size_t seen = 0;
-  while (seen < count && batch_.material[rows[seen]] == scene_.surroundings()) {
+  while (seen < count && batch_.material[rows[seen]] == scene_.materials.surroundings()) {
     const uint32_t* some = rows + seen;
     const size_t most = std::min(count - seen, kBlock);
     size_t here = 1;
-    while (here < most && batch_.material[some[here]] == scene_.surroundings()) ++here;
+    while (here < most && batch_.material[some[here]] == scene_.materials.surroundings()) ++here;
     const double* const slot = run_sky(queue, some, here);
     for (size_t i = 0; i < here; ++i)
       for (size_t c = 0; c < 3; ++c) {
@@ -144,11 +150,11 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
     for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
     for (size_t c = 0; c < 3; ++c)
       for (size_t axis = 0; axis < 3; ++axis)
-        points.d[axis][i] += scene_.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
+        points.d[axis][i] += scene_.world.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
   }
-  stages_.program({scene_.input_tables(), scene_.sky_program, &points, kind, count,
+  stages_.program({scene_.input_tables(), scene_.world.sky_program, &points, kind, count,
                    program_slots_.data(), nullptr});
-  return program_slots_.data() + scene_.sky_slot;
+  return program_slots_.data() + scene_.world.sky_slot;
 }
 
 /// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
@@ -172,9 +178,9 @@ void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
 void Tracer::widen(const Queue& queue) {
   for (size_t k = 0; k < queue.size(); ++k) {
     const double widest = queue.widest(k);
-    for (int number = 0; number < scene_.max_specular; ++number) {
+    for (int number = 0; number < scene_.materials.max_specular; ++number) {
       double* const column =
-          batch_.specular + size_t(scene_.specular_columns * number) * batch_.stride + k;
+          batch_.specular + size_t(scene_.materials.specular_columns * number) * batch_.stride + k;
       double& exponent = column[SpecularTerm::kExponent * batch_.stride];
       if (!(exponent > widest)) continue;
       for (size_t c = 0; c < 3; ++c) column[c * batch_.stride] *= (widest + 1) / (exponent + 1);

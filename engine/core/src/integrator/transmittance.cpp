@@ -19,11 +19,11 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
   for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(kRows);
   u_.resize(kRows);
   v_.resize(kRows);
-  slots_.resize(size_t(scene.most_slots) * kBlock);
-  if (!scene.only_meshes && !scene.programs.empty()) solids_.resize(8 * kRows);
+  slots_.resize(size_t(scene.programs.most_slots) * kBlock);
+  if (!scene.instances.only_meshes && !scene.programs.rows.empty()) solids_.resize(8 * kRows);
   stage_.slots = slots_.data();
   stage_.tables = scene_.input_tables();
-  stage_.shapes = scene_.group_shapes.data();
+  stage_.shapes = scene_.instances.group_shapes.data();
   stage_.number = number_.data();
   stage_.instance = instance_.data();
   stage_.primitive = primitive_.data();
@@ -32,8 +32,8 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
   for (size_t c = 0; c < 3; ++c) stage_.share[c] = shares_[c];
 }
 
-void TransparentShadows::begin(const Batch& batch, const LightStage& light, size_t count,
-                               double* const (&shadow)[3], const Opacity* opacity) {
+void TransparentShadows::begin(const LightStage& light, size_t count, double* const (&shadow)[3],
+                               const Opacity* opacity) {
   opacity_ = opacity;
   stage_.point = light.point;
   const bool endless = light.shape == kDirection || light.shape == kSky || light.shape == kOpenSky;
@@ -49,10 +49,10 @@ void TransparentShadows::begin(const Batch& batch, const LightStage& light, size
   waiting_count_ = 0;
 }
 
-void TransparentShadows::trace(const Batch& batch, const LightStage& light, const Opacity* opacity,
+void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
                                const double* starts, size_t count, double* const (&shadow)[3],
                                RayCounts& counts) {
-  begin(batch, light, count, shadow, opacity);
+  begin(light, count, shadow, opacity);
   counts.shadow += count;
   const double* const* o = light.o;
   const double* const* d = light.to;
@@ -71,9 +71,9 @@ void TransparentShadows::trace(const Batch& batch, const LightStage& light, cons
   go_on(light, counts);
 }
 
-void TransparentShadows::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked,
-                                size_t count, double* const (&shadow)[3], RayCounts& counts) {
-  begin(batch, light, count, shadow, scene_.opacity());
+void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
+                                double* const (&shadow)[3], RayCounts& counts) {
+  begin(light, count, shadow, scene_.trees.opacity());
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);
@@ -118,7 +118,7 @@ void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
 void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCounts& counts) {
   {
     const Timer timer(counts.tracing);
-    scene_.accel().find_layers(rays, {hits_.data(), found_}, blocked_, scratch_);
+    scene_.trees.accel().find_layers(rays, {hits_.data(), found_}, blocked_, scratch_);
   }
   bool dimmed = false;
   for (size_t k = 0; k < rays.count; ++k) {
@@ -143,7 +143,9 @@ void TransparentShadows::list_layers(const Rays& rays) {
       const Hit& hit = hits_[i];
       if (!(hit.t > t_min)) continue;
       t_min = beyond(hit.t);
-      layers_.push_back({i, scene_.material_of(scene_.group(hit.instance), hit.primitive), 0});
+      layers_.push_back(
+          {i, scene_.instances.material_of(scene_.instances.group(hit.instance), hit.primitive),
+           0});
     }
     end_[k] = uint32_t(layers_.size());
   }
@@ -171,7 +173,8 @@ void TransparentShadows::sort_layers() {
 void TransparentShadows::place_solids(const Rays& rays) {
   for (const Layer& layer : layers_) {
     const Hit& hit = hits_[layer.hit];
-    if (scene_.geometry(scene_.group(hit.instance)).kind == GLINT_MESH) continue;
+    if (scene_.instances.geometry(scene_.instances.group(hit.instance)).kind == GLINT_MESH)
+      continue;
     const uint32_t k = layer.hit / Layers::kMost;
     const Surface s = surface_at(scene_, {rays.o[0][k], rays.o[1][k], rays.o[2][k]},
                                  {rays.d[0][k], rays.d[1][k], rays.d[2][k]}, hit);
@@ -187,7 +190,7 @@ void TransparentShadows::place_solids(const Rays& rays) {
 
 /// What each layer lets through.
 void TransparentShadows::read_shares(const Rays& rays) {
-  const bool has_solids = !scene_.only_meshes && !scene_.programs.empty();
+  const bool has_solids = !scene_.instances.only_meshes && !scene_.programs.rows.empty();
   if (has_solids) place_solids(rays);
   stage_.solids = has_solids ? solids_.data() : nullptr;
   size_t first = 0;
@@ -197,9 +200,9 @@ void TransparentShadows::read_shares(const Rays& rays) {
     if (material.has(GLINT_TRANSPARENT)) {
       stage_.first = first;
       stage_.count = end - first;
-      stage_.lobes = scene_.lobe_shapes.data() + material.first_lobe;
+      stage_.lobes = scene_.materials.lobes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
-      stage_.program = material.program > 0 ? &scene_.program_of(material) : nullptr;
+      stage_.program = material.program > 0 ? scene_.programs.of(material.program) : nullptr;
       stages_.transmit(stage_);
     } else {
       for (size_t c = 0; c < 3; ++c) std::fill(shares_[c] + first, shares_[c] + end, 0.0);

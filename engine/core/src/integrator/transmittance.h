@@ -18,10 +18,10 @@ class TransparentShadows {
                      Scratch& scratch);
 
   /// Of rays of which nothing is known. starts: of the rays, 0. opacity: as of the scene's light.
-  void trace(const Batch& batch, const LightStage& light, const Opacity* opacity,
-             const double* starts, size_t count, double* const (&shadow)[3], RayCounts& counts);
+  void trace(const LightStage& light, const Opacity* opacity, const double* starts, size_t count,
+             double* const (&shadow)[3], RayCounts& counts);
   /// Of rays of which it is known whether anything is on their way.
-  void follow(const Batch& batch, const LightStage& light, const uint8_t* blocked, size_t count,
+  void follow(const LightStage& light, const uint8_t* blocked, size_t count,
               double* const (&shadow)[3], RayCounts& counts);
 
  private:
@@ -34,7 +34,7 @@ class TransparentShadows {
     uint32_t hit, material, row;
   };
 
-  void begin(const Batch& batch, const LightStage& light, size_t count, double* const (&shadow)[3],
+  void begin(const LightStage& light, size_t count, double* const (&shadow)[3],
              const Opacity* opacity);
   void wait(const LightStage& light, uint32_t number, double t_min);
   void go_on(const LightStage& light, RayCounts& counts);

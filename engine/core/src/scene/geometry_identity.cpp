@@ -24,12 +24,14 @@ class Finder {
  public:
   explicit Finder(const Scene& scene) : scene_(scene) {}
   uint32_t find(const GlintGeometry& g, uint32_t guess) {
-    if (guess < scene_.geometries.size() && same_arrays(g, scene_.geometries[guess])) return guess;
+    if (guess < scene_.instances.geometries.size() &&
+        same_arrays(g, scene_.instances.geometries[guess]))
+      return guess;
     if (numbers_.empty())
-      for (uint32_t k = 0; k < scene_.geometries.size(); ++k)
-        numbers_.emplace(scene_.geometries[k].vertices, k);
+      for (uint32_t k = 0; k < scene_.instances.geometries.size(); ++k)
+        numbers_.emplace(scene_.instances.geometries[k].vertices, k);
     const auto found = numbers_.find(g.vertices);
-    return found != numbers_.end() && same_arrays(g, scene_.geometries[found->second])
+    return found != numbers_.end() && same_arrays(g, scene_.instances.geometries[found->second])
                ? found->second
                : AccelBase::kNone;
   }
@@ -55,7 +57,8 @@ bool same_attributes(const GlintSceneData& data, const GlintGeometry& g, const S
                        g.attribute_count <= data.attribute_count - g.first_attribute;
   if (!counted || g.corners != there.corners || !same(g.normals, there.normals)) return false;
   for (uint32_t k = 0; k < g.attribute_count; ++k)
-    if (!same(data.attributes[g.first_attribute + k], base.attributes[there.first_attribute + k]))
+    if (!same(data.attributes[g.first_attribute + k],
+              base.instances.attributes[there.first_attribute + k]))
       return false;
   return true;
 }

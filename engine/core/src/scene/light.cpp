@@ -3,7 +3,8 @@
 #include "scene/light.h"
 
 #include "math/math.h"
-#include "scene/scene.h"
+#include "scene/anchor.h"
+#include "scene/programs.h"
 #include "shading/surface.h"
 
 namespace glint {
@@ -38,6 +39,14 @@ double area_of(const GlintLight& g) {
   return g.size_x * g.size_y * (g.flags & GLINT_ELLIPSE ? kPi / 4 : 1);
 }
 
+bool sound(const GlintLight& g) {
+  bool good = finite(affine(g.world_from_light)) && any(affine(g.world_from_light).z);
+  for (double x : {g.color[0], g.color[1], g.color[2], g.strength, g.radius, g.angle, g.spot_size,
+                   g.spot_blend, g.size_x, g.size_y})
+    good = good && std::isfinite(x);
+  return good;
+}
+
 }  // namespace
 
 void set_place(LightStage& stage, double x, double y) {
@@ -46,7 +55,7 @@ void set_place(LightStage& stage, double x, double y) {
   for (int k = 0; k < 2; ++k) stage.azimuth[k] = place.azimuth[k];
 }
 
-Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* programs)
+Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramTable& programs)
     : kind(g.kind), flags(g.flags), excluded_sets(g.excluded_sets), passed_sets(g.passed_sets) {
   Affine m = affine(g.world_from_light);
   placed = anchor.matrix(m);
@@ -57,7 +66,7 @@ Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* prog
   if (g.program > 0) {
     const Vec3d columns[4] = {placed.x, placed.y, placed.z, placed.t};
     for (int k = 0; k < 12; ++k) space.m[k] = columns[k / 3][k % 3];
-    program = programs + (g.program - 1);
+    program = programs.of(g.program);
     slot = size_t(g.program_slot) * kBlock;
   }
   color = Vec3d{saturate(g.color[0] * g.strength), saturate(g.color[1] * g.strength),
@@ -311,6 +320,24 @@ Vec3d Light::radiance(Vec3d o, Vec3d d, bool physical) const {
   const Vec3d to = center - o;
   const bool inside = dot(to, to) <= radius * radius && !(flags & GLINT_SOFT_FALLOFF);
   return (inside ? 1.0 : spot(-dot(d, axis))) * (physical ? seen : color);
+}
+
+LightTable place_lights(const GlintSceneData& data, const Anchor& anchor,
+                        const ProgramTable& programs) {
+  LightTable t;
+  t.emitters.assign(data.emitters, data.emitters + data.emitter_count);
+  t.emitter_corners = data.emitter_corners;
+  uint32_t mesh_number = 0;
+  for (size_t i = 0; i < data.light_count; ++i) {
+    const GlintLight& g = data.lights[i];
+    if (sound(g)) {
+      t.rows.emplace_back(g, anchor, programs);
+      t.rows.back().number = uint32_t(t.rows.size() - 1);
+      t.rows.back().mesh_number = mesh_number;
+    } else ++t.dropped;
+    mesh_number += g.kind == GLINT_MESH_LIGHT;
+  }
+  return t;
 }
 
 }  // namespace glint

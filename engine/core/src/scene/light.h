@@ -10,6 +10,7 @@
 namespace glint {
 
 struct Anchor;
+struct ProgramTable;
 
 /// A point of the square [-1, 1]^2 and the same point mapped to the unit disc; of a dome the
 /// direction to its light, what comes from there and one over the density of such directions, and
@@ -51,6 +52,7 @@ struct Light {
   int group = -1;            // of lights, but of those on surfaces; -1 for none
   int level = -1;            // in the tree of clusters, as GlintLight has it
   bool extended = false;     // has more than one sample when the settings want them
+  uint32_t number = 0;       // among the scene's lights
   uint32_t mesh_number = 0;  // of a mesh light, among these
   size_t first_emitter = 0, emitter_count = 0;  // of the scene's, that are a mesh light
   const ProgramShape* program = nullptr;        // what color is times at each sample; null: 1
@@ -58,7 +60,7 @@ struct Light {
   InstanceShape space{};                        // its axes, as programs read those of an object
   Affine placed;                                // the same for the points of a mesh light
 
-  Light(const GlintLight& data, const Anchor& anchor, const ProgramShape* programs);
+  Light(const GlintLight& data, const Anchor& anchor, const ProgramTable& programs);
   bool endless() const { return kind == GLINT_SUN || is_dome(); }
   bool is_dome() const { return kind == GLINT_DOME; }
   bool is_mesh() const { return kind == GLINT_MESH_LIGHT; }
@@ -118,5 +120,21 @@ struct Light {
   double meets_sphere(Vec3d o, Vec3d d) const;
   double meets_area(Vec3d o, Vec3d d) const;
 };
+
+struct LightTable {
+  std::vector<Light> rows;
+  std::vector<GlintEmitter> emitters;
+  const float* emitter_corners = nullptr;
+  size_t dropped = 0;
+
+  size_t size() const { return rows.size(); }
+  const Light& operator[](size_t number) const { return rows[number]; }
+  auto begin() const { return rows.begin(); }
+  auto end() const { return rows.end(); }
+};
+
+/// Leaves out lights that have numbers that are not finite, or no axis.
+LightTable place_lights(const GlintSceneData& data, const Anchor& anchor,
+                        const ProgramTable& programs);
 
 }  // namespace glint

@@ -1,11 +1,19 @@
 // What light passes through, and what encloses it.
 #pragma once
 #include <cstdint>
+#include <vector>
 
+#include "glint.h"
 #include "math/vec.h"
 #include "program/program.h"
+#include "shading/stages.h"
 
 namespace glint {
+
+struct Anchor;
+struct InstanceTable;
+struct MaterialTable;
+struct ProgramTable;
 
 /// What there is at a place, for lengths of anchored space.
 struct Matter {
@@ -31,5 +39,19 @@ struct Enclosure {
   Vec3d low, high;
   double step;
 };
+
+struct MediaTable {
+  std::vector<Medium> rows;
+  std::vector<Enclosure> enclosures;
+  int32_t world = -1;                                    // what is everywhere
+  bool scatters = false, emits = false, varies = false;  // some medium of these does
+  InstanceShape world_space{};  // the world's axes, as programs read those of an object
+
+  const Medium& operator[](size_t number) const { return rows[number]; }
+};
+
+MediaTable place_media(const GlintSceneData& data, const Anchor& anchor,
+                       const ProgramTable& programs, const MaterialTable& materials,
+                       const InstanceTable& instances);
 
 }  // namespace glint

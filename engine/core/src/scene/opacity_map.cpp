@@ -40,18 +40,6 @@ size_t next(size_t i, size_t size, int extension) {
   return i + 1 < size ? i + 1 : extension == GLINT_REPEAT ? 0 : i;
 }
 
-Vec3d finite_or_zero(Vec3d c) {
-  return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
-}
-
-/// Whether two inputs look at the same of an image.
-bool same_read(const GlintInput& a, const GlintInput& b) {
-  const bool as_alpha = a.channel == GLINT_ALPHA,
-             same_kind = as_alpha == (b.channel == GLINT_ALPHA);
-  return same_kind && a.texture == b.texture && a.uv == b.uv &&
-         std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
-}
-
 }  // namespace
 
 TexelMap::TexelMap(const TextureShape& texture, bool of_alpha) : texture_(texture) {
@@ -115,10 +103,10 @@ uint8_t TexelMap::around(const double (&at)[2], const double (&off)[2]) const {
 
 OpacityMaps::OpacityMaps(const Scene& scene) : scene_(scene) {
   for (uint32_t m = 0; m < scene.materials.size(); ++m) known_.push_back(known(m));
-  for (const GlintInstances& group : scene.groups) add_looks(group);
+  for (const GlintInstances& group : scene.instances.groups) add_looks(group);
   std::vector<uint8_t> of_groups;
   for (const Looks& group : of_group_) of_groups.push_back(of_group(group));
-  for (const Placement& p : scene.placements) of_instance_.push_back(of_groups[p.group]);
+  for (const Placement& p : scene.instances.placements) of_instance_.push_back(of_groups[p.group]);
   view_.of_instance = of_instance_.data();
   view_.maps = this;
   view_.at = [](const void* maps, uint32_t instance, uint32_t primitive, double u, double v) {
@@ -134,20 +122,20 @@ OpacityMaps::Known OpacityMaps::known(uint32_t m) {
     return found;
   }
   for (uint32_t l = material.first_lobe; l < material.first_lobe + material.lobe_count; ++l) {
-    const Lobe& lobe = scene_.lobes[l];
+    const LobeShape& lobe = scene_.materials.lobes[l];
     for (uint32_t i = lobe.first_input;
          lobe.kind == GLINT_TRANSPARENT && i < lobe.first_input + lobe.input_count; ++i) {
-      const GlintInput& input = scene_.inputs[i];
+      const GlintInput& input = scene_.materials.inputs[i];
       if (input.texture < 0) continue;
       // a hole of a cubic image would take four texels in a row
-      if (scene_.texture_shapes[size_t(input.texture)].interpolation == GLINT_CUBIC) continue;
+      if (scene_.materials.textures[size_t(input.texture)].interpolation == GLINT_CUBIC) continue;
       found.at_zero = where(m, i, 0);
       found.at_one = where(m, i, 1);
       if (found.at_zero == Opacity::kVaried && found.at_one == Opacity::kVaried) continue;
       const bool of_alpha = input.channel == GLINT_ALPHA;
       found.map = &maps_
                        .try_emplace({input.texture, of_alpha},
-                                    scene_.texture_shapes[size_t(input.texture)], of_alpha)
+                                    scene_.materials.textures[size_t(input.texture)], of_alpha)
                        .first->second;
       found.always = Opacity::kMapped;
       found.input = &input;
@@ -163,7 +151,7 @@ uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
   Vec3d passes;
   bool all = true, nothing_else = true;
   for (uint32_t l = material.first_lobe; l < material.first_lobe + material.lobe_count; ++l) {
-    const Lobe& lobe = scene_.lobes[l];
+    const LobeShape& lobe = scene_.materials.lobes[l];
     Vec3d k;
     const bool sure = product(lobe, input, reading, k);
     if (lobe.kind == GLINT_TRANSPARENT) {
@@ -178,23 +166,22 @@ uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
 }
 
 /// A lobe's coefficient there; false where it depends on something else.
-bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3d& k) const {
+bool OpacityMaps::product(const LobeShape& lobe, uint32_t input, double reading, Vec3d& k) const {
   if (lobe.constant) {
-    k = lobe.k;
+    k = coefficient(lobe);
     return true;
   }
   bool all = true;
   k = {1, 1, 1};
   for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
-    const GlintInput& in = scene_.inputs[i];
-    const bool read = in.texture >= 0 && same_read(in, scene_.inputs[input]);
+    const GlintInput& in = scene_.materials.inputs[i];
+    const bool read = in.texture >= 0 && same_read(in, scene_.materials.inputs[input]);
     const bool zero = read && reading == 0;
     if (!zero && (in.attribute >= 0 || in.output > 0 || (in.texture >= 0 && !read))) {
       all = false;
       continue;
     }
-    const Vec3d value = zero ? Vec3d{} : finite_or_zero({in.value[0], in.value[1], in.value[2]});
-    const Vec3d factor = of_product(in, value);
+    const Vec3d factor = factor_of(in, zero ? 0 : 1);
     if (!any(factor)) {
       k = {};
       return true;
@@ -209,8 +196,8 @@ OpacityMaps::Look OpacityMaps::look(const GlintInstances& group, uint32_t materi
   Look found{known_[material]};
   Known& known = found.known;
   if (!known.input) return found;
-  const GlintGeometry& geometry = scene_.geometry(group);
-  const GlintAttribute* a = scene_.attributes.data() + geometry.first_attribute;
+  const GlintGeometry& geometry = scene_.instances.geometry(group);
+  const GlintAttribute* a = scene_.instances.attributes.data() + geometry.first_attribute;
   const GlintAttribute* const end = a + geometry.attribute_count;
   a = std::find_if(a, end, [&](const GlintAttribute& b) {
     return known.input->uv < 0 ? b.channels == 2 : b.name == known.input->uv;
@@ -229,10 +216,10 @@ OpacityMaps::Look OpacityMaps::look(const GlintInstances& group, uint32_t materi
 }
 
 void OpacityMaps::add_looks(const GlintInstances& group) {
-  const uint16_t* const slots = scene_.geometry(group).material_slots;
+  const uint16_t* const slots = scene_.instances.geometry(group).material_slots;
   const uint32_t first = uint32_t(looks_.size());
   for (uint32_t k = 0; k < group.material_count; ++k)
-    looks_.push_back(look(group, scene_.material_slots[group.first_material + k]));
+    looks_.push_back(look(group, scene_.instances.material_slots[group.first_material + k]));
   if (group.material_count == 0) looks_.push_back(look(group, uint32_t(known_.size() - 1)));
   const uint32_t last = uint32_t(looks_.size()) - 1;
   of_group_.push_back({last > first ? slots : nullptr, first, last});
@@ -247,7 +234,7 @@ uint8_t OpacityMaps::of_group(const Looks& group) const {
 }
 
 uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double v) const {
-  const Looks& group = of_group_[scene_.placements[instance].group];
+  const Looks& group = of_group_[scene_.instances.placements[instance].group];
   const uint32_t slot = group.slots ? group.slots[primitive] : 0;
   const Look& look = looks_[std::min(group.first + slot, group.last)];
   const Known& known = look.known;
@@ -273,14 +260,15 @@ uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double 
                                   : uint8_t(Opacity::kVaried);
 }
 
-PassedInstances::PassedInstances(const Scene& scene, uint64_t passed_sets, bool catchers_alone) {
-  if (scene.opacity()) view_ = *scene.opacity();
-  of_instance_.resize(scene.placements.size());
+PassedInstances::PassedInstances(const InstanceTable& instances, const Opacity* opacity,
+                                 uint64_t passed_sets, bool catchers_alone) {
+  if (opacity) view_ = *opacity;
+  of_instance_.resize(instances.placements.size());
   for (uint32_t i = 0; i < of_instance_.size(); ++i) {
-    const GlintInstances& group = scene.group(i);
+    const GlintInstances& group = instances.group(i);
     const bool passed =
         passed_sets >> group.light_set & 1 || (catchers_alone && !(group.flags & GLINT_CATCHER));
-    const uint8_t own = scene.opacity() ? view_.of_instance[i] : uint8_t(Opacity::kSolid);
+    const uint8_t own = opacity ? opacity->of_instance[i] : uint8_t(Opacity::kSolid);
     of_instance_[i] = passed ? uint8_t(Opacity::kClear) : own;
   }
   view_.of_instance = of_instance_.data();

@@ -10,9 +10,8 @@
 
 namespace glint {
 
-class Scene;
-struct Light;
-struct Lobe;
+struct InstanceTable;
+struct Scene;
 
 /// Of each square of texels that a lookup reads, whether all of it is 0, or 1: two bits each, which
 /// stay in a cache where images do not.
@@ -68,7 +67,7 @@ class OpacityMaps {
   Look look(const GlintInstances& group, uint32_t material) const;
   void add_looks(const GlintInstances& group);
   uint8_t where(uint32_t material, uint32_t input, double reading) const;
-  bool product(const Lobe& lobe, uint32_t input, double reading, Vec3d& k) const;
+  bool product(const LobeShape& lobe, uint32_t input, double reading, Vec3d& k) const;
   uint8_t of_group(const Looks& group) const;
   uint8_t at(uint32_t instance, uint32_t primitive, double u, double v) const;
 
@@ -85,7 +84,9 @@ class OpacityMaps {
 class PassedInstances {
  public:
   /// Those of the light sets, and with `catchers_alone` all but catchers.
-  PassedInstances(const Scene& scene, uint64_t passed_sets, bool catchers_alone);
+  /// opacity: of all instances; or null.
+  PassedInstances(const InstanceTable& instances, const Opacity* opacity, uint64_t passed_sets,
+                  bool catchers_alone);
   PassedInstances(const PassedInstances&) = delete;
   PassedInstances& operator=(const PassedInstances&) = delete;
   const Opacity& view() const { return view_; }

@@ -174,8 +174,8 @@ bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
 }
 
 bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {
-  return !scene.scatters || (g.volume_samples >= 1 && g.volume_samples <= 1u << 12 &&
-                             g.scatter_offsets && g.scatter_count >= g.samples);
+  return !scene.media.scatters || (g.volume_samples >= 1 && g.volume_samples <= 1u << 12 &&
+                                   g.scatter_offsets && g.scatter_count >= g.samples);
 }
 
 bool enough_camera_rows(const GlintRenderSettings& g) {
@@ -196,17 +196,18 @@ bool enough_occlusion(const GlintRenderSettings& g) {
 bool sound_neighbours(const GlintRenderSettings& g, const Scene& scene) {
   if (!g.neighbours || !(g.passes >> GLINT_PASS_VECTOR & 1)) return true;
   size_t rows = 0;
-  for (const GlintInstances& group : scene.groups)
+  for (const GlintInstances& group : scene.instances.groups)
     rows = std::max(rows, size_t(group.first_row + group.row_count));
   for (int k = 0; k < 2; ++k) {
     const GlintNeighbour& n = g.neighbours[k];
     if (n.camera.kind != scene.camera.kind || n.row_count < rows ||
-        n.shape_count != scene.geometries.size() || (rows && !n.world_from_object) ||
+        n.shape_count != scene.instances.geometries.size() || (rows && !n.world_from_object) ||
         (n.shape_count && !n.shapes))
       return false;
     for (size_t i = 0; i < n.shape_count; ++i)
-      if (n.shapes[i].vertices && (scene.geometries[i].kind == GLINT_POLYGONS ||
-                                   n.shapes[i].vertex_count != scene.geometries[i].vertex_count))
+      if (n.shapes[i].vertices &&
+          (scene.instances.geometries[i].kind == GLINT_POLYGONS ||
+           n.shapes[i].vertex_count != scene.instances.geometries[i].vertex_count))
         return false;
   }
   return true;
@@ -239,7 +240,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(sound_openings(g),
       "settings: openings that are none, or fewer points on them than a sample has");
   add(enough_occlusion(g), "settings: fewer directions of occlusion than those of a sample");
-  add(!scene.asks_rays || (g.node_points && g.node_point_count >= 1),
+  add(!scene.programs.asks_rays || (g.node_points && g.node_point_count >= 1),
       "settings: no points for nodes that ask for rays");
   add(sound_neighbours(g, scene),
       "settings: neighbours with other rows, shapes or another kind of camera than the scene");
@@ -262,7 +263,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
           (g.reflections == GLINT_REFLECT_OFF ||
            (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");
-  add(!scene.has_rough_glass ||
+  add(!scene.materials.has_rough_glass ||
           (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels),
       "settings: no points for rough glass");
   add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
@@ -313,7 +314,7 @@ void Job::work() {
 
 void Job::run() {
   if (!scene_->build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
-  moving_seconds_ = scene_->build_seconds;
+  moving_seconds_ = scene_->trees.build_seconds();
   enter(GLINT_TRACING);
   trace_waves();
   enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
@@ -338,7 +339,7 @@ void Job::trace_waves() {
       plan_.remember && !plan_.is_spread() && !plan_.moving &&
       !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
   const std::shared_ptr<FirstHitCache> first_hits =
-      looks_up ? scene_->first_hits(plan_, film_) : nullptr;
+      looks_up ? scene_->first_hits.of(scene_->camera, plan_, film_) : nullptr;
   const auto held = first_hits ? std::unique_lock(first_hits->mutex, std::try_to_lock)
                                : std::unique_lock<std::mutex>();
   if (held) first_hits->expect(*scene_, plan_);
@@ -537,11 +538,11 @@ GlintStats Job::stats() {
   std::lock_guard lock(mutex_);
   GlintStats s{};
   s.trace_seconds = trace_seconds_;
-  s.triangles = scene_->triangles;
-  s.instances = scene_->placements.size();
-  s.primitives = scene_->primitives;
-  s.dropped_instances = scene_->dropped_instances;
-  s.dropped_lights = scene_->dropped_lights;
+  s.triangles = scene_->instances.triangles;
+  s.instances = scene_->instances.placements.size();
+  s.primitives = scene_->instances.primitives;
+  s.dropped_instances = scene_->instances.dropped;
+  s.dropped_lights = scene_->lights.dropped;
   s.features = scene_->features;
   if (plan_.lens_points) s.features |= GLINT_FEATURE_DEPTH_OF_FIELD;
   if (plan_.camera_frames) s.features |= GLINT_FEATURE_CAMERA_MOTION;
@@ -556,8 +557,8 @@ GlintStats Job::stats() {
   s.gather_rays = rays_.gather;
   s.media_points = rays_.media_points;
   if (!built_) return s;
-  s.build_seconds = plan_.moving ? moving_seconds_ : scene_->build_seconds;
-  AccelStats tree = scene_->accel().stats();
+  s.build_seconds = plan_.moving ? moving_seconds_ : scene_->trees.build_seconds();
+  AccelStats tree = scene_->trees.accel().stats();
   s.tree_bytes = tree.bytes;
   s.tree_nodes = tree.nodes;
   s.dropped_primitives = tree.dropped;

@@ -33,7 +33,7 @@ void LightProgram::put(const Light& light, size_t i, Vec3d from, Vec3d d, Vec3d 
 }
 
 void LightProgram::run(const Light& light, RayKind kind, size_t count) {
-  slots_.resize(size_t(scene_.most_slots) * kBlock);
+  slots_.resize(size_t(scene_.programs.most_slots) * kBlock);
   InputTables tables = scene_.input_tables();
   tables.instances = &light.space;  // number 0, as all points have it
   stages_.program({tables, light.program, &points_, kind, count, slots_.data(), nullptr});

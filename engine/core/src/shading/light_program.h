@@ -8,7 +8,7 @@
 
 namespace glint {
 
-class Scene;
+struct Scene;
 struct Light;
 
 class LightProgram {

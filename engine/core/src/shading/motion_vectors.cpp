@@ -82,10 +82,10 @@ Vec3d shift(const Surface& s, const GlintGeometry& geometry, const float* there)
 }  // namespace
 
 void MotionVectors::at(const Surface& s, double (&motion)[4]) const {
-  const GlintInstances& group = scene_.group(s.instance);
-  const GlintGeometry& geometry = scene_.geometry(group);
-  const uint32_t row = scene_.placements[s.instance].row;
-  const Affine m = affine(scene_.matrix_row(row));
+  const GlintInstances& group = scene_.instances.group(s.instance);
+  const GlintGeometry& geometry = scene_.instances.geometry(group);
+  const uint32_t row = scene_.instances.placements[s.instance].row;
+  const Affine m = affine(scene_.instances.matrix_row(row));
   const bool is_mesh = geometry.kind == GLINT_MESH;
   const uint32_t* const corners = is_mesh ? geometry.triangles + 3 * size_t(s.primitive) : nullptr;
   const Vec3d p = is_mesh ? on_triangle(s, corners, geometry.vertices)

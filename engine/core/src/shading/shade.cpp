@@ -51,7 +51,7 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   PassStage stage = stage_of(batch);
   stage.rows = rows;
   stage.count = count;
-  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
+  stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
   stage.max_bounces = straight_alone ? 0 : plan_.max_bounces;
   stage.max_straight = kMaxStraight;
@@ -81,7 +81,7 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
 Vec3d Shader::passed(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
   Vec3d transparent;
-  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
     if (lobe->kind == GLINT_TRANSPARENT) transparent += batch.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;
@@ -91,14 +91,15 @@ Vec3d Shader::passed(const Batch& batch, size_t k) const {
 
 Gives Shader::gives(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
-  const double cosine = std::fabs(dot(row(batch.points.n, k), batch.queue->ray(k).d));
+  const Vec3d d = batch.queue->ray(k).d, n = row(batch.points.n, k);
   Gives gives;
-  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
     const double given = batch.passing_ior(k, i, lobe->ior),
                  ior = batch.outside[k] ? given : 1 / given;
     const bool mirrors = lobe->kind == GLINT_MIRROR, refracts = lobe->kind == GLINT_REFRACTION;
-    const double R = lobe->fresnel && (mirrors || refracts) ? reflectance(cosine, ior) : 0;
+    const double cosine = std::fabs(dot(batch.passing_normal(k, i, n), d)),
+                 R = lobe->fresnel && (mirrors || refracts) ? reflectance(cosine, ior) : 0;
     if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * batch.passing(k, i);
     if (refracts) gives.refracted += (1 - R) * batch.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;
@@ -110,16 +111,43 @@ void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixe
   if (mean(passed(batch, k)) < 0.5) record(batch, k, film, pixel);
 }
 
+/// What goes straight through the surface of a point that no stage has seen.
+Vec3d Shader::transparency(const Batch& batch, size_t k, const Material& material) const {
+  Vec3d sum;
+  if (!material.has(GLINT_TRANSPARENT)) return sum;
+  const Path path = batch.queue->path(k);
+  ProgramPoints points;
+  for (size_t i = 0; i < kPad; ++i)
+    set_point(points, i, scene_, batch.surface(k), path.start, batch.queue->ray(k).d,
+              batch.queue->tags()[k]);
+  std::vector<double> slots(material.program > 0 ? scene_.programs.most_slots * kBlock : 0);
+  if (material.program > 0)
+    stages_.program({scene_.input_tables(), scene_.programs.of(material.program), &points,
+                     path.depth > 0 ? RayKind::kBounced : RayKind::kCamera, 1, slots.data(),
+                     nullptr});
+  double color[3][kPad];
+  const LobeShape* const lobes = scene_.materials.lobes.data() + material.first_lobe;
+  for (uint32_t l = 0; l < material.lobe_count; ++l) {
+    if (lobes[l].kind != GLINT_TRANSPARENT) continue;
+    stages_.coefficients({scene_.input_tables(),
+                          &points,
+                          1,
+                          slots.data(),
+                          lobes + l,
+                          {color[0], color[1], color[2]}});
+    sum += {color[0][0], color[1][0], color[2][0]};
+  }
+  return sum;
+}
+
 void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,
                       double& lost) const {
   const Path path = batch.queue->path(k);
   const Surface s = batch.surface(k);
   const Material& material =
-      scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
-  if (path.wants_data &&
-      mean(transparency(scene_, material, s,
-                        {path.start, batch.queue->ray(k).d, batch.queue->tags()[k],
-                         path.depth > 0 ? RayKind::kBounced : RayKind::kCamera})) < 0.5)
+      scene_
+          .materials[scene_.instances.material_of(scene_.instances.group(s.instance), s.primitive)];
+  if (path.wants_data && mean(transparency(batch, k, material)) < 0.5)
     record(film, pixel, s, material, batch.queue->ray(k).d);
   if (path.depth == 0) lost += mean(path.T);
 }
@@ -131,15 +159,9 @@ void Shader::record(const Batch& batch, size_t k, Film& film, uint32_t pixel) co
 
 void Shader::record(Film& film, uint32_t pixel, const Surface& s, const Material& material,
                     Vec3d d) const {
-  Uv uv = film.wants(GLINT_PASS_UV) ? uv_at(scene_, s, -1) : Uv{};
-  double mapped = film.wants(GLINT_PASS_UV) && has_uv(scene_, s) ? 1 : 0;
-  film.set_data(pixel, {camera_.depth(s.x),
-                        std::fabs(dot(s.n, d)),
-                        scene_.anchor.world(s.x),
-                        s.n,
-                        {uv.u, uv.v, mapped},
-                        scene_.group(s.instance).object_index,
-                        material.index});
+  film.set_data(pixel, {camera_.depth(s.x), std::fabs(dot(s.n, d)), scene_.anchor.world(s.x), s.n,
+                        film.wants(GLINT_PASS_UV) ? uv_at(scene_, s) : Vec3d{},
+                        scene_.instances.group(s.instance).object_index, material.index});
   if (film.wants(GLINT_PASS_VECTOR) && plan_.neighbours) {
     double motion[4];
     motion_vectors_.at(s, motion);

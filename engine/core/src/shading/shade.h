@@ -51,6 +51,7 @@ class Shader {
  private:
   void record(Film& film, uint32_t pixel, const Surface& s, const Material& material,
               Vec3d d) const;
+  Vec3d transparency(const Batch& batch, size_t k, const Material& material) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;

@@ -24,8 +24,9 @@ inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWal
     for (int number = 0; number < stage.max_specular; ++number) {
       const Term term(stage, k, number);
       far2 = choose(nonzero(term.k), larger(term.exponent, far2), far2);
-      const Mask strand = term.exponent <= SpecularTerm::kFibreDiffuse;
-      far2 = choose(strand & nonzero(term.k), splat(__builtin_inf()), far2);  // looks at each lamp
+      Mask apart = term.exponent <= SpecularTerm::kFibreDiffuse;
+      if (stage.turns_lobes) apart |= nonzero(Term::normal(stage, k, number, Three{}));
+      far2 = choose(apart & nonzero(term.k), splat(__builtin_inf()), far2);  // looks at each lamp
     }
     store(walk.far2 + (k - first), far2);
     store(walk.until + (k - first), choose(load(s.lit + k), splat(0), splat(__builtin_inf())));
@@ -36,9 +37,17 @@ inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWal
 struct ClusterSeen {
   bool far, near;
 };
+/// Where the plane across what a normal was bent from cuts the ball round the place `to`.
+inline Mask straddles(const LightStage& s, size_t k, const Three& to, double radius2) {
+  const Three m = load3(s.unbent, k);
+  const Doubles z = dot(m, to);
+  return nonzero(m) & ~(z * z > radius2);
+}
+
 inline ClusterSeen look(const ShareStage& s, size_t at, size_t first, size_t end,
                         ClusterWalk& walk) {
   const LampCluster& c = s.clusters[at];
+  const LightStage& stage = s.samples[c.first].stage;
   const Three center = splat3(c.center);
   uint32_t lit = 0, near = 0;
   for (size_t k = first; k < end; k += kLanes) {
@@ -50,6 +59,7 @@ inline ClusterSeen look(const ShareStage& s, size_t at, size_t first, size_t end
       const Three to = center - load3(s.x, k);
       const Doubles z = dot(load3(s.n, k), to);
       far = open & (dot(to, to) >= c.radius2 * load(walk.far2 + row)) & (z * z > c.radius2);
+      if (stage.unbent[0]) far &= ~straddles(stage, k, to, c.radius2);
       store(walk.until + row, choose(far, splat(double(c.next)), until));
       far &= z > 0;
       lit |= bits(far);
@@ -106,6 +116,11 @@ __attribute__((flatten)) inline void add_cluster(const ShareStage& to, const Lam
         const Highlights seen = highlights(s, k, n, l, cosine, nullptr);
         specular = where(far, I * seen.light);
         if (s.has_sheen) diffuse = diffuse + I * seen.sheen;
+      }
+      const BumpShadow bump = bump_shadow(s, k, n, l);
+      if (bump.some) {
+        diffuse = where(~bump.hidden, bump.share * diffuse);
+        specular = where(~bump.hidden, specular);
       }
       diffuse = where(far, diffuse);
       both = diffuse + specular;

@@ -2,6 +2,7 @@
 // pixel, k coefficient of a lobe.
 #pragma once
 #include "program/run.h"
+#include "shading/stage_bump.h"
 #include "shading/stage_inputs.h"
 #include "shading/stage_math.h"
 #include "shading/stage_rows.h"
@@ -75,9 +76,50 @@ inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   if (matt) sum.diffuse = sum.diffuse + where(~here, k);
 }
 
-inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
+/// A normal of the program, unit; `other` where it gives none. slot: 0 for that.
+inline Three given_normal(const OnMesh& p, int32_t slot, const Three& other) {
+  if (slot == 0) return other;
+  const Three n = unit(finite_or_zero(slots3(p, slot)));
+  return choose(nonzero(n), n, other);
+}
+
+/// Which of the points are on strands, where bumps hide nothing.
+inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
+  return each_lane<Mask>([&](size_t lane) {
+    const uint32_t group = s.tables.instances[s.instance[at.row[lane]]].group;
+    const bool here = s.tables.geometries[s.tables.groups[group].geometry].kind == GLINT_STRANDS;
+    return here ? int64_t(-1) : int64_t(0);
+  });
+}
+
+/// The normal of a lobe that shines, 0 where it is the point's, and where it faces the viewer, as
+/// microfacets have to.
+struct LobeNormal {
+  Three own{};
+  Mask faces = ~Mask{};
+};
+inline LobeNormal lobe_normal(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                              const LobeShape& lobe) {
+  const bool micro =
+      s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
+  if (lobe.normal_slot == 0 && !micro) return {};
+  const Three point = gather3(s.n, at), v = -gather3(s.d, at);
+  Three n = given_normal(p, lobe.normal_slot, point);
+  if (!micro) return {where(nonzero(n - point), n)};
+  if (s.bump_shadowing >= GLINT_BUMP_CHIANG)
+    n = choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), v));
+  return {where(nonzero(n - point), n), dot(n, v) > 0};
+}
+
+inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, Three Tk,
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
+  if (lobe.kind == GLINT_SPECULAR) {
+    const LobeNormal normal = lobe_normal(s, at, p, lobe);
+    Tk = where(normal.faces, Tk);
+    if (s.specular_columns >= SpecularTerm::kTurned)
+      scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal.own);
+  }
   scatter3(column, s.stride, at, Tk);
   sum.lit |= nonzero(Tk);
   if (lobe.kind == GLINT_SHEEN) {
@@ -98,10 +140,16 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
 }
 
 inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
-                        const LobeShape& lobe, const Three& k, Lobes& sum) {
+                        const LobeShape& lobe, Three k, Lobes& sum) {
   double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
+  if (lobe.kind != GLINT_TRANSPARENT) {
+    const LobeNormal normal = lobe_normal(s, at, p, lobe);
+    k = where(normal.faces, k);
+    if (s.passing_columns == PassingTerm::kTurned)
+      scatter3(column + PassingTerm::kNormal * s.stride, s.stride, at, normal.own);
+  }
   scatter3(column, s.stride, at, k);
-  if (s.passing_columns == PassingTerm::kShaped) {
+  if (s.passing_columns >= PassingTerm::kShaped) {
     scatter(column + PassingTerm::kExponent * s.stride, at,
             lobe_number(p, lobe.exponent, lobe.exponent_slot));
     scatter(column + PassingTerm::kIor * s.stride, at, lobe_ior(p, lobe));
@@ -161,14 +209,19 @@ inline void set_points(const EvaluateStage& s, size_t first, size_t count, Progr
   }
 }
 
-/// Shading normals of the program: unit, and on the side of the face that is seen, else the mesh's.
+/// Shading normals of the program, and what they were bent from.
 inline void bend_normals(const EvaluateStage& s, size_t first, size_t count) {
   for (size_t k = 0; k < count; k += kLanes) {
     const Chosen at = chosen(s.rows, first + k, first + count);
     OnMesh p{};
     p.slots = s.slots + k;
-    const Three n = unit(finite_or_zero(slots3(p, s.normal)));
-    scatter3(s.bent, at, choose(nonzero(n), n, gather3(s.n, at)));
+    const Three mesh = gather3(s.n, at), n = given_normal(p, s.normal, mesh);
+    if (s.bump_shadowing != GLINT_BUMP_NONE) {
+      const Three m = given_normal(p, s.base_normal, mesh);
+      scatter3(s.unbent, at, where(nonzero(n - m) & ~on_strands(s, at), m));
+      scatter(s.bump, at, bump_of(s.bump_shadowing, dot(m, n)));
+    }
+    scatter3(s.bent, at, n);
   }
 }
 

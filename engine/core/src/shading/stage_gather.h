@@ -1,6 +1,7 @@
 // Rays that go on from lit points along directions of their lobes: reflections of other surfaces,
 // and rays that look for bounced light (final gathering). Letters as in stage_highlights.h.
 #pragma once
+#include "shading/stage_bump.h"
 #include "shading/stage_highlights.h"
 #include "shading/stage_rows.h"
 
@@ -19,7 +20,8 @@ size_t reflect(const LightStage& s) {
     const Doubles cosine = dot(n, drawn.l);
     const Highlights seen = highlights<true>(s, k, n, drawn.l, cosine, &all);
     const Three share = (1 / (kCircle * seen.density)) * seen.light;
-    const Mask reached = lit & drawn.good & (cosine > 0) & (seen.density > 0) &
+    const Mask front = s.turns_lobes ? ~Mask{} : cosine > 0;
+    const Mask reached = lit & drawn.good & front & (seen.density > 0) &
                          (dot(drawn.l, load3(s.g, k)) > 0) & nonzero(share);
     const uint32_t lanes = bits(reached);
     if (!lanes) continue;
@@ -34,10 +36,13 @@ size_t reflect(const LightStage& s) {
   return found;
 }
 
-/// What of T a point throws back as what is matt does.
-inline Three matt(const LightStage& s, size_t k) {
-  const Three T = load3(s.diffuse, k);
-  return s.gathers_gloss ? T + even_gloss(s, k) : T;
+/// What of T a point throws back as what is matt does, of light along l.
+inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l) {
+  const BumpShadow bump = bump_shadow(s, k, n, l);
+  Three T = load3(s.diffuse, k);
+  if (bump.some) T = bump.share * T;
+  if (s.gathers_gloss) T = T + even_gloss(s, k);
+  return bump.some ? where(~bump.hidden, T) : T;
 }
 
 size_t gather(const LightStage& s) {
@@ -48,10 +53,11 @@ size_t gather(const LightStage& s) {
   for (size_t k = 0; k < s.count; k += kLanes) {
     const Mask lit = load(s.lit + k);
     if (!any(lit)) continue;
-    const Three n = load3(s.n, k), g = load3(s.g, k), T = matt(s, k);
+    const Three n = load3(s.n, k), g = load3(s.g, k);
     Three t1, t2;
     frame(n, t1, t2);
     const Three l = upward * n + x * t1 + y * t2;  // as densely as their cosine (Malley's method)
+    const Three T = matt(s, k, n, l);
     const uint32_t lanes = bits(lit & nonzero(T) & (dot(l, g) > 0));
     if (!lanes) continue;
     const Appender append{lanes, found};

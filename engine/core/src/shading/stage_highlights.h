@@ -22,6 +22,14 @@ struct Term {
     k = {load(column), load(column + s.stride), load(column + 2 * s.stride)};
     exponent = load(column + SpecularTerm::kExponent * s.stride);
   }
+  /// Its normal, where that is not n.
+  static Three normal(const LightStage& s, size_t at, int number, const Three& n) {
+    const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
+    const double* own = column + SpecularTerm::kNormal * s.stride;
+    const Three m = {load(own), load(own + s.stride), load(own + 2 * s.stride)};
+    const Mask turned = nonzero(m) & (load(column + SpecularTerm::kExponent * s.stride) >= 0);
+    return choose(turned, m, n);
+  }
   /// Where it is one that reflects other surfaces: of GGX's masking and, perhaps, of metals.
   Mask reflects(const LightStage& s, size_t at, int number) const {
     const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
@@ -126,25 +134,37 @@ struct Highlights {
 };
 
 /// cosine: n.l.  narrow: or null. Lobes that differ in their Fresnel factor alone share their
-/// power.
+/// power. Where some lobes have normals of their own each gives nothing behind its own.
 template <bool Reflecting = false>
 __attribute__((always_inline)) inline Highlights highlights(const LightStage& s, size_t k,
                                                             const Three& n, const Three& l,
                                                             Doubles cosine, const Narrow* narrow) {
   const Three d = load3(s.d, k), h = l - d;
-  const Slope at = slope(n, h);
-  Gloss gloss(cosine, seen_cosine(n, d), root(larger(0.5 * (1 - dot(l, d)), splat(0))));
+  const Doubles vh = root(larger(0.5 * (1 - dot(l, d)), splat(0)));
+  Slope at = slope(n, h);
+  Gloss gloss(cosine, seen_cosine(n, d), vh);
+  Three axis = n;  // of `at` and `gloss`
   Doubles exponent = splat(0), power = splat(1);
   Highlights sum{};
   for (int number = 0; number < s.max_specular; ++number) {
     Term term = term_of<Reflecting>(s, k, number);
     if (!any(nonzero(term.k))) continue;
+    if (s.turns_lobes) {
+      const Three own = Term::normal(s, k, number, n);
+      if (bits(nonzero(own - axis))) {
+        axis = own;
+        at = slope(axis, h);
+        gloss = Gloss(dot(axis, l), seen_cosine(axis, d), vh);
+        power = highlight(at, exponent);
+      }
+    }
     if (s.has_sheen && !Reflecting) {
       const Mask sheen = term.exponent == SpecularTerm::kSheen;
       if (bits(sheen)) {
         const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
         const Doubles share = gloss.sheen(load(column + SpecularTerm::kMasking * s.stride),
-                                          load(column + SpecularTerm::kFresnel * s.stride));
+                                          load(column + SpecularTerm::kFresnel * s.stride),
+                                          smaller(-dot(n, d), splat(1)));
         sum.sheen = sum.sheen + where(sheen, share * term.k);
       }
       Mask apart = sheen;
@@ -171,6 +191,7 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
       factor = power * gloss.factor(load(column + SpecularTerm::kMasking * s.stride),
                                     load(column + SpecularTerm::kFresnel * s.stride));
     }
+    if (s.turns_lobes) factor = where(dot(axis, l) > 0, factor);
     sum.light = sum.light + factor * term.k;
     if (narrow) sum.density = sum.density + power * term.weight(*narrow);
   }
@@ -212,19 +233,21 @@ template <bool Reflecting = false>
 inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& narrow) {
   const Doubles at = s.radius2 * narrow.total;
   Doubles before{}, rest{}, exponent{};
+  Three axis = n;
   for (int number = 0; number < s.max_specular; ++number) {
     const Term term = term_of<Reflecting>(s, k, number);
     const Doubles part = where(term.exponent >= 0, term.part(narrow));
     const Mask here = (part > 0) & (at >= before);
     rest = choose(here, (at - before) / part, rest);
     exponent = choose(here, term.exponent, exponent);
+    if (s.turns_lobes) axis = choose(here, Term::normal(s, k, number, n), axis);
     before = before + part;
   }
   rest = smaller(rest, splat(1 - 0x1p-53));
   const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
   Three t1, t2;
-  frame(n, t1, t2);
-  const Three h = root(cosine2) * n +
+  frame(axis, t1, t2);
+  const Three h = root(cosine2) * axis +
                   root(1 - cosine2) * (splat(s.azimuth[0]) * t1 + splat(s.azimuth[1]) * t2),
               d = load3(s.d, k);
   const Doubles c = dot(d, h);

@@ -1,5 +1,7 @@
-// Images with four neighbours, sixteen or the closest texel. The same as texture.cpp has for one
-// point. Letters: u v of the unit square, i index in an endless row of texels.
+// Image lookup: four neighbours, sixteen or the closest texel, centres at (i + 0.5) / width. The
+// codes of sRGB bytes are filtered as they are, and the curve is undone afterwards, as in Cycles.
+// A coordinate that is not finite reads as 0. Letters: u v of the unit square, i index in an
+// endless row of texels.
 #pragma once
 #include "shading/stages.h"
 #include "simd/lanes.h"

@@ -1,5 +1,4 @@
-// Inputs that vary over a surface: attributes and images. The same as material.cpp and surface.cpp
-// have for one point. Letters: u v of the unit square.
+// Inputs that vary over a surface: attributes and images. Letters: u v of the unit square.
 #pragma once
 #include "shading/stage_images.h"
 #include "shading/stages.h"
@@ -217,6 +216,19 @@ __attribute__((noinline, flatten)) Three product(const InputTables& s, const OnM
 inline Three coefficient(const InputTables& s, const OnMesh& p, const LobeShape& lobe,
                          Reads& reads) {
   return lobe.constant ? splat3(lobe.k) : product(s, p, lobe, reads);
+}
+
+void coefficients(const CoefficientStage& s) {
+  for (size_t i = 0; i < s.count; i += kLanes) {
+    OnMesh p;
+    find_primitives(
+        s.tables, [&](size_t lane) { return s.points->instance[i + lane]; },
+        [&](size_t lane) { return s.points->primitive[i + lane]; }, p);
+    for (size_t v = 0; v < 3; ++v) p.weights[v] = load(s.points->weights[v] + i);
+    if (s.slots) p.slots = s.slots + i;
+    Reads reads;
+    store3(s.k, i, coefficient(s.tables, p, *s.lobe, reads));
+  }
 }
 
 }  // namespace

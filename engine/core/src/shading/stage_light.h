@@ -1,6 +1,7 @@
 // Light from one sample of one light (notes 4.13-4.16, light.h). Letters: x point, l direction to
 // the light, d distance, z cosine at the light, g n geometric and shading normal, v to the viewer.
 #pragma once
+#include "shading/stage_bump.h"
 #include "shading/stage_highlights.h"
 #include "shading/stage_sample.h"
 
@@ -127,9 +128,17 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
                 cosine = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle;
   // Light from behind passes through fibres, but for what comes from matt surfaces.
   const bool through = s.has_fibre && Shape != kBouncedSource;
-  const Mask front = cosine > 0, side = through ? front | (cosine < 0) : front,
-             reached = given.reached = lit & at.good & side & ~within<Shape>(s, k, at);
-  if (!any(reached)) return false;
+  // Nor do the sides of the point's normal bind lobes with normals of their own.
+  const bool turned = s.turns_lobes && Shape != kBouncedSource;
+  const Mask front = cosine > 0,
+             side = turned    ? ~Mask{}
+                    : through ? front | (cosine < 0)
+                              : front,
+             met = lit & at.good & side & ~within<Shape>(s, k, at);
+  if (!any(met)) return false;
+  const BumpShadow bump = bump_shadow(s, k, n, at.l);
+  given.reached = met & ~bump.hidden;
+  if (!any(given.reached)) return false;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
   given.diffuse = cosine * (I * load3(s.diffuse, k));
   given.specular = Three{};
@@ -147,11 +156,13 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
       given.specular =
           s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
     if (s.has_sheen) given.diffuse = given.diffuse + where(middle > 0, I * seen.sheen);
+    if (through | turned) given.diffuse = where(front, given.diffuse);
     if (through) {
-      given.diffuse = where(front, given.diffuse);
-      given.specular = where(front, given.specular) + I * seen.fibre;
+      given.specular = turned ? given.specular : where(front, given.specular);
+      given.specular = given.specular + I * seen.fibre;
     }
   }
+  if (bump.some) given.diffuse = bump.share * given.diffuse;
   return true;
 }
 
@@ -173,7 +184,8 @@ __attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_
     at.factor = at.factor * cell.spread;
   }
   const Doubles cosine = dot(n, at.l);
-  given.reached = lit & drawn.good & at.good & (cosine > 0);
+  const Mask front = s.turns_lobes ? ~Mask{} : cosine > 0;
+  given.reached = lit & drawn.good & at.good & front & ~bump_shadow(s, k, n, at.l).hidden;
   if (!any(given.reached)) return false;
   const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
   given.at = at;
@@ -245,7 +257,9 @@ size_t gloss_towards_mesh(const LightStage& s) {
     const Drawn drawn = draw(s, k, n, narrow);
     const Doubles cosine = dot(n, drawn.l);
     const Highlights seen = highlights(s, k, n, drawn.l, cosine, &narrow);
-    const Mask reached = lit & drawn.good & (cosine > 0) & nonzero(seen.light);
+    const Mask front = s.turns_lobes ? ~Mask{} : cosine > 0;
+    const Mask reached =
+        lit & drawn.good & front & nonzero(seen.light) & ~bump_shadow(s, k, n, drawn.l).hidden;
     const uint32_t lanes = bits(reached);
     if (!lanes) continue;
     const Appender append{lanes, found};

@@ -56,10 +56,10 @@ class Gloss {
   Gloss(Doubles nl, Doubles nv, Doubles vh) : nl_(nl), nv_(nv), vh_(vh) {}
 
   /// A cosine lobe, seen from above, that is stretched to 1 / width and leans over (SEMANTICS.md,
-  /// SHEEN).
-  Doubles sheen(Doubles width, Doubles lean) const {
-    const Doubles lv = 2 * vh_ * vh_ - 1, sine2 = 1 - nv_ * nv_,
-                  along = where(sine2 > 0, (lv - nl_ * nv_) / root(sine2)),
+  /// SHEEN). nv: below 0 where n is turned away from the viewer.
+  Doubles sheen(Doubles width, Doubles lean, Doubles nv) const {
+    const Doubles lv = 2 * vh_ * vh_ - 1, sine2 = 1 - nv * nv,
+                  along = where(sine2 > 0, (lv - nl_ * nv) / root(sine2)),
                   square = width * width * (1 - nl_ * nl_) - 2 * width * lean * along * nl_ +
                            (1 + lean * lean) * nl_ * nl_;
     return nl_ * width * width / (square * square);

@@ -19,6 +19,13 @@ struct Arriving {
         n(gather3(s.n, at)),
         g(gather3(s.g, at)),
         outside(gather(s.outside, at)) {}
+  /// As the lobe of that number among those that send rays on sees them.
+  void turn(const PassStage& s, const Chosen& at, size_t number) {
+    if (s.passing_columns != PassingTerm::kTurned) return;
+    const size_t first = size_t(s.passing_columns) * number + PassingTerm::kNormal;
+    const Three own = gather3(s.passing + first * s.passing_stride, s.passing_stride, at);
+    n = choose(nonzero(own), own, n);
+  }
   Doubles relative(Doubles ior) const { return choose(outside, ior, 1 / ior); }
 };
 
@@ -151,7 +158,8 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
   size_t count = 0;
   for (size_t i = 0; i < s.count; i += kLanes) {
     const Chosen at = chosen(s.rows, i, s.count);
-    const Arriving ray(s, at);
+    Arriving ray(s, at);
+    ray.turn(s, at, number);
     const Three k = coefficient(s, at, number);
     const bool rough = lobe.exponent > 0;
     const Doubles ior = number_of(s, at, number, PassingTerm::kIor, lobe.ior),
@@ -186,13 +194,16 @@ inline void each_lobe(const PassStage& s, int kind, Body body) {
   }
 }
 
-inline size_t mirror_rows(const PassStage& s) {
+/// Of the lobes that share a normal.
+inline size_t mirror_rows(const PassStage& s, int32_t normal_slot) {
   size_t count = 0;
   for (size_t i = 0; i < s.count; i += kLanes) {
     const Chosen at = chosen(s.rows, i, s.count);
-    const Arriving ray(s, at);
+    Arriving ray(s, at);
     Three k{};
     each_lobe(s, GLINT_MIRROR, [&](const LobeShape& lobe, size_t number) {
+      if (lobe.normal_slot != normal_slot) return;
+      ray.turn(s, at, number);
       const Doubles ior = number_of(s, at, number, PassingTerm::kIor, lobe.ior);
       k = k + fresnel(ray, lobe, ior) * coefficient(s, at, number);
     });
@@ -246,12 +257,22 @@ inline bool has(const PassStage& s, int kind) {
   return has;
 }
 
+/// Whether no lobe before that one mirrors at the same normal.
+inline bool is_first_mirror(const PassStage& s, uint32_t i) {
+  bool first = s.lobes[i].kind == GLINT_MIRROR;
+  for (uint32_t j = 0; j < i; ++j)
+    first = first &&
+            !(s.lobes[j].kind == GLINT_MIRROR && s.lobes[j].normal_slot == s.lobes[i].normal_slot);
+  return first;
+}
+
 PassedRays pass(const PassStage& s) {
   PassedRays count{};
   each_lobe(s, GLINT_REFRACTION, [&](const LobeShape& lobe, size_t number) {
     count.refraction += refract_rows(s, lobe, number);
   });
-  if (has(s, GLINT_MIRROR)) count.mirror = mirror_rows(s);
+  for (uint32_t i = 0; i < s.lobe_count; ++i)
+    if (is_first_mirror(s, i)) count.mirror += mirror_rows(s, s.lobes[i].normal_slot);
   if (has(s, GLINT_TRANSPARENT)) count.transparent = straight_rows(s);
   return count;
 }

@@ -94,8 +94,9 @@ bool bound_block(const ShareStage& s, size_t first, size_t end, BlockBounds& b) 
   b.radius = __builtin_sqrt(dot3(half, half));
   const double length = __builtin_sqrt(dot3(b.normal, b.normal));
   for (double& x : b.normal) x = length > 0 ? x / length : 0;
-  // light passes through fibres from behind
-  b.cosine = length > 0 && !s.samples[0].stage.has_fibre ? 1 : -1;
+  // light passes through fibres from behind, and lobes may have other normals
+  const LightStage& stage = s.samples[0].stage;
+  b.cosine = length > 0 && !stage.has_fibre && !stage.turns_lobes ? 1 : -1;
   for (size_t k = first; k < end; ++k) {
     const double n[3] = {s.n[0][k], s.n[1][k], s.n[2][k]}, cosine = dot3(n, b.normal);
     if (s.lit[k] && cosine < b.cosine) b.cosine = cosine;

@@ -96,18 +96,20 @@ struct SpecularTerm {
   /// the lean.
   static constexpr double kSheen = -2;
   /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one
-  /// over the masking, and `tangent` three numbers.
+  /// over the masking, and `tangent` three numbers. There SPECULAR lobes have a normal of their
+  /// own, 0 for the point's.
   static constexpr double kFibreDiffuse = -3, kFibreSpecular = -4, kFibreTransmission = -5;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
-                       kTangent = 6, kFibred = 9;
+                       kTangent = 6, kFibred = 9, kNormal = 6, kTurned = 9;
   /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
   static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
 };
 
 /// A lobe that sends rays on: columns of k (three) and, where some lobe of the scene has them from
-/// a program, the exponent and the index of refraction.
+/// a program, the exponent and the index of refraction, or a normal of their own, 0 for the
+/// point's.
 struct PassingTerm {
-  static constexpr int kPlain = 3, kExponent = 3, kIor = 4, kShaped = 5;
+  static constexpr int kPlain = 3, kExponent = 3, kIor = 4, kShaped = 5, kNormal = 5, kTurned = 8;
 };
 
 /// What of a surface is times (1 - n.v)^exponent.
@@ -135,14 +137,15 @@ struct ShadeStage {
   uint32_t* others;  // rays whose material the stage leaves to others
 };
 
-/// A lobe and an image as the stages read them (material.h, texture.h).
+/// One term of a surface. fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK.
 struct LobeShape {
   int kind;
-  bool constant, like_last;
+  bool constant, like_last;  // k is final; its inputs are those of the lobe before
   int fresnel;
-  double exponent, ior, masking, k[3];                        // k: where constant
+  double exponent, ior, masking, k[3];
   int32_t exponent_slot, masking_slot, ior_slot, fibre_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
+  int32_t normal_slot;
 };
 constexpr double kSrgbToe = 0.04045;  // up to here the sRGB curve is a line
 constexpr size_t kCurveSteps = 4096;  // of its table
@@ -201,6 +204,16 @@ struct ProgramStage {
   const RayQueries* queries;  // null where no rays can be asked for
 };
 
+/// The coefficient of one lobe at the points of a block. Finite.
+struct CoefficientStage {
+  InputTables tables;
+  const ProgramPoints* points;
+  size_t count;
+  const double* slots;  // of the material's program at these points; null for none
+  const LobeShape* lobe;
+  double* k[3];
+};
+
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
 /// `specular` and `lit`, as ShadeStage does, and `passing`.
 struct EvaluateStage {
@@ -216,6 +229,9 @@ struct EvaluateStage {
   const int64_t *outside, *tags;
   int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
   double* bent[3];
+  int bump_shadowing;  // GlintBumpShadowing; base_normal: as `normal`, what that was bent from
+  int32_t base_normal;
+  double *unbent[3], *bump;  // as LightStage has them
   const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
@@ -382,6 +398,7 @@ struct LightStage {
   double most_exponent;  // of the scene
   size_t first, count;   // points; first: a multiple of kPad
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
+  const double *unbent[3], *bump;  // as stage_bump.h reads them; null where no material has any
   const double* specular;
   size_t stride;
   int max_specular, specular_columns;
@@ -398,6 +415,7 @@ struct LightStage {
   bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
   bool metals_alone;    // of what `reflect` takes lobes of
   bool has_sheen, has_fibre;  // among the lobes
+  bool turns_lobes;           // some SPECULAR lobe may have a normal of its own
   bool matt_alone;            // lights no highlights
 };
 
@@ -504,6 +522,7 @@ struct Stages {
   size_t (*shade)(const ShadeStage&);    // how many `others`
   size_t (*vary)(const EvaluateStage&);  // how many `passing_rows`
   void (*program)(const ProgramStage&);
+  void (*coefficients)(const CoefficientStage&);
   PassedRays (*pass)(const PassStage&);
   void (*dome)(const DomeStage&);
   size_t (*light)(const LightStage&);    // how many points the sample reaches

@@ -112,40 +112,6 @@ void place_on_polygon(const Affine& m, const NormalMatrix& to_world, const Glint
   s.offset = rounding(reach);
 }
 
-/// Rows of an attribute at the corners of a triangle.
-struct Rows {
-  const float* at[3];
-};
-
-Rows rows_of(const GlintGeometry& geometry, const GlintAttribute& attribute, size_t primitive) {
-  const float* v = attribute.values;
-  size_t c = size_t(attribute.channels);
-  if (attribute.domain == GLINT_FACE)
-    return {{v + c * primitive, v + c * primitive, v + c * primitive}};
-  const uint32_t* t =
-      (attribute.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * primitive;
-  return {{v + c * t[0], v + c * t[1], v + c * t[2]}};
-}
-
-double blend(const Rows& rows, const double (&b)[3], int channel) {
-  double value =
-      b[0] * rows.at[0][channel] + b[1] * rows.at[1][channel] + b[2] * rows.at[2][channel];
-  return std::isfinite(value) ? value : 0;
-}
-
-/// The attribute called `name`, or for -1 the first with two columns; null when there is none.
-const GlintAttribute* find(const Scene& scene, const Surface& s, int32_t name) {
-  const GlintGeometry& geometry = scene.geometry(scene.group(s.instance));
-  const GlintAttribute* a = scene.attributes.data() + geometry.first_attribute;
-  for (uint32_t i = 0; i < geometry.attribute_count; ++i)
-    if (name < 0 ? a[i].channels == 2 : a[i].name == name) return a + i;
-  return nullptr;
-}
-
-Rows rows_of(const Scene& scene, const Surface& s, const GlintAttribute& attribute) {
-  return rows_of(scene.geometry(scene.group(s.instance)), attribute, s.primitive);
-}
-
 }  // namespace
 
 Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
@@ -153,9 +119,9 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   Surface s;
   s.instance = hit.instance;
   s.primitive = hit.primitive;
-  const GlintGeometry& geometry = scene.geometry(scene.group(hit.instance));
-  const Affine m = scene.matrix(hit.instance);
-  const NormalMatrix to_world = scene.normal_matrix(hit.instance);
+  const GlintGeometry& geometry = scene.instances.geometry(scene.instances.group(hit.instance));
+  const Affine m = scene.instances.matrix(hit.instance);
+  const NormalMatrix to_world = scene.instances.normal_matrix(hit.instance);
   if (geometry.kind == GLINT_SPHERES) place_on_sphere(m, to_world, geometry, ray, hit, s);
   else if (geometry.kind == GLINT_STRANDS) place_on_strand(m, to_world, geometry, ray, hit, s);
   else place_on_polygon(m, to_world, geometry, ray, hit, s);
@@ -168,22 +134,40 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   return s;
 }
 
-Uv uv_at(const Scene& scene, const Surface& s, int32_t name) {
-  const GlintAttribute* attribute = find(scene, s, name);
-  if (!attribute || attribute->channels < 2) return {};
-  Rows rows = rows_of(scene, s, *attribute);
-  return {blend(rows, s.weights, 0), blend(rows, s.weights, 1)};
+Vec3d uv_at(const Scene& scene, const Surface& s) {
+  const GlintGeometry& geometry = scene.instances.geometry(scene.instances.group(s.instance));
+  const GlintAttribute* a = scene.instances.attributes.data() + geometry.first_attribute;
+  const GlintAttribute* const end = a + geometry.attribute_count;
+  while (a != end && a->channels != 2) ++a;
+  if (a == end) return {};
+  const uint32_t* const rows =
+      (a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(s.primitive);
+  Vec3d uv{0, 0, 1};
+  for (int c = 0; c < 2; ++c) {
+    const auto part = [&](size_t v) {
+      return s.weights[v] * a->values[2 * (a->domain == GLINT_FACE ? s.primitive : rows[v]) + c];
+    };
+    const double sum = part(0) + part(1) + part(2);
+    uv[c] = std::isfinite(sum) ? sum : 0;
+  }
+  return uv;
 }
 
-bool has_uv(const Scene& scene, const Surface& s) { return find(scene, s, -1) != nullptr; }
-
-Rgba color_at(const Scene& scene, const Surface& s, int32_t name) {
-  const GlintAttribute* attribute = find(scene, s, name);
-  if (!attribute) return {};
-  Rows rows = rows_of(scene, s, *attribute);
-  Rgba c{{}, attribute->channels > 3 ? blend(rows, s.weights, 3) : 1};
-  for (int i = 0; i < std::min(attribute->channels, 3); ++i) c.color[i] = blend(rows, s.weights, i);
-  return c;
+void set_point(ProgramPoints& points, size_t i, const Scene& scene, const Surface& s, Vec3d start,
+               Vec3d d, int64_t tag) {
+  points.instance[i] = s.instance;
+  points.primitive[i] = s.primitive;
+  points.outside[i] = s.outside ? -1 : 0;
+  for (int c = 0; c < 3; ++c) {
+    points.weights[c][i] = s.weights[c];
+    points.x[c][i] = s.x[c];
+    points.g[c][i] = s.g[c];
+    points.n[c][i] = s.n[c];
+    points.d[c][i] = d[c];
+  }
+  points.length[i] = length(s.x - start) / scene.anchor.scale;
+  points.tags[i] = tag;
+  points.offset[i] = s.offset;
 }
 
 }  // namespace glint

@@ -3,11 +3,11 @@
 #pragma once
 #include "bvh/accel.h"
 #include "math/vec.h"
+#include "program/program.h"
 
 namespace glint {
 
-class Scene;
-struct Rgba;
+struct Scene;
 
 /// A point of a surface in anchored space. g and n are unit and turned to the viewer.
 struct Surface {
@@ -19,19 +19,16 @@ struct Surface {
       0;  // how far along g a new ray starts so that rounding cannot bring it back to this surface
 };
 
-struct Uv {
-  double u = 0, v = 0;
-};
-
 /// Where o + t d, d unit, meets the sphere, strand or polygon that `hit` names, near hit.t.
 Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit);
 
-/// The UV attribute called `name`, the active one for -1; (0, 0) when the geometry lacks it.
-Uv uv_at(const Scene& scene, const Surface& s, int32_t name);
-bool has_uv(const Scene& scene, const Surface& s);
+/// The active UV map, and 1; zeros where the geometry has none.
+Vec3d uv_at(const Scene& scene, const Surface& s);
 
-/// The colour attribute called `name`, 0 when the geometry lacks it.
-Rgba color_at(const Scene& scene, const Surface& s, int32_t name);
+/// Point i of the block: what programs read where a ray from `start` along d with that RayTag meets
+/// the surface, but for `row`.
+void set_point(ProgramPoints& points, size_t i, const Scene& scene, const Surface& s, Vec3d start,
+               Vec3d d, int64_t tag);
 
 /// How far a surface of coordinates up to `magnitude` may lie from where the accelerator has it:
 /// the accelerator rounds its vertices to float, half an ulp (2^-24) in each of three coordinates,

@@ -1,0 +1,264 @@
+#include "scene/materials.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+
+#include "scene/texture.h"
+
+namespace glint {
+namespace {
+
+constexpr ptrdiff_t kReadsCompared = 16;
+
+void add_to(double (&sum)[3], Vec3d c) {
+  sum[0] += c.x;
+  sum[1] += c.y;
+  sum[2] += c.z;
+}
+
+/// A lobe as a row of ViewTerm.
+void fold_view(const LobeShape& lobe, Vec3d ambient, double* row) {
+  const Vec3d k = coefficient(lobe) * (lobe.kind == GLINT_AMBIENT ? ambient : Vec3d{1, 1, 1});
+  double* color = row + (lobe.kind == GLINT_AMBIENT ? ViewTerm::kAmbient : ViewTerm::kDiffuse);
+  for (int c = 0; c < 3; ++c) color[c] += k[c];
+  row[ViewTerm::kExponent] = lobe.exponent;
+}
+
+/// Where the next SPECULAR lobe goes, of so many columns, and the next that depends on the view.
+struct Rows {
+  double* specular;
+  int columns;
+  double* view;
+};
+
+/// Adds a lobe to the terms of its material.
+void fold(const LobeShape& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
+  const Vec3d k = coefficient(lobe);
+  terms.others |= !lobe.constant;
+  if (depends_on_view(lobe)) {
+    fold_view(lobe, ambient, rows.view);
+    return void(rows.view += ViewTerm::kColumns);
+  }
+  switch (lobe.kind) {
+    case GLINT_AMBIENT:
+      add_to(terms.ambient, k * ambient);
+      return add_to(terms.glow, k * ambient);
+    case GLINT_EMISSION:
+      add_to(terms.emission, k);
+      return add_to(terms.glow, k);
+    case GLINT_DIFFUSE:
+      return add_to(terms.diffuse, k);
+    case GLINT_SPECULAR:
+      for (int c = 0; c < 3; ++c) rows.specular[c] = k[c];
+      rows.specular[SpecularTerm::kExponent] = lobe.exponent;
+      if (rows.columns >= SpecularTerm::kShaped) {
+        rows.specular[SpecularTerm::kMasking] = lobe.masking * lobe.masking;
+        rows.specular[SpecularTerm::kFresnel] = SpecularTerm::fresnel(lobe.fresnel, lobe.ior);
+      }
+      rows.specular += rows.columns;
+      return;
+    case GLINT_SHEEN:
+      for (int c = 0; c < 3; ++c) rows.specular[c] = k[c];
+      rows.specular[SpecularTerm::kExponent] = SpecularTerm::kSheen;
+      rows.specular[SpecularTerm::kMasking] = lobe.exponent;
+      rows.specular[SpecularTerm::kFresnel] = lobe.masking;
+      rows.specular += rows.columns;
+      return;
+    default:
+      terms.others |= any(k);
+  }
+}
+
+bool depends_on_surface(const GlintInput& input) {
+  return input.texture >= 0 || input.attribute >= 0 || input.output > 0;
+}
+
+Vec3d finite_or_zero(Vec3d c) {
+  return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
+}
+
+/// Lobes whose t.inputs do not vary get their product now.
+void add_lobe(MaterialTable& t, const GlintLobe& g) {
+  LobeShape lobe{g.kind,     false,        false,         g.fresnel,       g.exponent,
+                 g.ior,      g.masking,    {1, 1, 1},     g.exponent_slot, g.masking_slot,
+                 g.ior_slot, g.fibre_slot, g.first_input, g.input_count,   g.normal_slot};
+  bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0 || g.normal_slot > 0;
+  for (uint32_t k = 0; k < g.input_count; ++k)
+    varies = varies || depends_on_surface(t.inputs[g.first_input + k]);
+  lobe.constant = !varies;
+  Vec3d k{1, 1, 1};
+  for (uint32_t i = 0; !varies && i < g.input_count; ++i)
+    k = k * factor_of(t.inputs[g.first_input + i]);
+  for (int c = 0; c < 3; ++c) lobe.k[c] = std::isfinite(k[c]) ? k[c] : 0;
+  t.lobes.push_back(lobe);
+}
+
+/// AMBIENT lobes of a world that gives them nothing are left out.
+void add_material(MaterialTable& t, const GlintMaterial& g, const GlintLobe* given,
+                  const World& world) {
+  const size_t first = t.lobes.size();
+  for (uint32_t k = 0; k < g.lobe_count; ++k)
+    if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(world.ambient))
+      add_lobe(t, given[g.first_lobe + k]);
+  t.rows.push_back({uint32_t(first), uint32_t(t.lobes.size() - first), g.index, g.program, g.normal,
+                    g.crypto, g.aov, g.medium, g.bump_shadowing, g.base_normal});
+  t.bends_normals = t.bends_normals || g.normal > 0;
+  t.shadows_bumps = t.shadows_bumps || (g.normal > 0 && g.bump_shadowing != GLINT_BUMP_NONE);
+}
+
+/// Whether two lobes read the same: they often differ in their kind alone.
+bool same_inputs(const MaterialTable& t, size_t a, size_t b) {
+  const LobeShape &p = t.lobes[a], &q = t.lobes[b];
+  auto same = [&](uint32_t k) {
+    return std::memcmp(&t.inputs[p.first_input + k], &t.inputs[q.first_input + k],
+                       sizeof(GlintInput)) == 0;
+  };
+  bool good = !p.constant && !q.constant && p.input_count == q.input_count;
+  for (uint32_t k = 0; good && k < p.input_count; ++k) good = same(k);
+  return good;
+}
+
+void compare_lobes(MaterialTable& t, Material& material) {
+  for (uint32_t k = 0; k < material.lobe_count; ++k) {
+    const LobeShape& lobe = t.lobes[material.first_lobe + k];
+    material.kinds |= 1u << lobe.kind;
+    const bool fibre = is_fibre(lobe.kind), sheen = lobe.kind == GLINT_SHEEN;
+    material.specular_count += lobe.kind == GLINT_SPECULAR || sheen || fibre;
+    t.has_fibre = t.has_fibre || fibre;
+    t.has_sheen = t.has_sheen || sheen || fibre;
+    if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_FIBRE_SPECULAR)
+      t.most_exponent = std::max(t.most_exponent, lobe.exponent);
+    material.view_count += depends_on_view(lobe);
+    material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
+    const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
+    t.has_gloss = t.has_gloss || shaped;
+    t.has_metals = t.has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
+    t.has_varnish = t.has_varnish || (shaped && lobe.fresnel & GLINT_DIELECTRIC);
+    if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
+      t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
+    if (fibre) t.specular_columns = SpecularTerm::kFibred;
+    const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);
+    if (turns && lobe.kind == GLINT_SPECULAR) {
+      t.turns_lobes = true;
+      t.specular_columns = SpecularTerm::kTurned;
+    }
+    if (1u << lobe.kind & kPassing && (lobe.exponent_slot > 0 || lobe.ior_slot > 0))
+      t.passing_columns = std::max(t.passing_columns, PassingTerm::kShaped);
+    if (turns && 1u << lobe.kind & kPassing) t.passing_columns = PassingTerm::kTurned;
+    if (k > 0)
+      t.lobes[material.first_lobe + k].like_last =
+          same_inputs(t, material.first_lobe + k - 1, material.first_lobe + k);
+  }
+  t.has_rough_glass |= material.is_rough_glass;
+  t.max_specular = std::max(t.max_specular, material.specular_count);
+  t.max_view = std::max(t.max_view, material.view_count);
+}
+
+/// Compares each input that reads an image with the last few of its material that do.
+void number_reads(MaterialTable& t, const Material& material) {
+  std::vector<uint32_t> seen;
+  for (uint32_t l = 0; l < material.lobe_count; ++l) {
+    const LobeShape& lobe = t.lobes[material.first_lobe + l];
+    for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
+      if (t.inputs[i].texture < 0) continue;
+      const auto begin = seen.end() - std::min<ptrdiff_t>(std::ssize(seen), kReadsCompared);
+      const auto same = std::find_if(
+          begin, seen.end(), [&](uint32_t j) { return same_read(t.inputs[i], t.inputs[j]); });
+      if (same != seen.end()) t.reads[i] = t.reads[*same];
+      else seen.push_back(i);
+    }
+  }
+}
+
+/// What is the same all over a material; those that vary, or send rays on, are left to the shader.
+void fold_materials(MaterialTable& t, const World& world) {
+  const size_t specular = size_t(t.specular_columns) * size_t(t.max_specular),
+               view = ViewTerm::kColumns * size_t(t.max_view);
+  t.specular_terms.assign(specular * (t.size() + 3), 0.0);
+  t.view_terms.assign(view * (t.size() + 3), 0.0);
+  for (size_t m = 0; m < t.size(); ++m) {
+    MaterialTerms terms{};
+    Rows rows{t.specular_terms.data() + specular * m, t.specular_columns,
+              t.view_terms.data() + view * m};
+    for (uint32_t i = 0; i < t[m].lobe_count; ++i)
+      fold(t.lobes[t[m].first_lobe + i], world.ambient, terms, rows);
+    terms.view_count = uint32_t(t[m].view_count);
+    terms.others |= t[m].normal > 0;
+    if (terms.others) {
+      terms = MaterialTerms{};
+      terms.others = 1;
+      std::fill_n(t.specular_terms.data() + specular * m, specular, 0.0);
+      std::fill_n(t.view_terms.data() + view * m, view, 0.0);
+    }
+    t.terms.push_back(terms);
+  }
+  MaterialTerms around{}, none{}, hole{};
+  for (int c = 0; c < 3 && !world.sky_program; ++c)
+    around.glow[c] = around.environment[c] = world.background[c];
+  around.others = world.sky_program != nullptr;
+  around.unlit = !world.sky_program;
+  hole.others = 1;
+  none.unlit = 1;
+  t.terms.insert(t.terms.end(), {around, none, hole});
+  t.reflected_terms = t.terms;
+}
+
+void count_passing(MaterialTable& t) {
+  for (size_t m = 0; m < t.size(); ++m) {
+    if (!t.terms[m].others) continue;
+    const LobeShape* first = t.lobes.data() + t[m].first_lobe;
+    const auto passes = [](const LobeShape& lobe) { return (1u << lobe.kind & kPassing) != 0; };
+    t.rows[m].passing = int(std::count_if(first, first + t[m].lobe_count, passes));
+    t.max_passing = std::max(t.max_passing, t[m].passing);
+  }
+}
+
+}  // namespace
+
+Vec3d factor_of(const GlintInput& input, double read) {
+  Vec3d k = finite_or_zero(read * Vec3d{input.value[0], input.value[1], input.value[2]});
+  for (int c = 0; input.bounded && c < 3; ++c)
+    k[c] = std::clamp(k[c] + input.offset[c], input.low, input.high);
+  return input.complement ? Vec3d{1, 1, 1} - k : k;
+}
+
+bool same_read(const GlintInput& a, const GlintInput& b) {
+  const bool as_alpha = a.channel == GLINT_ALPHA,
+             same_kind = as_alpha == (b.channel == GLINT_ALPHA);
+  return same_kind && a.texture == b.texture && a.uv == b.uv &&
+         std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
+}
+
+/// The default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given materials.
+MaterialTable compile_materials(const GlintSceneData& data, const World& world) {
+  MaterialTable t;
+  for (uint64_t i = 0; i < data.texture_count; ++i)
+    t.textures.push_back(shape_of(data.textures[i]));
+  t.inputs.assign(data.inputs, data.inputs + data.input_count);
+  t.reads.resize(t.inputs.size());
+  std::iota(t.reads.begin(), t.reads.end(), 0u);
+  for (uint64_t i = 0; i < data.material_count; ++i)
+    add_material(t, data.materials[i], data.lobes, world);
+  t.rows.push_back({uint32_t(t.lobes.size()), 2, 0});
+  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
+    t.lobes.push_back({kind, true, false, 0, 0, 1, 0, {0.8, 0.8, 0.8}, 0, 0, 0, 0, 0, 0, 0});
+  for (Material& material : t.rows) {
+    compare_lobes(t, material);
+    number_reads(t, material);
+  }
+  fold_materials(t, world);
+  count_passing(t);
+  return t;
+}
+
+void hide_emission(MaterialTable& t) {
+  for (MaterialTerms& terms : t.reflected_terms)
+    for (int c = 0; c < 3; ++c) {
+      terms.glow[c] = terms.ambient[c];
+      terms.emission[c] = 0;
+    }
+}
+
+}  // namespace glint

@@ -1,0 +1,93 @@
+// Surfaces as sums of lobes, and what of them does not vary, folded to terms.
+#pragma once
+#include <vector>
+
+#include "glint.h"
+#include "math/vec.h"
+#include "scene/programs.h"
+#include "shading/stages.h"
+
+namespace glint {
+
+/// Kinds of lobes that send rays on.
+constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION | 1u << GLINT_TRANSPARENT;
+
+inline bool is_fibre(int kind) {
+  return kind >= GLINT_FIBRE_DIFFUSE && kind <= GLINT_FIBRE_TRANSMISSION;
+}
+
+struct Material {
+  uint32_t first_lobe = 0, lobe_count = 0;
+  int32_t index = 0, program = 0, normal = 0;  // as GlintMaterial has them
+  uint32_t crypto = 0;
+  int32_t aov = 0, medium = 0, bump_shadowing = 0, base_normal = 0;
+  uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
+  int specular_count = 0, view_count = 0;
+  int passing = 0;  // lobes that send rays on, unless all of these are nothing
+  bool is_rough_glass = false;
+  bool has(int kind) const { return kinds >> kind & 1; }
+  /// Whether normals of the lobe are lifted so far that mirrors see nothing below the surface.
+  bool lifts(const LobeShape& lobe) const {
+    const bool shiny = lobe.kind == GLINT_SPECULAR
+                           ? lobe.masking > 0
+                           : lobe.kind == GLINT_MIRROR || lobe.kind == GLINT_REFRACTION;
+    return shiny && program > 0 && bump_shadowing >= GLINT_BUMP_CHIANG;
+  }
+};
+
+/// Lobes that light from everywhere, or of matt surfaces, meets at some directions of view more
+/// than at others.
+inline bool depends_on_view(const LobeShape& lobe) {
+  return (lobe.kind == GLINT_AMBIENT || lobe.kind == GLINT_DIFFUSE) && lobe.exponent > 0;
+}
+
+/// Of a lobe that does not vary.
+inline Vec3d coefficient(const LobeShape& lobe) { return {lobe.k[0], lobe.k[1], lobe.k[2]}; }
+
+/// What an input comes to whose image, attribute and program multiply to `read`: that times its
+/// value, with its offset, bounds and complement. Finite.
+Vec3d factor_of(const GlintInput& input, double read = 1);
+
+/// Whether two inputs look at the same of an image.
+bool same_read(const GlintInput& a, const GlintInput& b);
+
+struct MaterialTable {
+  std::vector<Material> rows;  // the last one is the default surface
+  std::vector<LobeShape> lobes;
+  std::vector<GlintInput> inputs;
+  std::vector<uint32_t> reads;  // for each input, the first of its material (or that itself) that
+                                // reads the same of an image
+  std::vector<TextureShape> textures;
+  std::vector<MaterialTerms> terms, reflected_terms;  // reflected: as rays see them that rough
+                                                      // surfaces reflect
+  std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
+  std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
+  int max_specular = 0;                // SPECULAR, SHEEN and FIBRE lobes of a material, at most
+  double most_exponent = 0;            // of SPECULAR lobes
+  // SPECULAR lobes of GGX's masking, and which
+  bool has_metals = false, has_varnish = false, has_gloss = false;
+  bool has_rough_glass = false, has_fibre = false,
+       has_sheen = false;    // SHEEN or FIBRE lobes
+  int specular_columns = 4;  // numbers of each as the stages read them
+  int max_view = 0;          // lobes of a material that depend on the view, at most
+  int max_passing = 0;       // Material::passing, at most
+  int passing_columns = PassingTerm::kPlain;  // of each of these lobes
+  bool bends_normals = false;                 // some material gives shading normals of its own
+  bool shadows_bumps = false;                 // and hides light by them
+  bool turns_lobes = false;                   // some SPECULAR lobe may have a normal of its own
+
+  size_t size() const { return rows.size(); }
+  const Material& operator[](size_t number) const { return rows[number]; }
+  // Numbers beyond those of the materials are of points without one: rays that see the surroundings
+  // or, with a transparent film, nothing, and points of holdouts.
+  uint32_t surroundings() const { return uint32_t(size()); }
+  uint32_t nothing() const { return uint32_t(size()) + 1; }
+  uint32_t holdout() const { return uint32_t(size()) + 2; }
+};
+
+MaterialTable compile_materials(const GlintSceneData& data, const World& world);
+
+/// Reflected rays see no surfaces glow that are lights as well.
+void hide_emission(MaterialTable& t);
+
+}  // namespace glint

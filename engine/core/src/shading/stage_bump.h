@@ -1,0 +1,56 @@
+// How light is hidden where a material bends the normal (SEMANTICS.md, Light): as by the bumps that
+// the bent one is of. Letters: n bent normal, m the one that it was bent from, l direction to the
+// light.
+#pragma once
+#include "shading/stages.h"
+#include "simd/lanes.h"
+
+namespace glint {
+namespace {
+
+/// What LightStage::bump holds of a point, by m.n: of GGX alpha^2, at least 0; of Chiang's minus
+/// |m.n|; 0 where matt lobes get no less than others.
+inline Doubles bump_of(int kind, Doubles mn) {
+  const Doubles mn2 = mn * mn;
+  if (kind == GLINT_BUMP_CHIANG) return -larger(magnitude(mn), splat(0x1p-60));
+  if (kind != GLINT_BUMP_GGX) return splat(0);
+  return smaller(larger(0.125 * (1 / mn2 - 1), splat(0)), splat(1));
+}
+
+/// The normal n, so far towards g that the direction v is mirrored at it to above the surface
+/// (Cycles' ensure_valid_specular_reflection).
+inline Three lifted(const Three& n, const Three& g, const Three& v) {
+  const Doubles vg = dot(v, g), ng = dot(n, g), t = smaller(0.9 * vg, splat(0.01)),
+                mirrored = 2 * dot(n, v) * ng - vg;
+  const Three across = unit(n - ng * g), x = choose(nonzero(across), across, n);
+  const Doubles vx = dot(v, x), a = vx * vx + vg * vg, b = 2 * (a + vg * t),
+                c = (t + vg) * (t + vg), d = root(larger(b * b - 4 * a * c, splat(0))),
+                z2 = 0.25 * (b + choose(vx < 0, d, -d)) / a;
+  const Three high = root(larger(1 - z2, splat(0))) * x + root(larger(z2, splat(0))) * g;
+  return choose((mirrored < t) & (a > 0), high, n);
+}
+
+/// Of light along l: where it comes from behind m, and the share of it that matt lobes get.
+struct BumpShadow {
+  bool some = false;
+  Mask hidden{};
+  Doubles share = splat(1);
+};
+
+/// The sides of m and n are those of the viewer and of the light: l is before n.
+inline BumpShadow bump_shadow(const LightStage& s, size_t k, const Three& n, const Three& l) {
+  if (!s.unbent[0]) return {};
+  const Three m = load3(s.unbent, k);
+  const Mask bent = nonzero(m);
+  if (!bits(bent)) return {};
+  const Doubles ml = dot(m, l), bump = load(s.bump + k), cosine = smaller(magnitude(ml), splat(1)),
+                // Smith's shadowing of GGX
+      ggx = 2 * cosine / (cosine + root(cosine * cosine + bump * (1 - cosine * cosine))),
+                g = smaller(cosine / (-bump * magnitude(dot(n, l))), splat(1)),
+                chiang = g + g * g - g * g * g;
+  const Doubles share = where(cosine > 0, choose(bump < 0, chiang, ggx));
+  return {true, bent & (ml * dot(m, n) < 0), choose(bent, share, splat(1))};
+}
+
+}  // namespace
+}  // namespace glint
