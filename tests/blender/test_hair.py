@@ -218,8 +218,8 @@ def test_principled_hair_has_lobes_round_the_strand(scene, model):  # noqa: F811
 
 
 def sent(lobes) -> np.ndarray:
-    """What of even light those of one strand send on, seen from across the strand: times what the shape of each
-    does, by the integral over the sphere.
+    """What of even light those of one strand send on, seen from across it: times what the shape of
+    each does, by the integral over the sphere.
     """
     total = np.zeros(3)
     l, size, turn = sphere()  # noqa: E741
