@@ -10,7 +10,7 @@ from typing import Any
 from .materials.graph import is_blinn_phong, node_tree, output_of
 
 LOBES = "GGX is drawn as Blinn-Phong lobes"
-LEFT_OUT = f"{LOBES}; anisotropy and thin film are left out"
+LEFT_OUT = f"{LOBES}; thin film is left out"
 
 APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; subsurface and diffuse roughness as diffuse",

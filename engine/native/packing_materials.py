@@ -34,7 +34,7 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
                 _slot(outputs, lobe.ior_output),
                 _slot(outputs, lobe.fibre_output),
                 _slot(outputs, lobe.normal_output),
-                0,
+                _slot(outputs, lobe.stretch_output),
             )
         )
         packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from . import stretching
 from .lights import LightPoint, Source
 from .materials import Term, taken
 from .optics import blinn_phong, fresnel
 from .surface import Surface
-from .vectors import add_at, basis_around, dot, length, pick
+from .vectors import add_at, basis_around, cross, dot, length, pick, unit
 
 Array = np.ndarray
 
@@ -74,7 +75,7 @@ class Narrow:
                 0.0,
             )
             if k.any():
-                self._terms.append((term.index, k, term.exponent, term.normals(surface)))
+                self._terms.append((term, k, term.normals(surface)))
                 self._total[term.index] += k / (term.exponent + 1)
 
     def __bool__(self) -> bool:
@@ -86,9 +87,13 @@ class Narrow:
         """
         towards, density = self._surface.v.copy(), np.zeros(len(self._surface))
         towards[:, seen] = direction
-        for index, k, exponent, n in self._terms:
-            l = pick(towards, index)  # noqa: E741, the notes' letter
-            density[index] += k * blinn_phong(n, pick(self._surface.v, index), l, exponent)
+        for term, k, n in self._terms:
+            l, v = pick(towards, term.index), pick(self._surface.v, term.index)  # noqa: E741
+            power = blinn_phong(n, v, l, term.exponent)
+            if term.stretch is not None:
+                t = term.stretch
+                power = np.where(t.any(0), stretching.power(n, t, v + l, term.exponent, 3), power)
+            density[term.index] += k * power
         size = length(self._surface.v + towards) * self._total
         spread = 4 * np.pi * size
         found = np.divide(density, spread, out=np.zeros_like(size), where=size > 0)[seen]
@@ -101,29 +106,42 @@ class Narrow:
         x, y = point.disc
         at = (x * x + y * y) * self._total
         before, rest, exponent = np.zeros_like(at), np.zeros_like(at), np.zeros_like(at)
-        axis = self._surface.n.copy()
-        for index, k, p, n in self._terms:
+        axis, stretch = self._surface.n.copy(), np.zeros_like(self._surface.n)
+        for term, k, n in self._terms:
+            index, p = term.index, term.exponent
             part = k / (p + 1)
             here = (part > 0) & (at[index] >= before[index])
             chosen = index[here]
             rest[chosen] = (at[chosen] - before[chosen]) / part[here]
             exponent[chosen], axis[:, chosen] = taken(p, here), n[:, here]
+            stretch[:, chosen] = 0.0 if term.stretch is None else term.stretch[:, here]
             before[index] += part
         v = self._surface.v
-        h = half_vector(axis, point, np.minimum(rest, 1 - 2.0**-53), exponent)
+        h = half_vector(axis, point, np.minimum(rest, 1 - 2.0**-53), exponent, stretch)
         cosine = dot(v, h)
         return 2 * cosine * h - v, (self._total > 0) & (cosine > 0), exponent
 
 
 def half_vector(
-    n: Array, point: LightPoint, share: Array | float, exponent: Array | float
+    n: Array,
+    point: LightPoint,
+    share: Array | float,
+    exponent: Array | float,
+    stretch: Array | None = None,
 ) -> Array:
     """(3, m) of a lobe round n, in the direction of a disc's point, with `share` of the lobe nearer
-    to n.
+    to n; where it is stretched as that half vector before.
     """
     x, y = point.disc
     radius = np.hypot(x, y)
     across, along = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
     log = np.log1p(-share) * 2 / (exponent + 1)
     first, second = basis_around(n)
-    return np.exp(log / 2) * n + np.sqrt(-np.expm1(log)) * (across * first + along * second)
+    up, aside = np.exp(log / 2) * n, np.sqrt(-np.expm1(log))
+    h = up + aside * (across * first + along * second)
+    if stretch is None or not stretch.any():
+        return h
+    some = stretch.any(0)
+    size2 = np.where(some, dot(stretch, stretch), 1.0)
+    turned = unit(up + aside * (across / size2 * stretch + along * cross(n, stretch)))
+    return np.where(some, turned, h)

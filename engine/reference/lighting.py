@@ -12,6 +12,7 @@ import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
+from . import stretching
 from .bumps import bump_shadow
 from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
@@ -261,15 +262,14 @@ class Lighting:
             )
 
         apart = np.zeros(len(surface), bool)
-        turned = [term for term in coefficients.highlights if term.normal is not None]
+        turned = [
+            term
+            for term in coefficients.highlights
+            if term.normal is not None or term.stretch is not None
+        ]
         for term in (*coefficients.fibres, *turned):
             has = np.broadcast_to(term.k, (3, len(term.index))).any(0)
-            other = (
-                True
-                if term.normal is None
-                else (term.normals(surface) != pick(surface.n, term.index)).any(0)
-            )
-            apart[term.index] |= has & other
+            apart[term.index] |= has & _is_apart(term, surface)
         yield from self._clusters.lights(
             surface, coefficients.highlights, coefficients.diffuse, given, apart, lobes
         )
@@ -433,6 +433,14 @@ class Lighting:
         return Given(seen, diffuse, specular, open_, np.ones(len(seen)), chosen.group_of(source))
 
 
+def _is_apart(term: Term, surface: Surface) -> Array | bool:
+    """(m,) bool: where a lobe is of a fibre, has another normal than the point, or is stretched."""
+    if term.fibre is not None:
+        return True
+    other = (term.normals(surface) != pick(surface.n, term.index)).any(0)
+    return other if term.stretch is None else other | term.stretch.any(0)
+
+
 def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:
     """(m,) the share of a highlight that the sample stands for, drawn or on the light: by how
     densely each of them falls there.
@@ -461,6 +469,13 @@ def highlight(
         lobe.fresnel,
         lobe.schlick,
     )
+    if term.stretch is not None:
+        t = term.stretch[:, chosen]
+        factor = stretching.power(n, t, v + l, taken(term.exponent, chosen), 4)
+        factor = factor * stretching.masking(n, t, v, l, taken(term.masking, chosen))
+        ior = taken(term.ior, chosen)
+        factor = factor * gloss(n, v, l, 0.0, ior, lobe.fresnel, lobe.schlick)
+        power = np.where(t.any(0), factor, power)
     return np.where(dot(n, l) > 0, power, 0.0)
 
 

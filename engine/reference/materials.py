@@ -17,6 +17,7 @@ from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
 from .scene_queries import SceneQueries
+from .stretching import stretched
 from .surface import Spot, Surface
 from .textures import Image
 from .vectors import add_at, dot, pick, unit
@@ -41,7 +42,8 @@ class Term:
 
     exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
     number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.  normal: (3, m) normals of its
-    own, None where they are those of the points.
+    own, None where they are those of the points.  stretch: (3, m) what it is stretched along,
+    across its normals, 0 where it is not; None for nowhere.
     """
 
     index: Array
@@ -52,6 +54,7 @@ class Term:
     ior: Array | float
     fibre: Array | None = None
     normal: Array | None = None
+    stretch: Array | None = None
 
     def normals(self, surface: Surface) -> Array:
         """(3, m) shading normals at its points."""
@@ -196,6 +199,9 @@ class Shader:
                 ior = _index(lobe, outputs)
                 normal, k = self._turned(lobe, surface, index, k, outputs)
                 term = Term(index, k, lobe, exponent, masking, ior, normal=normal)
+                if lobe.kind == "SPECULAR" and lobe.stretch_output >= 0:
+                    along = outputs[lobe.stretch_output]
+                    term = replace(term, stretch=stretched(term.normals(surface), along))
                 terms[lobe.kind].append(term)
 
         self._each_lobe(surface, kind, add, queries=queries)

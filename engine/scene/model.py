@@ -259,8 +259,10 @@ class Lobe:
     output with the fibre's tangent in the world, as long as the fibre is thick there, 0 of what is
     no fibre; -1: all 0.  normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a
     shading normal of their own in the world; where it is zero or not finite, or -1, they have the
-    point's.  between_fibres: what it shows or lets through is light that other fibres scattered:
-    `Scene.as_lit` drops it where light does not bounce.
+    point's.  stretch_output: of SPECULAR lobes, the output with a direction in the world along the
+    surface: slopes of half vectors along it are times its length, those across it over that
+    (SEMANTICS.md); -1, zero or not finite: none.  between_fibres: what it shows or lets through is
+    light that other fibres scattered: `Scene.as_lit` drops it where light does not bounce.
     """
 
     kind: str
@@ -275,6 +277,7 @@ class Lobe:
     ior_output: int = -1
     fibre_output: int = -1
     normal_output: int = -1
+    stretch_output: int = -1
     between_fibres: bool = False
 
     @property

@@ -502,7 +502,7 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from strangers
     for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures, outputs)
-    for name in ("exponent", "masking", "ior", "fibre", "normal"):
+    for name in ("exponent", "masking", "ior", "fibre", "normal", "stretch"):
         output = getattr(lobe, f"{name}_output")
         yield from handle(f"{name}_output", output, outputs, "outputs", none=True)
 

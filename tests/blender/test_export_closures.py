@@ -448,3 +448,30 @@ def test_a_metal_coloured_by_a_texture_is_the_same_metal(scene, roughness):  # n
         np.testing.assert_allclose(
             total(textured, kind, result.scene.textures), total(plain, kind), rtol=1e-6
         )
+
+
+@pytest.mark.parametrize("amount", [0.0, 0.5, -0.5])
+def test_anisotropic_highlights_are_stretched(scene, amount):  # noqa: F811
+    shader = Shader(shader="ShaderNodeBsdfAnisotropic")
+    set_inputs(shader.shader, Roughness=0.4, Anisotropy=amount, Rotation=0.2)
+    tangent = shader.node("ShaderNodeCombineXYZ")
+    set_inputs(tangent, X=0.1, Y=3.0)
+    shader.link(tangent, 0, shader.shader, "Tangent")
+    result, lobes = shader.export()
+    assert not result.notes
+    assert all((x.stretch_output >= 0) == (amount != 0) for x in of_kind(lobes, "SPECULAR"))
+    if amount:
+        (material,) = (m for m in result.scene.materials if m.lobes == lobes)
+        output = of_kind(lobes, "SPECULAR")[0].stretch_output
+        size = np.linalg.norm(outputs_of(material, result.scene.textures)[output])
+        assert size == pytest.approx(2.0 if amount > 0 else 0.5, rel=1e-6)
+
+
+def test_widths_of_highlights_end_at_one(scene):  # noqa: F811
+    """What is beyond makes the roughness of the whole less."""
+    lobes = []
+    for roughness, amount in ((0.8, 0.9), (0.8, 0.0)):
+        shader = Shader(shader="ShaderNodeBsdfAnisotropic")
+        set_inputs(shader.shader, Roughness=roughness, Anisotropy=amount)
+        lobes.append(max(x.masking for x in of_kind(shader.export()[1], "SPECULAR")))
+    assert lobes[0] < 0.6 * lobes[1]

@@ -70,12 +70,8 @@ def set_glint(scene, bounces: int) -> None:
     addon.register()
     scene.render.engine = "GLINT"
     settings = scene.glint.final
-    settings.samples, settings.light_samples, settings.max_bounces, settings.error_threshold = (
-        16,
-        4,
-        bounces,
-        0.0,
-    )
+    settings.samples, settings.light_samples, settings.error_threshold = 16, 4, 0.0
+    settings.max_bounces, settings.diffuse_bounces = bounces, 0
 
 
 def main() -> None:

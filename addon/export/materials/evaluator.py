@@ -20,6 +20,8 @@ from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.displacing import UndisplacedReader
+from ..shader_nodes.reader import NodeInputs
+from ..shader_nodes.tangents import radial_tangent
 from .clamps import clamped
 from .expressions import Expressions, has_output
 from .graph import (
@@ -68,6 +70,7 @@ class LobeKey:
     ior_output: int = -1
     fibre_output: int = -1
     normal_output: int = -1
+    stretch_output: int = -1
     between_fibres: bool = False
     anisotropy: float = 0.0
     anisotropy_output: int = -1
@@ -229,6 +232,12 @@ class Evaluator:
         fed = place is not None and self._trees.is_fed(place)
         value = self._trees.value(place) if fed else self._trees.normal()
         return value if value.constant is None else self.expressions.apply("normal")
+
+    def tangent_at(self, place: Place | None) -> Value:
+        """The tangent that a socket gets, where it gets none that round the object's Z."""
+        if place is not None and self._trees.is_fed(place):
+            return self._trees.value(place)
+        return radial_tangent(NodeInputs(self._trees, place), "Z")
 
     def normals(self, closure: Closure) -> tuple[int, int, bool]:
         """The outputs that hold the shading normal of a material with these lobes, and what it was

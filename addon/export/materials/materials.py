@@ -308,6 +308,7 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].exponent_output,
             item[0].ior_output,
             item[0].normal_output,
+            item[0].stretch_output,
         ),
     )
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
@@ -327,6 +328,7 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
         key.ior_output,
         key.fibre_output,
         key.normal_output,
+        key.stretch_output,
         key.between_fibres,
     )
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+from .anisotropy import Brush
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .nodes_shader import (
     LEFT_OUT,
@@ -31,11 +32,14 @@ def _principled(view: NodeView) -> Closure:
     _note_what_is_left_out(view)
     base, roughness = view.reflectance("Base Color"), view.roughness()
     metallic, transmission = view.factor("Metallic"), view.factor("Transmission Weight")
-    insulator = complement(metallic)
+    insulator, brush = complement(metallic), Brush(view, roughness)
     surface = add_closures(
-        scale_closure(metal_closure(view, base, roughness), metallic) if metallic else {},
+        scale_closure(brush.on(metal_closure(view, base, brush.roughness)), metallic)
+        if metallic
+        else {},
         scale_closure(
-            _plastic(view, base, roughness), multiply(insulator, complement(transmission))
+            brush.on(_plastic(view, base, brush.roughness)),
+            multiply(insulator, complement(transmission)),
         ),
         scale_closure(_glass(view, base, roughness), multiply(insulator, transmission))
         if transmission

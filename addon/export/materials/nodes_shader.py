@@ -10,6 +10,7 @@ import numpy as np
 
 from ....engine.program.graph import Value
 from ....engine.program.operations_vector import VectorMeasure
+from .anisotropy import Brush
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .expressions import Expressions
 from .fresnel import dielectric_albedo, normal_reflectance
@@ -250,8 +251,6 @@ def bend(view: NodeView) -> None:
 
 
 LEFT_OUT = {
-    "Anisotropy": "anisotropy",
-    "Anisotropic": "anisotropy",
     "Thin Film Thickness": "thin film",
     "Diffuse Roughness": "diffuse roughness",
 }
@@ -357,13 +356,9 @@ def _as_diffuse(view: NodeView) -> Closure:
 def _glossy(view: NodeView) -> Closure:
     note_microfacets(view)
     color = view.reflectance("Color")
-    return glossy_closure(
-        color,
-        view.evaluator.mean(color),
-        view.roughness(otherwise=0.0),
-        is_multiscatter(view),
-        edge=False,
-    )
+    brush = Brush(view, view.roughness(otherwise=0.0), is_signed=True)
+    mean, again = view.evaluator.mean(color), is_multiscatter(view)
+    return brush.on(glossy_closure(color, mean, brush.roughness, again, edge=False))
 
 
 def _metallic(view: NodeView) -> Closure:
@@ -374,7 +369,8 @@ def _metallic(view: NodeView) -> Closure:
             "The Metallic shader's physical conductor is rendered by its base colour in {}: choose "
             "F82 Tint"
         )
-    return metal_closure(view, view.reflectance("Base Color"), view.roughness())
+    brush = Brush(view, view.roughness())
+    return brush.on(metal_closure(view, view.reflectance("Base Color"), brush.roughness))
 
 
 def _glass(view: NodeView) -> Closure:

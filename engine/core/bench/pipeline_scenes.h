@@ -169,7 +169,7 @@ struct Description {
                          .ior_slot = 0,
                          .fibre_slot = 0,
                          .normal_slot = 0,
-                         .reserved = 0});
+                         .stretch_slot = 0});
     }
   }
 

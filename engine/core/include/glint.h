@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 47
+#define GLINT_ABI_VERSION 48
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -143,13 +143,15 @@ enum GlintLobeKind {
  * not above 0 is the lobe's own. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of three slots
  * with the fibre's tangent in world space, of any length, 0 of what is no fibre. normal_slot: of
  * SPECULAR, MIRROR and REFRACTION lobes, 0 or 1 plus the first of three slots with a shading normal
- * of their own in world space. */
+ * of their own in world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three
+ * slots with a direction across the normal in world space, as long as what slopes along it are
+ * times; 0 for none. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;
   int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, fibre_slot;
-  int32_t normal_slot, reserved;
+  int32_t normal_slot, stretch_slot;
 } GlintLobe;
 
 /* How light that a bent normal n faces is hidden by the normal m that it was bent from: not at all;

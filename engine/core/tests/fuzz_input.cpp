@@ -231,6 +231,7 @@ GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   if (dice.chance(0.1 * dice.wildness)) g.ior_slot = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.fibre_slot = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.normal_slot = int32_t(dice.bits());
+  if (dice.chance(0.1 * dice.wildness)) g.stretch_slot = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.input_count = uint32_t(dice.bits());
   return g;
 }

@@ -76,6 +76,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.has_sheen = scene_.materials.has_sheen;
   stage_.has_fibre = scene_.materials.has_fibre;
   stage_.turns_lobes = scene_.materials.turns_lobes;
+  stage_.stretches_lobes = scene_.materials.stretches_lobes;
   stage_.specular_columns = scene_.materials.specular_columns;
 }
 

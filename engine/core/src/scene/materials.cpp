@@ -81,10 +81,12 @@ Vec3d finite_or_zero(Vec3d c) {
 
 /// Lobes whose t.inputs do not vary get their product now.
 void add_lobe(MaterialTable& t, const GlintLobe& g) {
-  LobeShape lobe{g.kind,     false,        false,         g.fresnel,       g.exponent,
-                 g.ior,      g.masking,    {1, 1, 1},     g.exponent_slot, g.masking_slot,
-                 g.ior_slot, g.fibre_slot, g.first_input, g.input_count,   g.normal_slot};
-  bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0 || g.normal_slot > 0;
+  LobeShape lobe{g.kind,          false,          false,         g.fresnel,
+                 g.exponent,      g.ior,          g.masking,     {1, 1, 1},
+                 g.exponent_slot, g.masking_slot, g.ior_slot,    g.fibre_slot,
+                 g.first_input,   g.input_count,  g.normal_slot, g.stretch_slot};
+  bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0 || g.normal_slot > 0 ||
+                g.stretch_slot > 0;
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(t.inputs[g.first_input + k]);
   lobe.constant = !varies;
@@ -138,11 +140,15 @@ void compare_lobes(MaterialTable& t, Material& material) {
     t.has_varnish = t.has_varnish || (shaped && lobe.fresnel & GLINT_DIELECTRIC);
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
-    if (fibre) t.specular_columns = SpecularTerm::kFibred;
+    if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);
     const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);
     if (turns && lobe.kind == GLINT_SPECULAR) {
       t.turns_lobes = true;
-      t.specular_columns = SpecularTerm::kTurned;
+      t.specular_columns = std::max(t.specular_columns, SpecularTerm::kTurned);
+    }
+    if (lobe.stretch_slot > 0 && lobe.kind == GLINT_SPECULAR) {
+      t.stretches_lobes = true;
+      t.specular_columns = SpecularTerm::kStretched;
     }
     if (1u << lobe.kind & kPassing && (lobe.exponent_slot > 0 || lobe.ior_slot > 0))
       t.passing_columns = std::max(t.passing_columns, PassingTerm::kShaped);
@@ -243,7 +249,7 @@ MaterialTable compile_materials(const GlintSceneData& data, const World& world) 
     add_material(t, data.materials[i], data.lobes, world);
   t.rows.push_back({uint32_t(t.lobes.size()), 2, 0});
   for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
-    t.lobes.push_back({kind, true, false, 0, 0, 1, 0, {0.8, 0.8, 0.8}, 0, 0, 0, 0, 0, 0, 0});
+    t.lobes.push_back({kind, true, false, 0, 0, 1, 0, {0.8, 0.8, 0.8}, 0, 0, 0, 0, 0, 0, 0, 0});
   for (Material& material : t.rows) {
     compare_lobes(t, material);
     number_reads(t, material);

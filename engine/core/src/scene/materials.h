@@ -75,6 +75,7 @@ struct MaterialTable {
   bool bends_normals = false;                 // some material gives shading normals of its own
   bool shadows_bumps = false;                 // and hides light by them
   bool turns_lobes = false;                   // some SPECULAR lobe may have a normal of its own
+  bool stretches_lobes = false;               // and one may be stretched
 
   size_t size() const { return rows.size(); }
   const Material& operator[](size_t number) const { return rows[number]; }

@@ -25,6 +25,8 @@ inline void add_part(double* const (&part)[3], const Chosen& at, const Three& c)
   if (part[0]) scatter3(part, at, gather3(part, at) + c);
 }
 
+constexpr double kMostStretch = 128;
+
 /// What the lobes come to without light, and what lights need of them.
 struct Lobes {
   Three glow, diffuse;
@@ -111,6 +113,16 @@ inline LobeNormal lobe_normal(const EvaluateStage& s, const Chosen& at, const On
   return {where(nonzero(n - point), n), dot(n, v) > 0};
 }
 
+/// What a lobe is stretched along, across its normal; 0 where it is not.
+inline Three lobe_stretch(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                          const LobeShape& lobe, const Three& own) {
+  if (lobe.stretch_slot == 0) return Three{};
+  const Three n = choose(nonzero(own), own, gather3(s.n, at)),
+              t = finite_or_zero(slots3(p, lobe.stretch_slot));
+  const Doubles size = smaller(larger(length(t), splat(1 / kMostStretch)), splat(kMostStretch));
+  return size * unit(cross(unit(cross(n, t)), n));
+}
+
 inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, Three Tk,
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
@@ -119,6 +131,9 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
     Tk = where(normal.faces, Tk);
     if (s.specular_columns >= SpecularTerm::kTurned)
       scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal.own);
+    if (s.specular_columns == SpecularTerm::kStretched)
+      scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at,
+               lobe_stretch(s, at, p, lobe, normal.own));
   }
   scatter3(column, s.stride, at, Tk);
   sum.lit |= nonzero(Tk);

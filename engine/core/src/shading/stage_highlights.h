@@ -44,6 +44,39 @@ struct Term {
   Doubles part(const Narrow& narrow) const { return weight(narrow) / (exponent + 1); }
 };
 
+/// How a lobe is stretched: slopes of half vectors along t are times its length, those across it
+/// over that.
+struct Stretch {
+  Mask some;
+  Three t, across;  // n x t
+  Doubles size4;    // |t|^4
+  Stretch(const LightStage& s, size_t at, int number, const Three& n) {
+    const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
+    const double* own = column + SpecularTerm::kStretch * s.stride;
+    t = {load(own), load(own + s.stride), load(own + 2 * s.stride)};
+    some = nonzero(t) & (load(column + SpecularTerm::kExponent * s.stride) >= 0);
+    across = cross(n, t);
+    const Doubles size2 = choose(some, dot(t, t), splat(1));
+    size4 = size2 * size2;
+  }
+  /// Square of the parts along the surface, stretched as slopes are.
+  Doubles slopes2(const Three& v) const {
+    const Doubles a = dot(v, t), b = dot(v, across);
+    return a * a + b * b / size4;
+  }
+  /// The same the other way, as alpha is.
+  Doubles widths2(const Three& v) const {
+    const Doubles a = dot(v, t), b = dot(v, across);
+    return a * a / size4 + b * b;
+  }
+};
+
+/// max(0, cos)^p of slopes that are stretched: of the density of half vectors over theirs (q = 4),
+/// or over that of directions that are drawn from it (q = 3).
+inline Doubles stretched_highlight(const Slope& at, Doubles stretched_log, Doubles p, double q) {
+  return where(at.sharp, exponential(-0.5 * ((p + q) * stretched_log - q * at.log)));
+}
+
 /// The terms that reflect, of any width; the others have an exponent below 0.
 template <bool Reflecting>
 inline Term term_of(const LightStage& s, size_t k, int number) {
@@ -191,9 +224,24 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
       factor = power * gloss.factor(load(column + SpecularTerm::kMasking * s.stride),
                                     load(column + SpecularTerm::kFresnel * s.stride));
     }
+    Doubles density = power;
+    if (s.stretches_lobes) {
+      const Stretch stretch(s, k, number, axis);
+      if (bits(stretch.some)) {
+        const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+        const Doubles c = dot(axis, h), log = logarithm_of_one_and(stretch.slopes2(h), c * c),
+                      given =
+                          stretched_highlight(at, log, exponent, 4) *
+                          gloss.stretched_factor(load(column + SpecularTerm::kMasking * s.stride),
+                                                 load(column + SpecularTerm::kFresnel * s.stride),
+                                                 stretch.widths2(d), stretch.widths2(l));
+        factor = choose(stretch.some, given, factor);
+        density = choose(stretch.some, stretched_highlight(at, log, exponent, 3), density);
+      }
+    }
     if (s.turns_lobes) factor = where(dot(axis, l) > 0, factor);
     sum.light = sum.light + factor * term.k;
-    if (narrow) sum.density = sum.density + power * term.weight(*narrow);
+    if (narrow) sum.density = sum.density + density * term.weight(*narrow);
   }
   const Doubles size = length(h);
   if (narrow)
@@ -233,7 +281,7 @@ template <bool Reflecting = false>
 inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& narrow) {
   const Doubles at = s.radius2 * narrow.total;
   Doubles before{}, rest{}, exponent{};
-  Three axis = n;
+  Three axis = n, stretch{};
   for (int number = 0; number < s.max_specular; ++number) {
     const Term term = term_of<Reflecting>(s, k, number);
     const Doubles part = where(term.exponent >= 0, term.part(narrow));
@@ -241,15 +289,23 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
     rest = choose(here, (at - before) / part, rest);
     exponent = choose(here, term.exponent, exponent);
     if (s.turns_lobes) axis = choose(here, Term::normal(s, k, number, n), axis);
+    if (s.stretches_lobes) stretch = choose(here, Stretch(s, k, number, n).t, stretch);
     before = before + part;
   }
   rest = smaller(rest, splat(1 - 0x1p-53));
   const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
   Three t1, t2;
   frame(axis, t1, t2);
-  const Three h = root(cosine2) * axis +
-                  root(1 - cosine2) * (splat(s.azimuth[0]) * t1 + splat(s.azimuth[1]) * t2),
-              d = load3(s.d, k);
+  Three h = root(cosine2) * axis +
+            root(1 - cosine2) * (splat(s.azimuth[0]) * t1 + splat(s.azimuth[1]) * t2);
+  if (s.stretches_lobes) {
+    const Mask some = nonzero(stretch);
+    const Doubles size2 = choose(some, dot(stretch, stretch), splat(1));
+    const Three across = cross(axis, stretch),
+                along = splat(s.azimuth[0]) / size2 * stretch + splat(s.azimuth[1]) * across;
+    h = choose(some, unit(root(cosine2) * axis + root(1 - cosine2) * along), h);
+  }
+  const Three d = load3(s.d, k);
   const Doubles c = dot(d, h);
   return {d - 2 * c * h, (narrow.total > 0) & (c < 0), exponent};
 }

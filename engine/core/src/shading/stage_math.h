@@ -73,8 +73,20 @@ class Gloss {
       masking2_ = masking2;
       masking_ = choose(masking2 > 0, 2 * nl_ / down, splat(1));
     }
+    return with_fresnel(masking_, fresnel);
+  }
+
+  /// The same of a lobe that is stretched: of the directions v and l what the squares of their
+  /// parts along the surface are times alpha^2.
+  Doubles stretched_factor(Doubles masking2, Doubles fresnel, Doubles v, Doubles l) const {
+    const Doubles down =
+        nl_ * root(nv_ * nv_ + masking2 * v) + nv_ * root(nl_ * nl_ + masking2 * l);
+    return with_fresnel(choose(masking2 > 0, 2 * nl_ / down, splat(1)), fresnel);
+  }
+
+ private:
+  Doubles with_fresnel(Doubles result, Doubles fresnel) const {
     const uint32_t schlick = bits(fresnel < 0), dielectric = bits(fresnel > 0);
-    Doubles result = masking_;
     if (schlick) result = result * choose(fresnel < 0, schlick_weight(), splat(1));
     if (dielectric)
       result = result * choose(fresnel > 0,
@@ -82,8 +94,6 @@ class Gloss {
                                splat(1));
     return result;
   }
-
- private:
   Doubles schlick_weight() const {
     const Doubles rest = 1 - vh_, square = rest * rest;
     return square * square * rest;

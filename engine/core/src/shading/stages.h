@@ -97,10 +97,12 @@ struct SpecularTerm {
   static constexpr double kSheen = -2;
   /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one
   /// over the masking, and `tangent` three numbers. There SPECULAR lobes have a normal of their
-  /// own, 0 for the point's.
+  /// own, 0 for the point's, and `stretch` a direction across it, as long as slopes of half vectors
+  /// along it are times, and those across both over that; 0 for none.
   static constexpr double kFibreDiffuse = -3, kFibreSpecular = -4, kFibreTransmission = -5;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
-                       kTangent = 6, kFibred = 9, kNormal = 6, kTurned = 9;
+                       kTangent = 6, kFibred = 9, kNormal = 6, kTurned = 9, kStretch = 9,
+                       kStretched = 12;
   /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
   static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
 };
@@ -145,7 +147,7 @@ struct LobeShape {
   double exponent, ior, masking, k[3];
   int32_t exponent_slot, masking_slot, ior_slot, fibre_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
-  int32_t normal_slot;
+  int32_t normal_slot, stretch_slot;
 };
 constexpr double kSrgbToe = 0.04045;  // up to here the sRGB curve is a line
 constexpr size_t kCurveSteps = 4096;  // of its table
@@ -416,6 +418,7 @@ struct LightStage {
   bool metals_alone;    // of what `reflect` takes lobes of
   bool has_sheen, has_fibre;  // among the lobes
   bool turns_lobes;           // some SPECULAR lobe may have a normal of its own
+  bool stretches_lobes;       // or be stretched
   bool matt_alone;            // lights no highlights
 };
 
