@@ -34,7 +34,7 @@ REMEDIES: dict[str, str] = {
     "Light from strand to strand is not traced: in … it goes straight on through strands, and lobes that the strands round each point make stronger stand for the rest": "Nothing, where the picture is right; else make the colour lighter",
     "Hair shaders are matt under a highlight on what is no strand: … shows no light that passes through": "Use Principled BSDF there, or leave it as it is",
     "Particle Info is not known in …: it is as where there are no particles": "Use Object Info or an attribute",
-    "Shaders of … have normals of their own: each point has their mean, by how much of each shader it shows": "Give all shaders of the material the same normal, or mix by a mask of 0 and 1",
+    "Matt shaders of … have normals of their own: each point has their mean, by how much of each shader it shows": "Give all matt shaders of the material the same normal, or mix by a mask of 0 and 1",
     "Subsurface scattering is rendered as diffuse in …": "Nothing, where the picture is right; else make the base colour warmer",
     "The distribution … is rendered as GGX in …": "Choose GGX",
     "The phase function … is rendered as Henyey-Greenstein with the same mean in …": "Choose Henyey-Greenstein",

@@ -62,8 +62,9 @@ def _failures(kind: str, sanitizers: str, variables: dict[str, str]) -> list[str
             env=variables,
         )
     fuzzer = [str(folder / "tests" / "fuzz"), FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED]
+    tests = ["ctest", "--test-dir", str(folder), "--output-on-failure", "--parallel", cores]
     failed = []
-    for command in (["ctest", "--test-dir", str(folder), "--output-on-failure"], fuzzer):
+    for command in (tests, fuzzer):
         print(f"glint: {sanitizers}: {' '.join(command)}", flush=True)
         if subprocess.run(command, env=variables).returncode:
             failed.append(f"{' '.join(command)} ({sanitizers})")

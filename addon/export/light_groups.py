@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 from .report import Report
 
 MOST = 64
 """Groups that the engine tells apart."""
+
+
+class Members(NamedTuple):
+    """names: of the groups. inside: names of things with their group's. world: the group's of the
+    scene's world.
+    """
+
+    names: tuple[str, ...] = ()
+    inside: tuple[tuple[str, str], ...] = ()
+    world: str = ""
+
+
+NO_MEMBERS = Members()
 
 
 class LightGroups:
@@ -31,12 +44,12 @@ class LightGroups:
                 )
         return cls(tuple(names[:MOST]))
 
-    def members(self, scene: Any, things: Iterable[Any]) -> tuple:
+    def members(self, scene: Any, things: Iterable[Any]) -> Members:
         """Equal as long as the same things, and the scene's world, are in the same groups; no
         update tells of these.
         """
         inside = [(thing.name_full, thing.lightgroup) for thing in things if thing.lightgroup]
-        return self.names, tuple(inside), scene.world.lightgroup if scene.world else ""
+        return Members(self.names, tuple(inside), scene.world.lightgroup if scene.world else "")
 
     def number(self, thing: Any) -> int:
         """Of the group that an object's or a world's own light is in; -1 for none, and for one that

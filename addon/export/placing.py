@@ -11,7 +11,16 @@ from itertools import islice
 import numpy as np
 
 from ...engine import affine_inverse, determinant, pixel_bounds_of_box
-from ...engine.scene import EVERYTHING, Camera, Geometry, Instances, Material, Spheres, Strands
+from ...engine.scene import (
+    EVERYTHING,
+    Camera,
+    Geometry,
+    Instances,
+    Material,
+    Scene,
+    Spheres,
+    Strands,
+)
 from .camera import inverse_axes
 from .report import Report
 
@@ -65,6 +74,16 @@ def without_unplaced(
         return instances, kept
     numbers = {old: new for new, old in enumerate(kept)}
     return tuple(replace(b, geometry=numbers[b.geometry]) for b in instances), kept
+
+
+def note_placed(scene: Scene, camera_name: str, report: Report) -> None:
+    """Say what of the things of a scene is not shown as it is."""
+    instances, materials = scene.instances, scene.materials
+    note_empty_view(scene.camera, scene.geometries, instances, report, camera_name)
+    note_catchers(instances, materials, report)
+    note_linked_glow(instances, materials, report)
+    note_media(instances, materials, report)
+    note_hair_shaders(instances, scene.geometries, materials, report)
 
 
 def note_catchers(

@@ -21,7 +21,7 @@ from ... import engine
 from ...engine.scene import Camera, Scene, SceneDelta
 from ..export import ExportError
 from ..export.darkness import darkness
-from ..export.light_groups import LightGroups
+from ..export.light_groups import NO_MEMBERS, LightGroups, Members
 from ..export.sync.incremental import NO_CAMERA, shown_in
 from ..render import statistics
 from ..ui.properties import tracer_notes, viewport_settings_from
@@ -68,13 +68,13 @@ class _Wishes:
     shown_pass: str
     surroundings: Surroundings
     shown: tuple
-    groups: tuple = ()
+    groups: Members = NO_MEMBERS
 
     @classmethod
     def of(cls, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> _Wishes:
         settings, shown_pass = viewport_settings_from(depsgraph.scene)
         settings = replace(settings, passes=settings.passes | {"Error"})
-        groups: tuple = ()
+        groups = NO_MEMBERS
         if shown_pass.startswith(engine.LIGHT_GROUP):
             known = LightGroups.of(depsgraph.view_layer)
             if shown_pass.removeprefix(engine.LIGHT_GROUP) in known.names:

@@ -78,16 +78,16 @@ def met_surfaces(
     count from the origin (3,), which is the camera of programs.
     """
     from ..reference.attributes import Attributes
+    from ..reference.cancellation import Cancellation
     from ..reference.geometry import gather
     from ..reference.materials import Shader
-    from ..reference.pulse import Pulse
-    from ..reference.rays import Bundle
+    from ..reference.rays import IncoherentRays
     from ..reference.surface import surface_at
 
     hit = np.flatnonzero(hits.instance >= 0)
     placement, row = np.unique(hits.instance[hit], return_inverse=True)
     some, row, local = _only(scene, origin, placement, row, hits.primitive[hit])
-    geometry, pulse = gather(some, origin), Pulse(lambda: False)
+    geometry, cancellation = gather(some, origin), Cancellation(lambda: False)
     # primitives are numbered anew, and those that cannot be drawn have no number
     keys = geometry.row.astype(np.int64) << 32 | geometry.primitive_of(np.arange(geometry.count))
     order = np.argsort(keys, kind="stable")
@@ -95,10 +95,12 @@ def met_surfaces(
     at = np.minimum(np.searchsorted(keys[order], wanted), max(len(keys) - 1, 0))
     known = np.flatnonzero(keys[order][at] == wanted) if len(keys) else np.zeros(0, np.intp)
     hit, primitive = hit[known], order[at[known]] if len(keys) else at[known]
-    rays = Bundle.of(o[:, hit], d[:, hit], np.zeros(len(hit)), np.full(len(hit), np.inf))
+    rays = IncoherentRays.of(o[:, hit], d[:, hit], np.zeros(len(hit)), np.full(len(hit), np.inf))
     attributes = Attributes(some)
     depth = hits.t[hit].astype(np.float64)
-    surface = surface_at(geometry, attributes, rays, np.arange(len(hit)), primitive, depth, pulse)
+    surface = surface_at(
+        geometry, attributes, rays, np.arange(len(hit)), primitive, depth, cancellation
+    )
     shader = Shader(some, attributes, geometry)
     block_of = geometry.placements.block
     holdout = np.array([block.holdout for block in some.instances], bool)[block_of[surface.row]]

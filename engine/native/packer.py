@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -18,6 +19,15 @@ class Packed:
 
     data: Any
     lent: list = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Tables made from values of a scene, the `source`, and the arrays that they point at."""
+
+    source: Any
+    tables: dict[str, np.ndarray]
+    lent: list
 
 
 @dataclass
@@ -69,3 +79,8 @@ def number(value: str, names: type[IntEnum], what: str) -> int:
     if value not in names.__members__:
         raise SceneError(f"{what} {value!r} is not one of {', '.join(names.__members__)}")
     return names.__members__[value].value
+
+
+def table_of(structure: type, rows: Sequence[tuple]) -> np.ndarray:
+    """Rows as an array of the core's structure."""
+    return np.array(rows, np.dtype(structure)) if rows else np.empty(0, np.dtype(structure))

@@ -5,37 +5,29 @@ their layout already fits.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
-from ..cryptomatte import id_bits
-from ..errors import SceneError
 from ..lights.lamps import cluster_levels
 from ..program.program import Program
 from ..scene import (
     EVERYTHING,
     LIGHT_SHAPES,
-    Attribute,
     Camera,
     Emitters,
     Geometry,
-    Instances,
     Light,
     Material,
-    Mesh,
-    Polygons,
     Scene,
-    Spheres,
-    Strands,
     Texture,
 )
 from ..scene.delta import Numbers, SceneDelta, differing
 from ..scene.panorama import Eye, Panorama
 from . import core_types
-from .packer import Packed, Packer, address, number
+from .packer import Packed, Packer, Part, address, number, table_of
+from .packing_geometry import PackedGeometry, patched_geometries
+from .packing_instances import pack_instances
 from .packing_materials import pack_material
 
 
@@ -44,17 +36,6 @@ def pack_scene(scene: Scene) -> Packed:
     unknown names.
     """
     return ScenePacker().pack(scene)
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Tables made from values of a scene. counts: rows of each, by the name of the field that tells
-    it to the core.
-    """
-
-    source: Any
-    tables: dict[str, np.ndarray]
-    lent: list
 
 
 class ScenePacker:
@@ -66,7 +47,7 @@ class ScenePacker:
     def __init__(self) -> None:
         self._names: dict[str, int] = {}
         self._scene = Scene(None)
-        self._parts: dict[str, _Part] = {}
+        self._parts: dict[str, Part] = {}
         self._nobodys: tuple[tuple, Material] | None = None
         self._lit_by: dict[tuple[Program, int], Material] = {}
 
@@ -89,7 +70,7 @@ class ScenePacker:
             *self._carriers(scene),
             *self._sky(scene),
         )
-        place = functools.partial(_instances, self._names, delta.how)
+        place = functools.partial(pack_instances, self._names, delta.how)
         parts = {
             "geometries": self._part(
                 "geometries", scene.geometries, self._geometries, delta.geometries
@@ -151,43 +132,43 @@ class ScenePacker:
         self,
         name: str,
         source: tuple,
-        make: Callable[[tuple, _Part | None, tuple[int, ...]], _Part],
+        make: Callable[[tuple, Part | None, tuple[int, ...]], Part],
         changed: Numbers,
-    ) -> _Part:
+    ) -> Part:
         before = self._parts.get(name)
         if before is None or changed is None:
             return make(source, None, ())
         return make(source, before, changed) if changed else before
 
-    def _derived(self, name: str, source: tuple, make: Callable) -> _Part:
+    def _derived(self, name: str, source: tuple, make: Callable) -> Part:
         """Of values that are gathered from several places of the scene."""
         before = self._parts.get(name)
         return self._part(name, source, make, before and differing(before.source, source))
 
     def _geometries(
-        self, geometries: tuple[Geometry, ...], before: _Part | None, changed: tuple[int, ...]
-    ) -> _Part:
+        self, geometries: tuple[Geometry, ...], before: Part | None, changed: tuple[int, ...]
+    ) -> Part:
         if before is not None:
-            others = {k: _PackedGeometry(geometries[k], self._names) for k in changed}
+            others = {k: PackedGeometry(geometries[k], self._names) for k in changed}
             counts = before.tables["geometries"]["attribute_count"]
             if all(len(packed.attributes) == counts[k] for k, packed in others.items()):
-                return _patched_geometries(geometries, before, others)
-        fresh = [_PackedGeometry(geometry, self._names) for geometry in geometries]
+                return patched_geometries(geometries, before, others)
+        fresh = [PackedGeometry(geometry, self._names) for geometry in geometries]
         starts = np.cumsum([0] + [len(packed.attributes) for packed in fresh])
-        table = _table(core_types.GeometryData, [packed.row for packed in fresh])
+        table = table_of(core_types.GeometryData, [packed.row for packed in fresh])
         table["first_attribute"] = starts[:-1]
-        attributes = _table(
+        attributes = table_of(
             core_types.AttributeData, [row for packed in fresh for row in packed.attributes]
         )
-        return _Part(
+        return Part(
             geometries,
             {"geometries": table, "attributes": attributes},
             [packed.lent for packed in fresh],
         )
 
     def _materials(
-        self, materials: tuple[Material, ...], before: _Part | None, changed: tuple[int, ...]
-    ) -> _Part:
+        self, materials: tuple[Material, ...], before: Part | None, changed: tuple[int, ...]
+    ) -> Part:
         packer = Packer(names=self._names)
         numbers = {id(material): 1 + k for k, material in enumerate(materials)}
         rows = [
@@ -195,16 +176,16 @@ class ScenePacker:
             for material in materials
         ]
         tables = {
-            "materials": _table(core_types.MaterialData, rows),
-            "lobes": _table(core_types.LobeData, packer.lobes),
-            "inputs": _table(core_types.InputData, packer.inputs),
-            "media": _table(core_types.MediumData, packer.media),
-            "programs": _table(core_types.ProgramData, packer.programs),
+            "materials": table_of(core_types.MaterialData, rows),
+            "lobes": table_of(core_types.LobeData, packer.lobes),
+            "inputs": table_of(core_types.InputData, packer.inputs),
+            "media": table_of(core_types.MediumData, packer.media),
+            "programs": table_of(core_types.ProgramData, packer.programs),
             "program_words": np.array(packer.words, np.int32),
             "program_constants": np.array(packer.constants, np.float64),
             "program_tables": np.array(packer.tables, np.float64),
         }
-        return _Part(materials, tables, [])
+        return Part(materials, tables, [])
 
 
 _COUNTS = {
@@ -230,56 +211,22 @@ _COUNTS = {
 }
 
 
-def _table(structure: type, rows: Sequence[tuple]) -> np.ndarray:
-    return np.array(rows, np.dtype(structure)) if rows else np.empty(0, np.dtype(structure))
-
-
-class _PackedGeometry:
-    """A geometry's row, whose attributes are counted from 0, and theirs."""
-
-    def __init__(self, geometry: Geometry, names: dict[str, int]) -> None:
-        packer = Packer(names=names)
-        self.row = _geometry(packer, geometry)
-        self.attributes, self.lent = packer.attributes, packer.lent
-
-
-def _patched_geometries(
-    geometries: tuple[Geometry, ...], before: _Part, fresh: dict[int, _PackedGeometry]
-) -> _Part:
-    """The tables with other rows for geometries that have as many attributes as those in their
-    places had.
-    """
-    tables = {name: table.copy() for name, table in before.tables.items()}
-    lent = list(before.lent)
-    for k, packed in fresh.items():
-        first = int(tables["geometries"]["first_attribute"][k])
-        tables["geometries"][k] = packed.row
-        tables["geometries"]["first_attribute"][k] = first
-        tables["attributes"][first : first + len(packed.attributes)] = _table(
-            core_types.AttributeData, packed.attributes
-        )
-        lent[k] = packed.lent
-    return _Part(geometries, tables, lent)
-
-
-def _textures(
-    textures: tuple[Texture, ...], before: _Part | None, changed: tuple[int, ...]
-) -> _Part:
+def _textures(textures: tuple[Texture, ...], before: Part | None, changed: tuple[int, ...]) -> Part:
     packer = Packer()
-    return _Part(
+    return Part(
         textures,
-        {"textures": _table(core_types.TextureData, [_texture(packer, t) for t in textures])},
+        {"textures": table_of(core_types.TextureData, [_texture(packer, t) for t in textures])},
         packer.lent,
     )
 
 
-def _lights(lights: tuple[Light, ...], before: _Part | None, changed: tuple[int, ...]) -> _Part:
+def _lights(lights: tuple[Light, ...], before: Part | None, changed: tuple[int, ...]) -> Part:
     sizes = [len(light.emitters.corners) if light.emitters else 0 for light in lights]
     firsts = np.cumsum([0, *sizes]).tolist()
     rows = [
         _light(*told) for told in zip(lights, cluster_levels(lights), firsts, sizes, strict=False)
     ]
-    return _Part(lights, {"lights": _table(core_types.LightData, rows)}, [])
+    return Part(lights, {"lights": table_of(core_types.LightData, rows)}, [])
 
 
 def aov_materials(scene: Scene) -> tuple[Material, ...]:
@@ -293,8 +240,8 @@ def _all_emitters(scene: Scene) -> tuple[Emitters, ...]:
 
 
 def _emitters(
-    emitters: tuple[Emitters, ...], before: _Part | None, changed: tuple[int, ...]
-) -> _Part:
+    emitters: tuple[Emitters, ...], before: Part | None, changed: tuple[int, ...]
+) -> Part:
     """Of the MESH lights, one after the other."""
     tables = [np.zeros(len(light.corners), np.dtype(core_types.EmitterData)) for light in emitters]
     for light, table in zip(emitters, tables, strict=True):
@@ -306,7 +253,7 @@ def _emitters(
     corners = [light.corners.reshape(-1, 9).astype(np.float32) for light in emitters]
     table = np.concatenate(tables) if tables else np.zeros(0, np.dtype(core_types.EmitterData))
     corners = np.concatenate(corners) if corners else np.zeros((0, 9), np.float32)
-    return _Part(emitters, {"emitters": table, "emitter_corners": corners}, [])
+    return Part(emitters, {"emitters": table, "emitter_corners": corners}, [])
 
 
 def _all_textures(scene: Scene) -> tuple[Texture, ...]:
@@ -314,7 +261,7 @@ def _all_textures(scene: Scene) -> tuple[Texture, ...]:
     return (*scene.textures, *scene.world.textures, *own)
 
 
-def _with_programs(scene: Scene, parts: dict[str, _Part]) -> _Part:
+def _with_programs(scene: Scene, parts: dict[str, Part]) -> Part:
     """The lights' part with the numbers that their programs have in the materials' one."""
     part = parts["lights"]
     rows = [k for k, light in enumerate(scene.lights) if light.program is not None]
@@ -323,7 +270,7 @@ def _with_programs(scene: Scene, parts: dict[str, _Part]) -> _Part:
     first = len(scene.materials) + len(aov_materials(scene))
     table = part.tables["lights"].copy()
     table["program"][rows] = parts["materials"].tables["materials"]["program"][first:][: len(rows)]
-    return _Part(part.source, {"lights": table}, part.lent)
+    return Part(part.source, {"lights": table}, part.lent)
 
 
 def pack_camera(camera: Camera) -> core_types.CameraData:
@@ -349,215 +296,6 @@ def _pack_panorama(data: core_types.CameraData, panorama: Panorama) -> None:
     eye = panorama.eye or Eye(0.0)
     data.eye_offset, data.convergence = eye.offset, eye.convergence
     data.pole_merge[:] = eye.pole_merge or (0.0, 0.0)
-
-
-# --- geometry
-# --------------------------------------------------------------------------------------------------
-
-
-def _geometry(packer: Packer, geometry: Geometry) -> tuple:
-    packs = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons, Strands: _strands}
-    if type(geometry) not in packs:
-        raise SceneError(f"{type(geometry).__name__} is no geometry")
-    values = dict.fromkeys((name for name, _ in core_types.GeometryData._fields_), 0)
-    values.update(normals=_NO_ATTRIBUTE, first_attribute=len(packer.attributes))
-    values.update(packs[type(geometry)](packer, geometry))
-    slots, what = (values["primitive_count"],), f"{geometry.name}: material_slots"
-    values["material_slots"] = packer.optional(geometry.material_slots, np.uint16, slots, what)
-    return tuple(values.values())
-
-
-_NO_ATTRIBUTE = (0, 0, 0, 0, 0, 0)
-
-
-def _mesh(packer: Packer, mesh: Mesh) -> dict[str, Any]:
-    vertices = packer.lend(mesh.vertices, np.float32, (None, 3), f"{mesh.name}: vertices")
-    triangles = packer.lend(mesh.triangles, np.uint32, (None, 3), f"{mesh.name}: triangles")
-    corners = packer.optional(mesh.corners, np.uint32, triangles.shape, f"{mesh.name}: corners")
-    normals = _NO_ATTRIBUTE if mesh.normals is None else _attribute(packer, mesh, mesh.normals)
-    packer.attributes.extend([_attribute(packer, mesh, attribute) for attribute in mesh.attributes])
-    return {
-        "vertices": address(vertices),
-        "triangles": address(triangles),
-        "corners": corners,
-        "vertex_count": len(vertices),
-        "primitive_count": len(triangles),
-        "normals": normals,
-        "attribute_count": len(mesh.attributes),
-        "kind": core_types.GeometryKind.MESH,
-    }
-
-
-def _attribute(packer: Packer, mesh: Mesh | Strands, attribute: Attribute) -> tuple:
-    values = packer.lend(
-        attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}"
-    )
-    domain = number(attribute.domain, core_types.Domain, "attribute domain")
-    return (address(values), len(values), packer.name(attribute.name), domain, values.shape[1], 0)
-
-
-def _spheres(packer: Packer, spheres: Spheres) -> dict[str, Any]:
-    centers = packer.lend(spheres.centers, np.float32, (None, 3), f"{spheres.name}: centers")
-    radii = packer.lend(spheres.radii, np.float32, (len(centers),), f"{spheres.name}: radii")
-    count = len(centers)
-    return {
-        "vertices": address(centers),
-        "radii": address(radii),
-        "vertex_count": count,
-        "primitive_count": count,
-        "kind": core_types.GeometryKind.SPHERES,
-    }
-
-
-def _strands(packer: Packer, strands: Strands) -> dict[str, Any]:
-    vertices = packer.lend(strands.vertices, np.float32, (None, 3), f"{strands.name}: vertices")
-    radii = packer.lend(strands.radii, np.float32, (len(vertices),), f"{strands.name}: radii")
-    starts = packer.lend(strands.starts, np.uint32, (None,), f"{strands.name}: starts")
-    packer.attributes.extend([_attribute(packer, strands, a) for a in strands.attributes])
-    ends = None
-    if strands.attributes:
-        ends = packer.lend(strands.ends, np.uint32, (len(starts), 3), f"{strands.name}: ends")
-    return {
-        "vertices": address(vertices),
-        "triangles": 0 if ends is None else address(ends),
-        "radii": address(radii),
-        "indices": address(starts),
-        "vertex_count": len(vertices),
-        "primitive_count": len(starts),
-        "index_count": len(starts),
-        "attribute_count": len(strands.attributes),
-        "kind": core_types.GeometryKind.STRANDS,
-    }
-
-
-def _polygons(packer: Packer, polygons: Polygons) -> dict[str, Any]:
-    vertices = packer.lend(polygons.vertices, np.float32, (None, 3), f"{polygons.name}: vertices")
-    offsets = packer.lend(polygons.offsets, np.uint32, (None,), f"{polygons.name}: offsets")
-    indices = packer.lend(polygons.indices, np.uint32, (None,), f"{polygons.name}: indices")
-    if len(offsets) < 1:
-        raise SceneError(f"{polygons.name}: offsets is empty, it starts with 0")
-    return {
-        "vertices": address(vertices),
-        "offsets": address(offsets),
-        "indices": address(indices),
-        "vertex_count": len(vertices),
-        "primitive_count": len(offsets) - 1,
-        "index_count": len(indices),
-        "kind": core_types.GeometryKind.POLYGONS,
-    }
-
-
-# --- instances
-# --------------------------------------------------------------------------------------------------
-
-
-def _instances(
-    names: dict[str, int],
-    how: frozenset[str],
-    groups: tuple[Instances, ...],
-    before: _Part | None,
-    changed: tuple[int, ...],
-) -> _Part:
-    """One array of matrices and one of materials for all groups; a scene's only group lends its
-    own.  how: the changed ones differ from those before.
-    """
-    if before is not None and how <= {"world_from_object"} and _fit(groups, before, changed):
-        return _moved_instances(groups, before, changed)
-    packer = Packer(names=names)
-    matrices = [np.asarray(group.world_from_object) for group in groups]
-    for group, rows in zip(groups, matrices, strict=True):
-        if rows.ndim != 3 or rows.shape[1:] != (3, 4):
-            raise SceneError(
-                f"{group.name}: world_from_object has the shape {rows.shape}: (any, 3, 4) is needed"
-            )
-    joined = (
-        matrices[0]
-        if len(matrices) == 1
-        else np.concatenate(matrices)
-        if matrices
-        else np.empty((0, 3, 4))
-    )
-    joined = packer.lend(joined, np.float64, (None, 3, 4), "world_from_object")
-    slots = packer.lend(
-        [number for group in groups for number in group.materials], np.uint32, (None,), "materials"
-    )
-    first_rows = np.cumsum([0] + [len(rows) for rows in matrices])
-    first_slots = np.cumsum([0] + [len(group.materials) for group in groups])
-    rows = [
-        _group(*entry)
-        for entry in zip(groups, first_rows, map(len, matrices), first_slots, strict=False)
-    ]
-    tables = {
-        "instances": _table(core_types.InstancesData, rows),
-        "world_from_object": joined,
-        "material_slots": slots,
-        **_instance_values(packer, groups, first_rows),
-    }
-    return _Part(groups, tables, packer.lent)
-
-
-def _instance_values(
-    packer: Packer, groups: tuple[Instances, ...], first_rows: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Every name that some group gives a value, and its rows for all placements, zeros for those
-    that have none.
-    """
-    used = list(dict.fromkeys(name for group in groups for name in group.values))
-    values = np.zeros((len(used), first_rows[-1], 4), np.float32)
-    for group, first in zip(groups, first_rows, strict=False):
-        for name, rows in group.values.items():
-            packer.lend(
-                rows, np.float32, (len(group.world_from_object), 4), f"{group.name}: {name}"
-            )
-            values[used.index(name), first : first + len(rows)] = rows
-    return {
-        "instance_value_names": np.array([packer.name(name) for name in used], np.int32),
-        "instance_values": values,
-    }
-
-
-def _fit(groups: tuple[Instances, ...], before: _Part, changed: tuple[int, ...]) -> bool:
-    """Whether as many rows were there before."""
-    counts = before.tables["instances"]["row_count"]
-    return all(np.shape(groups[k].world_from_object) == (counts[k], 3, 4) for k in changed)
-
-
-def _moved_instances(
-    groups: tuple[Instances, ...], before: _Part, changed: tuple[int, ...]
-) -> _Part:
-    matrices = before.tables["world_from_object"].copy()
-    first_rows = before.tables["instances"]["first_row"]
-    for k in changed:
-        first = int(first_rows[k])
-        matrices[first : first + len(groups[k].world_from_object)] = groups[k].world_from_object
-    return _Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
-
-
-_CAMERA, _MIRROR, _SHADOW, _HOLDOUT, _CATCHER = (flag.value for flag in core_types.InstanceFlags)
-
-
-def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
-    flags = (
-        _CAMERA * group.visible_camera
-        | _MIRROR * group.visible_mirror
-        | _SHADOW * group.visible_shadow
-        | _HOLDOUT * group.holdout
-        | _CATCHER * group.catcher
-    )
-    return (
-        first_row,
-        row_count,
-        group.geometry,
-        flags,
-        first_slot,
-        len(group.materials),
-        group.object_index,
-        group.light_set,
-        id_bits(group.name),
-        id_bits(group.asset or group.name),
-        1 + group.light_group,
-        0,
-    )
 
 
 # --- textures and lights

@@ -1,5 +1,5 @@
-"""Viewing rays (notes, sections 4.4-4.6): the rays of a camera are a pencil in its own frame, where
-they are (u, v, 1) or parallel to z; those of a panorama are a bundle.
+"""Viewing rays (notes, sections 4.4-4.6): the rays of a camera are coherent in its own frame, where
+they are (u, v, 1) or parallel to z; those of a panorama are incoherent.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..scene.panorama import Panorama
 from .geometry import Geometry
 from .panorama import from_eye, looks, through_lens
 from .raster import Strips, pixel_strips
-from .rays import ULPS, Bundle, Frame, Pencil, Rays
+from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
 from .vectors import length, transform, transform_each, unit
 
 Array = np.ndarray
@@ -109,7 +109,7 @@ class CameraRays:
 
     def pixels(
         self, x: tuple[int, int], y: tuple[int, int], offset: Array
-    ) -> tuple[Pencil, Strips | None]:
+    ) -> tuple[CoherentRays, Strips | None]:
         """Rays through the pixels x[0] <= i < x[1], y[0] <= j < y[1], row by row, at `offset` from
         their centres.
         """
@@ -117,9 +117,9 @@ class CameraRays:
         window = np.stack([np.tile(u, len(v)), np.repeat(v, len(u))])
         still = np.zeros_like(window)
         ends = self._clipped(*((still, window) if self.frame.perspective else (window, still)))
-        pencil = Pencil(self.frame, *window, *ends)
+        coherent = CoherentRays(self.frame, *window, *ends)
         ascending = self.pixel[0] > 0 and self.pixel[1] > 0
-        return pencil, pixel_strips(u, v) if ascending else None
+        return coherent, pixel_strips(u, v) if ascending else None
 
     def rays(
         self, x: tuple[int, int], y: tuple[int, int], offset: Array, spread: Spread
@@ -133,15 +133,15 @@ class CameraRays:
 
     def _spread(
         self, x: tuple[int, int], y: tuple[int, int], offset: Array, spread: Spread
-    ) -> Bundle:
-        """Rays whose parameter is the depth, as a pencil's."""
-        pencil, _ = self.pixels(x, y, offset)
+    ) -> IncoherentRays:
+        """Rays whose parameter is the depth, as that of coherent ones."""
+        coherent, _ = self.pixels(x, y, offset)
         place = self._place(x, y)
-        window = np.stack([pencil.u, pencil.v])
+        window = np.stack([coherent.u, coherent.v])
         lens = np.zeros_like(window) if spread.lens is None else spread.lens[place].T
         bend = -lens / self.focus
         start, slope = (lens, window + bend) if self.frame.perspective else (window + lens, bend)
-        one = np.ones((1, len(pencil)))
+        one = np.ones((1, len(coherent)))
         origin, along = np.concatenate([start, 0 * one]), np.concatenate([slope, one])
         if spread.frames is None:
             world = np.linalg.inv(self.frame.matrix)
@@ -150,7 +150,7 @@ class CameraRays:
             world = spread.frames[place] * (1.0, 1.0, -1.0, 1.0)
             moved = world[:, :, 3].T - self.eye[:, None]
             origin, along = transform_each(world, origin) + moved, transform_each(world, along)
-        return Bundle.of(origin, along, *self._clipped(start, slope))
+        return IncoherentRays.of(origin, along, *self._clipped(start, slope))
 
     def _window(self, x: tuple[int, int], y: tuple[int, int], offset: Array) -> tuple[Array, Array]:
         """Where the columns and the rows of these pixels are in the window."""
@@ -166,7 +166,7 @@ class CameraRays:
 
     def _panoramic(
         self, x: tuple[int, int], y: tuple[int, int], offset: Array, spread: Spread
-    ) -> Bundle:
+    ) -> IncoherentRays:
         """Rays whose parameter is the distance; those that see nothing end before they begin."""
         place, (u, v) = self._place(x, y), self._window(x, y, offset)
         d, seen = looks(self.panorama, np.tile(u, len(v)), np.repeat(v, len(u)))
@@ -184,7 +184,7 @@ class CameraRays:
             d = transform_each(world, d)
         size = length(d)
         far = np.where(seen, self.far * size, -1.0)
-        return Bundle.of(o, d / size, self.near * size, far)
+        return IncoherentRays.of(o, d / size, self.near * size, far)
 
     def depth(self, points: Array) -> Array:
         """Of points (3, n) relative to the eye, along the view of the camera that stands still; of

@@ -14,6 +14,7 @@ from ..settings import Settings
 from . import catchers
 from .bumps import bump_shadow
 from .camera import Spread
+from .cancellation import Cancellation
 from .gathering import gathering, seen_lobes
 from .generations import reflected
 from .gloss import Narrow
@@ -24,8 +25,7 @@ from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
 from .paths import Paths, bounced, camera_paths, met, straight_on
-from .pulse import Pulse
-from .rays import Bundle
+from .rays import IncoherentRays
 from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
@@ -143,7 +143,7 @@ class Explainer:
         self.stage = Stage(
             lit,
             replace(settings, samples=1, region=None, passes=frozenset()),
-            Pulse(lambda: False),
+            Cancellation(lambda: False),
         )
         self._spread = Spread.samples(scene, settings.samples)[0]
         self._looks_round = OCCLUSION in settings.passes
@@ -194,7 +194,13 @@ class Explainer:
     def _at_surface(self, ray: Ray, paths: Paths, found, own: Array) -> Ray:
         stage, hit, depth = self.stage, np.zeros(1, np.intp), found.depth
         surface = surface_at(
-            stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse
+            stage.geometry,
+            stage.attributes,
+            paths.rays,
+            hit,
+            found.primitive,
+            depth,
+            stage.cancellation,
         )
         queries = stage.queries(0)
         surface = stage.shader.bent(met(paths, hit, surface), paths.kind, queries)
@@ -447,7 +453,7 @@ class Explainer:
             else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
         )
         direction = sample.direction if sample.end is None else unit(sample.end - start)
-        found = shadows.first_met(Bundle.of(start, direction, np.zeros(1), far))
+        found = shadows.first_met(IncoherentRays.of(start, direction, np.zeros(1), far))
         if found.primitive[0] == NOTHING:
             return shadow, "", np.inf
         row = self.stage.geometry.row[found.primitive[0]]

@@ -63,7 +63,7 @@ def _direction(n: Array, point: LightPoint) -> Array:
     return np.sqrt(max(1 - x * x - y * y, 0.0)) * n + x * first + y * second
 
 
-def _mattened(
+def _as_diffuse(
     stage: Stage, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
 ) -> Coefficients:
     """What throws light on alike to all sides, as walks have it, and gives nothing of itself: as
@@ -96,5 +96,5 @@ def seen_lobes(
 ) -> Coefficients:
     """What the paths see of the lobes of what they meet."""
     if paths.gathers:
-        return _mattened(stage, paths, hit, surface, coefficients)
+        return _as_diffuse(stage, paths, hit, surface, coefficients)
     return widened(coefficients, paths.widest[hit]) if paths.reflections else coefficients

@@ -88,7 +88,7 @@ class Generations:
             for paths in generation:
                 here: Paths | None = paths
                 while here is not None:
-                    self._stage.pulse.beat()
+                    self._stage.cancellation.check()
                     here = self._step(here, strips, deeper)
                     strips = None
             generation = list(_alike(deeper))
@@ -110,7 +110,7 @@ class Generations:
         if not len(hit):
             return None
         depth = hits.depth[hit]
-        stage.pulse.beat()
+        stage.cancellation.check()
         surface = surface_at(
             stage.geometry,
             stage.attributes,
@@ -118,17 +118,17 @@ class Generations:
             hit,
             hits.primitive[hit],
             depth,
-            stage.pulse,
+            stage.cancellation,
         )
         again = stage.queries(self._sample)
         surface = stage.shader.bent(met(paths, hit, surface), paths.kind, again)
         queries = self._queries(paths.pixel[hit], surface)
         coefficients = stage.shader.coefficients(surface, paths.kind, queries)
-        stage.pulse.beat()
+        stage.cancellation.check()
         self._record(paths, hit, surface, depth, coefficients)
         if "Gap" in self._tile.data and paths.depth == 0 and not paths.straight.any():
             self._find_gaps(paths, hit, surface, depth)
-        stage.pulse.beat()
+        stage.cancellation.check()
         shown = self._cut_holdouts(paths, hit, surface)
         if len(shown) < len(hit):
             hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
@@ -141,7 +141,7 @@ class Generations:
             paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
         )
         hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
-        self._look_around(paths, hit, surface, coefficients)
+        self._add_openness(paths, hit, surface, coefficients)
         coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
         self._shade(paths, hit, surface, coefficients)
         deeper += gathering(stage, paths, hit, surface, coefficients, self._sample)
@@ -153,7 +153,7 @@ class Generations:
             self._note_rough_glass(paths, hit, coefficients)
             reflections = reflected(stage, paths, hit, surface, coefficients, self._sample)
             for some in reflections:
-                self._tile.softly_lit[some.pixel] = True
+                self._tile.soft_light[some.pixel] = True
             deeper += reflections
         return passed
 
@@ -169,7 +169,7 @@ class Generations:
             here = pixel[index[shown[index]]]
             self._stage.rays["shadow"] += len(here)
             self._tile.charge(here)
-            self._tile.softly_lit[here] = True
+            self._tile.soft_light[here] = True
 
         return self._stage.queries(self._sample, on_rays)
 
@@ -194,7 +194,7 @@ class Generations:
         surface = surface.take(rest)
         return hit[rest], surface, stage.shader.coefficients(surface, paths.kind, queries)
 
-    def _look_around(
+    def _add_openness(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
     ) -> None:
         """What is open over points that camera rays meet, of what of the rays stays there, where
@@ -205,7 +205,7 @@ class Generations:
         pixel = paths.pixel[hit]
         stays = pick(paths.weight, hit) * catchers.opacity(coefficients)
         found = openness(self._stage, surface, self._sample, lambda: self._tile.charge(pixel))
-        self._tile.look_around(pixel, stays * found)
+        self._tile.add_openness(pixel, stays * found)
 
     def _show_caught(self, paths: Paths, hit: Array, seen: Array, ratio: Array) -> None:
         """The surroundings behind catchers, and over them their shadows; or nothing, where the
@@ -251,7 +251,7 @@ class Generations:
         """What media along the rays scatter of the lights."""
         stage, tile = self._stage, self._tile
         scattering = stage.media.scattering_rays(spans, paths.rays.near, depth)
-        tile.softly_lit[paths.pixel[scattering]] = tile.cut[paths.pixel[scattering]] = True
+        tile.soft_light[paths.pixel[scattering]] = tile.cut[paths.pixel[scattering]] = True
         for first in range(0, len(scattering), AT_ONCE):
             some = scattering[first : first + AT_ONCE]
             rays, weight, pixel = paths.rays.take(some), pick(paths.weight, some), paths.pixel[some]
@@ -398,7 +398,7 @@ class Generations:
         if stage.shared_bounced[0]:
             # the few points of the first samples may miss what is matt
             matt = pixel[coefficients.diffuse.any(0)]
-            self._tile.softly_lit[matt] = self._tile.bounced[matt] = True
+            self._tile.soft_light[matt] = self._tile.bounced[matt] = True
         on_reach, on_cut = self._listeners(pixel)
         light = self._stage.lighting_of(paths).direct(
             surface, coefficients, weight, self._sample, on_reach, on_cut
@@ -464,7 +464,7 @@ class Generations:
             if source.light.cast_shadow:
                 self._tile.charge(pixel[seen])
             if is_soft:
-                self._tile.softly_lit[pixel[seen]] = True
+                self._tile.soft_light[pixel[seen]] = True
             if source.light.kind == "BOUNCED":
                 self._tile.bounced[pixel[seen]] = True
 

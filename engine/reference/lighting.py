@@ -14,13 +14,13 @@ from ..lights.lamps import may_share
 from ..scene import EVERYTHING
 from . import stretching
 from .bumps import bump_shadow
+from .cancellation import Cancellation
 from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen
-from .pulse import Pulse
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
 from .surface import Surface
@@ -76,7 +76,7 @@ class Lighting:
     light_samples: int
     points: list[LightPoint]
     shadows: Shadows
-    pulse: Pulse
+    cancellation: Cancellation
     sets: Array
     marks: int = 0
     bounced_marks: int = 1
@@ -157,7 +157,7 @@ class Lighting:
             for narrow, light_sample, diffuse in self.samples(
                 surface, coefficients, weight, source, sample
             ):
-                self.pulse.beat()
+                self.cancellation.check()
                 seen, dimmed = self._add(
                     surface, coefficients, lit, source, narrow, light_sample, diffuse, total
                 )
@@ -217,7 +217,7 @@ class Lighting:
                 for narrow, light_sample, diffuse in self.samples(
                     surface, coefficients, weight, source, sample
                 ):
-                    self.pulse.beat()
+                    self.cancellation.check()
                     each = self._given(
                         surface, coefficients, lit, source, narrow, light_sample, diffuse
                     )
@@ -354,7 +354,7 @@ class Lighting:
         add_at(total.specular, seen, given.specular)
         dimmed, passed = np.zeros(len(seen), bool), np.ones((3, len(seen)))
         if source.light.cast_shadow:
-            self.pulse.beat()
+            self.cancellation.check()
             passed = given.open(np.arange(len(seen)))
             lost = (passed - 1.0) * (given.diffuse + given.specular)
             add_at(total.shadow, seen, lost)
@@ -392,7 +392,7 @@ class Lighting:
         """What one sample of one light gives to the points that it reaches, whatever stands
         between.
         """
-        self.pulse.beat()
+        self.cancellation.check()
         cosine = sample.cosine(surface.n)
         is_drawn = diffuse is not coefficients.diffuse
         glossy = source.has_highlights

@@ -345,7 +345,7 @@ class Media:
             rays, bounds if seen is None else bounds & seen
         )
         outside = surface_at(
-            geometry, self._attributes, rays, ray, primitive, depth, self._visibility.pulse
+            geometry, self._attributes, rays, ray, primitive, depth, self._visibility.cancellation
         ).outside
         row = geometry.row[primitive].astype(np.intp)
         order = np.lexsort((depth, row, ray))

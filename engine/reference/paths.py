@@ -13,7 +13,7 @@ from .lighting import highlights
 from .lights import LightPoint
 from .materials import Coefficients, Term
 from .optics import fresnel, reflected, refracted
-from .rays import Bundle, Rays
+from .rays import IncoherentRays, Rays
 from .surface import Surface
 from .vectors import add_at, dot, pick
 
@@ -82,15 +82,15 @@ def met(paths: Paths, hit: Array, surface: Surface) -> Surface:
 
 def joined(paths: list[Paths]) -> Paths:
     """Bundles of one depth and past as one."""
-    bundles = [p.rays for p in paths]
+    parts = [p.rays for p in paths]
     origin, direction = (
-        np.concatenate([getattr(b, name) for b in bundles], 1) for name in ("origin", "direction")
+        np.concatenate([getattr(b, name) for b in parts], 1) for name in ("origin", "direction")
     )
-    near, far = (np.concatenate([getattr(b, name) for b in bundles]) for name in ("near", "far"))
+    near, far = (np.concatenate([getattr(b, name) for b in parts]) for name in ("near", "far"))
     pixel, straight = (
         np.concatenate([getattr(p, name) for p in paths]) for name in ("pixel", "straight")
     )
-    rays = Bundle.of(origin, direction, near, far)
+    rays = IncoherentRays.of(origin, direction, near, far)
     weight = np.concatenate([p.weight for p in paths], 1)
     others = {
         name: np.concatenate([getattr(p, name) for p in paths])
@@ -282,7 +282,7 @@ def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cuto
     side = np.where(dot(d, pick(surface.g, go)) < 0, -1.0, 1.0)
     origin = pick(surface.x, go) + side * surface.offset[go] * pick(surface.g, go)
     zero = np.zeros(len(go))
-    rays = Bundle.of(origin, d, zero, zero + np.inf)
+    rays = IncoherentRays.of(origin, d, zero, zero + np.inf)
     return Paths(
         rays,
         pick(weight, go),

@@ -33,7 +33,7 @@ LARGEST = float(np.finfo(np.float32).max)
 
 class Tile:
     """One sample of n pixels. parts: (3, n) per part that anything was added to. lost: (n,) alpha.
-    cost: (n,) rays. softly_lit, cut, bounced: (n,) bool, whether a light of more than one sample
+    cost: (n,) rays. soft_light, cut, bounced: (n,) bool, whether a light of more than one sample
     reached them, whether their horizon cuts one, and whether bounced light reached them. data:
     (channels, n) for the passes named. wanted: (n,) bool, pixels whose data is still to come.
     clear: (n,) what is seen and no mist before it. caught: (3, n) what shadows on catchers take
@@ -47,7 +47,7 @@ class Tile:
         self._count = count
         self.parts: dict[str, Array] = {}
         self.lost, self.cost = np.zeros(count), np.zeros(count)
-        self.softly_lit, self.cut, self.bounced = np.zeros((3, count), bool)
+        self.soft_light, self.cut, self.bounced = np.zeros((3, count), bool)
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
@@ -77,7 +77,7 @@ class Tile:
         for total, value in zip(self.caught, dark, strict=True):
             total += np.bincount(pixel, value, self._count)
 
-    def look_around(self, pixel: Array, shares: Array) -> None:
+    def add_openness(self, pixel: Array, shares: Array) -> None:
         """What is open over points (3, m) that rays meet, times what of the rays stays there."""
         for total, value in zip(self.open, shares, strict=True):
             total += np.bincount(pixel, value, self._count)

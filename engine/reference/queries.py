@@ -1,4 +1,4 @@
-"""Ray queries in float64 NumPy: any bundle of rays against any geometry."""
+"""Ray queries in float64 NumPy: any rays against any geometry."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from time import perf_counter
 import numpy as np
 
 from ..scene import Scene
+from .cancellation import Cancellation
 from .geometry import KINDS, Geometry, gather
 from .placements import primitive_count
-from .pulse import Pulse
-from .rays import ULPS, Bundle
+from .rays import ULPS, IncoherentRays
 from .surface import spot_at
 from .visibility import NOTHING, Visibility
 
@@ -39,7 +39,9 @@ class ReferenceQueries:
         geometry.visible[ANY] = (
             None if any(flag is None for flag in flags) else np.logical_or.reduce(flags)
         )
-        self._visibility = Visibility(geometry, np.ones(geometry.count, bool), Pulse(lambda: False))
+        self._visibility = Visibility(
+            geometry, np.ones(geometry.count, bool), Cancellation(lambda: False)
+        )
         # Everything lies within a ball round the origin: rays from farther away start where they
         # enter it, as float32 boxes need.
         self._reach = 2 * geometry.reach
@@ -80,10 +82,10 @@ class ReferenceQueries:
             np.full(size, -1, np.int32),
         )
         u, v = np.zeros(size, np.float32), np.zeros(size, np.float32)
-        for rays, bundle, along, skipped in self._bundles(origins, directions, t_min, t_max, size):
-            found = self._visibility.closest(bundle, visibility or ANY)
+        for rays, scaled, along, skipped in self._chunks(origins, directions, t_min, t_max, size):
+            found = self._visibility.closest(scaled, visibility or ANY)
             hit = np.flatnonzero(found.primitive != NOTHING)
-            spot = spot_at(self._visibility.geometry, bundle, hit, found.primitive[hit])
+            spot = spot_at(self._visibility.geometry, scaled, hit, found.primitive[hit])
             rays = rays[hit]
             with np.errstate(over="ignore"):  # beyond float32 reads as infinite
                 t[rays] = (found.depth[hit] + skipped[hit]) / along[hit]
@@ -106,9 +108,9 @@ class ReferenceQueries:
         """(size,) bool."""
         return self.closest(origins, directions, t_min, t_max, size, visibility)[1] >= 0
 
-    def _bundles(self, origins: Array, directions: Array, t_min: Array, t_max: Array, size: int):
-        """Rays that can hit, in chunks: their places, the bundle, the length of their directions,
-        and how far from the origin it starts.
+    def _chunks(self, origins: Array, directions: Array, t_min: Array, t_max: Array, size: int):
+        """Rays that can hit, in chunks: their places, themselves in the tracer's units, how long
+        their directions are, and how far from the origin they start.
         """
         arrays = [
             np.broadcast_to(array, (size, *array.shape[1:]))
@@ -129,10 +131,12 @@ class ReferenceQueries:
             rays = np.flatnonzero(sound)
             yield (
                 begin + rays,
-                *self._bundle(o[:, rays], d[rays].T, np.maximum(low[rays], 0), high[rays]),
+                *self._scaled(o[:, rays], d[rays].T, np.maximum(low[rays], 0), high[rays]),
             )
 
-    def _bundle(self, o: Array, d: Array, low: Array, high: Array) -> tuple[Bundle, Array, Array]:
+    def _scaled(
+        self, o: Array, d: Array, low: Array, high: Array
+    ) -> tuple[IncoherentRays, Array, Array]:
         largest = np.abs(d).max(0, initial=0)
         length = np.sqrt(((d / largest) ** 2).sum(0)) * largest
         d, along = d / length, length * self._scale
@@ -143,7 +147,7 @@ class ReferenceQueries:
             near, far = low * along - skipped, high * along - skipped
             start = o + skipped * d
         start = np.where(np.isfinite(start).all(0), start, 0)
-        return Bundle.of(start, d, np.maximum(near, 0), far), along, skipped
+        return IncoherentRays.of(start, d, np.maximum(near, 0), far), along, skipped
 
 
 def _without_giants(geometry: Geometry) -> Geometry:

@@ -1,4 +1,4 @@
-"""Which triangles each ray of a pencil may hit: triangles and rays are both projected and meet in
+"""Which triangles coherent rays may hit, ray by ray: triangles and rays are projected and meet in
 strips of the image.
 
 Rays are sorted into strips of like v (the rows of pixels, or strips of equally many rays) and by u
@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .cancellation import Cancellation
 from .geometry import Geometry
-from .pulse import Pulse
-from .rays import Frame, Pencil
+from .rays import CoherentRays, Frame
 from .vectors import explode, pick, ragged_blocks, transform
 
 Array = np.ndarray
@@ -104,33 +104,33 @@ def _order(values: Array) -> Array:
 
 
 def raster_pairs(
-    pencil: Pencil,
+    coherent: CoherentRays,
     strips: Strips,
     geometry: Geometry,
     seen: Array | None,
     limit: Array,
-    pulse: Pulse,
+    cancellation: Cancellation,
 ) -> Pairs:
     """Blocks of (ray, primitive) that may meet. `limit` (n,) is the depth beyond which a ray no
     longer looks; the caller lowers it.
     """
-    window = _Window.of(pencil)
+    window = _Window.of(coherent)
     for begin in range(0, geometry.triangle_count, TRIANGLES):
         chunk = np.arange(begin, min(begin + TRIANGLES, geometry.triangle_count))
         chunk = chunk if seen is None else chunk[seen[chunk]]
-        pulse.beat()
-        outlines, all_over = _outlines(pencil.frame, geometry, chunk, window)
-        yield from _covered(pencil, strips, outlines, limit, pulse)
-        yield from _everywhere(len(pencil), all_over, pulse)
+        cancellation.check()
+        outlines, all_over = _outlines(coherent.frame, geometry, chunk, window)
+        yield from _covered(coherent, strips, outlines, limit, cancellation)
+        yield from _everywhere(len(coherent), all_over, cancellation)
     if len(geometry.lower[0]):
-        outlines, all_over = _boxes(pencil.frame, geometry, seen, window)
-        yield from _covered(pencil, strips, outlines, limit, pulse)
-        yield from _everywhere(len(pencil), all_over, pulse)
+        outlines, all_over = _boxes(coherent.frame, geometry, seen, window)
+        yield from _covered(coherent, strips, outlines, limit, cancellation)
+        yield from _everywhere(len(coherent), all_over, cancellation)
 
 
 @dataclass(frozen=True)
 class _Window:
-    """What the rays of a pencil span: least and most u and v, the nearest `near`, the farthest
+    """What coherent rays span: least and most u and v, the nearest `near`, the farthest
     `far`.
     """
 
@@ -142,9 +142,9 @@ class _Window:
     far: float
 
     @classmethod
-    def of(cls, pencil: Pencil) -> _Window:
-        u, v = pencil.u, pencil.v
-        return cls(u.min(), u.max(), v.min(), v.max(), pencil.near.min(), pencil.far.max())
+    def of(cls, coherent: CoherentRays) -> _Window:
+        u, v = coherent.u, coherent.v
+        return cls(u.min(), u.max(), v.min(), v.max(), coherent.near.min(), coherent.far.max())
 
     def sees(self, u0: Array, u1: Array, v0: Array, v1: Array, z0: Array, z1: Array) -> Array:
         """Which of the boxes in u, v and depth the rays may meet."""
@@ -183,7 +183,7 @@ class _Outlines:
 def _outlines(
     frame: Frame, geometry: Geometry, chunk: Array, window: _Window
 ) -> tuple[_Outlines, Array]:
-    """Triangles in front of the pencil's origin as outlines, and those that reach behind it and may
+    """Triangles in front of the rays' origin as outlines, and those that reach behind it and may
     still be seen.
     """
     corners = pick(geometry.triangles, chunk)
@@ -239,17 +239,21 @@ def _boxes(
     return _Outlines(primitive, None, None, *bounds, z0 - _slack(z0, z1)).take(kept), all_over
 
 
-def _everywhere(rays: int, primitives: Array, pulse: Pulse) -> Pairs:
+def _everywhere(rays: int, primitives: Array, cancellation: Cancellation) -> Pairs:
     """Every ray with each of these primitives."""
     for primitive in primitives:
         for begin in range(0, rays, PAIRS):
-            pulse.beat()
+            cancellation.check()
             ray = np.arange(begin, min(begin + PAIRS, rays))
             yield ray, np.full(len(ray), primitive)
 
 
 def _covered(
-    pencil: Pencil, strips: Strips, outlines: _Outlines, limit: Array, pulse: Pulse
+    coherent: CoherentRays,
+    strips: Strips,
+    outlines: _Outlines,
+    limit: Array,
+    cancellation: Cancellation,
 ) -> Pairs:
     """The pairs of outlines with the rays that they may cover."""
     dv = MARGIN * (np.abs(outlines.v0) + np.abs(outlines.v1))
@@ -267,31 +271,31 @@ def _covered(
         start, stop = strips.run(strip, low, high)
         used = np.flatnonzero(stop > start)
         yield from _pairs(
-            pencil,
+            coherent,
             outlines,
             shape[used],
             start[used],
             stop[used],
             limit,
-            pulse,
+            cancellation,
             strips.search is not None,
         )
 
 
-def _pairs(pencil, outlines, shape, start, stop, limit, pulse, tall) -> Pairs:
+def _pairs(coherent, outlines, shape, start, stop, limit, cancellation, tall) -> Pairs:
     """Runs of rays spelled out; those outside the outline's v (where strips are `tall`) or behind
     what the ray has met are dropped.
     """
     size = stop - start
     for begin, end in ragged_blocks(size, PAIRS):
-        pulse.beat()
+        cancellation.check()
         ray = np.arange(size[begin:end].sum()) + np.repeat(
             start[begin:end] - np.cumsum(size[begin:end]) + size[begin:end], size[begin:end]
         )
         mine = np.repeat(shape[begin:end], size[begin:end])
         good = outlines.z0.take(mine) <= limit.take(ray)
         if tall:
-            v, v0, v1 = pencil.v.take(ray), outlines.v0.take(mine), outlines.v1.take(mine)
+            v, v0, v1 = coherent.v.take(ray), outlines.v0.take(mine), outlines.v1.take(mine)
             dv = MARGIN * (np.abs(v0) + np.abs(v1))
             good &= (v >= v0 - dv) & (v <= v1 + dv)
         kept = np.flatnonzero(good)

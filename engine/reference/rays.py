@@ -1,8 +1,8 @@
 """Two kinds of ray sets and their exact triangle test.
 
-A `Pencil` (all rays through one point, or all parallel) is described in a `Frame` where they run
-along z: hits of a pencil are a rasterisation, exact for camera rays and for the shadow rays of a
-hard light. A `Bundle` is any set of rays.
+`CoherentRays` (all through one point, or all parallel) are described in a `Frame` where they run
+along z: their hits are a rasterisation, exact for camera rays and for the shadow rays of a hard
+light. `IncoherentRays` are any others.
 
 The test (notes, section 4.8, made watertight; Woop, Benthin, Wald 2013): the triangle is sheared so
 that the ray becomes the z axis; the 2D edge functions p_x q_y − p_y q_x of its corners are then
@@ -58,7 +58,7 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Where the rays of a pencil run along z.
+    """Where coherent rays run along z.
 
     matrix: (3, 3) frame from world.  origin: (3,) the common point in the world, 0 for parallel
     rays. perspective: rays through the origin (u, v, 1) z; else parallel ones (u, v, z). points:
@@ -91,7 +91,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Pencil:
+class CoherentRays:
     """n rays of a frame: u, v (n,) where they run; hits count where near < z < far, (n,) each."""
 
     frame: Frame
@@ -103,7 +103,7 @@ class Pencil:
     def __len__(self) -> int:
         return len(self.u)
 
-    def take(self, rays: Array) -> Pencil:
+    def take(self, rays: Array) -> CoherentRays:
         """The rays at these places."""
         return replace(
             self, u=self.u[rays], v=self.v[rays], near=self.near[rays], far=self.far[rays]
@@ -148,7 +148,7 @@ class Pencil:
 
 
 @dataclass(frozen=True, eq=False)
-class Bundle:
+class IncoherentRays:
     """n rays with origins and unit directions (3, n) in the world; hits count where near < t < far,
     (n,) each.
 
@@ -164,7 +164,7 @@ class Bundle:
     shear: Array
 
     @classmethod
-    def of(cls, origin: Array, direction: Array, near: Array, far: Array) -> Bundle:
+    def of(cls, origin: Array, direction: Array, near: Array, far: Array) -> IncoherentRays:
         largest = np.abs(direction).argmax(0)
         axes = np.stack([(largest + 1) % 3, (largest + 2) % 3, largest])
         dx, dy, dz = np.take_along_axis(direction, axes, 0)
@@ -173,12 +173,12 @@ class Bundle:
     def __len__(self) -> int:
         return len(self.near)
 
-    def take(self, rays: Array) -> Bundle:
+    def take(self, rays: Array) -> IncoherentRays:
         """The rays at these places."""
         o, d, axes, shear = (
             pick(a, rays) for a in (self.origin, self.direction, self.axes, self.shear)
         )
-        return Bundle(o, d, self.near[rays], self.far[rays], axes, shear)
+        return IncoherentRays(o, d, self.near[rays], self.far[rays], axes, shear)
 
     def tie(self, ray: Array, depth: Array) -> Array:
         """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to rounding:
@@ -208,7 +208,7 @@ class Bundle:
         return result
 
 
-Rays = Pencil | Bundle
+Rays = CoherentRays | IncoherentRays
 
 
 def weigh(rays: Rays, geometry: Geometry, ray: Array, triangle: Array) -> Weights:

@@ -59,7 +59,7 @@ class Refinement:
             settings.light_samples,
             shown,
         )
-        self._softly_lit, self._cut, self._bounced = np.zeros((3, shown.size), bool)
+        self._soft_light, self._cut, self._bounced = np.zeros((3, shown.size), bool)
         self._samples = 0
         self._least = _LENS_SAMPLES if spread else 0
         self.active = np.ones(shown.size, bool)
@@ -68,13 +68,13 @@ class Refinement:
         self._around = np.zeros(shown.size)
 
     def note(
-        self, pixel: Array | slice, values: Array, softly_lit: Array, cut: Array, bounced: Array
+        self, pixel: Array | slice, values: Array, soft_light: Array, cut: Array, bounced: Array
     ) -> None:
         """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft
         light reached them, whether their horizon cuts one, and whether bounced light reached them.
         """
         if self._samples < FIRST_ESTIMATE:
-            self._softly_lit[pixel] |= softly_lit
+            self._soft_light[pixel] |= soft_light
             self._cut[pixel] |= cut
             self._bounced[pixel] |= bounced
         self._low[:, pixel] = np.minimum(self._low[:, pixel], values)
@@ -98,7 +98,7 @@ class Refinement:
                 (self._low[:3] == 0).all(0) & (self._high[:3] == 0).all(0),
                 samples * self._light_samples,
             )
-            met = self._softly_lit | self._cut | self._bounced
+            met = self._soft_light | self._cut | self._bounced
             dim = black | self._cut | self._bounced
             least = np.where(dim, _DIM_POINTS, _LIGHT_POINTS)
             waits = met & (points < least) | black & self._cut

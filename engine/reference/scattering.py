@@ -195,7 +195,7 @@ def scattered(stage, rays: Rays, spans: Spans, far: Array, sample: int) -> Itera
         if not source.color.any():
             continue
         for point, share, n, count in _points(stage, source, sample):
-            stage.pulse.beat()
+            stage.cancellation.check()
             aim = ladder.aimed(source, point, source.place(point))
             t, spread = aim.at(share)
             found = np.flatnonzero(spread > 0)

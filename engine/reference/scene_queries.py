@@ -12,7 +12,7 @@ import numpy as np
 
 from ..sampling import node_points
 from .attributes import Attributes
-from .rays import Bundle
+from .rays import IncoherentRays
 from .surface import Surface, surface_at
 from .vectors import pick
 from .visibility import NOTHING, Hits, Visibility
@@ -91,14 +91,14 @@ class SceneQueries:
             return self._met(rays, ray, *np.zeros((2, 0), np.intp), np.zeros(0))
         return self._met(rays, ray, *map(np.concatenate, zip(*found, strict=True)))
 
-    def _rays(self, index: Array, asked: Asked) -> tuple[Bundle, Array]:
+    def _rays(self, index: Array, asked: Asked) -> tuple[IncoherentRays, Array]:
         """Those that are asked for, and which they are."""
         ray = np.flatnonzero(asked.reach > 0)
         start, direction = pick(asked.start, ray), pick(asked.direction, ray)
         self.on_rays(index[ray])
-        return Bundle.of(start, direction, np.zeros(len(ray)), asked.reach[ray]), ray
+        return IncoherentRays.of(start, direction, np.zeros(len(ray)), asked.reach[ray]), ray
 
-    def _first(self, rays: Bundle, row: Array, of: str) -> Hits:
+    def _first(self, rays: IncoherentRays, row: Array, of: str) -> Hits:
         geometry = self.visibility.geometry
         if of != "own":
             kinds = list(geometry.visible.values()) if of == "any" else [geometry.visible[of]]
@@ -111,10 +111,12 @@ class SceneQueries:
             found.primitive[mine], found.depth[mine] = hits.primitive, hits.depth
         return found
 
-    def _met(self, rays: Bundle, ray: Array, of: Array, primitive: Array, depth: Array) -> Met:
+    def _met(
+        self, rays: IncoherentRays, ray: Array, of: Array, primitive: Array, depth: Array
+    ) -> Met:
         """of: which of the rays that are asked for. ray: which of all these are."""
         v = self.visibility
-        place = (v.geometry, self.attributes, rays, of, primitive, depth, v.pulse)
+        place = (v.geometry, self.attributes, rays, of, primitive, depth, v.cancellation)
         return Met(ray[of], depth, surface_at(*place))
 
 

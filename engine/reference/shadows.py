@@ -1,9 +1,9 @@
 """Shadows (notes, section 4.16): the share of a light sample's light that reaches the shaded
 points.
 
-Rays to a light's point that all share are a pencil through it, rays to a point of the sun are
-parallel: both are traced from the light's side as a rasterisation. Rays to a point of their own go
-through the tree.
+Rays to a light's point that all share are coherent (all go through it), rays to a point of the sun
+are parallel: both are traced from the light's side as a rasterisation. Rays to a point of their own
+go through the tree.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .attributes import Attributes
 from .lights import LightSample
 from .materials import Shader
 from .media import Media
-from .rays import ULPS, Bundle, Frame, Pencil, Rays
+from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
 from .surface import Surface, spot_at, surface_at
 from .vectors import dot, length, pick, transform, unit
 from .visibility import Hits, Visibility
@@ -49,7 +49,7 @@ class Shadows:
         result._media = self._media.of(blockers)
         return result
 
-    def first_met(self, rays: Bundle) -> Hits:
+    def first_met(self, rays: IncoherentRays) -> Hits:
         """What stands first in the way of each ray, whether light passes it or not."""
         return self._visibility.closest_of(rays, self._seen)
 
@@ -75,7 +75,7 @@ class Shadows:
         self._rays["shadow"] += n
         sample = LightSample(direction, np.ones(n), None, np.zeros(n))
         start, ends = self._start(surface, np.arange(n), sample), (np.zeros(n), np.full(n, reach))
-        rays = Bundle.of(start, direction, *ends)
+        rays = IncoherentRays.of(start, direction, *ends)
         passed = self._blocked(rays).T
         if self._media:
             passed = passed * self._media.passed(self._media.spans(rays, "shadow", ends[1]), *ends)
@@ -103,7 +103,7 @@ class Shadows:
         if sample.end is not None:
             way = length(sample.end - start)
             direction = unit(sample.end - start)
-        rays = Bundle.of(start, direction, np.zeros(n), way)
+        rays = IncoherentRays.of(start, direction, np.zeros(n), way)
         return self._media.passed(self._media.spans(rays, "shadow", way), rays.near, way).T
 
     def _between(self, start: Array, sample: LightSample) -> Array:
@@ -113,7 +113,7 @@ class Shadows:
             return self._parallel(start, sample.direction[:, 0])
         if end is None:
             return self._blocked(
-                Bundle.of(start, sample.direction, np.zeros(m), np.full(m, np.inf))
+                IncoherentRays.of(start, sample.direction, np.zeros(m), np.full(m, np.inf))
             )
         if sample.leaves:
             return self._each(start, np.broadcast_to(end, start.shape), sample.short)
@@ -127,7 +127,7 @@ class Shadows:
     def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
         if not self._shader.has_programs:
             return self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive))
-        from_light = isinstance(rays, Pencil) and rays.frame.perspective
+        from_light = isinstance(rays, CoherentRays) and rays.frame.perspective
         surface = surface_at(
             self._geometry,
             self._attributes,
@@ -135,7 +135,7 @@ class Shadows:
             ray,
             primitive,
             depth,
-            self._visibility.pulse,
+            self._visibility.cancellation,
             backwards=from_light,
         )
         o, d = rays.lines(ray)
@@ -146,10 +146,10 @@ class Shadows:
         matrix = parallel_frame(direction)
         frame = Frame.of(self._geometry, matrix, np.zeros(3), perspective=False)
         u, v, z = transform(matrix, start)
-        return self._blocked(Pencil(frame, u, v, z, np.full(len(z), np.inf)))
+        return self._blocked(CoherentRays(frame, u, v, z, np.full(len(z), np.inf)))
 
     def _through(self, start: Array, light: Array, short: float) -> Array:
-        """Six pencils from the light, one for each side of a cube round it."""
+        """Six sets of rays from the light, one for each side of a cube round it."""
         arm = start - light[:, None]
         axis = np.abs(arm).argmax(0)
         side = 2 * axis + (np.take_along_axis(arm, axis[None], 0)[0] < 0)
@@ -164,7 +164,7 @@ class Shadows:
                 seen = np.flatnonzero(z > 0)
                 x, y, z = x[seen], y[seen], z[seen]
                 result[mine[seen]] = self._blocked(
-                    Pencil(frame, x / z, y / z, np.full(len(z), near), z)
+                    CoherentRays(frame, x / z, y / z, np.full(len(z), near), z)
                 )
         return result
 
@@ -174,7 +174,7 @@ class Shadows:
         safe = np.where(far > 0, far, 1.0)
         margin = short * np.abs(end).max(0)
         direction = np.where(far > 0, arm / safe, np.array([[0.0], [0.0], [1.0]]))
-        return self._blocked(Bundle.of(start, direction, np.zeros(len(far)), far - margin))
+        return self._blocked(IncoherentRays.of(start, direction, np.zeros(len(far)), far - margin))
 
 
 def cube_frame(face: int) -> Array:

@@ -19,6 +19,7 @@ from ..scene import Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
 from .camera import CameraRays
+from .cancellation import Cancellation
 from .emission import Emission
 from .geometry import gather
 from .lighting import Lighting
@@ -26,7 +27,6 @@ from .lights import CENTER, LightPoint, Source
 from .materials import Shader
 from .media import Media
 from .paths import Paths
-from .pulse import Pulse
 from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .shadows import Shadows
 from .sky import radiance
@@ -45,17 +45,17 @@ class Stage:
     rays: counts of the rays traced so far, by kind.
     """
 
-    def __init__(self, scene: Scene, settings: Settings, pulse: Pulse):
-        self.scene, self.settings, self.pulse = scene, settings, pulse
+    def __init__(self, scene: Scene, settings: Settings, cancellation: Cancellation):
+        self.scene, self.settings, self.cancellation = scene, settings, cancellation
         self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
         self.geometry = gather(scene, self.eye)
-        pulse.beat()
+        cancellation.check()
         self.attributes = Attributes(scene)
         self.shader = Shader(scene, self.attributes, self.geometry)
         self.visibility = Visibility(
-            self.geometry, ~self.shader.is_transparent(self.geometry.material), pulse
+            self.geometry, ~self.shader.is_transparent(self.geometry.material), cancellation
         )
-        pulse.beat()
+        cancellation.check()
         self.rays: Counter[str] = Counter()
         self.sources = tuple(self._source(light) for light in scene.lights)
         self.shared_samples = shared_samples(scene.lights, settings)
@@ -70,7 +70,7 @@ class Stage:
             settings.light_samples,
             self._light_points(),
             shadows,
-            pulse,
+            cancellation,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
             shared_rays(scene.lights, settings),
             asked,

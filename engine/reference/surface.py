@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from .attributes import Attributes
+from .cancellation import Cancellation
 from .geometry import Geometry
-from .pulse import Pulse
 from .rays import ULPS, Rays, weigh
 from .shapes import along_rod, meet_rod
 from .vectors import add_at, cross, dot, length, pick, transform_each, unit
@@ -102,7 +102,7 @@ def surface_at(
     ray: Array,
     primitive: Array,
     depth: Array,
-    pulse: Pulse,
+    cancellation: Cancellation,
     backwards: bool = False,
 ) -> Surface:
     """The surfaces that rays `ray` meet at `depth`, worked out in blocks that fit into the
@@ -110,7 +110,7 @@ def surface_at(
     """
     parts = []
     for begin in range(0, max(len(ray), 1), BLOCK):
-        pulse.beat()
+        cancellation.check()
         part = slice(begin, begin + BLOCK)
         parts.append(
             _surface(geometry, attributes, rays, ray[part], primitive[part], depth[part], backwards)
@@ -123,7 +123,7 @@ def surface_at(
             for f in fields(Surface)
         }
     )
-    pulse.beat()
+    cancellation.check()
     return whole
 
 

@@ -16,9 +16,9 @@ from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
 from .camera import Spread
+from .cancellation import Cancellation, Stopped
 from .generations import Generations
 from .picture import DATA, Picture, Tile
-from .pulse import Pulse, Stopped
 from .refinement import ErrorEstimate, Refinement, widened
 from .stage import Stage
 
@@ -38,7 +38,7 @@ def render_reference(
     on_wave: Callable[[Film], None] | None,
 ) -> Film:
     """The picture of `scene`, as engine.render describes it, in float64 NumPy."""
-    tracer = Tracer(scene, settings, Pulse(should_stop))
+    tracer = Tracer(scene, settings, Cancellation(should_stop))
     complete = tracer.run(on_progress, on_wave)
     return tracer.film(complete)
 
@@ -46,8 +46,8 @@ def render_reference(
 class Tracer:
     """One render. picture: the sums so far, float64."""
 
-    def __init__(self, scene: Scene, settings: Settings, pulse: Pulse):
-        self._scene, self._settings, self._pulse = scene, settings, pulse
+    def __init__(self, scene: Scene, settings: Settings, cancellation: Cancellation):
+        self._scene, self._settings, self._cancellation = scene, settings, cancellation
         self._region = self._shown = settings.region or (0, 0, *scene.camera.resolution)
         refines = settings.error_threshold > 0 or "Error" in settings.passes
         if refines and settings.samples >= FIRST_ESTIMATE:
@@ -99,7 +99,7 @@ class Tracer:
         """What stands there at the time of a sample."""
         moves = self._times is not None
         scene = moment(self._scene, self._times[sample]) if moves else self._scene
-        stage = Stage(scene, self._settings, self._pulse)
+        stage = Stage(scene, self._settings, self._cancellation)
         if self._stage is not None:
             stage.rays.update(self._stage.rays)
         return stage
@@ -143,7 +143,7 @@ class Tracer:
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
             rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
-            stage.pulse.beat()
+            stage.cancellation.check()
             first = (y - y0) * (x1 - x0)
             here: slice | Array = slice(first, first + len(rays))
             if self._refinement and not self._refinement.active[here].all():
@@ -160,7 +160,7 @@ class Tracer:
             self.picture.keep(here, tile)
             if self._refinement:
                 values = np.concatenate([tile.color(), tile.lost[None]])
-                self._refinement.note(here, values, tile.softly_lit, tile.cut, tile.bounced)
+                self._refinement.note(here, values, tile.soft_light, tile.cut, tile.bounced)
             yield (above - y0) / (y1 - y0)
 
     def _clock(self, name: str) -> _Clock:

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .cancellation import Cancellation
 from .geometry import Geometry
-from .pulse import Pulse
-from .rays import Bundle
+from .rays import IncoherentRays
 from .vectors import pick
 
 Array = np.ndarray
@@ -47,13 +47,13 @@ class Tree:
         return self.leaves.nbytes + sum(level.nbytes for level in self.levels)
 
 
-def build(geometry: Geometry, pulse: Pulse) -> Tree:
+def build(geometry: Geometry, cancellation: Cancellation) -> Tree:
     """The tree over all primitives."""
     lower, upper = _bounds(geometry)
     depth = 0
     while LEAF * 8**depth < geometry.count:
         depth += 1
-    order = _median_order((lower + upper) / 2, 8**depth, pulse)
+    order = _median_order((lower + upper) / 2, 8**depth, cancellation)
     empty = order == NONE
     grow = WIDEN * geometry.reach
     low = np.where(empty, np.inf, pick(lower, order) - grow).min(2)
@@ -74,7 +74,7 @@ def _bounds(geometry: Geometry) -> tuple[Array, Array]:
     return np.concatenate([lower, geometry.lower], 1), np.concatenate([upper, geometry.upper], 1)
 
 
-def _median_order(centers: Array, leaves: int, pulse: Pulse) -> Array:
+def _median_order(centers: Array, leaves: int, cancellation: Cancellation) -> Array:
     """(leaves, k) primitives sorted into equal leaves, the last places NONE."""
     count = centers.shape[1]
     size = max(-(-count // leaves), 1)
@@ -82,7 +82,7 @@ def _median_order(centers: Array, leaves: int, pulse: Pulse) -> Array:
     order[:count] = np.arange(count)
     segments = order[None]
     while len(segments) < leaves:
-        pulse.beat()
+        cancellation.check()
         segments = _halved(centers, segments)
     return segments
 
@@ -103,7 +103,7 @@ def _halved(centers: Array, segments: Array) -> Array:
 
 
 def tree_pairs(
-    tree: Tree, rays: Bundle, seen: Array | None, limit: Array, pulse: Pulse
+    tree: Tree, rays: IncoherentRays, seen: Array | None, limit: Array, cancellation: Cancellation
 ) -> Iterator[tuple[Array, Array]]:
     """Blocks of (ray, primitive) that may meet. `limit` (n,) is the distance beyond which a ray no
     longer looks; the caller lowers it.
@@ -112,7 +112,7 @@ def tree_pairs(
         chosen = np.arange(begin, min(begin + CHUNK, len(rays)))
         chosen = chosen[limit[chosen] > rays.near[chosen]]
         for octant in _octants(rays, chosen):
-            yield from _descend(tree, octant, seen, limit, pulse)
+            yield from _descend(tree, octant, seen, limit, cancellation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ class _Octant:
     far_side: tuple[int, ...]
 
 
-def _octants(rays: Bundle, chosen: Array) -> Iterator[_Octant]:
+def _octants(rays: IncoherentRays, chosen: Array) -> Iterator[_Octant]:
     origin, direction = pick(rays.origin, chosen), pick(rays.direction, chosen)
     signs = (direction[0] < 0) + 2 * (direction[1] < 0) + 4 * (direction[2] < 0)
     with np.errstate(divide="ignore", over="ignore"):
@@ -155,14 +155,14 @@ def _octants(rays: Bundle, chosen: Array) -> Iterator[_Octant]:
 
 
 def _descend(
-    tree: Tree, octant: _Octant, seen: Array | None, limit: Array, pulse: Pulse
+    tree: Tree, octant: _Octant, seen: Array | None, limit: Array, cancellation: Cancellation
 ) -> Iterator[tuple[Array, Array]]:
     """From the root to the leaves, a level at a time; blocks that grow too long are cut and
     finished one after the other.
     """
     stack = [(0, np.arange(len(octant.ray)), np.zeros(len(octant.ray), np.intp), octant.begin)]
     while stack:
-        pulse.beat()
+        cancellation.check()
         level, which, node, enter = stack.pop()
         alive = enter <= limit[octant.ray[which]]
         which, node, enter = which[alive], node[alive], enter[alive]

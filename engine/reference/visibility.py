@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .cancellation import Cancellation
 from .geometry import Geometry
-from .pulse import Pulse
 from .raster import Strips, raster_pairs, sorted_strips
-from .rays import Bundle, Pencil, Rays, hit_triangles
+from .rays import CoherentRays, IncoherentRays, Rays, hit_triangles
 from .shapes import meet_ball, meet_face, meet_rod
 from .tree import Tree, build, tree_pairs
 
@@ -44,12 +44,12 @@ class Visibility:
 
     geometry: Geometry
     opaque: Array
-    pulse: Pulse
+    cancellation: Cancellation
 
     @cached_property
     def tree(self) -> Tree:
-        """Built when the first rays come that are not a pencil."""
-        return build(self.geometry, self.pulse)
+        """Built when the first rays come that are not coherent."""
+        return build(self.geometry, self.cancellation)
 
     @property
     def built_tree(self) -> Tree | None:
@@ -60,19 +60,19 @@ class Visibility:
         """The first hit of each ray; of hits in a tie (coincident faces, neighbours met in their
         common edge) that of the lowest primitive.
 
-        strips: of a pencil that is sorted already.
+        strips: of coherent rays that are sorted already.
         """
         if not len(rays) or not self.geometry.count:
             return Hits(np.full(len(rays), NOTHING), np.full(len(rays), np.inf))
         seen = self.geometry.visible[kind]
-        if isinstance(rays, Pencil) and strips is None:
+        if isinstance(rays, CoherentRays) and strips is None:
             order, strips = sorted_strips(rays.u, rays.v)
             return Hits(
                 *(_unsorted(a, order) for a in self._closest(rays.take(order), seen, strips))
             )
         return self._closest(rays, seen, strips)
 
-    def closest_of(self, rays: Bundle, seen: Array | None) -> Hits:
+    def closest_of(self, rays: IncoherentRays, seen: Array | None) -> Hits:
         """The same of rays that meet the primitives (p,) bool, or all."""
         return self._closest(rays, seen, None)
 
@@ -91,7 +91,7 @@ class Visibility:
         order, strips = np.arange(len(rays)), None
         if not len(rays) or not self.geometry.count:
             return _together([])
-        if isinstance(rays, Pencil):
+        if isinstance(rays, CoherentRays):
             order, strips = sorted_strips(rays.u, rays.v)
             rays = rays.take(order)
         ray, primitive, depth = _together([*self._meetings(rays, seen, strips, rays.far)])
@@ -113,7 +113,7 @@ class Visibility:
         """
         if not len(rays) or not self.geometry.count:
             return np.ones((len(rays), 3))
-        if isinstance(rays, Pencil):
+        if isinstance(rays, CoherentRays):
             order, strips = sorted_strips(rays.u, rays.v)
             passed = self._blocked(rays.take(order), transmittance, seen, strips)
             return _unsorted(passed, order)
@@ -140,10 +140,10 @@ class Visibility:
     def _meetings(
         self, rays: Rays, seen: Array | None, strips: Strips | None, limit: Array
     ) -> Iterator[_Meetings]:
-        if isinstance(rays, Bundle):
-            pairs = tree_pairs(self.tree, rays, seen, limit, self.pulse)
+        if isinstance(rays, IncoherentRays):
+            pairs = tree_pairs(self.tree, rays, seen, limit, self.cancellation)
         else:
-            pairs = raster_pairs(rays, strips, self.geometry, seen, limit, self.pulse)
+            pairs = raster_pairs(rays, strips, self.geometry, seen, limit, self.cancellation)
         for ray, primitive in pairs:
             if self.geometry.triangle_count == self.geometry.count:
                 which, depth = hit_triangles(rays, self.geometry, ray, primitive, limit)

@@ -1,8 +1,8 @@
 """The scene as plain values, the checks that it passes and what the core drops of it.
 
 `model.py` has the values, all of which are imported from here; `delta.py` has what changed from one
-scene to the next; `problems.py` lists what is wrong
-with a scene at the API boundary, with `checks.py` of single values; `left_out.py` names what the
+scene to the next; `problems.py` lists what is wrong with a scene at the API boundary, the modules
+…_problems what is with its parts, by `checks.py` of single values; `left_out.py` names what the
 core drops; `view_axes.py` turns scenes into a narrow view's axes.
 """
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
 from numbers import Integral, Real
 from typing import Any, TypeGuard
@@ -102,3 +102,20 @@ def handle(name: str, handle: Any, count: int, things: str, none: bool = False) 
 def whole(name: str, value: Any) -> Found:
     if not (is_whole(value) and -(2**31) <= value < 2**31):
         yield f"{name} is {value!r}: use a whole number of 32 bits"
+
+
+def key_values(name: str, keys: Any, dtype: type, shape: tuple[int, ...]) -> Found:
+    """Two or more values of one shape while the shutter is open; float64 ones are finite."""
+    found = [*array(name, keys, dtype, (None, *shape))]
+    if not found and len(keys) < 2:
+        found = [f"{name} has {len(keys)} keys: use two or more, or None"]
+    if not found and dtype is np.float64:
+        found = [*finite_array(name, keys)]
+    yield from found
+
+
+def placement(name: str, matrix: Any, further: Callable[[str, np.ndarray], Found]) -> Found:
+    """One (3, 4) float64 matrix: shape, then finiteness, then what else its use asks for."""
+    found = [*array(name, matrix, np.float64, (3, 4))]
+    found = found or [*finite_array(name, matrix)] or [*further(name, matrix)]
+    yield from found

@@ -262,6 +262,24 @@ def test_shaders_with_normals_of_their_own_are_told(scene):  # noqa: F811
     assert len(of_kind(lobes, "DIFFUSE")) == 1
 
 
+@pytest.mark.parametrize("bent", ["Diffuse", "Glossy"])
+def test_what_shines_keeps_the_normal_of_its_shader(scene, bent):  # noqa: F811
+    """Mixed with what is matt, one of them bumped."""
+    shader = Shader(shader="ShaderNodeMixShader")
+    for kind, name in (("Diffuse", "Shader"), ("Glossy", "Shader_001")):
+        part = shader.node(f"ShaderNodeBsdf{kind}")
+        part.inputs["Roughness"].default_value = 0.0 if kind == "Diffuse" else 0.5
+        shader.link(part, 0, shader.shader, name)
+        if kind == bent:
+            shader.link(shader.node("ShaderNodeNormalMap"), 0, part, "Normal")
+    result, lobes = shader.export()
+    assert not result.notes
+    assert all(lobe.normal_output >= 0 for lobe in of_kind(lobes, "SPECULAR"))
+    (material,) = (m for m in result.scene.materials if m.lobes == lobes)
+    assert (material.normal_output >= 0) == (bent == "Diffuse")
+    assert material.bump_shadowing != "NONE"
+
+
 def test_a_mirror_over_glass_keeps_their_common_normal(scene):  # noqa: F811
     """A Fresnel node that mixes an ideal mirror in."""
     shader = Shader(shader="ShaderNodeMixShader")

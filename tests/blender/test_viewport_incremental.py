@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from export_support import Shader, link, mesh_object, quad, scene, use_nodes  # noqa: F401
-from glint.addon.export import export as walked
+from glint.addon.export import collector as walked
 from glint.addon.export import export_scene
 from glint.addon.export.geometry.shapes import mark_sphere
+from glint.addon.export.materials import materials
 from glint.addon.export.sync import incremental
 from glint.addon.export.sync.incremental import LiveExport
 from glint.engine.scene import Camera, Mesh, SceneDelta
@@ -142,6 +143,30 @@ def test_notes_last_as_long_as_what_they_are_about(scene):  # noqa: F811
         odd.material.node_tree.links.clear()
         follower.check()
         assert not any("'Odd'" in note and "Noise" in note for note in follower.live.notes())
+
+
+def test_an_image_without_its_file_is_told_as_long_as_a_material_shows_it(scene, tmp_path):  # noqa: F811
+    """Whichever of them is edited or goes."""
+    image = bpy.data.images.new("Gone", 2, 2)
+    image.source, image.filepath = "FILE", str(tmp_path / "gone.png")
+    shaders = [Shader(name) for name in ("One", "Two")]
+    for shader in shaders:
+        texture = shader.node("ShaderNodeTexImage")
+        texture.image = image
+        shader.link(texture, "Color", shader.shader, "Color")
+    with Follower() as follower:
+
+        def is_told():
+            follower.check()
+            return any("gone.png" in note for note in follower.live.notes())
+
+        assert is_told()
+        shaders[0].shader.inputs["Roughness"].default_value = 0.25
+        assert is_told()
+        bpy.data.objects.remove(shaders[0].quad)
+        assert is_told()
+        bpy.data.objects.remove(shaders[1].quad)
+        assert not is_told()
 
 
 @pytest.fixture
@@ -491,7 +516,7 @@ def test_what_is_no_geometry_reads_no_mesh(world, edit, monkeypatch):
         before = {id(geometry) for geometry in follower.scene.geometries}
         monkeypatch.setattr(walked, "read_shape", lambda *_: pytest.fail("a mesh was read"))
         monkeypatch.setattr(
-            "glint.addon.export.export.read_attributes",
+            "glint.addon.export.collector.read_attributes",
             lambda *_: pytest.fail("an attribute was read"),
         )
         edit(random.Random(1))
@@ -554,13 +579,13 @@ def test_an_edited_node_value_compiles_its_material_alone(scene, monkeypatch):  
         shader.link(noise, "Color", shader.shader, "Color")
         noises.append(noise)
     compiled = []
-    known = incremental.compile_material
+    known = materials.compile_material
 
     def counted(material, *given):
         compiled.append(material.name)
         return known(material, *given)
 
-    monkeypatch.setattr(incremental, "compile_material", counted)
+    monkeypatch.setattr(materials, "compile_material", counted)
     with Follower() as follower:
         assert sorted(compiled) == ["noise 0", "noise 1", "noise 2"]
         compiled.clear()

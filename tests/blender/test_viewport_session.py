@@ -12,7 +12,7 @@ import pytest
 
 from export_support import Shader, link, quad, scene  # noqa: F401
 from glint import engine
-from glint.addon.export import export as walked
+from glint.addon.export import collector as walked
 from glint.addon.render import statistics
 from glint.addon.ui import properties
 from glint.addon.viewport import draw, redraws, session, status

@@ -273,3 +273,27 @@ def test_coats_mirror_at_their_own_normals(linked) -> None:
     inside[20:44, 20:44] = True
     off = np.abs(found - wanted).max(-1)[inside]
     assert np.median(off) <= 1e-5 and np.percentile(off, 99) <= 1e-4
+
+
+@pytest.mark.parametrize("bent", ["BsdfDiffuse", "BsdfGlossy"])
+def test_mixed_shaders_keep_their_normals(bent) -> None:
+    """A matt one and one that shines, of which one is bumped, under a sun."""
+    scene = cycles.empty_scene(64, 64)
+    material, tree, output = new_material("mixed")
+    mix, noise, bump = (tree.nodes.new(f"ShaderNode{k}") for k in ("MixShader", "TexNoise", "Bump"))
+    noise.inputs["Scale"].default_value, bump.inputs["Distance"].default_value = 3.0, 0.5
+    bump.inputs["Strength"].default_value = 1.0
+    tree.links.new(noise.outputs[0], bump.inputs["Height"])
+    for number, kind in enumerate(("BsdfDiffuse", "BsdfGlossy")):
+        shader = tree.nodes.new(f"ShaderNode{kind}")
+        shader.inputs["Roughness"].default_value = 0.6 * number
+        tree.links.new(shader.outputs[0], mix.inputs[number + 1])
+        if kind == bent:
+            tree.links.new(bump.outputs[0], shader.inputs["Normal"])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    add(scene, "ball", ball(48, 32, material=material))
+    add_camera(scene, (0, -3, 0), (0, 0, 0))
+    add_light(scene, "SUN", (2, -1.5, 1), energy=3.0)
+    wanted, found = render_pair(scene, "NATIVE", "mixed").colors()
+    assert abs(found.mean() / wanted.mean() - 1) <= 0.01
+    assert np.sqrt(((found - wanted) ** 2).mean()) <= 0.01 * wanted.max()

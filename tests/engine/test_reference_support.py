@@ -9,8 +9,8 @@ import numpy as np
 from engine_scenes import at, camera, constant, grid_mesh, look_at
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.reference.cancellation import Cancellation
 from glint.engine.reference.geometry import Geometry, gather
-from glint.engine.reference.pulse import Pulse
 from glint.engine.reference.trace import Tracer
 
 PI = np.pi
@@ -23,7 +23,7 @@ def values(scene: s.Scene, **settings) -> dict[str, np.ndarray]:
     """Passes in float64, (h, w, channels)."""
     assert scene.problems() == []
     options = {"samples": 1, "light_samples": 1, "passes": PASSES} | settings
-    tracer = Tracer(scene, engine.Settings(backend="NUMPY", **options), Pulse(lambda: False))
+    tracer = Tracer(scene, engine.Settings(backend="NUMPY", **options), Cancellation(lambda: False))
     assert tracer.run()
     nx, ny = scene.camera.resolution
     return {name: array.T.reshape(ny, nx, -1) for name, array in tracer.picture.means().items()}

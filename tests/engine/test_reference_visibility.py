@@ -13,17 +13,17 @@ from engine_scenes import at, ball_mesh, box_mesh, grid_mesh
 from glint.engine import scene as s
 from glint.engine.reference import raster
 from glint.engine.reference import tree as tree_module
+from glint.engine.reference.cancellation import Cancellation
 from glint.engine.reference.geometry import Geometry
-from glint.engine.reference.pulse import Pulse
 from glint.engine.reference.raster import sorted_strips
-from glint.engine.reference.rays import Bundle, Frame, Pencil, hit_triangles
+from glint.engine.reference.rays import CoherentRays, Frame, IncoherentRays, hit_triangles
 from glint.engine.reference.shadows import cube_frame, parallel_frame
 from glint.engine.reference.tree import NONE, build
 from glint.engine.reference.vectors import transform, unit
 from glint.engine.reference.visibility import NOTHING, Visibility
 from test_reference_support import geometry_of
 
-QUIET = Pulse(lambda: False)
+QUIET = Cancellation(lambda: False)
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -42,9 +42,9 @@ def triangle_soup(generator: np.random.Generator, count: int) -> s.Mesh:
     )
 
 
-def lines(generator: np.random.Generator, count: int) -> Bundle:
+def lines(generator: np.random.Generator, count: int) -> IncoherentRays:
     origin = 3 * generator.normal(size=(3, count))
-    return Bundle.of(
+    return IncoherentRays.of(
         origin,
         unit(generator.normal(size=(3, count)) - origin),
         np.zeros(count),
@@ -52,13 +52,15 @@ def lines(generator: np.random.Generator, count: int) -> Bundle:
     )
 
 
-def pencil_through(geometry: Geometry, point: np.ndarray, targets: np.ndarray, face: int) -> Pencil:
+def rays_through(
+    geometry: Geometry, point: np.ndarray, targets: np.ndarray, face: int
+) -> CoherentRays:
     """Rays from `point` towards those targets (3, n) that lie on one side of a cube round it."""
     matrix = cube_frame(face)
     x, y, z = transform(matrix, targets - point[:, None])
     chosen = np.flatnonzero((z > 0) & (np.abs(x) <= z) & (np.abs(y) <= z))
     x, y, z = x[chosen], y[chosen], z[chosen]
-    return Pencil(
+    return CoherentRays(
         Frame.of(geometry, matrix, point, True),
         x / z,
         y / z,
@@ -67,10 +69,10 @@ def pencil_through(geometry: Geometry, point: np.ndarray, targets: np.ndarray, f
     )
 
 
-def pencil_along(geometry: Geometry, direction: np.ndarray, targets: np.ndarray) -> Pencil:
+def rays_along(geometry: Geometry, direction: np.ndarray, targets: np.ndarray) -> CoherentRays:
     matrix = parallel_frame(direction)
     u, v, _ = transform(matrix, targets)
-    return Pencil(
+    return CoherentRays(
         Frame.of(geometry, matrix, np.zeros(3), False),
         u,
         v,
@@ -131,8 +133,8 @@ def test_raster_finds_what_brute_force_finds(seed: int) -> None:
     targets = generator.normal(size=(3, 150)) * 10.0 ** generator.uniform(-3, 1)
     point = generator.normal(size=3)
     for rays in (
-        pencil_through(geometry, point, targets, int(generator.integers(6))),
-        pencil_along(geometry, point, targets),
+        rays_through(geometry, point, targets, int(generator.integers(6))),
+        rays_along(geometry, point, targets),
     ):
         hits = visibility_of(geometry).closest(rays, "camera")
         primitive, depth = brute_force(geometry, rays)
@@ -158,7 +160,7 @@ def test_raster_finds_triangles_that_reach_behind_its_point(seed: int) -> None:
         + 0.05 * generator.normal(size=(3, 60))
     )
     for face in (0, 2, 4):
-        rays = pencil_through(geometry, point, targets, face)
+        rays = rays_through(geometry, point, targets, face)
         if len(rays):
             assert np.array_equal(
                 visibility_of(geometry).closest(rays, "camera").primitive,
@@ -185,12 +187,12 @@ def test_raster_and_tree_agree_on_spheres_and_polygons(seed: int) -> None:
     matrix = at(generator.normal(size=3), generator.normal(size=(3, 3)))
     geometry = geometry_of(triangle_soup(generator, 30), spheres, polygon, matrix=matrix)
     point = 2 * generator.normal(size=3)
-    rays = pencil_through(
+    rays = rays_through(
         geometry, point, 2 * generator.normal(size=(3, 300)), int(generator.integers(6))
     )
     o, d = rays.lines(np.arange(len(rays)))
     size = np.sqrt((d * d).sum(0))
-    straight = Bundle.of(o, d / size, np.zeros(len(rays)), np.full(len(rays), np.inf))
+    straight = IncoherentRays.of(o, d / size, np.zeros(len(rays)), np.full(len(rays), np.inf))
     by_raster, by_tree = (visibility_of(geometry).closest(r, "camera") for r in (rays, straight))
     # a ray that grazes an outline may round differently
     assert (by_raster.primitive != by_tree.primitive).sum() <= 1
@@ -215,10 +217,12 @@ def test_no_leaks_at_edges_and_vertices_of_closed_meshes(offset: float, radius: 
     targets = points_on_edges(geometry, generator, 6000)
     visibility = visibility_of(geometry)
     inside = center[:, None] + 0.3 * radius * generator.uniform(-1, 1, targets.shape)
-    bundle = Bundle.of(inside, unit(targets - inside), np.zeros(6000), np.full(6000, np.inf))
-    assert (visibility.closest(bundle, "camera").primitive == NOTHING).sum() == 0
+    scaled = IncoherentRays.of(
+        inside, unit(targets - inside), np.zeros(6000), np.full(6000, np.inf)
+    )
+    assert (visibility.closest(scaled, "camera").primitive == NOTHING).sum() == 0
     for face in range(6):
-        rays = pencil_through(geometry, center + 0.1 * radius, targets, face)
+        rays = rays_through(geometry, center + 0.1 * radius, targets, face)
         assert (visibility.closest(rays, "camera").primitive == NOTHING).sum() == 0
     direction = np.array([0.3, -0.5, 0.8])
     off = targets - center[:, None]
@@ -226,7 +230,7 @@ def test_no_leaks_at_edges_and_vertices_of_closed_meshes(offset: float, radius: 
     # not on the silhouette, where a miss is right
     inner = targets[:, (across**2).sum(0) < (0.9 * radius) ** 2]
     assert (
-        visibility.closest(pencil_along(geometry, direction, inner), "camera").primitive == NOTHING
+        visibility.closest(rays_along(geometry, direction, inner), "camera").primitive == NOTHING
     ).sum() == 0
 
 
@@ -235,7 +239,7 @@ def test_rays_at_the_vertices_of_a_grid_hit_it() -> None:
     inner = geometry.points[:, np.abs(geometry.points[:2]).max(0) < 1]
     eye = np.array([0.123, -2.345, 0.789])
     far = np.full(inner.shape[1], np.inf)
-    rays = Bundle.of(
+    rays = IncoherentRays.of(
         np.repeat(eye[:, None], len(far), 1), unit(inner - eye[:, None]), 0 * far.clip(0, 0), far
     )
     assert (visibility_of(geometry).closest(rays, "camera").primitive == NOTHING).sum() == 0
@@ -252,25 +256,25 @@ def test_ties_go_to_the_lower_instance_and_primitive() -> None:
     generator = np.random.default_rng(3)
     targets = np.concatenate([generator.uniform(-1, 1, (2, 500)), np.zeros((1, 500))])
     eye = np.array([0.31, 0.2, 1.7])
-    rays = pencil_through(geometry, eye, targets, 5)
-    bundle = Bundle.of(
+    rays = rays_through(geometry, eye, targets, 5)
+    scaled = IncoherentRays.of(
         np.repeat(eye[:, None], 500, 1),
         unit(targets - eye[:, None]),
         np.zeros(500),
         np.full(500, np.inf),
     )
-    for some in (rays, bundle):
+    for some in (rays, scaled):
         primitive = visibility_of(geometry).closest(some, "camera").primitive
         assert set(primitive) == {0, 1}
     down = np.repeat(np.array([[0.0], [0.0], [-1.0]]), 500, 1)
     targets[1] = targets[0]  # on the diagonal
-    straight = Bundle.of(targets - down, down, np.zeros(500), np.full(500, np.inf))
+    straight = IncoherentRays.of(targets - down, down, np.zeros(500), np.full(500, np.inf))
     assert (visibility_of(geometry).closest(straight, "camera").primitive == 0).all()
 
 
 def test_a_ray_edge_on_passes() -> None:
     geometry = geometry_of(grid_mesh(1, extent=1.0))
-    rays = Bundle.of(
+    rays = IncoherentRays.of(
         np.array([[-2.0], [0.1], [0.0]]),
         np.array([[1.0], [0.0], [0.0]]),
         np.zeros(1),
@@ -313,7 +317,7 @@ def test_strips_hold_every_ray_and_find_it_again(seed: int, count: int) -> None:
 def test_flags_hide_instances_from_their_kind_of_ray_only() -> None:
     for flags, seen in (({"visible_camera": False}, (0, 1)), ({"visible_mirror": False}, (1, 0))):
         geometry = geometry_of(box_mesh(), **flags)
-        rays = Bundle.of(
+        rays = IncoherentRays.of(
             np.array([[0.1], [0.2], [5.0]]),
             np.array([[0.0], [0.0], [-1.0]]),
             np.zeros(1),
@@ -335,7 +339,9 @@ def test_blocked_counts_surfaces_once_and_only_within_the_segment() -> None:
     visibility = Visibility(geometry, np.zeros(geometry.count, bool), QUIET)
     far = np.array([0.5, 1.0, 1.5, 2.5])
     zero = np.zeros(4)
-    rays = Bundle.of(np.array([zero, zero, zero]), np.array([zero, zero, zero + 1]), zero, far)
+    rays = IncoherentRays.of(
+        np.array([zero, zero, zero]), np.array([zero, zero, zero + 1]), zero, far
+    )
     halves = visibility.blocked(
         rays, lambda rays, ray, primitive, depth: np.full((len(ray), 3), 0.5)
     )
@@ -352,7 +358,7 @@ def test_ties_are_measured_by_the_coordinates_not_by_the_distance() -> None:
     matrices = np.concatenate([at((0, 0, 3.0)), at((0, 0, np.nextafter(3.0, 4)))])
     geometry = geometry_of(square, matrix=matrices)
     for above, down in ((0.003, -1.0), (-0.003, 1.0)):
-        rays = Bundle.of(
+        rays = IncoherentRays.of(
             np.array([[0.1], [0.3], [3 + above]]),
             np.array([[0.0], [0.0], [down]]),
             np.zeros(1),
@@ -373,11 +379,11 @@ def test_the_nearer_of_two_close_sheets_wins_whichever_comes_first(
         )
         targets = np.array([[0.1, 0.2], [0.3, -0.1], [1.0, 1.0]])
         up = np.repeat(np.array([[0.0], [0.0], [1.0]]), 2, 1)
-        bundle = Bundle.of(targets - 2 * up, up, np.zeros(2), np.full(2, np.inf))
+        scaled = IncoherentRays.of(targets - 2 * up, up, np.zeros(2), np.full(2, np.inf))
         for rays in (
-            pencil_through(geometry, np.zeros(3), targets, 4),
-            pencil_along(geometry, np.array([0.0, 0.0, 1.0]), targets),
-            bundle,
+            rays_through(geometry, np.zeros(3), targets, 4),
+            rays_along(geometry, np.array([0.0, 0.0, 1.0]), targets),
+            scaled,
         ):
             row = geometry.row[visibility_of(geometry).closest(rays, "camera").primitive]
             assert (row == int(second < first)).all()

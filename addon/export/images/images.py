@@ -16,6 +16,7 @@ import numpy as np
 from ....engine.scene import Input, Texture
 from ..report import Report
 from . import colorspace, pixels
+from .cache import ImageCache, ImageKey, TextureKey
 from .decoded import Decoded
 from .pixels import ImageError, Pixels, Raw
 
@@ -30,21 +31,29 @@ FIRST_TILE = "Only the first tile of tiled images is rendered here ({}): bake th
 
 
 class Images:
-    """The textures of one scene, and what materials ask about them."""
+    """The textures of one material, lamp or world, and what it asks about them."""
 
-    def __init__(self, report: Report, decoded: Decoded | None = None) -> None:
+    def __init__(
+        self, report: Report, decoded: Decoded | None = None, cache: ImageCache | None = None
+    ) -> None:
         """decoded: what an export before has decoded, and where this one's images are kept for the
-        next.
+        next.  cache: what need not be read again.
         """
         self._decode = decoded.decode if decoded is not None else pixels.decode
         self._worked_out = decoded.worked_out if decoded is not None else _work
         self._made = decoded.made if decoded is not None else _make
         self.textures: list[Texture] = []
         self.report = report
-        self._pixels: dict[tuple, Pixels] = {}
-        self._decoded: dict[tuple, Raw | ImageError | MemoryError] = {}
-        self._indices: dict[tuple, int] = {}
+        self.reads_memory = False  # an image whose pixels only Blender has
+        self._cache = cache if cache is not None else ImageCache()
+        self._decoded: dict[ImageKey, Raw | ImageError | MemoryError] = {}
+        self._indices: dict[TextureKey, int] = {}
         self._means: dict[tuple[int, str], np.ndarray] = {}
+
+    @property
+    def keys(self) -> tuple[TextureKey, ...]:
+        """Of `textures`."""
+        return tuple(self._indices)
 
     def texture(
         self,
@@ -64,9 +73,10 @@ class Images:
         found = self.pixels(image, user, tile)
         associated = associated and found.associated
         filtering = FILTERS.get(interpolation, "LINEAR")
-        key = self._key(image, user, tile)
-        key = (*key, EXTENSIONS.get(extension, "REPEAT"), filtering, associated)
-        if key not in self._indices:
+        extension = EXTENSIONS.get(extension, "REPEAT")
+        key = TextureKey(self._key(image, user, tile), extension, filtering, associated)
+
+        def make() -> Texture:
             name = image.name if image is not None else "no image"
             values = found.pixels
             if associated:
@@ -74,17 +84,23 @@ class Images:
                     values = self._worked_out(
                         values, "associated", lambda: pixels.associated(found)
                     )
-            self._indices[key] = self._append(
-                Texture(name, values, found.encoding, key[2], filtering)
-            )
-        return self._indices[key]
+            return Texture(name, values, found.encoding, extension, filtering)
+
+        return self._index(key, make)
 
     def made(self, key: tuple, make: Callable[[], Texture]) -> int:
         """Index of a texture that is no image of Blender's, made where there is none of this key,
         which must say all that it is made of.
         """
+        return self._index(TextureKey(None, recipe=key), make)
+
+    def _index(self, key: TextureKey, make: Callable[[], Texture]) -> int:
         if key not in self._indices:
-            self._indices[key] = self._append(make())
+            known = self._cache.textures
+            if key not in known:
+                known[key] = make()
+            self._indices[key] = len(self.textures)
+            self.textures.append(known[key])
         return self._indices[key]
 
     def expect(self, wanted: Iterable[tuple[Any, Any]], tile: int = 0) -> None:
@@ -94,8 +110,8 @@ class Images:
         sources = {}
         for image, user in wanted:
             key = self._key(image, user, tile)
-            if image is not None and key not in self._pixels and key not in self._decoded:
-                sources[key] = _source(_original(image), key[1])
+            if image is not None and key not in self._cache.pixels and key not in self._decoded:
+                sources[key] = _source(_original(image), key.path)
         sources = {key: source for key, source in sources.items() if source is not None}
         if len(sources) > 1:
             with ThreadPoolExecutor(min(len(sources), os.cpu_count() or 1)) as threads:
@@ -107,19 +123,22 @@ class Images:
 
     def pixels(self, image: Any, user: Any, tile: int = 0) -> Pixels:
         """The pixels of a Blender image at the frame that `user` (its ImageUser) shows."""
-        key = self._key(image, user, tile)
-        if key not in self._pixels:
+        key, known = self._key(image, user, tile), self._cache.pixels
+        if key not in known:
+            report = Report()
             if tile == 0 and image is not None and image.source == "TILED":
-                self.report.note(FIRST_TILE, image.name)
+                report.note(FIRST_TILE, image.name)
             self.expect([(image, user)], tile)
-            found = self._load(image, key[1], self._decoded.pop(key, None))
+            found = self._load(image, key.path, self._decoded.pop(key, None), report)
             if found.repaired:
-                self.report.note(
+                report.note(
                     "Images have pixels that are not finite, which count as 0 ({}): repair them",
                     image.name,
                 )
-            self._pixels[key] = found
-        return self._pixels[key]
+            known[key] = found, report
+        found, report = known[key]
+        self.report.add(report)
+        return found
 
     def mean(self, source: Input) -> np.ndarray:
         """(3,) float64: the mean of a factor over its texture; an attribute counts as one half."""
@@ -151,28 +170,31 @@ class Images:
             )
         return self._means[index, channel]
 
-    def _append(self, texture: Texture) -> int:
-        self.textures.append(texture)
-        return len(self.textures) - 1
-
-    def _key(self, image: Any, user: Any, tile: int = 0) -> tuple[int, str]:
+    def _key(self, image: Any, user: Any, tile: int = 0) -> ImageKey:
         if image is None:
-            return (0, "")
-        return (_original(image).as_pointer(), _path(_original(image), user, tile))
+            return ImageKey()
+        original = _original(image)
+        key = self._cache.key(image, original.as_pointer(), _path(original, user, tile))
+        self.reads_memory = self.reads_memory or key.is_in_memory
+        return key
 
     def _load(
-        self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None
+        self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None, report: Report
     ) -> Pixels:
         if image is None:
             return Pixels(pixels.MAGENTA, "SRGB")
-        self._approximations(image)
+        if image.source == "MOVIE":
+            report.note(
+                "Movies are rendered as the frame that Blender holds ({}): use an image sequence",
+                image.name,
+            )
         try:
             with _that_fits(image.name):
                 if isinstance(decoded, MemoryError):
                     raise decoded
                 return self._read(_original(image), path, decoded)
         except ImageError as error:
-            self.report.note(
+            report.note(
                 f"Image '{image.name}' {error}: {IS_MAGENTA}; find or pack its file ('{path}')"
             )
             return Pixels(pixels.MAGENTA, "SRGB")
@@ -185,13 +207,6 @@ class Images:
             work = partial(pixels.read, image, path, decoded)
             return self._made((*recipe, *key), work) if recipe is not None else work()
         return self._worked_out(decoded.rgba, key, lambda: pixels.read(image, path, decoded))
-
-    def _approximations(self, image: Any) -> None:
-        if image.source == "MOVIE":
-            self.report.note(
-                "Movies are rendered as the frame that Blender holds ({}): use an image sequence",
-                image.name,
-            )
 
 
 @contextmanager

@@ -49,6 +49,8 @@ MOST_TERMS = 16
 SMALLEST_IOR = 1e-3
 _TURNED = frozenset(("DIFFUSE", "SPECULAR", "SHEEN", "MIRROR", "REFRACTION"))
 """Kinds of lobes to which the shading normal matters."""
+_MATT = frozenset(("DIFFUSE", "SHEEN"))
+"""Those of them that have the material's; the others may have their own."""
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
@@ -75,6 +77,7 @@ class LobeKey:
     anisotropy: float = 0.0
     anisotropy_output: int = -1
     normal: Value | None = None  # of the shader that it comes from
+    follows: bool = False  # a small matt part of what shines, for which any normal does
 
 
 Closure = dict[LobeKey, Sum]
@@ -116,12 +119,14 @@ def add_closures(*closures: Closure) -> Closure:
 
 def without_normals(closure: Closure) -> Closure:
     """The lobes with the material's normal, equal ones merged."""
-    return add_closures(*({replace(key, normal=None): terms} for key, terms in closure.items()))
+    return add_closures(
+        *({replace(key, normal=None, follows=False): terms} for key, terms in closure.items())
+    )
 
 
 def _with_normal(key: LobeKey, normal: Value) -> LobeKey:
     """That of the shader which made the lobe, where there is none yet."""
-    if key.normal is not None or key.kind not in _TURNED:
+    if key.normal is not None or key.kind not in _TURNED or key.follows:
         return key
     return replace(key, normal=normal)
 
@@ -239,33 +244,55 @@ class Evaluator:
             return self._trees.value(place)
         return radial_tangent(NodeInputs(self._trees, place), "Z")
 
-    def normals(self, closure: Closure) -> tuple[int, int, bool]:
-        """The outputs that hold the shading normal of a material with these lobes, and what it was
-        bent from, -1 where that is the mesh's; and whether the first may be another one.
+    def normals(self, closure: Closure) -> tuple[Closure, int, int, bool]:
+        """The closure with what of it has a normal of its own; the outputs that hold the shading
+        normal of a material with these lobes, and what it was bent from, -1 where that is the
+        mesh's; and whether one of these normals may be another than the last.
         """
-        base = self._trees.normal()
-        bent = self._normal(closure)
+        base, bent = self._trees.normal(), self._normal(closure)
+        closure = self._turned(closure, bent)
+        output, is_meshs = self.expressions.output, base is self.expressions.apply("normal")
+        is_bumped = any(key.normal_output >= 0 for key in closure)
         if bent is None:
-            return -1, -1, False
-        output = self.expressions.output
-        is_meshs = base is self.expressions.apply("normal")
-        return output(bent), -1 if is_meshs else output(base), bent is not base
+            return closure, -1, -1, is_bumped
+        normal = output(bent)
+        return closure, normal, -1 if is_meshs else output(base), is_bumped or bent is not base
+
+    def _turned(self, closure: Closure, normal: Value | None) -> Closure:
+        """The closure, what shines in it with a normal of its own where its shader has another one
+        than the material, whose is given.
+        """
+        own = self.expressions.apply("normal")
+
+        def key_of(key: LobeKey) -> LobeKey:
+            wanted = key.normal or own
+            if (
+                key.kind in _TURNED - _MATT
+                and key.normal_output < 0
+                and wanted is not (normal or own)
+            ):
+                return replace(key, normal_output=self.expressions.output(wanted))
+            return key
+
+        return add_closures(*({key_of(key): terms} for key, terms in closure.items()))
 
     def _normal(self, closure: Closure) -> Value | None:
-        """The shading normal of a material with these lobes, the mean of theirs by how much each of
-        them is; None where it is the mesh's.
+        """The shading normal of a material with these lobes, the mean of those of what is matt, or
+        of all, by how much each of them is; None where it is the mesh's.
         """
         own, shares = self.expressions.apply("normal"), dict[Value, Sum]()
-        for key, terms in closure.items():
-            if key.kind in _TURNED:
+        leads = {key: terms for key, terms in closure.items() if not key.follows}
+        kinds = _MATT if any(key.kind in _MATT for key in leads) else _TURNED
+        for key, terms in leads.items():
+            if key.kind in kinds:
                 normal = key.normal or own
                 shares[normal] = add(shares.get(normal, ZERO), terms)
         if len(shares) < 2:
             bent = next(iter(shares), own)
             return bent if bent is not own else None
         self.note(
-            "Shaders of {} have normals of their own: each point has their mean, by how much of "
-            "each shader it shows"
+            "Matt shaders of {} have normals of their own: each point has their mean, by how much "
+            "of each shader it shows"
         )
         return self._mean_normal(shares)
 

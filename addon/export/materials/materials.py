@@ -14,8 +14,10 @@ import numpy as np
 from ....engine.program.graph import Value
 from ....engine.program.table import BY_NAME
 from ....engine.scene import LOBES, Lobe, Material, Medium, Texture
+from ..cache import ExportCache
 from ..geometry.meshes import MeshSource
 from ..geometry.volumes import Volume
+from ..images.decoded import Decoded
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
@@ -23,6 +25,7 @@ from ..shader_nodes.volume import VolumeReader
 from ..unheard import is_corrected, note_material
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
+from .compiled import Compiled, MaterialKey
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
 from .evaluator import (
     NOT_FINITE,
@@ -36,7 +39,7 @@ from .evaluator import (
     without_normals,
 )
 from .expressions import Expressions
-from .graph import Place, images_behind, output_of, read_tree, socket_named
+from .graph import Place, images_behind, node_tree, output_of, read_tree, socket_named
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import STEP, VOLUMES, default_volume, medium_of, medium_of_closure
@@ -46,65 +49,113 @@ from .wanted import Wanted, read_by
 
 
 class Materials:
-    """The materials of one scene, each compiled once."""
+    """The materials of one scene, each compiled once, most of them by exports before."""
 
-    def __init__(self, images: Images, report: Report, aovs: tuple[Aov, ...] = ()) -> None:
-        self.materials: list[Material] = []
+    def __init__(
+        self,
+        cache: ExportCache,
+        decoded: Decoded | None = None,
+        aovs: tuple[Aov, ...] = (),
+    ) -> None:
         self.aovs = aovs
-        self.images, self.report = images, report
-        self._indices: dict[int, int] = {}
-        self._wanted: list[Wanted] = []
-        self._displacements: list[Displacement | None] = []
-        self._surfaces: dict[int, MeshSource | None] = {}  # of Volume objects, by their materials
+        self._cache, self._decoded = cache, decoded
+        self._numbers: dict[MaterialKey, int] = {}
+        self._at: dict[int, int] = {}  # numbers by addresses, which are quick to ask for
+        self._used: list[Compiled] = []
 
     def index(self, material: Any) -> int:
         """Index of an evaluated Blender material; of Blender's default surface for None."""
-        key = material.as_pointer() if material is not None else 0
-        if key not in self._indices:
-            self._indices[key] = len(self.materials)
-            compiled = (
-                compile_material(material, self.images, self.report)
-                if material is not None
-                else default_material()
-            )
-            if self.aovs and material is not None:
-                given = aov_material(material, self.aovs, self.images, self.report)
-                compiled = replace(compiled, aovs=given)
-            self.materials.append(compiled)
-            moves = compile_displacement(material, self.images, self.report)
-            self._wanted.append(wanted_by(compiled) | wanted_objects(moves))
-            self._displacements.append(moves)
-        return self._indices[key]
+        address = material.as_pointer() if material is not None else 0
+        if address not in self._at:
+            self._at[address] = self._number(MaterialKey(_uid(material)), material)
+        return self._at[address]
 
     def volume(self, material: Any, volume: Volume) -> tuple[int, MeshSource | None]:
         """Index of an evaluated Blender material, None for none, as a Volume object wears it, and
         what surrounds all that is in it.
         """
-        key = (material.as_pointer() if material is not None else 0, volume.key)
-        if key not in self._indices:
-            number = self._indices[key] = len(self.materials)
-            compiled, self._surfaces[number] = compile_volume(
-                material, volume, self.images, self.report
-            )
-            self.materials.append(compiled)
-            self._wanted.append(wanted_by(compiled))
-            self._displacements.append(None)
-        return self._indices[key], self._surfaces[self._indices[key]]
+        number = self._number(MaterialKey(_uid(material), volume.key), material, volume)
+        return number, self._used[number].surface
+
+    def wear(self, key: MaterialKey, material: Any) -> Compiled | None:
+        """Number a material after those before it; None where it is neither known nor given."""
+        if key not in self._cache.materials.compiled and material is None:
+            return None
+        return self._used[self._number(key, material)]
+
+    @property
+    def worn(self) -> tuple[tuple[MaterialKey, Compiled], ...]:
+        """All of them in their order."""
+        return tuple(zip(self._numbers, self._used, strict=True))
+
+    @property
+    def report(self) -> Report:
+        """Of compiling them."""
+        report = Report()
+        for compiled in self._used:
+            report.add(compiled.report)
+        return report
+
+    def joined(self) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
+        """Materials and textures of the scene."""
+        return self._cache.materials.joined(tuple(self._used))
 
     def wanted(self, indices: tuple[int, ...]) -> Wanted:
         """What the materials with these indices read from a mesh."""
-        return functools.reduce(operator.or_, (self._wanted[index] for index in indices), Wanted())
+        found = (self._used[index].wanted for index in indices)
+        return functools.reduce(operator.or_, found, Wanted())
 
     @property
     def sampled(self) -> Wanted:
         """What rays of the materials read of all meshes."""
-        names = (name for wanted in self._wanted for name in wanted.everywhere)
+        names = (name for compiled in self._used for name in compiled.wanted.everywhere)
         return Wanted(attributes=frozenset(names))
 
     def displacements(self, indices: tuple[int, ...]) -> tuple[Displacement | None, ...]:
         """How the materials with these indices move vertices; empty where none does."""
-        found = tuple(self._displacements[index] for index in indices)
+        found = tuple(self._used[index].displacement for index in indices)
         return found if any(found) else ()
+
+    def _number(self, key: MaterialKey, material: Any, volume: Volume | None = None) -> int:
+        if key not in self._numbers:
+            known = self._cache.materials.compiled
+            if key not in known:
+                known[key] = self._compiled(material, volume)
+            self._numbers[key] = len(self._used)
+            self._used.append(known[key])
+        return self._numbers[key]
+
+    def _compiled(self, material: Any, volume: Volume | None) -> Compiled:
+        self._cache.work["materials"] += 1
+        report, surface, moves = Report(), None, None
+        images = Images(report, self._decoded, self._cache.images)
+        if volume is not None:
+            result, surface = compile_volume(material, volume, images, report)
+        elif material is None:
+            result = default_material()
+        else:
+            result = compile_material(material, images, report)
+            if self.aovs:
+                result = replace(result, aovs=aov_material(material, self.aovs, images, report))
+            moves = compile_displacement(material, images, report)
+        tree = node_tree(material.original) if material is not None else None
+        return Compiled(
+            result,
+            tree.as_pointer() if tree is not None else 0,
+            images.reads_memory,
+            tuple(zip(images.keys, images.textures, strict=True)),
+            wanted_by(result) | wanted_objects(moves),
+            moves,
+            report,
+            surface,
+        )
+
+
+def _uid(material: Any) -> int:
+    """A number of its own: of what is in no file, as in previews, its address."""
+    if material is None:
+        return 0
+    return material.original.session_uid or material.as_pointer()
 
 
 def default_material() -> Material:
@@ -119,7 +170,7 @@ def default_material() -> Material:
         if bpy.app.version < (5, 0, 0)
         else plastic_closure(grey, constant(1.0), Roughness(0.5), Ior(1.5), True)
     )
-    return Material("default_surface", lobes_of(closure))  # as Cycles calls it
+    return Material("default_surface", lobes_of(without_normals(closure)))  # as Cycles calls it
 
 
 def compile_material(material: Any, images: Images, report: Report) -> Material:
@@ -133,9 +184,8 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
         if tree is not None
         else _viewport_surface(material, evaluator)
     )
-    normal, base, is_bumped = evaluator.normals(closure)
+    closure, normal, base, is_bumped = evaluator.normals(closure)
     kinds = {key.kind for key in closure}
-    is_bumped = is_bumped or any(key.normal_output >= 0 for key in closure)
     note_material(material, kinds, is_bumped, report)
     passed = passed_by_light(closure, evaluator)
     closure = {key: terms for key, terms in closure.items() if key.kind != PASSED}
@@ -342,42 +392,3 @@ def wanted_by(material: Material) -> Wanted:
     if material.medium is not None:
         own |= read_by(material.medium.program)
     return own | wanted_by(material.aovs) if material.aovs is not None else own
-
-
-def without_unused(
-    materials: list[Material], textures: list[Texture]
-) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
-    """Materials and textures with only the textures that a lobe reads, renumbered: some were only
-    made for their mean.
-    """
-    every = [*materials, *(m.aovs for m in materials if m.aovs is not None)]
-    used = sorted(
-        {factor.texture for m in every for lobe in m.lobes for factor in lobe.factors}
-        | {texture for m in every if m.program for texture in m.program.textures}
-        | {k for m in every if m.medium and m.medium.program for k in m.medium.program.textures}
-    )
-    used = [texture for texture in used if texture >= 0]
-    numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
-
-    kept = tuple(with_textures(material, numbers) for material in materials)
-    return kept, tuple(textures[old] for old in used)
-
-
-def with_textures(material: Material, numbers: dict[int, int]) -> Material:
-    """The material with other numbers of textures."""
-
-    def renumbered(lobe: Lobe) -> Lobe:
-        return replace(
-            lobe,
-            factors=tuple(
-                replace(factor, texture=numbers[factor.texture]) for factor in lobe.factors
-            ),
-        )
-
-    return replace(
-        material,
-        lobes=tuple(renumbered(lobe) for lobe in material.lobes),
-        program=material.program.with_textures(numbers) if material.program else None,
-        aovs=with_textures(material.aovs, numbers) if material.aovs is not None else None,
-        medium=material.medium.with_textures(numbers) if material.medium is not None else None,
-    )

@@ -123,8 +123,9 @@ def _seen(kind: str, always: Sum, grazing: Sum, world: WorldShares) -> Closure:
 
 
 def _matt(color: Sum, world: WorldShares) -> Closure:
-    """What of a colour the world's shares leave."""
-    return _seen("DIFFUSE", multiply(color, world.less_a0), multiply(color, world.minus_a1), world)
+    """What of a colour the world's shares leave, of what shines."""
+    seen = _seen("DIFFUSE", multiply(color, world.less_a0), multiply(color, world.minus_a1), world)
+    return {replace(key, follows=True): terms for key, terms in seen.items()}
 
 
 def coat_closure(

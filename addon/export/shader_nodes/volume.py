@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from ....engine.program.graph import Graph, Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.table import BY_NAME
 from ....engine.scene import Texture
-from ..geometry.volumes import Grid, Volume
 from ..materials.terms import GREY
 from .bare import BareReader
 from .objects import SPACE_SCALE, SPACE_START
 from .reader import READERS, NodeInputs, Outputs, TreeReader
+
+if TYPE_CHECKING:
+    from ..geometry.volumes import Grid, Volume
 
 _LAYERS = 3
 """Of a grid of numbers that a tile of its texture holds: its fourth channel is the next tile's

@@ -6,9 +6,10 @@ import time
 from typing import Any
 
 from ..camera import border, export_camera, resolution
-from ..export import Export, counts, evaluated
+from ..collector import evaluated
+from ..export import Export, counts
 from ..panorama import Looker
-from ..placing import note_catchers, note_empty_view, note_linked_glow
+from ..placing import note_placed
 from ..report import Report
 from .incremental import LiveExport
 
@@ -32,9 +33,7 @@ def export_frame(
     through = evaluated(scene.camera, depsgraph) if looker is None else looker.camera
     camera = export_camera(through, scene.render, size, report, looker)
     found = live.update(depsgraph, camera, passes=passes)
-    note_empty_view(camera, found.geometries, found.instances, report, through.name)
-    note_catchers(found.instances, found.materials, report)
-    note_linked_glow(found.instances, found.materials, report)
+    note_placed(found, through.name, report)
     notes = dict.fromkeys((*report.notes(), *live.notes(passes)))
     seconds = time.perf_counter() - start
     read = {f"anew: {name}": float(count) for name, count in live.work.items()}

@@ -50,7 +50,7 @@ void ErrorEstimate::measure(const Tile& tile, const SlotTable& slots, const Refi
   }
 }
 
-void ErrorEstimate::look_around(const Tile& tile) {
+void ErrorEstimate::measure_neighborhood(const Tile& tile) {
   struct Mean {
     double sum, count;
   };

@@ -8,8 +8,8 @@
 
 namespace glint {
 
-/// One thread a tile at a time, and all threads at the same step after a wave: measure, look_around
-/// (once, after the first samples).
+/// One thread a tile at a time, and all threads at the same step after a wave: measure,
+/// measure_neighborhood (once, after the first samples).
 class ErrorEstimate {
  public:
   ErrorEstimate() = default;
@@ -21,7 +21,7 @@ class ErrorEstimate {
   /// apart.
   void measure(const Tile& tile, const SlotTable& slots, const Refinement& refinement,
                const float* before, const double* after, size_t stride, uint32_t samples);
-  void look_around(const Tile& tile);
+  void measure_neighborhood(const Tile& tile);
   /// Two standard deviations of a pixel with that many samples, in 8-bit levels, about.
   float levels(uint32_t pixel, uint32_t samples) const;
 

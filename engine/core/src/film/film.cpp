@@ -147,9 +147,9 @@ void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
     refinement_.measure(tile, slots, after, tile.stride(), samples);
 }
 
-void Film::look_around(const Tile& tile) {
-  if (estimate_.on()) estimate_.look_around(tile);
-  refinement_.look_around(tile);
+void Film::measure_neighborhood(const Tile& tile) {
+  if (estimate_.on()) estimate_.measure_neighborhood(tile);
+  refinement_.measure_neighborhood(tile);
 }
 
 void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,

@@ -132,7 +132,7 @@ class Film {
   /// What a wave of that many samples says of the tile's error; then, after the first ones, with
   /// that of neighbours.
   void measure(const Tile& tile, const SlotTable& slots, uint32_t samples);
-  void look_around(const Tile& tile);
+  void measure_neighborhood(const Tile& tile);
   /// Before a wave is published: pictures that somebody has are left to them, and others take their
   /// place.
   void renew();

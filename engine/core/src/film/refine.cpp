@@ -38,12 +38,12 @@ Refinement::Refinement(double threshold, uint32_t light_samples, Region region, 
       rows_(rows),
       bounds_(8 * rows),
       stopped_(rows),
-      softly_lit_(rows),
+      soft_light_(rows),
       range_(size_t(width_) * height_),
       around_(size_t(width_) * height_) {}
 
-uint8_t* Refinement::softly_lit(const Tile& tile, uint32_t sample) {
-  return stops_pixels() && sample < kFirst ? softly_lit_.data() + tile.first_row : nullptr;
+uint8_t* Refinement::soft_light(const Tile& tile, uint32_t sample) {
+  return stops_pixels() && sample < kFirst ? soft_light_.data() + tile.first_row : nullptr;
 }
 
 void Refinement::list_active(const Tile& tile, std::vector<uint32_t>& slots) const {
@@ -78,7 +78,7 @@ void Refinement::measure(const Tile& tile, const SlotTable& slots, const double*
   }
 }
 
-void Refinement::look_around(const Tile& tile) {
+void Refinement::measure_neighborhood(const Tile& tile) {
   const auto larger = [&](float largest, size_t pixel) {
     return std::max(largest, range_.data()[pixel]);
   };
@@ -98,7 +98,7 @@ bool Refinement::is_black(size_t row) const {
 
 /// Whether the row has seen enough of the soft lights. light_points: of each that it has looked at.
 bool Refinement::may_stop(size_t row, uint64_t light_points) const {
-  const uint8_t met = softly_lit_.data()[row];
+  const uint8_t met = soft_light_.data()[row];
   if (!met) return true;
   const bool black = is_black(row), cut = met & kCut;
   const uint32_t least = black || cut || met & kBounced ? kDimPoints : kLightPoints;

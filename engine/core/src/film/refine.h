@@ -33,7 +33,7 @@ struct Between {
 
 /// What is known of the samples of each pixel. Rows are those of the film's tiles and their slots,
 /// pixels those of its region. One thread a tile at a time, and all threads at the same step:
-/// ranges, measure, look_around (once), decide.
+/// ranges, measure, measure_neighborhood (once), decide.
 class Refinement {
  public:
   static constexpr uint32_t kFirst =
@@ -82,7 +82,7 @@ class Refinement {
 
   /// Where to note what each slot of the tile has met of `SoftLight` in that sample; null where
   /// nobody asks.
-  uint8_t* softly_lit(const Tile& tile, uint32_t sample);
+  uint8_t* soft_light(const Tile& tile, uint32_t sample);
   /// The tile's slots that take further samples.
   void list_active(const Tile& tile, std::vector<uint32_t>& slots) const;
   /// Between which values the samples lie of each slot of the tile: in a channel of colour, or in
@@ -91,7 +91,7 @@ class Refinement {
   /// How far the samples of each pixel lie apart. after: its sums.
   void measure(const Tile& tile, const SlotTable& slots, const double* after, size_t stride,
                uint32_t samples);
-  void look_around(const Tile& tile);
+  void measure_neighborhood(const Tile& tile);
   /// Stops the pixels whose error is at most the threshold, if any may stop.
   void decide(const Tile& tile, const SlotTable& slots, uint32_t samples, bool any_may_stop);
 
@@ -115,7 +115,7 @@ class Refinement {
   ZeroedBuffer<float>
       bounds_;  // rows of the least red, green, blue, lost alpha; then of the largest
   ZeroedBuffer<uint32_t> stopped_;    // samples of rows that take no more
-  ZeroedBuffer<uint8_t> softly_lit_;  // what rows met of `SoftLight` in the first samples
+  ZeroedBuffer<uint8_t> soft_light_;  // what rows met of `SoftLight` in the first samples
   ZeroedBuffer<float> range_,
       around_;  // levels between samples of a pixel; between the first samples of it or a neighbour
 };

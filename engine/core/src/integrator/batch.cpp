@@ -67,7 +67,7 @@ void Batch::reserve(size_t rows) {
   v.resize(rows);
   lit.resize(rows);
   outside.resize(rows);
-  if (passes_ >> GLINT_PASS_FALLBACKS & 1) doubts_.resize(rows);
+  if (passes_ >> GLINT_PASS_FALLBACKS & 1) fallbacks_.resize(rows);
   place_columns();
 }
 

@@ -27,7 +27,7 @@ class Batch {
 
   Hits hits() {
     return {t,        instance.data(), primitive.data(),
-            u.data(), v.data(),        fallbacks ? doubts_.data() : nullptr};
+            u.data(), v.data(),        fallbacks ? fallbacks_.data() : nullptr};
   }
   Hit hit(size_t k) const { return {t[k], instance[k], primitive[k], u[k], v[k]}; }
   bool missed(size_t k) const { return instance[k] == Hit::kNone; }
@@ -51,7 +51,7 @@ class Batch {
     if (cost) cost[queue->slot(k)] += 1;
   }
   /// Notes what of a soft light point k has met: Refinement::SoftLight.
-  void mark_softly_lit(size_t k, uint8_t met) const { softly_lit[queue->slot(k)] |= met; }
+  void mark_soft_light(size_t k, uint8_t met) const { soft_light[queue->slot(k)] |= met; }
   /// Whether light is told apart by groups of lights.
   bool has_groups() const { return !groups_.empty(); }
   size_t group_count() const { return given_.size(); }
@@ -74,7 +74,7 @@ class Batch {
   bool splits() const { return splits_ && queue->visibility == kCamera; }
   /// Adds what `hits` counted of float tests that could not decide.
   void charge_fallbacks() const {
-    for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slot(k)] += doubts_[k];
+    for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slot(k)] += fallbacks_[k];
   }
   /// Coefficient of the lobe number `lobe` of those that send rays on from point k.
   Vec3d passing(size_t k, int lobe) const {
@@ -120,7 +120,7 @@ class Batch {
       *cost = nullptr,
       *fallbacks =
           nullptr;  // rays traced for each slot, and float64 tests of them; null when nobody asks
-  uint8_t* softly_lit =
+  uint8_t* soft_light =
       nullptr;  // of each path, as Refinement has it of slots; null when nobody asks
   FirstHitCache* first_hits =
       nullptr;  // what is known of these rays, from its row `first_row` on; null for none
@@ -136,7 +136,7 @@ class Batch {
   const bool smooth_, splits_;
   size_t count_ = 0;
   Columns columns_;
-  std::vector<uint8_t> doubts_;
+  std::vector<uint8_t> fallbacks_;
   SumColumns parts_{};
   std::vector<double*> groups_;  // three for each light group, none where nobody asks
   mutable std::vector<uint8_t> given_;

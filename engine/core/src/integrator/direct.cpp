@@ -89,7 +89,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
                    count = plan_.samples_of(light) / parts;
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),
-               notes = batch.softly_lit && count > 1 && sample < Refinement::kFirst;
+               notes = batch.soft_light && count > 1 && sample < Refinement::kFirst;
     if (!shares || notes) find_lit(batch, light);
     if (notes) find_cut(batch, light);
     if (shares) {
@@ -165,7 +165,7 @@ void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, Ra
     path.wants_data = false;
     path.widest = std::min(path.widest, stage_.t_max[k]);
     ++path.depth;
-    if (batch.softly_lit) batch.mark_softly_lit(from, Refinement::kReached);
+    if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);
     glossy.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kMirror}, path);
     ++counts.mirror;
   }
@@ -225,8 +225,8 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
                           RayCounts& counts) {
   if (count == 0) return;
   if (light.program) apply_program(light, count);
-  const bool soft = batch.softly_lit && stage_.share > 1 && !light.is_dome();
-  for (size_t k = 0; soft && k < count; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
+  const bool soft = batch.soft_light && stage_.share > 1 && !light.is_dome();
+  for (size_t k = 0; soft && k < count; ++k) batch.mark_soft_light(point_[k], Refinement::kReached);
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
@@ -323,11 +323,11 @@ void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& count
 void DirectLight::find_cut(const Batch& batch, const Light& light) const {
   for (size_t k = 0; k < batch.size(); ++k)
     if (stage_.lit[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k)))
-      batch.mark_softly_lit(k, Refinement::kCut);
+      batch.mark_soft_light(k, Refinement::kCut);
 }
 
 /// False where a point's shadow is not known.
-bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
+bool DirectLight::read_shadow_cache(const uint8_t* known, size_t count) {
   bool all = true;
   for (size_t k = 0; k < count; ++k) {
     const uint8_t shadow = known[point_[k]];
@@ -340,7 +340,7 @@ bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
 /// known: of the points, as FirstHitCache::shadows has it, or null.
 void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
                                RayCounts& counts) {
-  if (known && recall_shadows(known, count)) return;
+  if (known && read_shadow_cache(known, count)) return;
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);

@@ -66,8 +66,8 @@ class DirectLight {
   bool shares() const { return lamps_.on; }
   /// What nothing hides within reach of an even sky over each of these points that `illuminate` was
   /// told last: a row of `open` for each, less what things on the way take of it.
-  void look_around(const Batch& batch, const std::vector<uint32_t>& points, uint32_t sample,
-                   std::vector<Vec3d>& open, RayCounts& counts);
+  void ambient_occlusion(const Batch& batch, const std::vector<uint32_t>& points, uint32_t sample,
+                         std::vector<Vec3d>& open, RayCounts& counts);
   /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
   /// `illuminate` was told last.
   void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
@@ -77,7 +77,7 @@ class DirectLight {
   /// nearer than `reach` of bounced light.
   void gather(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts);
   /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
-  void matten(Batch& batch);
+  void make_diffuse(Batch& batch);
 
  private:
   void prepare(const Batch& batch);
@@ -102,7 +102,7 @@ class DirectLight {
   void dim_shadows(const Light& light, size_t count, RayCounts& counts);
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
-  bool recall_shadows(const uint8_t* known, size_t count);
+  bool read_shadow_cache(const uint8_t* known, size_t count);
   void add(const Batch& batch, const Light& light, size_t count) const;
   void split(const Batch& batch, const Light& light, size_t count) const;
   void add_to_groups(const Batch& batch, size_t count) const;

@@ -71,8 +71,8 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
   if (!depths_.any()) return;
   prepare(batch);
   place_points(batch);
-  for (size_t k = 0; batch.softly_lit && k < batch.size(); ++k)
-    if (depths_.any(k)) batch.mark_softly_lit(k, Refinement::kReached | Refinement::kCut);
+  for (size_t k = 0; batch.soft_light && k < batch.size(); ++k)
+    if (depths_.any(k)) batch.mark_soft_light(k, Refinement::kReached | Refinement::kCut);
   scattering_ = true;
   for (const Light& light : scene_.lights)
     scatter_light(batch, spans, clear, light, sample, counts);

@@ -144,7 +144,7 @@ void DirectLight::find_sharing() {
 void DirectLight::mark_matt(const Batch& batch) const {
   for (size_t k = 0; k < batch.size(); ++k)
     if (batch.lit[k] && any(row(batch.diffuse, k)))
-      batch.mark_softly_lit(k, Refinement::kReached | Refinement::kBounced);
+      batch.mark_soft_light(k, Refinement::kReached | Refinement::kBounced);
 }
 
 void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample,
@@ -152,7 +152,7 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
   if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
                    [](int64_t lit) { return lit != 0; }))
     return;
-  if (&shared == &bounced_ && batch.softly_lit && !alone_) mark_matt(batch);
+  if (&shared == &bounced_ && batch.soft_light && !alone_) mark_matt(batch);
   const LightStage before = stage_;
   place_sums(shared, batch.size());
   place_groups(shared, batch.size());
@@ -284,7 +284,7 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   }
   const uint8_t met = Refinement::kReached | (&shared == &bounced_ ? Refinement::kBounced : 0);
   const size_t count = drawn ? stages_.gloss(stage_) : stages_.light(stage_);
-  for (size_t k = 0; batch.softly_lit && k < count; ++k) batch.mark_softly_lit(point_[k], met);
+  for (size_t k = 0; batch.soft_light && k < count; ++k) batch.mark_soft_light(point_[k], met);
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (glassy_) transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts);
   else find_shadows(light, count, nullptr, counts);

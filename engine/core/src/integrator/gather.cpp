@@ -39,7 +39,7 @@ void DirectLight::gather(const Batch& batch, uint32_t sample, Queue& gathering, 
   }
 }
 
-void DirectLight::matten(Batch& batch) {
+void DirectLight::make_diffuse(Batch& batch) {
   prepare(batch);
   if (scene_.materials.has_varnish) {
     linked_.assign(batch.lit.begin(), batch.lit.end());
@@ -47,7 +47,7 @@ void DirectLight::matten(Batch& batch) {
       if (linked_[k] && !scene_.materials[batch.material[k]].has(GLINT_AMBIENT)) linked_[k] = 0;
     stage_.lit = linked_.data();
     stage_.gathers_gloss = true;
-    stages_.matten(stage_, batch.diffuse);
+    stages_.make_diffuse(stage_, batch.diffuse);
   }
   for (int term = 0; term < scene_.materials.max_specular; ++term)
     for (size_t c = 0; c < 3; ++c)
@@ -58,11 +58,11 @@ void DirectLight::matten(Batch& batch) {
 
 /// They show what lights throw on surfaces, and nothing that these give of themselves: as much of
 /// it as the points of bounced light do not have. Strands throw no light on.
-void Tracer::matten(const Queue& queue) {
+void Tracer::make_diffuse(const Queue& queue) {
   for (double* const* sums :
        {batch_.sums.total, batch_.sums.ambient, batch_.sums.emission, batch_.sums.environment})
     for (size_t c = 0; sums[0] && c < 3; ++c) std::fill_n(sums[c], queue.size(), 0.0);
-  direct_.matten(batch_);
+  direct_.make_diffuse(batch_);
   const double share = 1 / (direct_.reach() * direct_.reach());
   for (size_t k = 0; k < queue.size(); ++k) {
     if (!batch_.lit[k]) continue;

@@ -36,11 +36,11 @@ void LayersAhead::closest(const Queue& queue, const Hits& hits) {
 void LayersAhead::list_unknown(const Queue& queue, const Hits& hits) {
   rows_.clear();
   for (uint32_t k = 0; k < queue.size(); ++k)
-    if (!recall(queue.slot(k), queue.column(Queue::kTMin)[k], k, hits)) rows_.push_back(k);
+    if (!take_known(queue.slot(k), queue.column(Queue::kTMin)[k], k, hits)) rows_.push_back(k);
 }
 
 /// The first hit behind t_min to row k, or none; false where it is not known.
-bool LayersAhead::recall(uint32_t slot, double t_min, size_t k, const Hits& hits) {
+bool LayersAhead::take_known(uint32_t slot, double t_min, size_t k, const Hits& hits) {
   Ahead& ahead = ahead_[slot];
   const Hit* const known = hits_.data() + size_t(slot) * kMost;
   while (ahead.next < ahead.end && !(known[ahead.next].t > t_min)) ++ahead.next;
@@ -86,7 +86,7 @@ void LayersAhead::keep(const Queue& queue, const Hits& hits) {
     const uint8_t end = std::min<uint8_t>(count_[i], kMost);
     std::copy_n(found_.data() + i * kMost, end, hits_.data() + size_t(slot) * kMost);
     ahead_[slot] = {0, end, instance_[i] == Hit::kNone && count_[i] <= kMost};
-    if (!recall(slot, rays_[kTMin][i], rows_[i], hits))
+    if (!take_known(slot, rays_[kTMin][i], rows_[i], hits))
       answer({rays_[kT][i], instance_[i], primitive_[i], u_[i], v_[i]}, rows_[i], hits);
   }
 }

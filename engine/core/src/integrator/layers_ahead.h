@@ -33,7 +33,7 @@ class LayersAhead {
   };
 
   void list_unknown(const Queue& queue, const Hits& hits);
-  bool recall(uint32_t slot, double t_min, size_t k, const Hits& hits);
+  bool take_known(uint32_t slot, double t_min, size_t k, const Hits& hits);
   void look_ahead(const Queue& queue, const Hits& hits);
   void keep(const Queue& queue, const Hits& hits);
 

@@ -29,9 +29,9 @@ MediaSpans::MediaSpans(const Scene& scene, Scratch& scratch)
     : scene_(scene),
       stages_(best_stages()),
       scratch_(scratch),
-      veils_(scene.media.enclosures.size(), Opacity::kVaried) {
-  opacity_.of_instance = veils_.data();
-  if (!veils_.empty()) hits_.resize(kAtOnce * Layers::kMost);
+      opacities_(scene.media.enclosures.size(), Opacity::kVaried) {
+  opacity_.of_instance = opacities_.data();
+  if (!opacities_.empty()) hits_.resize(kAtOnce * Layers::kMost);
 }
 
 void MediaSpans::find(const Rays& rays, RayCounts& counts) {

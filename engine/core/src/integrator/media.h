@@ -112,7 +112,7 @@ class MediaSpans {
   const Scene& scene_;
   const Stages& stages_;
   Scratch& scratch_;
-  std::vector<uint8_t> veils_;  // of enclosures: all are met, and none stops a ray
+  std::vector<uint8_t> opacities_;  // of enclosures: all are met, and none stops a ray
   Opacity opacity_{};
   Columns waiting_{kColumns};
   size_t waiting_count_ = 0;

@@ -35,8 +35,8 @@ void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* 
   }
 }
 
-void DirectLight::look_around(const Batch& batch, const std::vector<uint32_t>& points,
-                              uint32_t sample, std::vector<Vec3d>& open, RayCounts& counts) {
+void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32_t>& points,
+                                    uint32_t sample, std::vector<Vec3d>& open, RayCounts& counts) {
   const size_t count = points.size();
   const uint32_t each = plan_.occlusion_samples;
   if (!(scene_.world.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
@@ -76,7 +76,7 @@ void Tracer::note_occlusion(const Queue& queue, uint32_t sample) {
     if (batch_.material[k] < scene_.materials.size() && !is_caught(queue, k))
       occlusion_rows_.push_back(k);
   if (occlusion_rows_.empty()) return;
-  direct_.look_around(batch_, occlusion_rows_, sample, open_, counts_);
+  direct_.ambient_occlusion(batch_, occlusion_rows_, sample, open_, counts_);
   double* const sums = paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION);
   for (size_t i = 0; i < occlusion_rows_.size(); ++i) {
     const uint32_t k = occlusion_rows_[i];

@@ -69,7 +69,7 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   place(points.plan().camera_frames, frame_, 12);
   if (columns_ != film.columns()) sums_ = Columns(columns_ = film.columns());
   sums_.reserve(kMost);
-  softly_lit_.assign(size(), 0);
+  soft_light_.assign(size(), 0);
   for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
 }
 
@@ -119,8 +119,8 @@ void Paths::add_noted(double* to, const double* from, const Refinement::Ranges& 
 void Paths::add_to(Film& film, const Tile& tile, const Stages& stages) {
   double* const sums = film.sums(tile, GLINT_PASS_COMBINED);
   const size_t noted = film.refinement().on() ? 4 : 0;
-  uint8_t* const softly_lit = film.refinement().softly_lit(tile, first_);
-  for (size_t k = 0; softly_lit && k < size(); ++k) softly_lit[slot(k)] |= softly_lit_[k];
+  uint8_t* const soft_light = film.refinement().soft_light(tile, first_);
+  for (size_t k = 0; soft_light && k < size(); ++k) soft_light[slot(k)] |= soft_light_[k];
   for (size_t c = 0; c < columns_; ++c) {
     double* const to = sums + c * tile.stride();
     if (c < noted)

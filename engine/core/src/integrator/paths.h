@@ -69,9 +69,9 @@ class Paths {
   }
   double* lost_alpha() { return sums_[3]; }
   size_t stride() const { return sums_.stride(); }
-  /// Whether a soft light reached each path's camera ray: as Refinement::softly_lit has it of
+  /// Whether a soft light reached each path's camera ray: as Refinement::soft_light has it of
   /// slots.
-  uint8_t* softly_lit() { return softly_lit_.data(); }
+  uint8_t* soft_light() { return soft_light_.data(); }
   /// Adds that to the film, sample by sample, and tells its refinement.
   void add_to(Film& film, const Tile& tile, const Stages& stages);
   /// The same as if each of some slots, which are alike so far, had `samples` samples that bring
@@ -97,7 +97,7 @@ class Paths {
   }
 
   std::vector<double> u_, v_, lens_[2], frame_[12];
-  std::vector<uint8_t> softly_lit_;
+  std::vector<uint8_t> soft_light_;
   Columns sums_;
   size_t columns_ = 0;
 };

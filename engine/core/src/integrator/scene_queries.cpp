@@ -73,7 +73,7 @@ void SceneQueries::charge(const ProgramPoints& points) {
   for (size_t i = 0; i < chosen_.count; ++i) {
     const uint32_t row = points.row[chosen_.from[i]];
     batch_->charge(row);
-    if (batch_->softly_lit) batch_->mark_softly_lit(row, Refinement::kReached);
+    if (batch_->soft_light) batch_->mark_soft_light(row, Refinement::kReached);
   }
 }
 

@@ -127,7 +127,7 @@ void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t fi
   paths_.choose(film_, slots_, begin, end, points_);
   batch_.cost = paths_.sums(film_, GLINT_PASS_COST);
   batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
-  batch_.softly_lit = film_.refinement().softly_lit(*tile_, first) ? paths_.softly_lit() : nullptr;
+  batch_.soft_light = film_.refinement().soft_light(*tile_, first) ? paths_.soft_light() : nullptr;
   follow(first);
 }
 
@@ -198,7 +198,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   for (size_t c = 0; gives_aovs && scene_.materials.bends_normals && c < 3; ++c)
     mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
   shade(queue, straight, next.bounced);
-  if (queue.gathers) matten(queue);
+  if (queue.gathers) make_diffuse(queue);
   else if (batch_.has_groups()) note_glow(queue);
   if (queue.reflections > 0) widen(queue);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);

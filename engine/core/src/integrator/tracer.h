@@ -65,7 +65,7 @@ class Tracer {
   void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
-  void matten(const Queue& queue);
+  void make_diffuse(const Queue& queue);
   void keep_gathered(const Queue& queue);
   void find_hits(const Queue& queue);
   void dim(Queue& queue);

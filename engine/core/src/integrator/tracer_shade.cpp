@@ -113,7 +113,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     Batch::add_to(batch_.sums.emission, rows[i], row(batch_.glow, rows[i]));
   for (size_t i = 0; film_.wants_data() && material.passing > 0 && i < stage.count; ++i)
     if (queue.wants_data(rows[i]))
-      shader_.record_veil(batch_, rows[i], film_, pixel(queue, rows[i]));
+      shader_.record_transparent(batch_, rows[i], film_, pixel(queue, rows[i]));
   return stage.count;
 }
 

@@ -413,7 +413,7 @@ void Job::refine(uint32_t samples) {
   on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.measure(tile, samples); });
   if (samples < Refinement::kFirst) return;
   if (samples == Refinement::kFirst)
-    on_all_tiles([&](Tracer&, const Tile& tile) { film_.look_around(tile); });
+    on_all_tiles([&](Tracer&, const Tile& tile) { film_.measure_neighborhood(tile); });
   on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.decide(tile, samples); });
 }
 

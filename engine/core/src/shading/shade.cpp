@@ -68,9 +68,9 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
       const double* const point = plan_.lobe_point(sample, level);
       places[level] = disc_place(point[0], point[1]);
     }
-    for (size_t k = 0; batch.softly_lit && k < count; ++k)
+    for (size_t k = 0; batch.soft_light && k < count; ++k)
       if (batch.queue->path(rows[k]).depth < stage.max_bounces)
-        batch.mark_softly_lit(rows[k], Refinement::kCut);
+        batch.mark_soft_light(rows[k], Refinement::kCut);
   }
   const PassedRays passed = stages_.pass(stage);
   counts.refraction += passed.refraction;
@@ -107,7 +107,7 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
   return gives;
 }
 
-void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+void Shader::record_transparent(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
   if (mean(passed(batch, k)) < 0.5) record(batch, k, film, pixel);
 }
 

@@ -39,7 +39,7 @@ class Shader {
   Vec3d passed(const Batch& batch, size_t k) const;
   Gives gives(const Batch& batch, size_t k) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
-  void record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
+  void record_transparent(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// A hit on a holdout; alpha lost is added to `lost`.
   void hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel, double& lost) const;
   /// Data passes of a hit that lets nothing through.

@@ -70,7 +70,7 @@ size_t gather(const LightStage& s) {
   return found;
 }
 
-void matten(const LightStage& s, double* const* diffuse) {
+void make_diffuse(const LightStage& s, double* const* diffuse) {
   for (size_t k = 0; k < s.count; k += kLanes) {
     const Mask varnished = load(s.lit + k);
     if (!any(varnished)) continue;

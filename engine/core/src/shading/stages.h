@@ -535,8 +535,9 @@ struct Stages {
   size_t (*gather)(const LightStage&);  // how many points have a ray that looks for what throws
                                         // light on them: o, to, and in diffuse_out what the
                                         // radiance from there is times
-  void (*matten)(const LightStage&, double* const* diffuse);  // adds dielectrics' gloss of lit
-                                                              // points to it, as if it were matt
+  void (*make_diffuse)(const LightStage&,
+                       double* const* diffuse);  // adds dielectrics' gloss of lit
+                                                 // points to it, as if it were matt
   size_t (*reflect)(const LightStage&);  // how many points have a ray that goes on from them, along
                                          // a direction of their lobes: o, to, and in diffuse_out
                                          // what the light from there is times,

@@ -97,14 +97,14 @@ struct Task {
   Range range;
 };
 
-/// Appends the nodes over a range to `nodes`. Children that weigh `crowd` or less are not opened
-/// further: leaf(range, node, lane, depth) gives what they refer to.
+/// Appends the nodes over a range to `nodes`. Children that weigh `sah_threshold` or less are not
+/// opened further: leaf(range, node, lane, depth) gives what they refer to.
 template <class Weight, class Leaf>
 struct NodeMaker {
   Splitter<Weight> splitter;
   std::vector<Node>& nodes;
   const std::atomic<bool>& cancel;
-  size_t crowd;
+  size_t sah_threshold;
   Leaf leaf;
 
   ChildRef make(const Range& r, int depth) {
@@ -116,7 +116,7 @@ struct NodeMaker {
     for (int k = 0; k < kWidth; ++k)
       set_child(nodes[index], k, k < count ? &children[k].box : nullptr);
     for (int k = 0; k < count; ++k) {
-      const bool small = children[k].count() == 1 || children[k].weight <= crowd;
+      const bool small = children[k].count() == 1 || children[k].weight <= sah_threshold;
       const ChildRef child =
           small ? leaf(children[k], index, k, depth + 1) : make(children[k], depth + 1);
       nodes[index].child[k] = child;
@@ -223,7 +223,7 @@ class TreeMaker {
       return ChildRef(0);
     };
     NodeMaker<Cluster, decltype(later)> maker{
-        {clusters.data(), spare.data(), options, {}}, nodes, cancel_, options.crowd, later};
+        {clusters.data(), spare.data(), options, {}}, nodes, cancel_, options.sah_threshold, later};
     const ChildRef root = maker.make(
         {0, clusters.size(), task.range.first, task.range.weight, task.range.box}, task.depth);
     gather_clusters(refs_, scratch_.data.get(), task.range.first, clusters, pool);
@@ -255,7 +255,7 @@ class TreeMaker {
       return leaf_ref(task.range.first, task.range.weight);
     if (options_.halve && task.node != kNoNode && task.depth < kMedianDepth)
       return over_cells(task, alone, nodes);
-    if (task.range.weight <= options_.crowd || task.depth >= kMedianDepth)
+    if (task.range.weight <= options_.sah_threshold || task.depth >= kMedianDepth)
       return over_refs(task, nodes);
     std::vector<Task> found;
     ChildRef root = over_clusters(task, options_, alone, nodes, found);

@@ -22,9 +22,9 @@ struct BuildOptions {
   uint32_t min_leaf = 4;  // children with more are split while their node has room
   uint32_t min_node =
       0;  // children with no more become a node of their own where theirs has more than eight refs
-  uint32_t cluster = 8;  // refs a cluster, where nodes are made over few refs
-  uint32_t crowd = 512;  // refs: nodes over fewer are made over those themselves
-  bool halve = false;    // nodes over few refs halve the cells of a grid, whatever that costs a ray
+  uint32_t cluster = 8;          // refs a cluster, where nodes are made over few refs
+  uint32_t sah_threshold = 512;  // refs: nodes over fewer are made over those themselves
+  bool halve = false;  // nodes over few refs halve the cells of a grid, whatever that costs a ray
 };
 
 /// Memory that is not cleared first, for plain data.

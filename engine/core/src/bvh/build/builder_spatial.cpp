@@ -114,8 +114,8 @@ struct SpaceBins {
   }
 };
 
-/// Makes nodes over parts; those of `crowd` refs or less are handed to `later` instead, if there is
-/// one.
+/// Makes nodes over parts; those of `sah_threshold` refs or less are handed to `later` instead, if
+/// there is one.
 class Maker {
  public:
   struct Task {
@@ -127,9 +127,13 @@ class Maker {
   std::vector<Ref> leaves;
   std::vector<Task> later;
 
-  Maker(const CornersOf& corners, const BuildOptions& options, double scene, size_t crowd,
+  Maker(const CornersOf& corners, const BuildOptions& options, double scene, size_t sah_threshold,
         const std::atomic<bool>& cancel)
-      : corners_(corners), options_(options), scene_(scene), crowd_(crowd), cancel_(cancel) {}
+      : corners_(corners),
+        options_(options),
+        scene_(scene),
+        sah_threshold_(sah_threshold),
+        cancel_(cancel) {}
 
   ChildRef make(Part& part, int depth) {
     if (cancel_.load(std::memory_order_relaxed)) throw Cancelled{};
@@ -152,7 +156,7 @@ class Maker {
 
  private:
   ChildRef below(Part& part, size_t node, int lane, int depth) {
-    if (part.refs.size() > crowd_ || part.refs.size() <= options_.max_leaf)
+    if (part.refs.size() > sah_threshold_ || part.refs.size() <= options_.max_leaf)
       return make(part, depth);
     later.push_back({node, lane, depth, std::move(part)});
     return 0;
@@ -297,7 +301,7 @@ class Maker {
   const CornersOf& corners_;
   const BuildOptions& options_;
   const double scene_;  // half its surface
-  const size_t crowd_;
+  const size_t sah_threshold_;
   const std::atomic<bool>& cancel_;
   Bins bins_;
 };

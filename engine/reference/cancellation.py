@@ -12,8 +12,8 @@ class Stopped(Exception):  # noqa: N818, it is no error
     """The user ended the render."""
 
 
-class Pulse:
-    """Asks `should_stop` now and then. Callers beat between blocks of work of at most some 20
+class Cancellation:
+    """Asks `should_stop` now and then. Callers check between blocks of work of at most some 20
     ms.
     """
 
@@ -21,7 +21,7 @@ class Pulse:
         self._should_stop = should_stop
         self._asked = perf_counter()
 
-    def beat(self) -> None:
+    def check(self) -> None:
         """Raises Stopped when the user wants to stop."""
         now = perf_counter()
         if now - self._asked < _INTERVAL:
