@@ -19,14 +19,14 @@ void DirectLight::gather(const Batch& batch, uint32_t sample, Queue& gathering, 
   const Queue& queue = *batch.queue;
   if (!gathers(queue)) return;
   stage_.gathers_gloss = scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
-  for (uint32_t j = 0; j < plan_.gather_samples; ++j) {
-    const double* const place = plan_.gather_point(sample, j);
+  for (uint32_t j = 0; j < plan_.gather_places.each; ++j) {
+    const double* const place = plan_.gather_places.row(sample, j);
     set_place(stage_, place[0], place[1]);
     const size_t count = stages_.gather(stage_);
     for (size_t k = 0; k < count; ++k) {
       const uint32_t from = point_[k];
       Path path = queue.path(from);
-      path.T = (1.0 / plan_.gather_samples) * row(stage_.diffuse_out, k);
+      path.T = (1.0 / plan_.gather_places.each) * row(stage_.diffuse_out, k);
       if (!finite(path.T)) continue;
       path.start = row(batch.points.x, from);
       path.from = 0;

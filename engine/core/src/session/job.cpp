@@ -10,115 +10,8 @@
 namespace glint {
 namespace {
 
-constexpr uint32_t kMaxThreads = 1024;
 constexpr uint32_t kUnseenWave =
     16;  // of samples: long enough for packets, short enough to be cancelled
-
-int threads_for(uint32_t wanted) {
-  uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
-  return int(std::min(wanted ? wanted : cores, kMaxThreads));
-}
-
-/// The region with the pixels next to it.
-Region widened(Region r, const GlintCamera& camera) {
-  return {r.x0 - (r.x0 > 0), r.y0 - (r.y0 > 0), std::min(r.x1 + 1, camera.width),
-          std::min(r.y1 + 1, camera.height)};
-}
-
-/// The openings of a dome in anchored space.
-void add_openings(RenderPlan& plan, const GlintRenderSettings& g, const Anchor& anchor) {
-  const double ratio = double(g.opening_samples) / plan.dome_samples;
-  std::vector<Opening> rows(g.openings ? g.opening_count : 0);
-  for (size_t i = 0; i < rows.size(); ++i) {
-    const double* const row = g.openings + 13 * i;
-    Opening& on = rows[i];
-    const Vec3d center = anchor.point({row[0], row[1], row[2]}),
-                right = anchor.scale * Vec3d{row[3], row[4], row[5]},
-                up = anchor.scale * Vec3d{row[6], row[7], row[8]};
-    for (int c = 0; c < 3; ++c) {
-      on.center[c] = center[c];
-      on.right[c] = right[c];
-      on.up[c] = up[c];
-      on.across[c] = right[c] / dot(right, right);
-      on.along[c] = up[c] / dot(up, up);
-      on.normal[c] = row[9 + c];
-    }
-    on.density = ratio * row[12] / (4 * length(right) * length(up));
-  }
-  if (rows.empty()) return;
-  plan.opening_samples = g.opening_samples;
-  plan.opening_tabled = uint32_t(std::max(g.opening_point_count / g.opening_samples, uint64_t(1)));
-  plan.opening_points = g.opening_points;
-  plan.opening_rows = std::make_shared<const std::vector<Opening>>(std::move(rows));
-  plan.open = {plan.opening_rows->data(), plan.opening_rows->size()};
-}
-
-RenderPlan plan_of(const GlintRenderSettings& g, const Scene& scene) {
-  const GlintCamera& camera = scene.camera;
-  RenderPlan plan;
-  plan.shown = plan.region = {g.region[0], g.region[1], g.region[2], g.region[3]};
-  const bool refines = g.error_threshold > 0 || g.passes >> GLINT_PASS_ERROR & 1;
-  if (refines && g.samples >= Refinement::kFirst) plan.region = widened(plan.shown, camera);
-  plan.error_threshold = g.error_threshold;
-  plan.cutoff = g.cutoff;
-  plan.samples = g.samples;
-  plan.light_samples = g.light_samples;
-  plan.lamp_shadows = g.lamp_shadows;
-  plan.max_bounces = g.max_bounces;
-  plan.passes = g.passes;
-  plan.crypto_ids = g.crypto_ids;
-  plan.unseen = g.waves == GLINT_WAVES_UNSEEN;
-  plan.hold_waves = g.waves == GLINT_WAVES_HELD;
-  plan.threads = threads_for(g.threads);
-  plan.quality = BuildQuality(g.acceleration);
-  plan.physical = g.illumination == GLINT_PHYSICAL;
-  plan.remember = g.remember != 0;
-  plan.moving = g.moving != 0;
-  plan.pixel_offsets = g.pixel_offsets;
-  plan.light_square = g.light_square;
-  plan.light_disc = g.light_disc;
-  plan.dome_samples = std::max(g.dome_samples, 1u);
-  plan.dome_tabled = uint32_t(std::max(g.dome_count / plan.dome_samples, uint64_t(1)));
-  plan.dome_table = g.dome_table;
-  plan.mesh_samples = std::max(g.mesh_samples, 1u);
-  plan.mesh_tabled = uint32_t(std::max(g.mesh_count / plan.mesh_samples, uint64_t(1)));
-  plan.mesh_table = g.mesh_table;
-  plan.mesh_rows = size_t(g.mesh_count);
-  plan.bounced_samples = std::max(g.bounced_samples, 1u);
-  plan.bounced_tabled = uint32_t(std::max(g.bounced_count / plan.bounced_samples, uint64_t(1)));
-  plan.bounced_table = g.bounced_table;
-  plan.bounced_shadows = std::clamp(g.bounced_shadows, 1u, plan.bounced_samples);
-  plan.lobe_points = g.lobe_points;
-  plan.lobe_levels = std::max(g.lobe_levels, 1u);
-  plan.lobe_tabled = std::max(size_t(g.lobe_count) / plan.lobe_levels, size_t(1));
-  plan.reflections = g.reflections;
-  plan.dome.cells = g.dome_cells;
-  plan.dome.rows = g.dome_rows;
-  plan.dome.columns = g.dome_columns;
-  plan.dome.irradiance = g.dome_irradiance;
-  plan.dome.irradiance_rows = g.dome_irradiance_rows;
-  plan.dome.irradiance_columns = g.dome_irradiance_columns;
-  plan.volume_samples = g.volume_samples;
-  plan.scatter_offsets = g.scatter_offsets;
-  plan.lens_points = g.lens_points;
-  plan.camera_frames = g.camera_frames;
-  plan.camera_block = g.camera_block;
-  plan.neighbours = g.neighbours;
-  plan.occlusion_points = g.occlusion_points;
-  plan.occlusion_samples = std::max(g.occlusion_samples, 1u);
-  plan.occlusion_tabled =
-      uint32_t(std::max(g.occlusion_count / plan.occlusion_samples, uint64_t(1)));
-  plan.node_points = g.node_points;
-  plan.node_point_count = g.node_point_count;
-  plan.lens_focus = g.lens_focus;
-  plan.gather_reach = scene.anchor.scale * g.gather_reach;
-  plan.gather_points = g.gather_points;
-  plan.gather_samples = std::max(g.gather_samples, 1u);
-  plan.gather_tabled = uint32_t(std::max(g.gather_count / plan.gather_samples, uint64_t(1)));
-  add_openings(plan, g, scene.anchor);
-  for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
-  return plan;
-}
 
 bool same_view(const GlintCamera& a, const GlintCamera& b) {
   const bool same_planes = a.clip_plane_count == b.clip_plane_count &&
@@ -134,147 +27,11 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
          std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }
 
-bool sound_region(const uint32_t* r, const GlintCamera& camera) {
-  return r[0] < r[2] && r[1] < r[3] && r[2] <= camera.width && r[3] <= camera.height;
-}
-
-bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
-  if (!(scene.features & GLINT_FEATURE_WORLD_LIGHT)) return true;
-  return g.dome_samples >= 1 && g.dome_table && g.dome_cells && g.dome_rows >= 1 &&
-         g.dome_columns >= 1 && g.dome_irradiance && g.dome_irradiance_rows >= 1 &&
-         g.dome_irradiance_columns >= 1 && g.dome_count >= g.dome_samples;
-}
-
-bool sound_openings(const GlintRenderSettings& g) {
-  if (!g.openings) return true;
-  if (g.opening_count < 1 || g.opening_count > 256 || g.opening_samples < 1 ||
-      g.opening_samples > 1u << 16 || !g.opening_points ||
-      g.opening_point_count < g.opening_samples)
-    return false;
-  for (uint64_t i = 0; i < 13 * g.opening_count; ++i)
-    if (!std::isfinite(g.openings[i])) return false;
-  for (uint64_t i = 0; i < 3 * g.opening_point_count; ++i) {
-    const double at = g.opening_points[i], most = i % 3 ? 1 : double(g.opening_count - 1);
-    if (!(at >= (i % 3 ? -1 : 0) && at <= most)) return false;
-  }
-  return true;
-}
-
-bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
-  return !(scene.features & GLINT_FEATURE_MESH_LIGHT) ||
-         (g.mesh_samples >= 1 && g.mesh_table && g.mesh_count >= g.mesh_samples);
-}
-
-bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
-  return !(scene.features & GLINT_FEATURE_BOUNCED_LIGHT) ||
-         (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples &&
-          g.gather_reach >= 0 && g.gather_reach < kInfinity &&
-          (g.gather_reach == 0 || (g.gather_points && g.gather_samples >= 1 &&
-                                   g.gather_samples <= 64 && g.gather_count >= g.gather_samples)));
-}
-
-bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {
-  return !scene.media.scatters || (g.volume_samples >= 1 && g.volume_samples <= 1u << 12 &&
-                                   g.scatter_offsets && g.scatter_count >= g.samples);
-}
-
-bool enough_camera_rows(const GlintRenderSettings& g) {
-  const uint64_t block = g.camera_block;
-  const auto enough = [&](const double* table, uint64_t count) {
-    return !table || (block >= 1 && block <= 1u << 12 && count / (block * block) >= g.samples);
-  };
-  return enough(g.lens_points, g.lens_point_count) && (!g.lens_points || g.lens_focus > 0) &&
-         enough(g.camera_frames, g.camera_frame_count);
-}
-
-bool enough_occlusion(const GlintRenderSettings& g) {
-  return !(g.passes >> GLINT_PASS_AMBIENT_OCCLUSION & 1) ||
-         (g.occlusion_samples >= 1 && g.occlusion_points &&
-          g.occlusion_count >= g.occlusion_samples);
-}
-
-bool sound_neighbours(const GlintRenderSettings& g, const Scene& scene) {
-  if (!g.neighbours || !(g.passes >> GLINT_PASS_VECTOR & 1)) return true;
-  size_t rows = 0;
-  for (const GlintInstances& group : scene.instances.groups)
-    rows = std::max(rows, size_t(group.first_row + group.row_count));
-  for (int k = 0; k < 2; ++k) {
-    const GlintNeighbour& n = g.neighbours[k];
-    if (n.camera.kind != scene.camera.kind || n.row_count < rows ||
-        n.shape_count != scene.instances.geometries.size() || (rows && !n.world_from_object) ||
-        (n.shape_count && !n.shapes))
-      return false;
-    for (size_t i = 0; i < n.shape_count; ++i)
-      if (n.shapes[i].vertices &&
-          (scene.instances.geometries[i].kind == GLINT_POLYGONS ||
-           n.shapes[i].vertex_count != scene.instances.geometries[i].vertex_count))
-        return false;
-  }
-  return true;
-}
-
-bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
-  if (g.light_samples <= 1 || !(scene.features & GLINT_FEATURE_SOFT_LIGHTS)) return true;
-  return g.light_square && g.light_disc && g.light_point_count / g.light_samples >= g.samples;
-}
-
 }  // namespace
-
-std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) {
-  std::string text;
-  auto add = [&](bool good, const char* sentence) {
-    if (good) return;
-    if (!text.empty()) text += '\n';
-    text += sentence;
-  };
-  add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
-  add(g.light_samples >= 1 && enough_points(g, scene),
-      "settings: fewer light points than samples * light_samples");
-  add(enough_camera_rows(g), "settings: fewer lens points or frames than a block has, or no focus");
-  add(enough_mesh_points(g, scene),
-      "settings: fewer points of a mesh light than those of a sample");
-  add(enough_bounced_points(g, scene),
-      "settings: fewer points of bounced light than those of a sample");
-  add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
-  add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
-  add(sound_openings(g),
-      "settings: openings that are none, or fewer points on them than a sample has");
-  add(enough_occlusion(g), "settings: fewer directions of occlusion than those of a sample");
-  add(!scene.programs.asks_rays || (g.node_points && g.node_point_count >= 1),
-      "settings: no points for nodes that ask for rays");
-  add(sound_neighbours(g, scene),
-      "settings: neighbours with other rows, shapes or another kind of camera than the scene");
-  add(g.lamp_shadows <= 1024, "settings: more than 1024 lamp shadows");
-  add(g.max_bounces <= 64, "settings: more than 64 bounces");
-  add(g.error_threshold >= 0 && g.error_threshold < 256,
-      "settings: the error threshold is not between 0 and 256");
-  add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
-  add(g.passes < pass_bit(GLINT_PASS_COUNT), "settings: unknown passes");
-  add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
-      "settings: not 1 to 64 ids of Cryptomatte");
-  add(!(g.passes >> GLINT_PASS_AOV & 1) || scene.aov_count > 0, "settings: there are no AOVs");
-  add(!(g.passes >> GLINT_PASS_LIGHT_GROUPS & 1) || scene.light_group_count > 0,
-      "settings: there are no light groups");
-  add(sound_region(g.region, scene.camera),
-      "settings: the region is empty or reaches beyond the frame");
-  add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
-      "settings: unknown illumination");
-  add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_ALL &&
-          (g.reflections == GLINT_REFLECT_OFF ||
-           (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
-      "settings: unknown reflections, or no points for them");
-  add(!scene.materials.has_rough_glass ||
-          (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels),
-      "settings: no points for rough glass");
-  add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
-  add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE,
-      "settings: unknown acceleration");
-  return text;
-}
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
-      plan_(plan_of(settings, scene)),
+      plan_(settings, scene),
       film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
             plan_.crypto_ids, scene.aov_count, scene.light_group_count),
       thread_([this] { work(); }) {}
@@ -313,7 +70,8 @@ void Job::work() {
 }
 
 void Job::run() {
-  if (!scene_->build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
+  if (!scene_->build(plan_.thread_count, BuildQuality(plan_.acceleration), cancel_))
+    return enter(GLINT_CANCELLED);
   moving_seconds_ = scene_->trees.build_seconds();
   enter(GLINT_TRACING);
   trace_waves();
@@ -322,7 +80,7 @@ void Job::run() {
 
 /// Samples of the first wave: no more than somebody wants to look at.
 uint32_t Job::first_wave() {
-  if (!plan_.unseen || film_.estimate().on()) return 1;
+  if (plan_.waves != GLINT_WAVES_UNSEEN || film_.estimate().on()) return 1;
   return std::min(plan_.samples, film_.refinement().on() ? Refinement::kFirst : kUnseenWave);
 }
 
@@ -334,7 +92,8 @@ bool Job::at_once() {
 }
 
 void Job::trace_waves() {
-  pool_ = std::make_unique<ThreadPool>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
+  pool_ =
+      std::make_unique<ThreadPool>(int(std::min(size_t(plan_.thread_count), film_.tiles().size())));
   const bool looks_up =
       plan_.remember && !plan_.is_spread() && !plan_.moving &&
       !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
@@ -389,7 +148,8 @@ bool Job::wait_for_scene() {
     const Timer timer(seconds);
     drop_tracers();
     ask_for_scene();
-    if (cancel_ || !scene_->build(plan_.threads, plan_.quality, cancel_)) return false;
+    if (cancel_ || !scene_->build(plan_.thread_count, BuildQuality(plan_.acceleration), cancel_))
+      return false;
     make_tracers(nullptr);
   }
   std::lock_guard lock(mutex_);
@@ -475,7 +235,7 @@ void Job::trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t 
 
 void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
   samples_ = samples;
-  bool hold = plan_.hold_waves && samples < plan_.samples;
+  bool hold = plan_.waves == GLINT_WAVES_HELD && samples < plan_.samples;
   if (hold) state_ = GLINT_HELD;
   changed_.notify_all();
   if (!hold) return;
@@ -507,7 +267,7 @@ std::string Job::move(Scene& scene, const GlintRenderSettings& settings) {
   std::string problems = settings_problems(settings, scene);
   if (!problems.empty()) return problems;
   if (!same_view(scene.camera, scene_->camera)) return "scene: the camera is another one";
-  const RenderPlan plan = plan_of(settings, scene);
+  const RenderPlan plan(settings, scene);
   const auto same = [](const Region& a, const Region& b) {
     return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
   };
@@ -548,7 +308,7 @@ GlintStats Job::stats() {
   if (plan_.camera_frames) s.features |= GLINT_FEATURE_CAMERA_MOTION;
   if (plan_.moving) s.features |= GLINT_FEATURE_OBJECT_MOTION;
   if (plan_.open.count) s.features |= GLINT_FEATURE_OPENINGS;
-  s.threads = uint32_t(plan_.threads);
+  s.threads = uint32_t(plan_.thread_count);
   s.camera_rays = rays_.camera;
   s.shadow_rays = rays_.shadow;
   s.mirror_rays = rays_.mirror;

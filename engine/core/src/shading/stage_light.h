@@ -194,14 +194,18 @@ __attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_
   return true;
 }
 
-template <int Shape>
+template <int Shape, bool Drawn = false>
 size_t light_from(const LightStage& s) {
   size_t found = 0;
   Given given;
-  for (size_t k = s.first; k < s.count; k += kLanes)
-    if (give<Shape>(s, k, given))
+  for (size_t k = s.first; k < s.count; k += kLanes) {
+    bool gives = false;
+    if constexpr (Drawn) gives = give_drawn<Shape>(s, k, given);
+    else gives = give<Shape>(s, k, given);
+    if (gives)
       found +=
           append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
+  }
   return found;
 }
 
@@ -233,19 +237,8 @@ size_t scatter_from(const LightStage& s) {
   return found;
 }
 
-template <int Shape>
-size_t gloss_from(const LightStage& s) {
-  size_t found = 0;
-  Given given;
-  for (size_t k = s.first; k < s.count; k += kLanes)
-    if (give_drawn<Shape>(s, k, given))
-      found +=
-          append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
-  return found;
-}
-
-/// The same for a mesh light: what the light is there, the rays have to find out. They begin at the
-/// point itself, of whose directions the density is, not where its shadow rays do.
+/// Drawn directions towards a mesh light: what the light is there, the rays have to find out. They
+/// begin at the point itself, of whose directions the density is, not where its shadow rays do.
 size_t gloss_towards_mesh(const LightStage& s) {
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
@@ -302,7 +295,7 @@ size_t scatter(const LightStage& s) {
 size_t gloss(const LightStage& s) {
   if (s.shape == kMeshSource) return gloss_towards_mesh(s);
   return with_shape<kDirection, kSphereSource, kDiscSource, kPlaneSource, kRectangleSource, kSky,
-                    kOpenSky>(s.shape, [&]<int Shape>() { return gloss_from<Shape>(s); });
+                    kOpenSky>(s.shape, [&]<int Shape>() { return light_from<Shape, true>(s); });
 }
 
 }  // namespace

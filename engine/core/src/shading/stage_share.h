@@ -44,20 +44,14 @@ void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size
 void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
               double* given) {
   switch (sample.stage.shape) {
-    case kDirection:
-      return add_lamp<kDirection>(to, sample, first, end, given);
+    case kDirection: return add_lamp<kDirection>(to, sample, first, end, given);
     case kBouncedSource:
       return add_sample<false, kBouncedSource>(to, sample.stage, first, end, given);
-    case kPointSource:
-      return add_lamp<kPointSource>(to, sample, first, end, given);
-    case kSphereSource:
-      return add_lamp<kSphereSource>(to, sample, first, end, given);
-    case kDiscSource:
-      return add_lamp<kDiscSource>(to, sample, first, end, given);
-    case kRectangleSource:
-      return add_lamp<kRectangleSource>(to, sample, first, end, given);
-    default:
-      return add_lamp<kPlaneSource>(to, sample, first, end, given);
+    case kPointSource: return add_lamp<kPointSource>(to, sample, first, end, given);
+    case kSphereSource: return add_lamp<kSphereSource>(to, sample, first, end, given);
+    case kDiscSource: return add_lamp<kDiscSource>(to, sample, first, end, given);
+    case kRectangleSource: return add_lamp<kRectangleSource>(to, sample, first, end, given);
+    default: return add_lamp<kPlaneSource>(to, sample, first, end, given);
   }
 }
 
