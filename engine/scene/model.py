@@ -256,12 +256,13 @@ class Lobe:
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
     width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
     fans out round the tangent, 0 for as far as normals do.  fibre_output: of FIBRE lobes, the
-    output with the fibre's tangent in the world, of any length, 0 of what is no fibre; -1: all 0.
-    normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a shading normal of
-    their own in the world; where it is zero or not finite, or -1, they have the point's.
-    stretch_output: of SPECULAR lobes, the output with a direction in the world along the surface:
-    slopes of half vectors along it are times its length, those across it over that (SEMANTICS.md);
-    -1, zero or not finite: none.
+    output with the fibre's tangent in the world, as long as the fibre is thick there, 0 of what is
+    no fibre; -1: all 0.  normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a
+    shading normal of their own in the world; where it is zero or not finite, or -1, they have the
+    point's.  stretch_output: of SPECULAR lobes, the output with a direction in the world along the
+    surface: slopes of half vectors along it are times its length, those across it over that
+    (SEMANTICS.md); -1, zero or not finite: none.  between_fibres: what it shows or lets through is
+    light that other fibres scattered: `Scene.as_lit` drops it where light does not bounce.
     """
 
     kind: str
@@ -277,6 +278,7 @@ class Lobe:
     fibre_output: int = -1
     normal_output: int = -1
     stretch_output: int = -1
+    between_fibres: bool = False
 
     @property
     def is_glossy(self) -> bool:
@@ -372,6 +374,11 @@ class Material:
     medium: Medium | None = None
     bump_shadowing: str = "NONE"
     base_normal_output: int = -1
+
+    def of_single_fibres(self) -> Material:
+        """Without what light between fibres shows; itself where there is nothing of it."""
+        lobes = tuple(lobe for lobe in self.lobes if not lobe.between_fibres)
+        return self if len(lobes) == len(self.lobes) else replace(self, lobes=lobes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -631,13 +638,20 @@ class Scene:
     light_groups: tuple[str, ...] = ()
 
     def as_lit(
-        self, *, by_world: bool, by_meshes: bool, bounces: int, finding: bool = True
+        self,
+        *,
+        by_world: bool,
+        by_meshes: bool,
+        bounces: int,
+        finding: bool = True,
+        between_fibres: bool | None = None,
     ) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
         lights it too.  bounces: how often surfaces scatter light onto others.  finding: the
-        openings of rooms to the sky, else its light keeps those that it has. A scene with nothing
-        of all that stays.
+        openings of rooms to the sky, else its light keeps those that it has.  between_fibres:
+        lobes of light between fibres stay; None: where light bounces. A scene with nothing of all
+        that stays.
         """
         from ..lights.bounced_light import bounced_light
         from ..lights.lamps import in_order
@@ -656,6 +670,10 @@ class Scene:
                 scene = replace(scene, lights=lamps)
         glow = mesh_lights(self) if by_meshes else ()
         scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
+        if not (bounces > 0 if between_fibres is None else between_fibres):
+            materials = tuple(material.of_single_fibres() for material in scene.materials)
+            if any(a is not b for a, b in zip(materials, scene.materials, strict=True)):
+                scene = replace(scene, materials=materials)
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
 
