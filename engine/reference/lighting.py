@@ -18,7 +18,7 @@ from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
-from .lobe_light import fibres, highlights, matt_lobes
+from .lobe_light import fibres, highlights, matt_lobes, ways_through
 from .materials import Coefficients, Term
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
@@ -425,7 +425,9 @@ class Lighting:
 
         def open_(places: Array) -> Array:
             shadows = self.shadows_of(source)
-            return shadows.towards(surface, seen[places], chosen.taken(places)).T
+            some, at = seen[places], chosen.taken(places)
+            through = ways_through(surface, coefficients.fibres, some, at) if glossy else None
+            return shadows.towards(surface, some, at, through).T
 
         return Given(seen, diffuse, specular, open_, np.ones(len(seen)), chosen.group_of(source))
 

@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from . import stretching
+from .lights import LightSample
 from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen
 from .surface import Surface
-from .vectors import add_at, dot, pick
+from .vectors import add_at, dot, length, pick, unit
 
 Array = np.ndarray
 
@@ -61,6 +62,24 @@ def matt_lobes(
     if not coefficients.fibres:
         return total
     return total + fibres(surface, coefficients.fibres, seen, direction, matt=True)
+
+
+def ways_through(
+    surface: Surface, terms: list[Term], seen: Array, sample: LightSample
+) -> Array | None:
+    """(m,) how far light goes through fibres at the points `seen` that let it through: chords of
+    cylinders; 0 where it comes from before. None where nothing lets any through.
+    """
+    found = None
+    for term in (term for term in terms if term.lobe.kind == "FIBRE_TRANSMISSION"):
+        thick = np.zeros((3, len(surface)))
+        thick[:, term.index] = term.fibre
+        t, l = pick(thick, seen), sample.direction  # noqa: E741, the notes' letter
+        behind = np.maximum(-dot(pick(surface.n, seen), l), 0.0)
+        way = length(t) * behind / np.maximum(1 - dot(unit(t), l) ** 2, 1 / 64)
+        way = np.where(way < 2.0**60, way, 0.0)
+        found = way if found is None else np.maximum(found, way)
+    return found
 
 
 def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, matt: bool) -> Array:

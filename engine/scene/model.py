@@ -136,13 +136,20 @@ class Scene:
     light_groups: tuple[str, ...] = ()
 
     def as_lit(
-        self, *, by_world: bool, by_meshes: bool, bounces: int, finding: bool = True
+        self,
+        *,
+        by_world: bool,
+        by_meshes: bool,
+        bounces: int,
+        finding: bool = True,
+        between_fibres: bool | None = None,
     ) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
         lights it too.  bounces: how often surfaces scatter light onto others.  finding: the
-        openings of rooms to the sky, else its light keeps those that it has. A scene with nothing
-        of all that stays.
+        openings of rooms to the sky, else its light keeps those that it has.  between_fibres:
+        lobes of light between fibres stay; None: where light bounces. A scene with nothing of all
+        that stays.
         """
         from ..lights.bounced_light import bounced_light
         from ..lights.lamps import in_order
@@ -161,6 +168,10 @@ class Scene:
                 scene = replace(scene, lights=lamps)
         glow = mesh_lights(self) if by_meshes else ()
         scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
+        if not (bounces > 0 if between_fibres is None else between_fibres):
+            materials = tuple(material.of_single_fibres() for material in scene.materials)
+            if any(a is not b for a, b in zip(materials, scene.materials, strict=True)):
+                scene = replace(scene, materials=materials)
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
 

@@ -105,12 +105,13 @@ class Lobe:
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
     width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
     fans out round the tangent, 0 for as far as normals do.  fibre_output: of FIBRE lobes, the
-    output with the fibre's tangent in the world, of any length, 0 of what is no fibre; -1: all 0.
-    normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a shading normal of
-    their own in the world; where it is zero or not finite, or -1, they have the point's.
-    stretch_output: of SPECULAR lobes, the output with a direction in the world along the surface:
-    slopes of half vectors along it are times its length, those across it over that (SEMANTICS.md);
-    -1, zero or not finite: none.
+    output with the fibre's tangent in the world, as long as the fibre is thick there, 0 of what is
+    no fibre; -1: all 0.  normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a
+    shading normal of their own in the world; where it is zero or not finite, or -1, they have the
+    point's.  stretch_output: of SPECULAR lobes, the output with a direction in the world along the
+    surface: slopes of half vectors along it are times its length, those across it over that
+    (SEMANTICS.md); -1, zero or not finite: none.  between_fibres: what it shows or lets through is
+    light that other fibres scattered: `Scene.as_lit` drops it where light does not bounce.
     """
 
     kind: str
@@ -126,6 +127,7 @@ class Lobe:
     fibre_output: int = -1
     normal_output: int = -1
     stretch_output: int = -1
+    between_fibres: bool = False
 
     @property
     def is_glossy(self) -> bool:
@@ -221,3 +223,8 @@ class Material:
     medium: Medium | None = None
     bump_shadowing: str = "NONE"
     base_normal_output: int = -1
+
+    def of_single_fibres(self) -> Material:
+        """Without what light between fibres shows; itself where there is nothing of it."""
+        lobes = tuple(lobe for lobe in self.lobes if not lobe.between_fibres)
+        return self if len(lobes) == len(self.lobes) else replace(self, lobes=lobes)
