@@ -18,8 +18,9 @@ from .cancellation import Cancellation
 from .gathering import gathering, seen_lobes
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import Lighting, balance, fibres, highlight, matt_lobes, ways_through
+from .lighting import Lighting, balance
 from .lights import LightSample, Source
+from .lobe_light import fibres, highlight, matt_lobes, ways_through
 from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
