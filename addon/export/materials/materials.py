@@ -23,7 +23,7 @@ from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.volume import VolumeReader
 from ..unheard import is_corrected, note_material
-from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
+from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_sheen, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
 from .compiled import Compiled, MaterialKey
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
