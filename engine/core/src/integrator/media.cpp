@@ -12,11 +12,6 @@ namespace {
 constexpr double kSlight = 0x1p-20;  // of a medium's distance: what is thinner scatters nothing
 constexpr double kDark = 40;         // optical depth beyond which an endless ray has no points
 
-Vec3d vertex(const GlintGeometry& geometry, size_t row) {
-  const float* p = geometry.vertices + 3 * row;
-  return {p[0], p[1], p[2]};
-}
-
 /// sigma times a length that may be endless.
 Vec3d times(Vec3d sigma, double way) {
   const auto channel = [&](double s) { return s > 0 ? s * way : 0; };
