@@ -73,6 +73,7 @@ class LobeKey:
     fibre_output: int = -1
     normal_output: int = -1
     stretch_output: int = -1
+    between_fibres: bool = False
     anisotropy: float = 0.0
     anisotropy_output: int = -1
     normal: Value | None = None  # of the shader that it comes from

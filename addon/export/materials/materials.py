@@ -43,7 +43,7 @@ from .graph import Place, images_behind, node_tree, output_of, read_tree, socket
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import STEP, VOLUMES, default_volume, medium_of, medium_of_closure
-from .terms import ZERO, Sum, add, complement, constant, constant_value, factors_of, multiply
+from .terms import complement, constant, constant_value, factors_of, multiply
 from .varying import Ior, Roughness
 from .wanted import Wanted, read_by
 
@@ -259,12 +259,13 @@ def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
     A pane lets through what it does in the world; of the light that a body bends, caustics, as much
     arrives on average.
     """
-    passed: Sum = ZERO
+    passed: Closure = {}
     for key, terms in closure.items():
         if key.kind in ("REFRACTION", PASSED):
             share = evaluator.expressions.sum_of(_passing(key, evaluator.expressions))
-            passed = add(passed, multiply(evaluator.limited(terms), share))
-    return {LobeKey("TRANSPARENT"): passed} if passed else {}
+            clear = LobeKey("TRANSPARENT", between_fibres=key.kind == PASSED)
+            passed = add_closures(passed, {clear: multiply(evaluator.limited(terms), share)})
+    return passed
 
 
 def _passing(key: LobeKey, expressions: Expressions) -> Value:
@@ -378,6 +379,7 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
         key.fibre_output,
         key.normal_output,
         key.stretch_output,
+        key.between_fibres,
     )
 
 

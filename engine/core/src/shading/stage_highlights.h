@@ -140,6 +140,25 @@ inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, co
   return where((behind & (cosine < 0)) | (~behind & (cosine > 0)), given);
 }
 
+/// How far light from l goes through the fibres of a group of points that let it through: chords of
+/// cylinders; 0 where it comes from before, or nothing does.
+inline Doubles way_through(const LightStage& s, size_t k, const Three& l) {
+  const Doubles behind = larger(-dot(load3(s.n, k), l), splat(0));
+  Doubles way = splat(0);
+  for (int number = 0; number < s.max_specular; ++number) {
+    const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+    const Mask here =
+        load(column + SpecularTerm::kExponent * s.stride) == SpecularTerm::kFibreTransmission;
+    if (!bits(here)) continue;
+    const double* tangent = column + SpecularTerm::kTangent * s.stride;
+    const Three t = {load(tangent), load(tangent + s.stride), load(tangent + 2 * s.stride)};
+    const Doubles thick = length(t), along = dot(unit(t), l),
+                  chord = thick * behind / larger(1 - along * along, splat(1.0 / 64));
+    way = choose(here & (chord < 0x1p60), larger(way, chord), way);
+  }
+  return way;
+}
+
 /// Sum of the terms, of matt ones (SHEEN, FIBRE_DIFFUSE) and other FIBRE ones apart, and how
 /// densely (a steradian) directions are drawn where l is.
 struct Highlights {

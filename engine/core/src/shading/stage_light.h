@@ -48,8 +48,13 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
   const Three towards = endless ? sample.l : end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free,
   // whatever stands on the surface.
-  const Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
-                  offset * load3(s.d, k);
+  Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
+            offset * load3(s.d, k);
+  if (s.has_fibre && Shape != kBouncedSource) {
+    // Behind a fibre that it passes: neighbours of its segment are no fibres of their own.
+    const Doubles through = way_through(s, k, sample.l);
+    o = o + (endless ? through : smaller(through, 0.5 * length(towards))) * sample.l;
+  }
   append(s.o, o);
   if (s.end_out[0]) append(s.end_out, end);
   if (endless) {
