@@ -138,7 +138,10 @@ def _principled_hair(view: NodeView) -> Closure:
     more (after Zinke et al. 2008): what goes on straight to strands behind, what comes back, and
     what leaves a strand behind in all directions, by how much of it others enclose.
     """
-    unused = {"Radial Roughness": 0.3} if view.node.parametrization == "COLOR" else {}
+    how = view.node.parametrization
+    unused = {"Radial Roughness": 0.3} if how == "COLOR" else {}
+    if how in ("COLOR", "ABSORPTION"):  # that tell all of it
+        unused |= {"Random": 0.0, "Random Color": 0.0}
     _note_unused(view, _UNUSED | unused)
     view.note(
         "Light from strand to strand is not traced: in {} it goes straight on through strands, and "
