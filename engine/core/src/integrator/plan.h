@@ -60,7 +60,7 @@ struct RenderPlan {
   uint32_t camera_block = 1;
   double lens_focus = 1, gather_reach = 0;  // gather_reach: as Scene::anchor scales
   const double* gather_points = nullptr;
-  uint32_t gather_samples = 1, gather_tabled = 1;
+  uint32_t gather_samples = 1, gather_tabled = 1, gather_block = 1;
 
   uint32_t samples_of(const Light& light) const {
     if (light.is_mesh()) return mesh_samples;
@@ -131,9 +131,18 @@ struct RenderPlan {
     return lobe_points + 2 * (reflected % lobe_levels * lobe_tabled + sample % lobe_tabled);
   }
 
-  /// Below which direction a sample looks for what throws light on, for the j-th time.
-  const double* gather_point(uint32_t sample, uint32_t j) const {
-    return gather_points + 2 * (size_t(sample % gather_tabled) * gather_samples + j);
+  /// Which of its block a pixel of the region is.
+  uint32_t gather_place(uint32_t pixel) const {
+    const uint32_t column = region.x0 + pixel % region.width(),
+                   row = region.y0 + pixel / region.width();
+    return row % gather_block * gather_block + column % gather_block;
+  }
+
+  /// Below which direction a sample of such a pixel looks for what throws light on, for the j-th
+  /// time.
+  const double* gather_point(uint32_t place, uint32_t sample, uint32_t j) const {
+    return gather_points +
+           2 * ((size_t(place) * gather_tabled + sample % gather_tabled) * gather_samples + j);
   }
 
   /// The first sample of a pixel of the frame in the tables of the camera.

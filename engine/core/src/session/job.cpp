@@ -114,6 +114,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const Scene& scene) {
   plan.gather_reach = scene.anchor.scale * g.gather_reach;
   plan.gather_points = g.gather_points;
   plan.gather_samples = std::max(g.gather_samples, 1u);
+  plan.gather_block = std::max(g.gather_block, 1u);
   plan.gather_tabled = uint32_t(std::max(g.gather_count / plan.gather_samples, uint64_t(1)));
   add_openings(plan, g, scene.anchor);
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
@@ -169,8 +170,9 @@ bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
   return !(scene.features & GLINT_FEATURE_BOUNCED_LIGHT) ||
          (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples &&
           g.gather_reach >= 0 && g.gather_reach < kInfinity &&
-          (g.gather_reach == 0 || (g.gather_points && g.gather_samples >= 1 &&
-                                   g.gather_samples <= 64 && g.gather_count >= g.gather_samples)));
+          (g.gather_reach == 0 ||
+           (g.gather_points && g.gather_samples >= 1 && g.gather_samples <= 64 &&
+            g.gather_block >= 1 && g.gather_block <= 8 && g.gather_count >= g.gather_samples)));
 }
 
 bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {
