@@ -16,7 +16,8 @@ import bpy
 
 from .. import engine
 from ..addon.render.stamp import manifest
-from ..engine.analysis.trade import KNOBS, SIDE, SQUARES
+from ..engine.analysis.trade import SIDE, SQUARES
+from ..engine.analysis.trade_knobs import KNOBS
 from .tiles import Grid
 
 _INTERRUPTED = 130

@@ -19,8 +19,9 @@ import bpy
 from ..addon.ui.lines import draw_text
 from ..engine import SceneError
 from ..engine.analysis.plot import png_bytes
-from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, Row, Trade, advice, measure
+from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, measure
 from ..engine.analysis.trade_plot import draw_trade
+from ..engine.analysis.trade_rows import Row, Trade, advice
 from .scene_copy import read_job
 from .show_picture import show
 

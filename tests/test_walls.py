@@ -55,7 +55,9 @@ MEASURES = {
     "engine.analysis.plot",
     "engine.analysis.trade",
     "engine.analysis.trade_crops",
+    "engine.analysis.trade_knobs",
     "engine.analysis.trade_plot",
+    "engine.analysis.trade_rows",
 }
 ADDONS_DOOR = {
     "addon.render.final",

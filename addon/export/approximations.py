@@ -29,7 +29,7 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfVelvet": "as diffuse",
     "ShaderNodeBsdfHair": "highlights round the strand; Offset is left out",
     "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand and on to "
-    "strands behind; a matt share stands for the rest of the light from strand to strand",
+    "strands behind; the rest of the light from strand to strand is by how dense strands are",
     "ShaderNodeHoldout": "black; the object's own holdout is exact",
     **dict.fromkeys(
         (

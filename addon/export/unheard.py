@@ -85,12 +85,6 @@ def is_corrected(material: Any) -> bool:
 
 def note_material(material: Any, kinds: set[str], is_bent: bool, report: Report) -> None:
     """kinds: of its lobes. is_bent: nodes bend its normal."""
-    if "TRANSPARENT" in kinds and not getattr(material, "use_transparent_shadow", True):
-        report.note(
-            "Shadows of {} are transparent although Transparent Shadows is off: turn off the alpha "
-            "for shadow rays by Light Path, Is Shadow Ray",
-            material.name,
-        )
     if is_bent and "MIRROR" in kinds and not is_corrected(material):
         report.note(
             "Bump Map Correction is not switched off for mirrors of {}: bent normals are kept from "

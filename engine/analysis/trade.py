@@ -7,23 +7,23 @@ the least of several interleaved renders, errors are against a picture of many m
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
-from ..lights.lamps import is_soft, shared_samples
 from ..scene import Scene
-from ..settings import DECLARED, Settings
+from ..settings import Settings
 from . import metrics
-from .flip import displayed, flip
-from .trade_crops import Crop, CropRenderer, Rendered, Squares, StoppedError, area, pick_squares
+from .trade_crops import CropRenderer, Rendered, Squares, StoppedError, pick_squares
+from .trade_errors import frame_errors
+from .trade_knobs import KNOBS, has_fog, has_soft_lights, scatters, settings_grid
+from .trade_rows import Row, Trade, speed, with_bounds, with_front
 
 Array = np.ndarray
 
@@ -38,13 +38,6 @@ SQUARES, SIDE = 96, 12
 """Squares and their pixels across: every other one is for choosing settings, the rest for checking
 what was chosen.
 """
-VISIBLE = 0.999
-"""The largest difference on screen that counts is the one that so many of the pixels stay within:
-the very largest hangs on single pixels, of which squares of the frame tell nothing.
-"""
-_MISSED = 3.0
-"""How many of the squares picked would be met on average by what all of them miss once in 20."""
-_SHOWN = 6
 _GLANCE = 64
 """Samples of the picture that the first points are compared with."""
 _GLANCE_MARGIN = 4
@@ -55,179 +48,6 @@ _LOOK, _LONGEST_STRIDE = 2**17, 4
 """Pixels of a first look, and how many of the frame stand across one of them at most."""
 _PAUSE = 2.0
 """Seconds between two tellings of what is known so far."""
-
-
-@dataclass(frozen=True)
-class Knob:
-    """A setting that trades time for accuracy.
-
-    name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a
-    picture of this scene with the base's settings. falling: smaller values are the more accurate
-    ones.  group: knobs of one group are combined with each other.
-    """
-
-    name: str
-    values: tuple[Any, ...]
-    matters: Callable[[Scene, Settings], bool]
-    falling: bool = False
-    group: str = "sampling"
-
-    @property
-    def kind(self) -> type:
-        """int or float."""
-        return type(self.values[0])
-
-    def ladder(self, *values: Any) -> list[Any]:
-        """Different values from fast to accurate."""
-        return sorted(set(values), reverse=self.falling)
-
-
-def has_soft_lights(scene: Scene, settings: Settings) -> bool:
-    """Whether something lights from more than a point, as the settings want the scene lit: a lamp
-    of an extent, the sky, what glows, what is lit.
-    """
-    lit = settings.lighting
-    glows = any(lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes)
-    sky = any(light.kind == "DOME" for light in scene.lights)
-    return (
-        bool(glows and lit["by_meshes"])
-        or (sky and lit["by_world"])
-        or scatters(scene, settings)
-        or any(is_soft(light) for light in scene.lights)
-    )
-
-
-def has_bounces(scene: Scene, settings: Settings) -> bool:
-    """Whether a material reflects or refracts rays, as metals do where they may."""
-    return any(
-        lobe.kind in ("MIRROR", "REFRACTION")
-        or (lobe.is_metallic and settings.reflections != "OFF")
-        for material in scene.materials
-        for lobe in material.lobes
-    )
-
-
-def scatters(scene: Scene, settings: Settings) -> bool:
-    """Whether surfaces throw light onto others: it is measured where it is wanted at all."""
-    return settings.lighting["bounces"] > 0 and bool(scene.instances)
-
-
-def has_many_lamps(scene: Scene, settings: Settings) -> bool:
-    """Whether lamps share shadow rays at some of the numbers that are measured."""
-    return shared_samples(scene.lights, replace(settings, lamp_shadows=8)) > 0
-
-
-def has_fog(scene: Scene, settings: Settings) -> bool:
-    """Whether media scatter light."""
-    return scene.scatters and bool(scene.lights)
-
-
-KNOBS = (
-    Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
-    Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
-    Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
-    Knob("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
-    Knob("max_bounces", (0, 1, 4, 12), has_bounces, group="bounces"),
-    Knob("cutoff", (0.01, 0.001, 0.0), has_bounces, falling=True, group="bounces"),
-    Knob("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
-    Knob("volume_samples", (1, 2, 4, 8, 16), has_fog, group="volumes"),
-)
-"""Every knob that is measured. A new one needs a row here and nothing else."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One setting, measured.
-
-    knobs: field of Settings → value.  seconds: of tracing the squares.  Of the whole frame, as the
-    squares tell: frame_seconds, trees included;  relative_rmse: of linear colour, over the
-    picture's root mean square;  levels: difference on screen, in 8-bit levels, that `VISIBLE` of
-    the pixels stay within;  psnr: decibels of the screen's colours;  flip_mean, flip_p99: LDR-FLIP;
-    wrong: share of pixels that are off by more than 1 %.  max_error: largest difference of linear
-    colour in the squares.  spread: two standard deviations of relative_rmse, as a share of it; 0
-    where the squares are the whole frame.  unseen: the relative_rmse of a frame of whose squares
-    as many are as wrong as the worst one measured as would be missed by all picks once in 20.
-    bound: where no square met an error, what relative_rmse is below, as `with_bounds` has it; else
-    0.  on_front: no other row is both faster and better.
-    current: the base settings.  checked: also on squares that had no part in choosing.
-    """
-
-    knobs: dict[str, Any]
-    seconds: float
-    frame_seconds: float
-    relative_rmse: float
-    max_error: float
-    levels: float
-    psnr: float
-    flip_mean: float
-    flip_p99: float
-    wrong: float
-    spread: float = 0.0
-    unseen: float = 0.0
-    bound: float = 0.0
-    on_front: bool = False
-    current: bool = False
-    checked: bool = False
-
-
-@dataclass(frozen=True)
-class Trade:
-    """rows: by frame_seconds.  reference: what the errors are against, in words.  crops: (x0, y0,
-    x1, y1) of the full frame. repeats: renders per row, of which the fastest counts.  complete:
-    False when it was stopped before every row had its renders.
-    """
-
-    rows: tuple[Row, ...]
-    reference: str
-    crops: tuple[Crop, ...]
-    resolution: tuple[int, int]
-    repeats: int
-    complete: bool
-
-    @property
-    def front(self) -> tuple[Row, ...]:
-        """The rows that nothing beats, fastest first."""
-        return tuple(row for row in self.rows if row.on_front)
-
-    @property
-    def shown(self) -> tuple[Row, ...]:
-        """At most six of the front, as different as can be, with or beside the current settings;
-        fastest first.
-        """
-        front, current = self.front, self.current
-        chosen = [*front[:1], *front[1:][-1:]]
-        if current is not None and current.on_front:
-            chosen += [current] if not any(current is other for other in chosen) else []
-        while len(chosen) < min(_SHOWN, len(front)):
-            rest = [row for row in front if not any(row is other for other in chosen)]
-            chosen.append(max(rest, key=lambda row: min(_step(row, other) for other in chosen)))
-        if current is not None and not current.on_front:
-            chosen.append(current)
-        return tuple(sorted(chosen, key=_speed))
-
-    @property
-    def current(self) -> Row | None:
-        """The row of the base settings."""
-        return next((row for row in self.rows if row.current), None)
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values; what is not finite is None."""
-        rows = [{name: _plain(value) for name, value in asdict(row).items()} for row in self.rows]
-        return {**asdict(self), "rows": rows}
-
-
-def _plain(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _step(a: Row, b: Row) -> float:
-    """How far apart two rows of a front are, in factors of time and of error."""
-    return math.dist(
-        *(
-            [math.log(max(r.frame_seconds, 1e-9)), math.log(max(r.relative_rmse, 1e-6))]
-            for r in (a, b)
-        )
-    )
 
 
 def measure(
@@ -270,97 +90,6 @@ def measure(
         except StoppedError:
             work.complete = False
         return work.trade()
-
-
-def settings_grid(
-    scene: Scene, base: Settings, values: Mapping[str, Sequence[Any]]
-) -> list[Settings]:
-    """Every combination of each group's knobs that can change a picture of this scene, the base's
-    own values always among them; the other groups' knobs are as the base has them: what rays leave
-    out and how many there are hardly depend on each other, and a grid over all knobs takes seven
-    times as long.
-    """
-    unknown = sorted(set(values) - {knob.name for knob in KNOBS})
-    if unknown:
-        raise SceneError(
-            f"no such knob: {', '.join(unknown)}; there are "
-            f"{', '.join(knob.name for knob in KNOBS)}"
-        )
-    knobs = [knob for knob in KNOBS if knob.matters(scene, base)]
-    groups = [
-        [knob for knob in knobs if knob.group == group]
-        for group in dict.fromkeys(knob.group for knob in knobs)
-    ]
-    grid = dict.fromkeys(
-        settings for group in groups for settings in _combinations(group, base, values)
-    )
-    return [settings for settings in grid if settings == base or not _is_idle(settings)]
-
-
-def _combinations(
-    knobs: Sequence[Knob], base: Settings, values: Mapping[str, Sequence[Any]]
-) -> Iterator[Settings]:
-    """All of some knobs."""
-    for steps in itertools.product(*(_ladder(knob, base, values) for knob in knobs)):
-        yield replace(base, **{knob.name: step for knob, step in zip(knobs, steps, strict=True)})
-
-
-def _ladder(knob: Knob, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Any]:
-    return knob.ladder(*values.get(knob.name, knob.values), getattr(base, knob.name))
-
-
-def _is_idle(settings: Settings) -> bool:
-    """Whether a knob is turned that can do nothing: no pixel stops before the samples that the
-    first estimate takes, and at most one bounce is hardly worth cutting off.
-    """
-    stops_none = settings.error_threshold > 0 and settings.samples <= FIRST_ESTIMATE
-    return stops_none or (settings.cutoff > 0 and settings.max_bounces <= 1)
-
-
-def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """The rows by frame_seconds, `on_front` set where no row is as fast and has a smaller relative
-    RMSE, or is faster with an equal one.
-    """
-    ordered, least = [], math.inf
-    for row in sorted(rows, key=_speed):
-        ordered.append(replace(row, on_front=row.relative_rmse < least))
-        least = min(least, row.relative_rmse)
-    return tuple(ordered)
-
-
-def with_bounds(rows: Sequence[Row]) -> list[Row]:
-    """The rows; those whose squares met no error with a bound of it: what is rarer than the squares
-    tell is as unlikely to be missed as `Row.unseen` says of the least error that was met.
-    """
-    least = min((row for row in rows if row.relative_rmse), key=_error, default=None)
-    unseen = least.unseen if least else 0.0
-    return [row if row.relative_rmse else replace(row, bound=unseen) for row in rows]
-
-
-def _error(row: Row) -> float:
-    return row.relative_rmse
-
-
-def advice(trade: Trade) -> str:
-    """One sentence on the current settings: on the front, or what would be as good and faster."""
-    current = trade.current
-    if current is None:
-        return "The current settings were not measured"
-    if not any(row.relative_rmse for row in trade.rows):
-        return (
-            "Every setting gives the same picture in these squares: if the frame has more to "
-            "show, use more of them"
-        )
-    if current.on_front:
-        return "The current settings lie on the front: nothing measured is both faster and better"
-    better = next(row for row in trade.front if row.relative_rmse <= current.relative_rmse)
-    change = ", ".join(
-        f"{DECLARED[name].label} {value:g}"
-        for name, value in better.knobs.items()
-        if current.knobs[name] != value
-    )
-    share = better.frame_seconds / current.frame_seconds
-    return f"{change} would be as good in {share:.0%} of the time"
 
 
 # --- rendering
@@ -442,7 +171,7 @@ class _Work:
             for settings in self._grid:
                 if settings not in self._rendered:
                     self._rendered[settings] = self._render(settings, self._squares)
-                self._errors[settings] = _errors(
+                self._errors[settings] = frame_errors(
                     self._rendered[settings].pictures, truth, self._squares, self._size
                 )
                 self._publish()
@@ -479,7 +208,7 @@ class _Work:
         for settings in ladder:
             self._rendered[settings] = self._render(settings, fewer)
             pictures = self._rendered[settings].pictures
-            self._errors[settings] = _errors(pictures, truth, fewer, self._size)
+            self._errors[settings] = frame_errors(pictures, truth, fewer, self._size)
         self._reference = f"a first look by {_in_words(reference)}"
         self._first = self.trade()
         self._tell_trade(self._first)
@@ -507,7 +236,9 @@ class _Work:
             for settings in best:
                 others = self._render(settings, self._others).pictures
                 pictures = self._rendered[settings].pictures + others
-                self._errors[settings] = _errors(pictures, truth + other_truth, both, self._size)
+                self._errors[settings] = frame_errors(
+                    pictures, truth + other_truth, both, self._size
+                )
                 self._checked.add(settings)
                 self._publish()
 
@@ -534,7 +265,7 @@ class _Work:
         """By frame_seconds."""
         rows = {settings: self._row(settings, errors) for settings, errors in self._errors.items()}
         by_row = {id(row): settings for settings, row in rows.items()}
-        ordered = sorted(rows.values(), key=_speed)
+        ordered = sorted(rows.values(), key=speed)
         marked = with_front(with_bounds(ordered))
         return {by_row[id(row)]: new for row, new in zip(ordered, marked, strict=True)}
 
@@ -625,11 +356,6 @@ def reference_settings(
     return settings
 
 
-def _speed(row: Row) -> tuple[float, float]:
-    """What rows are ordered by: the time that is told."""
-    return row.frame_seconds, row.relative_rmse
-
-
 def _cost(settings: Settings) -> float:
     """About proportional to the time of a render, for the progress."""
     return (
@@ -649,63 +375,3 @@ def _in_words(reference: Settings) -> str:
         f"{tracer}, {reference.samples} samples × {reference.light_samples} light samples, "
         f"{reference.max_bounces} bounces"
     )
-
-
-# --- errors
-# --------------------------------------------------------------------------------------------------
-
-
-def _errors(
-    pictures: list[Array], truth: list[Array], squares: Squares, size: float
-) -> dict[str, float]:
-    """The error columns of a row, of the frame that the squares stand for. size: root mean square
-    of its colours.
-    """
-    picture, reference = (
-        np.concatenate([crop.reshape(-1, 3) for crop in crops]) for crops in (pictures, truth)
-    )
-    weights = squares.pixel_weights
-    apart, apart_on_screen = (
-        metrics.absolute_error(picture, reference),
-        np.abs(displayed(picture) - displayed(reference)),
-    )
-    flips = np.concatenate([flip(*pair).ravel() for pair in zip(pictures, truth, strict=True)])
-    error, shown = (
-        metrics.root_mean_square(values, weights) for values in (apart, apart_on_screen)
-    )
-    return {
-        "relative_rmse": 0.0 if error == 0 else error / size if size > 0 else math.inf,
-        "max_error": float(apart.max()),
-        "levels": 255 * metrics.weighted_quantile(apart_on_screen.max(-1), weights, VISIBLE),
-        "psnr": -20 * math.log10(shown) if shown > 0 else math.inf,
-        "flip_mean": float(np.average(flips, weights=weights)),
-        "flip_p99": metrics.weighted_quantile(flips, weights, 0.99),
-        "wrong": float(np.average(metrics.wrong_pixels(picture, reference), weights=weights)),
-        **_uncertainty(apart, squares, error / size if 0 < size < math.inf else 0.0),
-    }
-
-
-def _uncertainty(apart: Array, squares: Squares, relative: float) -> dict[str, float]:
-    """`Row.spread` and `Row.unseen`, 0 where the squares are the whole frame. apart: (n, 3) errors.
-    relative: their root mean square, over the frame's own.
-
-    Squares of which the picks meet three on average are missed by all of them with a chance of
-    e⁻³, once in 20 (the rule of three: Hanley and Lippman-Hand 1983).
-    """
-    ends = np.cumsum([area([crop]) for crop in squares.crops])[:-1]
-    sums = np.array([(part**2).sum() for part in np.split(apart, ends)]) * squares.weights
-    total = sums.sum()
-    if len(sums) == 1 or not 0 < total < math.inf:
-        return {"spread": 0.0, "unseen": 0.0}
-    unseen = relative * math.sqrt(_MISSED * sums.max() / total)
-    return {"spread": _spread(sums, squares), "unseen": unseen}
-
-
-def _spread(sums: Array, squares: Squares) -> float:
-    """Two standard deviations of the root of the sums' mean, as a share of it, from how unlike the
-    squares' (n,) are.
-    """
-    total, count = sums.sum(), len(sums)
-    missing = np.maximum(1 - 1 / squares.weights, 0.0)
-    variance = count / (count - 1) * (missing * (sums - total / count) ** 2).sum()
-    return math.sqrt(variance) / total

@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from . import plot
-from .trade import KNOBS, Row, Trade
+from .trade_knobs import KNOBS
+from .trade_rows import Row, Trade
 
 Array = np.ndarray
 

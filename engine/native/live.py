@@ -149,7 +149,8 @@ class NativeLive:
                 replace(x, openings=self._openings) if x.kind == "DOME" else x for x in scene.lights
             )
             known = replace(scene, lights=known)
-            lit = known.as_lit(**lighting | {"bounces": 0}, finding=False)
+            fibres = lighting["bounces"] > 0
+            lit = known.as_lit(**lighting | {"bounces": 0}, finding=False, between_fibres=fibres)
             if lighting["bounces"] and self._bounced is not None:
                 lit = replace(lit, lights=(*lit.lights, self._bounced))
         self._asked = (scene, lighting, exact, lit)

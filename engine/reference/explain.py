@@ -19,8 +19,9 @@ from .cancellation import Cancellation
 from .gathering import gathering, seen_lobes
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import Lighting, balance, fibres, highlight, matt_lobes
+from .lighting import Lighting, balance
 from .lights import LightSample, Source
+from .lobe_light import fibres, highlight, matt_lobes, ways_through
 from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
@@ -410,7 +411,9 @@ class Explainer:
         diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) * far + matt[:, 0]
         diffuse = share * diffuse
         shadow, blocker, distance = (
-            self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
+            self._shadow(surface, source, sample, coefficients.fibres if glossy else [])
+            if lit
+            else (np.ones(3), "", np.inf)
         )
         return LightTerm(
             light=source.light.name,
@@ -433,18 +436,21 @@ class Explainer:
         return float(highlight(term, slice(None), surface.n, surface.v, sample.direction)[0])
 
     def _shadow(
-        self, surface: Surface, source: Source, sample: LightSample
+        self, surface: Surface, source: Source, sample: LightSample, terms: list[Term]
     ) -> tuple[Array, str, float]:
         """S, and the first thing that stands between the point and the light's sample."""
         if not source.light.cast_shadow:
             return np.ones(3), "", np.inf
         shadows = self.stage.lighting.shadows_of(source)
-        shadow = shadows.towards(surface, np.zeros(1, np.intp), sample)[0]
+        seen = np.zeros(1, np.intp)
+        through = ways_through(surface, terms, seen, sample)
+        shadow = shadows.towards(surface, seen, sample, through)[0]
         if (shadow == 1).all():
             return shadow, "", np.inf
         towards = sample.direction if sample.end is None else sample.end - surface.start
         beside = np.where(dot(surface.g, towards) < 0, -1.0, 1.0)
         start = surface.start + beside * surface.offset * surface.g
+        start = start + (0.0 if through is None else through) * sample.direction
         far = (
             np.array([np.inf])
             if sample.end is None

@@ -12,15 +12,14 @@ import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
-from . import stretching
 from .bumps import bump_shadow
 from .cancellation import Cancellation
 from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
-from .materials import Coefficients, Term, taken
-from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen
+from .lobe_light import fibres, highlights, matt_lobes, ways_through
+from .materials import Coefficients, Term
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
 from .surface import Surface
@@ -426,7 +425,9 @@ class Lighting:
 
         def open_(places: Array) -> Array:
             shadows = self.shadows_of(source)
-            return shadows.towards(surface, seen[places], chosen.taken(places)).T
+            some, at = seen[places], chosen.taken(places)
+            through = ways_through(surface, coefficients.fibres, some, at) if glossy else None
+            return shadows.towards(surface, some, at, through).T
 
         return Given(seen, diffuse, specular, open_, np.ones(len(seen)), chosen.group_of(source))
 
@@ -444,97 +445,3 @@ def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | 
     densely each of them falls there.
     """
     return 1 / (1 + narrow.density(seen, sample.direction) * sample.spread) if narrow else 1.0
-
-
-def highlight(
-    term: Term,
-    chosen: Array | slice,
-    n: Array,
-    v: Array,
-    l: Array,  # noqa: E741, the notes' letter
-) -> Array:
-    """(m,) max(0, n·h)^p of a SPECULAR lobe with all that it is times, at the places `chosen` (m,)
-    of the term's points; 0 where n·l is not above 0. n: the points', where it has none of its own.
-    """
-    lobe = term.lobe
-    n = n if term.normal is None else term.normal[:, chosen]
-    power = blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
-        n,
-        v,
-        l,
-        taken(term.masking, chosen),
-        taken(term.ior, chosen),
-        lobe.fresnel,
-        lobe.schlick,
-    )
-    if term.stretch is not None:
-        t = term.stretch[:, chosen]
-        factor = stretching.power(n, t, v + l, taken(term.exponent, chosen), 4)
-        factor = factor * stretching.masking(n, t, v, l, taken(term.masking, chosen))
-        ior = taken(term.ior, chosen)
-        factor = factor * gloss(n, v, l, 0.0, ior, lobe.fresnel, lobe.schlick)
-        power = np.where(t.any(0), factor, power)
-    return np.where(dot(n, l) > 0, power, 0.0)
-
-
-def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
-    """Σ k_s max(0, n·h)^p at the points `seen` (m,) of the surface, of light from `direction`
-    (3, m).
-    """
-    return _summed(highlight, surface, terms, seen, direction)
-
-
-def matt_lobes(
-    surface: Surface, coefficients: Coefficients, seen: Array, direction: Array
-) -> Array:
-    """The same of SHEEN and FIBRE_DIFFUSE lobes."""
-    total = _sheens(surface, coefficients.sheens, seen, direction)
-    if not coefficients.fibres:
-        return total
-    return total + fibres(surface, coefficients.fibres, seen, direction, matt=True)
-
-
-def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, matt: bool) -> Array:
-    """The same of FIBRE_DIFFUSE lobes, or of the others."""
-
-    def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
-        cosine, t = dot(n, l), pick(term.fibre, chosen)
-        if matt:
-            return np.where(cosine > 0, fibre_diffuse(t, l), 0.0)
-        behind = term.lobe.kind == "FIBRE_TRANSMISSION"
-        numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
-        given = fibre_highlight(t, v, l, *numbers, behind)
-        return np.where((cosine < 0) if behind else (cosine > 0), given, 0.0)
-
-    chosen = [term for term in terms if (term.lobe.kind == "FIBRE_DIFFUSE") == matt]
-    return _summed(lobe, surface, chosen, seen, direction)
-
-
-def _sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
-    def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
-        given = sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
-        return np.where(dot(n, l) > 0, given, 0.0)
-
-    return _summed(lobe, surface, terms, seen, direction)
-
-
-def _summed(
-    lobe: Callable[[Term, Array, Array, Array, Array], Array],
-    surface: Surface,
-    terms: list[Term],
-    seen: Array,
-    direction: Array,
-) -> Array:
-    total = np.zeros((3, len(seen)))
-    if not terms or not len(seen):
-        return total
-    place = np.full(seen.max() + 1, -1)
-    place[seen] = np.arange(len(seen))
-    for term in terms:
-        known = term.index <= seen.max()
-        chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
-        here, at = term.index[chosen], place[term.index[chosen]]
-        k = term.k if term.k.shape[1] == 1 else pick(term.k, chosen)
-        n, v = pick(surface.n, here), pick(surface.v, here)
-        add_at(total, at, k * lobe(term, chosen, n, v, pick(direction, at)))
-    return total

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .gloss import Narrow, Reflections, half_vector
-from .lighting import highlights
 from .lights import LightPoint
+from .lobe_light import highlights
 from .materials import Coefficients, Term
 from .optics import fresnel, reflected, refracted
 from .rays import IncoherentRays, Rays

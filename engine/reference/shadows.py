@@ -53,10 +53,19 @@ class Shadows:
         """What stands first in the way of each ray, whether light passes it or not."""
         return self._visibility.closest_of(rays, self._seen)
 
-    def towards(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
-        """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
+    def towards(
+        self, surface: Surface, seen: Array, sample: LightSample, through: Array | None = None
+    ) -> Array:
+        """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights. through:
+        (m,) how far the rays begin on their way, behind fibres that they pass.
+        """
         self._rays["shadow"] += len(seen)
-        return self.from_points(self._start(surface, seen, sample), sample, counted=True)
+        start = self._start(surface, seen, sample)
+        if through is not None:
+            if sample.end is not None:
+                through = np.minimum(through, length(sample.end - start) / 2)
+            start = start + through * sample.direction
+        return self.from_points(start, sample, counted=True)
 
     def near(self, surface: Surface, direction: Array, reach: float) -> Array:
         """(3, n) what is open over all points of the surface in the unit directions (3, n), as far

@@ -1,50 +1,40 @@
 """The scene as plain values, the checks that it passes and what the core drops of it.
 
-`model.py` has the values, all of which are imported from here; `delta.py` has what changed from one
-scene to the next; `problems.py` lists what is wrong with a scene at the API boundary, the modules
-…_problems what is with its parts, by `checks.py` of single values; `left_out.py` names what the
-core drops; `view_axes.py` turns scenes into a narrow view's axes.
+`model.py` and the modules model_… have the values, all of which are imported from here; `delta.py`
+has what changed from one scene to the next; `problems.py` lists what is wrong with a scene at the
+API boundary, the modules …_problems what is with its parts, by `checks.py` of single values;
+`left_out.py` names what the core drops; `view_axes.py` turns scenes into a narrow view's axes.
 """
 
 from .delta import SceneDelta, settled
-from .model import (
-    BUMP_SHADOWING,
-    CAMERAS,
-    CHANNELS,
+from .model import CAMERAS, MISTS, Array, Camera, Lens, Mist, Scene, World
+from .model_geometry import (
     CORNER,
-    ENCODINGS,
     EVERYTHING,
-    EXTENSIONS,
     FACE,
-    INTERPOLATIONS,
-    LIGHT_SHAPES,
-    LIGHTS,
-    LOBES,
-    MISTS,
     MOST_SETS,
     POINT,
-    Array,
     Attribute,
-    Bounces,
-    Camera,
-    Emitters,
     Geometry,
-    Input,
     Instances,
-    Lens,
-    Light,
+    Mesh,
+    Polygons,
+    Spheres,
+    Strands,
+)
+from .model_lights import LIGHT_SHAPES, LIGHTS, Bounces, Emitters, Light, Openings
+from .model_surfaces import (
+    BUMP_SHADOWING,
+    CHANNELS,
+    ENCODINGS,
+    EXTENSIONS,
+    INTERPOLATIONS,
+    LOBES,
+    Input,
     Lobe,
     Material,
     Medium,
-    Mesh,
-    Mist,
-    Openings,
-    Polygons,
-    Scene,
-    Spheres,
-    Strands,
     Texture,
-    World,
 )
 
 __all__ = [

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from .model import Instances, Scene
+from .model import Scene
+from .model_geometry import Instances
 
 Numbers = tuple[int, ...] | None
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from .checks import Found, array, below, finite_array, handle, holds, key_values, one_of, whole
 from .light_problems import links
-from .model import (
+from .model import Scene
+from .model_geometry import (
     CORNER,
     FACE,
     MOST_SETS,
@@ -18,7 +19,6 @@ from .model import (
     Instances,
     Mesh,
     Polygons,
-    Scene,
     Spheres,
     Strands,
 )

@@ -10,7 +10,9 @@ from dataclasses import fields
 import numpy as np
 
 from ..program.program import Program
-from .model import Array, Geometry, Instances, Light, Polygons, Scene, Spheres, Strands
+from .model import Array, Scene
+from .model_geometry import Geometry, Instances, Polygons, Spheres, Strands
+from .model_lights import Light
 
 NAMES = 3
 """As many things of a kind are named."""

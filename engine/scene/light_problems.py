@@ -19,7 +19,9 @@ from .checks import (
     one_of,
     placement,
 )
-from .model import EVERYTHING, LIGHT_SHAPES, LIGHTS, MISTS, MOST_SETS, Instances, Light, World
+from .model import MISTS, World
+from .model_geometry import EVERYTHING, MOST_SETS, Instances
+from .model_lights import LIGHT_SHAPES, LIGHTS, Light
 from .surface_problems import medium_problems
 
 _ORTHONORMAL = 1e-4

@@ -18,19 +18,10 @@ from .camera_problems import camera_problems
 from .checks import Found, array, finite_array, holds, whole
 from .geometry_problems import geometry_problems, instance_problems, worth_asking
 from .light_problems import dome_problems, light_problems, world_problems
-from .model import (
-    Camera,
-    Instances,
-    Light,
-    Material,
-    Mesh,
-    Polygons,
-    Scene,
-    Spheres,
-    Strands,
-    Texture,
-    World,
-)
+from .model import Camera, Scene, World
+from .model_geometry import Instances, Mesh, Polygons, Spheres, Strands
+from .model_lights import Light
+from .model_surfaces import Material, Texture
 from .surface_problems import material_problems, texture_problems
 
 MOST_AOVS = 256

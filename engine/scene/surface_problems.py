@@ -21,7 +21,7 @@ from .checks import (
     one_of,
     whole,
 )
-from .model import (
+from .model_surfaces import (
     BUMP_SHADOWING,
     CHANNELS,
     ENCODINGS,

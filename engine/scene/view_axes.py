@@ -15,7 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .model import Camera, Instances, Light, Scene
+from .model import Camera, Scene
+from .model_geometry import Instances
+from .model_lights import Light
 
 Array = np.ndarray
 

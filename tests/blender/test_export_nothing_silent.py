@@ -152,12 +152,6 @@ def test_trees_without_an_output_are_black_and_told(scene, home):  # noqa: F811
     assert any("without an output node" in note for note in result.notes)
 
 
-def _see_through() -> Shader:
-    shader = Shader(shader="ShaderNodeBsdfTransparent")
-    shader.material.use_transparent_shadow = False
-    return shader
-
-
 def _bent() -> Shader:
     shader = Shader(shader="ShaderNodeBsdfGlossy")
     shader.shader.inputs["Roughness"].default_value = 0.0
@@ -176,7 +170,6 @@ SET = {
     "lamps through glass": (lambda: setattr(_lamp(), "visible_transmission", False), "refracts"),
     "caustics": (lambda: setattr(_lamp().data.cycles, "is_caustics_light", True), "caustics"),
     "bounces of a lamp": (lambda: setattr(_lamp().data.cycles, "max_bounces", 1), "Max Bounces"),
-    "shadows of what is clear": (_see_through, "Transparent Shadows"),
     "bump correction": (_bent, "Bump Map Correction"),
     "exposure": (lambda: _cycles(film_exposure=2.0), "Film Exposure"),
     "clear glass": (lambda: _cycles(film_transparent_glass=True), "Transparent Glass"),

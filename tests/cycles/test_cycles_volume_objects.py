@@ -111,6 +111,33 @@ def test_glow_that_a_grid_drives_in_closed_form(tmp_path):
     assert mine.mean() == pytest.approx(truth.mean(), rel=0.01)
 
 
+@pytest.mark.parametrize("count", [12, 24])
+def test_black_bodies_of_a_grid_are_mixed_as_in_cycles(tmp_path, count):
+    """What voxels glow is straight between them, not their temperature, which goes by its fourth
+    power: that would be a third darker where voxels are coarse.
+    """
+    values = two_blobs(count)
+    path = write_grids(
+        tmp_path / "fire.vdb", 2 / count, (-1 + 1 / count,) * 3, density=values, temperature=values
+    )
+    inputs = {"Density": 2.0, "Temperature": 1500.0, "Blackbody_Intensity": 1.0}
+    scene, _, _ = seen(path, world=0.0, **inputs, **BLACK)
+    truth, mine = pictures(scene, 64)
+    assert truth.mean() > 1e-4
+    assert mine[..., :2].mean() == pytest.approx(truth[..., :2].mean(), rel=0.06)
+
+
+def test_odd_temperatures_give_numbers(tmp_path):
+    values = two_blobs(8)
+    values[2, 2, 2], values[5, 5, 5], values[3, 3, 3] = 1e30, -1e30, 1e-30
+    path = write_grids(tmp_path / "odd.vdb", 0.25, (-1,) * 3, density=values, temperature=values)
+    inputs = {"Temperature": 1500.0, "Blackbody_Intensity": 1.0}
+    scene, _, node = seen(path, world=0.0, **inputs)
+    assert np.isfinite(render_glint(scene, "NATIVE").combined).all()
+    node.inputs["Blackbody Intensity"].default_value = 0.0
+    assert not render_glint(scene, "NATIVE").combined[..., :3].any()
+
+
 @pytest.mark.parametrize(
     ("space", "scale", "length"),
     [

@@ -7,7 +7,7 @@ import pytest
 import cycles_reference as cycles
 from glint.addon.export import export_scene
 from glint.engine.lights.bounced_light import bounced_light
-from glint_picture import BACKENDS, render_glint
+from glint_picture import BACKENDS, render_glint, render_pair
 from small_scenes import add, add_camera, add_light, cube, lambert, moved, new_material, plane
 
 SIZE = 32, 24
@@ -83,3 +83,23 @@ def test_bounced_light_comes_through_a_window():
     assert found is not None
     below = found.bounces.points[:, 2]
     assert (below < 0.1).sum() > 0.2 * len(below)
+
+
+@pytest.mark.parametrize("passes", [True, False])
+def test_shadows_of_what_is_clear_are_transparent_as_the_material_says(passes):
+    """A pane of colour between a floor and a sun."""
+    scene = cycles.empty_scene(*SIZE)
+    add(scene, "Floor", plane(5.0, lambert((0.8, 0.8, 0.8))))
+    material, tree, output = new_material("Clear")
+    node = tree.nodes.new("ShaderNodeBsdfTransparent")
+    node.inputs["Color"].default_value = (0.7, 0.4, 0.2, 1.0)
+    tree.links.new(node.outputs[0], output.inputs[0])
+    material.use_transparent_shadow = passes
+    pane = add(scene, "Pane", plane(1.0, material), moved(0.3, 0.2, 1.0, 1.0, 1.0, 1.0))
+    pane.visible_camera = False
+    add_camera(scene)
+    add_light(scene, "SUN", (0.5, 0.2, 4), energy=3.0)
+    wanted, found = render_pair(scene, "NATIVE", "clear").colors()
+    off = np.abs(found - wanted).max(-1)
+    assert np.median(off) <= 1e-4 and (off > 0.01).mean() <= 0.05
+    assert wanted.std() > 0.02

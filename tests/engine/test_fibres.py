@@ -247,3 +247,47 @@ def test_odd_tangents_stay_finite(tangent) -> None:
     for backend in ("NATIVE", "NUMPY"):
         film = render(scene(*lobes, geometry=geometry), Settings(samples=2, backend=backend))
         assert np.isfinite(film.passes["Combined"]).all()
+
+
+def chain(count: int, radius: float) -> s.Strands:
+    """A quarter of a circle of segments, as thick as the tangents are long."""
+    turn = np.linspace(0.25, 0.75, count + 1) * np.pi
+    ends = 3 * np.stack([np.cos(turn), np.sin(turn) - 1, 0 * turn], 1).astype(np.float32)
+    tangent = np.zeros((count + 1, 4), np.float32)
+    tangent[:, :2] = 2 * radius * np.stack([-np.sin(turn), np.cos(turn)], 1)
+    told = (s.Attribute(TANGENT, "POINT", tangent),)
+    return s.Strands("bent", ends, np.full(count + 1, radius, np.float32),
+                     np.arange(count, dtype=np.uint32), attributes=told)  # fmt: skip
+
+
+@needs_core
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+def test_light_passes_bent_strands_whatever_they_are_cut_to(backend) -> None:
+    """Neighbours of the segment that it goes through are no strands of their own."""
+    sun = replace(SUN, world_from_light=_towards(np.array([0.0, 0.3, -1.0])))
+    found = [
+        render(
+            scene(lobe("TRANSMISSION", 1.0, 2.0), lights=(sun,), geometry=chain(count, 0.4)),
+            Settings(samples=4, backend=backend),
+        ).passes["Combined"][..., 0]
+        for count in (8, 40)
+    ]
+    lit = found[0] > 0.1
+    assert lit.sum() > 10
+    np.testing.assert_allclose(found[1][lit].mean(), found[0][lit].mean(), rtol=0.03)
+    assert (found[1][lit] > 0.5 * found[0][lit]).mean() > 0.9
+
+
+def test_light_between_fibres_is_there_where_light_bounces() -> None:
+    """Neither the lobe that shows it nor what lets it on to the next fibre is there without."""
+    made = scene(lobe("DIFFUSE", 0.5), replace(lobe("DIFFUSE", 0.3), between_fibres=True))
+    options = {"by_world": False, "by_meshes": False}
+    assert made.as_lit(**options, bounces=1).materials is made.materials
+    assert len(made.as_lit(**options, bounces=0).materials[0].lobes) == 1
+    assert made.as_lit(**options, bounces=0, between_fibres=True).materials is made.materials
+    alone = scene(lobe("DIFFUSE", 0.5))
+    settings = Settings(samples=1, backend="NUMPY")
+    for each, bounces in ((made, 0), (made, 1)):
+        film = render(each, replace(settings, diffuse_bounces=bounces)).passes["Combined"]
+        expected = render(alone, settings).passes["Combined"] * (1.6 if bounces else 1.0)
+        np.testing.assert_allclose(film[..., 0], expected[..., 0], rtol=1e-6)

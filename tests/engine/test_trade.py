@@ -14,7 +14,15 @@ from glint.engine import (
     Settings,
     available_backends,
 )
-from glint.engine.analysis import trade, trade_crops, trade_plot
+from glint.engine.analysis import (
+    metrics,
+    trade,
+    trade_crops,
+    trade_errors,
+    trade_knobs,
+    trade_plot,
+)
+from glint.engine.analysis.trade_rows import Row, Trade, advice, with_bounds, with_front
 from glint.engine.scene import Lobe, Material, Medium, World
 
 BACKEND = available_backends()[0]
@@ -34,7 +42,7 @@ def soft_scene(**more) -> Scene:
 
 
 def row(seconds, error, **more):
-    return trade.Row(dict(KNOBS), seconds, seconds, error, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, **more)
+    return Row(dict(KNOBS), seconds, seconds, error, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, **more)
 
 
 def measured(scene=None, **more):
@@ -70,7 +78,7 @@ def test_crops_cost_and_show_what_a_render_does_however_often_they_are_drawn(sam
 
 
 def test_the_front_is_what_nothing_beats():
-    rows = trade.with_front(
+    rows = with_front(
         [
             row(3, 0.5),
             row(1, 1.0),
@@ -92,14 +100,14 @@ def test_the_front_is_what_nothing_beats():
 def test_the_front_is_one_of_the_times_that_are_told():
     """Of whole frames, whatever the squares took together."""
     rows = [replace(row(1.0, 0.5), frame_seconds=3.0), replace(row(2.0, 0.1), frame_seconds=2.0)]
-    assert [r.on_front for r in trade.with_front(rows)] == [True, False]
-    shown = trade.Trade(trade.with_front(rows), "", (), (1, 1), 1, True).shown
+    assert [r.on_front for r in with_front(rows)] == [True, False]
+    shown = Trade(with_front(rows), "", (), (1, 1), 1, True).shown
     assert [r.frame_seconds for r in shown] == [2.0]
 
 
 def test_no_row_of_the_front_is_dominated_and_every_other_is():
     numbers = np.random.default_rng(5).random((40, 2))
-    rows = trade.with_front([row(*pair) for pair in numbers])
+    rows = with_front([row(*pair) for pair in numbers])
     for one in rows:
         beaten = any(
             o.seconds <= one.seconds
@@ -112,19 +120,15 @@ def test_no_row_of_the_front_is_dominated_and_every_other_is():
 
 def test_advice_names_the_faster_setting_that_is_as_good():
     slow = replace(row(4, 0.5, current=True), knobs={**KNOBS, "samples": 64})
-    rows = trade.with_front(
-        [row(1, 1.0), replace(row(2, 0.5), knobs={**KNOBS, "samples": 16}), slow]
-    )
+    rows = with_front([row(1, 1.0), replace(row(2, 0.5), knobs={**KNOBS, "samples": 16}), slow])
     assert (
-        trade.advice(trade.Trade(rows, "", (), (1, 1), 1, True))
+        advice(Trade(rows, "", (), (1, 1), 1, True))
         == "Samples 16 would be as good in 50% of the time"
     )
-    flat = trade.Trade(
-        trade.with_front([row(1, 0.0), row(2, 0.0, current=True)]), "", (), (1, 1), 1, True
-    )
-    assert "same picture" in trade.advice(flat)
-    alone = trade.Trade(trade.with_front([row(1, 1.0, current=True)]), "", (), (1, 1), 1, True)
-    assert "lie on the front" in trade.advice(alone)
+    flat = Trade(with_front([row(1, 0.0), row(2, 0.0, current=True)]), "", (), (1, 1), 1, True)
+    assert "same picture" in advice(flat)
+    alone = Trade(with_front([row(1, 1.0, current=True)]), "", (), (1, 1), 1, True)
+    assert "lie on the front" in advice(alone)
 
 
 # --- the grid
@@ -154,9 +158,11 @@ def test_the_grid_holds_only_knobs_that_can_matter():
         (hard, replace(bounced, illumination="CLASSIC"), always),
         (foggy, base, always | {"volume_samples"}),
     ):
-        grid = trade.settings_grid(scene, settings, {})
+        grid = trade_knobs.settings_grid(scene, settings, {})
         assert {
-            knob.name for knob in trade.KNOBS if len({getattr(s, knob.name) for s in grid}) > 1
+            knob.name
+            for knob in trade_knobs.KNOBS
+            if len({getattr(s, knob.name) for s in grid}) > 1
         } == varied
         assert settings in grid
 
@@ -164,17 +170,17 @@ def test_the_grid_holds_only_knobs_that_can_matter():
 def test_bounced_light_is_measured_against_more_of_it():
     hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
     base = Settings(samples=4, light_samples=2, diffuse_bounces=1)
-    wanted = trade.reference_settings(hard, base, trade.settings_grid(hard, base, {}), 64)
+    wanted = trade.reference_settings(hard, base, trade_knobs.settings_grid(hard, base, {}), 64)
     assert wanted.diffuse_bounces == 8
     assert wanted.light_samples > 1
     off = replace(base, diffuse_bounces=0)
-    wanted = trade.reference_settings(hard, off, trade.settings_grid(hard, off, {}), 64)
+    wanted = trade.reference_settings(hard, off, trade_knobs.settings_grid(hard, off, {}), 64)
     assert (wanted.diffuse_bounces, wanted.light_samples) == (0, 1)
 
 
 def test_each_knob_goes_from_fast_to_accurate_and_the_threshold_only_where_it_can_stop_a_pixel():
     hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
-    grid = trade.settings_grid(
+    grid = trade_knobs.settings_grid(
         hard, Settings(samples=16, error_threshold=4.0), {"samples": [4, 16]}
     )
     assert [(s.samples, s.error_threshold) for s in grid] == [
@@ -196,7 +202,7 @@ def test_bounces_are_combined_with_each_other_but_not_with_samples():
         "max_bounces": [0, 2],
         "cutoff": [0.01],
     }
-    grid = trade.settings_grid(mirror, base, values)
+    grid = trade_knobs.settings_grid(mirror, base, values)
     sampling, bounces = (base.max_bounces, base.cutoff), (base.samples, base.light_samples)
     assert [
         (s.samples, s.light_samples) for s in grid if (s.max_bounces, s.cutoff) == sampling
@@ -221,7 +227,7 @@ def test_an_error_threshold_saves_time_and_loses_little():
 
 def test_an_unknown_knob_is_named():
     with pytest.raises(SceneError, match="no such knob: colour"):
-        trade.settings_grid(soft_scene(), Settings(), {"colour": [1]})
+        trade_knobs.settings_grid(soft_scene(), Settings(), {"colour": [1]})
 
 
 def speckled(width, height, seed=0):
@@ -312,7 +318,7 @@ def test_the_front_tells_the_errors_of_the_whole_frame(monkeypatch, looked, side
     truth = engine.render(scene, replace(base, samples=64)).combined[..., :3]
     for row in found.front:
         picture = engine.render(scene, replace(base, **row.knobs)).combined[..., :3]
-        true = trade.metrics.relative_rmse(picture, truth)
+        true = metrics.relative_rmse(picture, truth)
         assert row.checked
         if row.relative_rmse == 0:
             assert true <= row.bound > 0
@@ -334,15 +340,15 @@ def test_what_no_square_met_is_bounded():
     apart[7] = wrong
     apart[8, 0] = wrong / 2
     pixels = apart.reshape(-1, 3)
-    error = trade.metrics.root_mean_square(pixels, squares.pixel_weights)
-    found = trade._uncertainty(pixels, squares, error)
+    error = metrics.root_mean_square(pixels, squares.pixel_weights)
+    found = trade_errors.uncertainty(pixels, squares, error)
     missed = 3 * frame / picked
     assert (1 - picked / frame) ** missed == pytest.approx(0.05, abs=0.01)
     assert found["unseen"] == pytest.approx(wrong * np.sqrt(missed / frame))
 
     rows = [row(3, 0.0), row(2, 0.01, unseen=0.03), row(1, 0.02, unseen=0.05)]
-    assert [r.bound for r in trade.with_bounds(rows)] == [0.03, 0.0, 0.0]
-    assert [r.bound for r in trade.with_bounds(rows[:1])] == [0.0]
+    assert [r.bound for r in with_bounds(rows)] == [0.03, 0.0, 0.0]
+    assert [r.bound for r in with_bounds(rows[:1])] == [0.0]
 
 
 def test_something_is_told_early_and_the_last_of_it_is_the_result(monkeypatch):
@@ -374,10 +380,10 @@ def test_the_first_answer_takes_few_samples_and_makes_way_for_the_rest():
 
 
 def test_at_most_six_different_points_and_the_current_settings_are_shown():
-    rows = trade.with_front(
+    rows = with_front(
         [row(2.0**k, 0.5**k) for k in range(20)] + [row(2.0**19.5, 0.5, current=True)]
     )
-    shown = trade.Trade(rows, "", (), (1, 1), 1, True).shown
+    shown = Trade(rows, "", (), (1, 1), 1, True).shown
     assert len(shown) == 7 and shown[-1].current
     assert (shown[0].seconds, shown[5].seconds) == (1.0, 2.0**19)
     gaps = np.diff(np.log2([r.seconds for r in shown[:6]]))
@@ -387,8 +393,8 @@ def test_at_most_six_different_points_and_the_current_settings_are_shown():
 @pytest.mark.parametrize("place", [0, 1, 7, 18, 19])
 def test_the_current_settings_are_shown_on_the_front_too(place):
     """Beside the ends, however near one of them it lies."""
-    rows = trade.with_front([row(2.0**k, 0.5**k, current=k == place) for k in range(20)])
-    shown = trade.Trade(rows, "", (), (1, 1), 1, True).shown
+    rows = with_front([row(2.0**k, 0.5**k, current=k == place) for k in range(20)])
+    shown = Trade(rows, "", (), (1, 1), 1, True).shown
     assert len(shown) == 6 and [r.current for r in shown].count(True) == 1
     assert (shown[0].seconds, shown[5].seconds) == (1.0, 2.0**19)
 
@@ -478,8 +484,8 @@ def _ink(image, color):
 
 
 def test_the_plot_rises_to_the_left_and_marks_the_current_settings():
-    rows = trade.with_front([row(0.1, 0.1), row(1.0, 0.01), row(10.0, 0.001, current=True)])
-    image = trade_plot.draw_trade(trade.Trade(rows, "truth", (), (1, 1), 1, True), "test")
+    rows = with_front([row(0.1, 0.1), row(1.0, 0.01), row(10.0, 0.001, current=True)])
+    image = trade_plot.draw_trade(Trade(rows, "truth", (), (1, 1), 1, True), "test")
     y, x = np.nonzero(_ink(image, trade_plot._CURRENT)[110:])
     _, all_x = np.nonzero(_ink(image, trade_plot._FRONT)[110:])
     assert x.mean() > 0.9 * all_x.max()
@@ -499,5 +505,5 @@ def test_curves_keep_their_order():
     "rows", [[], [row(0.0, 0.0)], [row(1.0, float("inf"))], [row(1.0, 0.0), row(2.0, 1e-300)]]
 )
 def test_odd_numbers_make_a_plot_too(rows):
-    image = trade_plot.draw_trade(trade.Trade(trade.with_front(rows), "truth", (), (1, 1), 1, True))
+    image = trade_plot.draw_trade(Trade(with_front(rows), "truth", (), (1, 1), 1, True))
     assert image.shape == (trade_plot.HEIGHT, trade_plot.WIDTH, 3) and np.isfinite(image).all()

@@ -6,7 +6,7 @@ segments as keep it within `NEAR` of its radius of the spline and turn no more t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, NamedTuple
@@ -17,7 +17,8 @@ from ....engine.scene import FACE, POINT, Attribute, Strands
 from ..materials.wanted import Wanted
 from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
-from ..shader_nodes.reader import FIBRE, GENERATED, HAIR
+from ..shader_nodes.reader import ENCLOSED, FIBRE, GENERATED, HAIR
+from .enclosure import light_between
 from .hashing import random_of
 from .meshes import GREY, sound, values_as_color, values_of
 
@@ -350,10 +351,8 @@ def _sound(values: np.ndarray) -> np.ndarray:
 def _attribute(
     data: Any, thing: Any, source: StrandSource, name: str, report: Report, render: bool
 ) -> Attribute | None:
-    if name == HAIR:
-        return Attribute(name, POINT, _hair_values(source))
-    if name == FIBRE:
-        return Attribute(name, POINT, _fibre_values(source))
+    if name in _TOLD:
+        return Attribute(name, POINT, _sound(_TOLD[name](source)))
     if name == GENERATED:
         return _per_curve(source, name, _generated(data, source))
     if name.startswith("("):
@@ -397,7 +396,7 @@ def _hair_values(source: StrandSource) -> np.ndarray:
     found = np.ones((len(curve), 4), np.float32)
     found[:, 0] = _along(source, along[:, None])[:, 0]
     found[:, 1], found[:, 2] = length[curve], random[curve]
-    return _sound(found)
+    return found
 
 
 def _fibre_values(source: StrandSource) -> np.ndarray:
@@ -413,7 +412,14 @@ def _fibre_values(source: StrandSource) -> np.ndarray:
         tangent[first] += d
         tangent[first + 1] += d
         tangent /= np.maximum(np.sqrt((tangent * tangent).sum(1)), 1e-30)[:, None]
-    return _sound(np.column_stack([tangent, 2.0 * strands.radii.astype(np.float64)]))
+    return np.column_stack([tangent, 2.0 * strands.radii.astype(np.float64)])
+
+
+_TOLD: dict[str, Callable[[StrandSource], np.ndarray]] = {
+    HAIR: _hair_values,
+    FIBRE: _fibre_values,
+    ENCLOSED: lambda source: light_between(source.strands),
+}
 
 
 def _generated(data: Any, source: StrandSource) -> np.ndarray:

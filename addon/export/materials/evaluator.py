@@ -73,6 +73,7 @@ class LobeKey:
     fibre_output: int = -1
     normal_output: int = -1
     stretch_output: int = -1
+    between_fibres: bool = False
     anisotropy: float = 0.0
     anisotropy_output: int = -1
     normal: Value | None = None  # of the shader that it comes from
@@ -178,10 +179,12 @@ class Evaluator:
         """What a socket gets, of the socket's own type as Blender converts it."""
         return self.expressions.sum_of(self._trees.value(place))
 
-    def grid(self, name: str) -> Value | None:
-        """What the grid of this name is inside of a Volume object; None where there is none."""
+    def grid(self, name: str, *made: Any) -> Value | None:
+        """What the grid of this name is inside of a Volume object; None where there is none.
+        made: as `VolumeReader.grid` has it.
+        """
         read = getattr(self._trees, "grid", None)
-        return read(name) if read is not None else None
+        return read(name, *made) if read is not None else None
 
     def thinned(self) -> Sum | None:
         """How much thinner a Volume object is for its size; None for what is not."""

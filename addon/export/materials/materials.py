@@ -23,7 +23,7 @@ from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.volume import VolumeReader
 from ..unheard import is_corrected, note_material
-from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
+from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_sheen, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
 from .compiled import Compiled, MaterialKey
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
@@ -43,7 +43,7 @@ from .graph import Place, images_behind, node_tree, output_of, read_tree, socket
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import STEP, VOLUMES, default_volume, medium_of, medium_of_closure
-from .terms import ZERO, Sum, add, complement, constant, constant_value, factors_of, multiply
+from .terms import complement, constant, constant_value, factors_of, multiply
 from .varying import Ior, Roughness
 from .wanted import Wanted, read_by
 
@@ -191,6 +191,8 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     closure = {key: terms for key, terms in closure.items() if key.kind != PASSED}
     if getattr(material, "use_transparent_shadow", True):
         closure = add_closures(closure, passed)
+    elif not _is_bounds(tree):
+        closure = _opaque_to_light(closure, evaluator)
     lobes = lobes_of(evaluator.settled(without_normals(closure)))
     medium = _inside(tree, material, images, report)
     return evaluator.expressions.with_program(
@@ -259,12 +261,30 @@ def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
     A pane lets through what it does in the world; of the light that a body bends, caustics, as much
     arrives on average.
     """
-    passed: Sum = ZERO
+    passed: Closure = {}
     for key, terms in closure.items():
         if key.kind in ("REFRACTION", PASSED):
             share = evaluator.expressions.sum_of(_passing(key, evaluator.expressions))
-            passed = add(passed, multiply(evaluator.limited(terms), share))
-    return {LobeKey("TRANSPARENT"): passed} if passed else {}
+            clear = LobeKey("TRANSPARENT", between_fibres=key.kind == PASSED)
+            passed = add_closures(passed, {clear: multiply(evaluator.limited(terms), share)})
+    return passed
+
+
+def _opaque_to_light(closure: Closure, evaluator: Evaluator) -> Closure:
+    """The closure without what rays to lights pass."""
+    expressions = evaluator.expressions
+    shadow = expressions.graph.apply(BY_NAME["light_path"])[1]
+    share = expressions.sum_of(expressions.math("SUBTRACT", 1.0, shadow))
+    return {
+        key: multiply(evaluator.limited(terms), share) if key.kind == "TRANSPARENT" else terms
+        for key, terms in closure.items()
+    }
+
+
+def _is_bounds(tree: Any) -> bool:
+    """Whether a surface is but where a volume ends."""
+    output = output_of(tree) if tree is not None else None
+    return output is not None and not socket_named(output.inputs, "Surface").is_linked
 
 
 def _passing(key: LobeKey, expressions: Expressions) -> Value:
@@ -378,6 +398,7 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
         key.fibre_output,
         key.normal_output,
         key.stretch_output,
+        key.between_fibres,
     )
 
 

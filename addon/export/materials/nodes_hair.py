@@ -7,6 +7,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.table import BY_NAME
-from ..shader_nodes.reader import FIBRE
+from ..shader_nodes.reader import ENCLOSED, FIBRE
 from .evaluator import CLOSURE_NODES, PASSED, Closure, LobeKey, NodeView, add_closures
 from .fresnel import mean_across_fibre
 from .terms import RGB, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
@@ -25,39 +26,54 @@ _SMOOTHEST = 0.02
 """Of highlights along a strand."""
 _ACROSS = 1.85
 """Radii that light goes within a fibre of an index of about 1.5, on average over its width."""
-_FAN = 0.25
-"""How far light fans out that passes through a fibre, and that is reflected within
-(Lobe.masking).
-"""
 _TAIL = 3.0
 """Exponent of light that leaves a strand behind in all directions."""
-_BEFORE, _FORWARD = 0.7, 0.3
-"""Of what a fibre reflects the share before it, and the share that grazes it."""
 
 
-class _Mass(NamedTuple):
-    """What a mass of hair makes of light that goes from strand to strand. Of Cycles' light with 8
-    bounces on a ball of fur, from blond to black, seen from four sides.
+class _Model(NamedTuple):
+    """What a model of Principled Hair makes of light: of one strand, as Cycles' direct light shows
+    it, and of a mass of them, what Cycles' 8 bounces add (docs/decisions/0047-hair-lobes.md).
     """
 
-    within: float  # of what a fibre reflects, what leaves it before it after a way within
-    missing: float  # of what passes the clearest fibre, what does not go on straight
-    matt: float  # of clear hair, that which comes back out of it, and
-    broad: float  # which leaves it on the other side
-    onward: float  # what lights strands behind it
+    before: float  # of what Fresnel reflects, what leaves the strand before it
+    within: float  # the same after a way within
+    straight: float  # of what passes, what goes on straight
+    wide: float  # the variance of that, of the reflection's
+    fan: float  # and how far it fans out (Lobe.masking)
+    behind: float  # what passes and leaves in all directions
+    matt: float  # what comes back in all directions
+    # A mass all round: what comes back and what leaves strands behind, and the radii that dim it;
+    # what lights the next strand straight on, and the same.
+    back: tuple[float, float]
+    broad: tuple[float, float]
+    onward: tuple[float, float]
 
 
-_MASSES = {
-    "CHIANG": _Mass(2.0, 0.61, 0.17, 0.6, 1.0),
-    "HUANG": _Mass(1.2, 0.46, 0.03, 0.48, 0.82),
+_MODELS = {
+    "CHIANG": _Model(
+        0.72, 1.65, 0.98, 0.42, 0.16, 0.03, 0.0, (1.55, 8.6), (2.55, 4.4), (0.34, 3.0)
+    ),
+    "HUANG": _Model(
+        0.58, 0.0, 0.745, 1.0, 0.09, 0.123, 0.056, (0.46, 8.1), (1.0, 4.35), (0.45, 1.5)
+    ),
 }
-_MISSING_POWER, _MATT_POWER, _BROAD_POWER = 0.5, 0.7, 0.53
-"""Of the colour of a mass of hair: light that met fewer strands is less coloured."""
+_WITHIN_FAN = 0.25
+_FORWARD = 0.3
+"""Of what Fresnel reflects, what grazes the strand and goes on before the light."""
+_GIVEN = (
+    (0.0, 0.222),
+    (1.0, 0.369),
+    (3.0, 0.522),
+    (10.0, 0.734),
+    (30.0, 0.886),
+    (100.0, 0.96),
+    (1e4, 1.0),
+)
+"""Of even light, what a lobe of an exponent gives back of what it is meant to, seen from across."""
 _THROUGH = 0.5
-"""The same of what Hair BSDF lets through."""
-_ONWARD_ACROSS = 1.4 * _ACROSS
-_USUAL_ENTERS = 0.856
-"""Of an index of 1.55, for which the masses are."""
+"""Of the colour of Hair BSDF, what lights the next strand, as a power."""
+_USUAL_ENTERS, _USUAL_ROUGHNESS = 0.856, 0.3
+"""Of an index of 1.55, for which masses are, and for which lobes are."""
 _CAUCHY = np.array(
     [
         [0.02, 1637.0, 31.1, 0.22],
@@ -101,8 +117,10 @@ def _fibre(view: NodeView, kind: str, color: Sum, even: float = 1.0, **exponent)
 
 
 def _tangent_output(view: NodeView) -> int:
+    """The tangent, as long as the strand is thick."""
     expressions = view.evaluator.expressions
-    along = expressions.graph.apply(BY_NAME["attribute"], attribute=FIBRE, shift=0)[0]
+    along, thickness = expressions.graph.apply(BY_NAME["attribute"], attribute=FIBRE, shift=0)[:2]
+    along = expressions.apply("scaled_sum", along, thickness, expressions.constant((0.0, 0.0, 0.0)))
     spaces = {"convert_from": Space.OBJECT, "convert_to": Space.WORLD}
     told = expressions.apply("transform_vector", along, vector_type=VectorType.VECTOR, **spaces)
     return expressions.output(told)
@@ -118,50 +136,87 @@ def _on_strands(view: NodeView, color: Sum) -> Sum:
 
 def _principled_hair(view: NodeView) -> Closure:
     """Reflection R, transmission TT and the light TRT that is reflected within (Marschner et al.
-    2003), each as wide as Chiang et al. (2016) have it; and for light from strand to strand what
-    goes on straight to strands behind (Zinke et al. 2008), what comes back, and what leaves the
-    strand behind in all directions.
+    2003), each as wide as Chiang et al. (2016) have it. Where light bounces, a mass of strands has
+    more (after Zinke et al. 2008): what goes on straight to strands behind, what comes back, and
+    what leaves a strand behind in all directions, by how much of it others enclose.
     """
     unused = {"Radial Roughness": 0.3} if view.node.parametrization == "COLOR" else {}
     _note_unused(view, _UNUSED | unused)
     view.note(
         "Light from strand to strand is not traced: in {} it goes straight on through strands, and "
-        "a matt share stands for the rest"
+        "lobes that the strands round each point make stronger stand for the rest"
     )
-    model = view.node.model
-    mass = _MASSES.get(model, _MASSES["CHIANG"])
+    model = _MODELS.get(view.node.model, _MODELS["CHIANG"])
     roughness = view.roughness("Roughness", 0.3)
     edge = mean_across_fibre(max(view.constant("IOR", 1.55), 1.0))
     enters = (1 - edge) ** 2
     usual = min(enters / _USUAL_ENTERS, 1.0)
     hair = _Hair(view)
     r, tt, trt = (
-        view.factor(name, 1.0) if view.input(name) and model == "HUANG" else constant(1.0)
+        view.factor(name, 1.0) if view.input(name) and view.node.model == "HUANG" else constant(1.0)
         for name in ("R lobe", "TT lobe", "TRT lobe")
     )
 
     def lobe(kind: str, weight: Sum, times: float, **more) -> Closure:
-        wide = roughness.exponent(lambda x: 4 / (times * _variance(x)))
-        return _fibre(view, kind, weight, **wide, **more)
+        """times: its variance, of the reflection's."""
 
-    straight = complement(scale(hair.colored(_MISSING_POWER), mass.missing))
-    passed = add(
-        multiply(tt, scale(hair.dimmed(_ACROSS), enters), straight), scale(r, _FORWARD * edge)
-    )
-    within = multiply(trt, scale(hair.dimmed(2 * _ACROSS), mass.within * edge * usual))
-    back, through = (
-        scale(hair.colored(power), share * usual**2)
-        for power, share in ((_MATT_POWER, mass.matt), (_BROAD_POWER, mass.broad))
-    )
-    onward = multiply(tt, scale(hair.dimmed(_ONWARD_ACROSS), mass.onward * enters))
+        def exponent(x: float) -> float:
+            return 4 / (times * _variance(x))
+
+        usually = _given(exponent(_USUAL_ROUGHNESS))
+        lost = roughness.number(lambda x: usually / _given(exponent(x)))
+        return _fibre(view, kind, multiply(weight, lost), **roughness.exponent(exponent), **more)
+
+    def of_mass(share: float, radii: float) -> Sum:
+        return multiply(tt, scale(hair.dimmed(radii), share * usual**2))
+
+    passes, within = (hair.dimmed(radii) for radii in (_ACROSS, 2 * _ACROSS))
+    passes = multiply(tt, scale(passes, enters))
+    straight = add(scale(passes, model.straight), scale(r, _FORWARD * edge))
+    reflected = multiply(trt, scale(within, model.within * edge * usual))
+    come_back, left_behind = _enclosed(view)
     return add_closures(
-        lobe("SPECULAR", scale(r, _BEFORE * edge), 1.0),
-        lobe("TRANSMISSION", passed, 0.25, masking=_FAN),
-        lobe("SPECULAR", within, 4.0, even=0.77, masking=_FAN),
-        _fibre(view, "DIFFUSE", back),
-        _fibre(view, "TRANSMISSION", through, even=0.53, exponent=_TAIL),
-        {LobeKey(PASSED): _on_strands(view, onward)},
+        lobe("SPECULAR", scale(r, model.before * edge), 1.0),
+        lobe("TRANSMISSION", straight, model.wide, masking=model.fan),
+        lobe("SPECULAR", reflected, 4.0, even=0.77, masking=_WITHIN_FAN),
+        _fibre(view, "DIFFUSE", multiply(trt, scale(within, model.matt))),
+        _fibre(view, "TRANSMISSION", scale(passes, model.behind), even=0.53, exponent=_TAIL),
+        _of_others(_fibre(view, "DIFFUSE", multiply(of_mass(*model.back), come_back))),
+        _of_others(
+            _fibre(
+                view,
+                "TRANSMISSION",
+                multiply(of_mass(*model.broad), left_behind),
+                exponent=_TAIL,
+            )
+        ),
+        {LobeKey(PASSED): _on_strands(view, of_mass(*model.onward))},
     )
+
+
+def _enclosed(view: NodeView) -> tuple[Sum, Sum]:
+    """What of the light of a mass of hair comes back, and what leaves strands behind, by how much
+    of them others enclose.
+    """
+    expressions = view.evaluator.expressions
+    told = expressions.graph.apply(BY_NAME["attribute"], attribute=ENCLOSED, shift=0)[0]
+    back, broad, _ = expressions.parts(told)
+    return expressions.sum_of(back), expressions.sum_of(broad)
+
+
+def _of_others(closure: Closure) -> Closure:
+    """Light that others threw onto the strand: it is there where light bounces."""
+    return {
+        replace(key, between_fibres=True): weight
+        for key, weight in closure.items()
+        if key.kind != "AMBIENT"
+    }
+
+
+def _given(exponent: float) -> float:
+    """Of `_GIVEN`, between its rows."""
+    exponents, shares = zip(*_GIVEN, strict=True)
+    return float(np.interp(math.log1p(exponent), np.log1p(exponents), shares))
 
 
 def _variance(roughness: float) -> float:
@@ -191,15 +246,6 @@ class _Hair:
             tint = _constant_vector(view, "Tint", 1.0)
             dyed = ((math.log(min(max(x, 1e-5), 1.0)) / self._spread) ** 2 for x in tint)
             self._absorbed = tuple(map(sum, zip(_melanin(view), dyed, strict=True)))
-
-    def colored(self, power: float) -> Sum:
-        """A power of the colour of a mass of such hair."""
-        if self._absorbed is not None:
-            spread = power * self._spread
-            return constant(
-                tuple(math.exp(-math.sqrt(max(x, 0.0)) * spread) for x in self._absorbed)
-            )
-        return self._of_color(lambda x: x**power, lambda do, x: do("POWER", x, power))
 
     def dimmed(self, radii: float) -> Sum:
         """What of light is left after a way within."""

@@ -12,7 +12,6 @@ from .anisotropy import Brush
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .nodes_shader import (
     LEFT_OUT,
-    Fibres,
     below_coat,
     bend,
     coat_closure,
@@ -23,6 +22,7 @@ from .nodes_shader import (
     note_left_out,
     under_alpha,
 )
+from .nodes_sheen import Fibres
 from .roughness import layer_loss
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
 from .varying import Ior, Roughness

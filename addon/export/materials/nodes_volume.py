@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
+import numpy as np
+
 from ....engine.program.graph import Value
 from ....engine.program.program import compile_program
 from ....engine.scene import Material, Medium, World
-from ..shader_nodes.spectra import blackbody_table
+from ..shader_nodes.spectra import blackbody_colors, blackbody_table
 from .evaluator import CLOSURE_NODES, Closure, Evaluator, LobeKey, NodeView, add_closures
 from .graph import Place
 from .terms import RGB, Sum, complement, constant, constant_value, is_constant, multiply
@@ -24,6 +26,8 @@ _MOST = 1e30
 """Per unit of length; what is denser counts as that."""
 _BOLTZMANN = 5.670373e-8 * 1e-6 / math.pi
 """Cycles' brightness of black bodies, times the fourth power of their temperature."""
+_HOTTEST = 1e9
+"""Kelvin of a voxel that count."""
 
 
 def medium_of(place: Place, evaluator: Evaluator, step: float) -> Medium | None:
@@ -236,7 +240,12 @@ def _emission(view: NodeView) -> Sum:
 def _glow(view: NodeView) -> Sum:
     """Of a black body."""
     amounts = view.number("Blackbody Intensity")
-    kelvins = _times_grid(view, view.number("Temperature", 1000.0), "Temperature Attribute")
+    even = view.number("Temperature", 1000.0)
+    if is_constant(amounts) and is_constant(even):
+        heat = _glow_of_voxels(view, constant_value(amounts)[0], constant_value(even)[0])
+        if heat is not None:
+            return multiply(view.color("Blackbody Tint", 1.0), heat)
+    kelvins = _times_grid(view, even, "Temperature Attribute")
     if not (is_constant(amounts) and is_constant(kelvins)):
         return _varying_glow(view, amounts, kelvins)
     amount, kelvin = constant_value(amounts)[0], constant_value(kelvins)[0]
@@ -249,6 +258,25 @@ def _glow(view: NodeView) -> Sum:
     ).constant
     tinted = multiply(view.color("Blackbody Tint", 1.0), constant(color or (1.0,) * 3))
     return multiply(tinted, constant(brightness))
+
+
+def _glow_of_voxels(view: NodeView, amount: float, scale: float) -> Sum | None:
+    """The same of the temperatures that a grid tells, voxel by voxel and straight between these, as
+    Cycles mixes them; None where there is no such grid of numbers.
+    """
+
+    def glow(values: np.ndarray) -> np.ndarray:
+        kelvin = np.clip(values.reshape(-1).astype(np.float64) * scale, 0.0, _HOTTEST)
+        shines = (kelvin > 0) & (amount > 0)
+        brightness = np.where(shines, _BOLTZMANN * (1 + (kelvin**4 - 1) * amount), 0.0)
+        color = np.zeros((len(kelvin), 3), np.float32)
+        color[shines] = blackbody_colors(kelvin[shines]) * brightness[shines, None]
+        return np.minimum(color, np.float32(1e37)).reshape(*values.shape, 3)
+
+    place = view.input("Temperature Attribute")
+    name = place.socket.default_value if place is not None else ""
+    made = view.evaluator.grid(name, glow, ("glow", amount, scale)) if name else None
+    return None if made is None else view.evaluator.expressions.sum_of(made)
 
 
 def _varying_glow(view: NodeView, amounts: Sum, kelvins: Sum) -> Sum:

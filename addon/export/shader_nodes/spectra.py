@@ -55,6 +55,15 @@ def blackbody_table() -> tuple[float, ...]:
     return tuple(x for start, row in zip(_STARTS, rows, strict=True) for x in (start, *row))
 
 
+def blackbody_colors(kelvin: np.ndarray) -> np.ndarray:
+    """(n,) float64 temperatures to (n, 3) colours, by the same table."""
+    rows = np.array(blackbody_table()).reshape(-1, 16)
+    row = rows[np.searchsorted(rows[1:, 0], kelvin, "right"), 1:].reshape(-1, 3, 5)
+    over = np.where(kelvin > 0, 1 / np.where(kelvin > 0, kelvin, 1.0), 0.0)
+    powers = np.stack([over, *(kelvin**k for k in range(4))], -1)
+    return (row * powers[:, None]).sum(-1)
+
+
 _OBSERVER = """
 14 0 65, 22 1 105, 42 1 201, 76 2 362, 143 4 679, 232 6 1102, 435 12 2074, 776 22 3713,
 1344 40 6456, 2148 73 10391, 2839 116 13856, 3285 168 16230, 3483 230 17471, 3481 298 17826,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from .reader import READERS, NodeInputs, Outputs, TreeReader
 if TYPE_CHECKING:
     from ..geometry.volumes import Grid, Volume
 
+OfVoxels = Callable[[np.ndarray], np.ndarray]
+"""(x, y, z) float32 to (x, y, z, 3) float32."""
 _LAYERS = 3
 """Of a grid of numbers that a tile of its texture holds: its fourth channel is the next tile's
 first.
@@ -76,17 +79,24 @@ class VolumeReader(BareReader):
     def ray_depth(self) -> None:
         """Points inside do not know how often a ray bounced."""
 
-    def grid(self, name: str) -> Value | None:
+    def grid(self, name: str, of: OfVoxels | None = None, recipe: tuple = ()) -> Value | None:
         """What a grid of the Volume object is at the point, between its voxels straight along each
-        axis, 0 beyond them; a number or a vector, None where it has no such grid.
+        axis, 0 beyond them; a number or a vector, None where it has no such grid.  of: the vector
+        that each number stands for, which is what is straight between voxels; None where they are
+        no numbers.  recipe: all that this depends on.
         """
         found = self._volume.grid(name) if self._volume is not None else None
-        if found is None:
+        if found is None or (of is not None and found.values.ndim == 4):
             return None
-        layers = 1 if found.values.ndim == 4 else _LAYERS
+        layers = 1 if found.values.ndim == 4 or of is not None else _LAYERS
         columns = math.ceil(math.sqrt(_tiles(found, layers)))
-        key = ("VDB", self._volume.key, name)
-        texture = self.images.made(key, lambda: _texture(name, found, layers, columns))
+        key = ("VDB", self._volume.key, name, recipe)
+
+        def tiles() -> Texture:
+            made = found if of is None else replace(found, values=of(found.values))
+            return _texture(name, made, layers, columns)
+
+        texture = self.images.made(key, tiles)
         return self._mixed(found, texture, layers, columns)
 
     def _mixed(self, grid: Grid, texture: int, layers: int, columns: int) -> Value:

@@ -56,16 +56,6 @@ class Arena {
   std::vector<std::unique_ptr<void, void (*)(void*)>> kept_;
 };
 
-/// What a scene and an accelerator share.
-struct Placed {
-  std::vector<GlintGeometry> geometries;
-  std::vector<GlintAttribute> attributes;
-  std::vector<GlintInstances> instances;
-  const double* matrices = nullptr;
-  size_t rows = 0;
-};
-Placed placed(Dice& dice, Arena& arena, size_t materials);
-
 GlintSceneData scene(Dice& dice, Arena& arena);
 /// What a sound scene may have become a moment later: most arrays are the same ones.
 GlintSceneData varied(Dice& dice, Arena& arena, const GlintSceneData& before);

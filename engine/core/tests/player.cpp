@@ -138,8 +138,7 @@ class Player {
  private:
   void step(uint64_t operation) {
     switch (operation) {
-      case kBlock:
-        return read_block();
+      case kBlock: return read_block();
       case kScene: {
         const uint64_t slot = word();
         return keep(slot, core_.scene(block<GlintSceneData>(), error_, sizeof error_));
@@ -151,30 +150,24 @@ class Player {
         const auto exact = static_cast<int32_t>(word());
         return keep(slot, core_.like(base, data, exact, error_, sizeof error_));
       }
-      case kDrop:
-        return core_.drop(scene());
+      case kDrop: return core_.drop(scene());
       case kStart: {
         GlintScene* told = scene();
         render_ = core_.start(told, block<GlintRenderSettings>(), error_, sizeof error_);
         if (!render_) fail("the core refuses a render:", error_);
         return;
       }
-      case kWait:
-        return wait();
+      case kWait: return wait();
       case kMove: {
         GlintScene* told = scene();
         if (core_.move(render_, told, block<GlintRenderSettings>(), error_, sizeof error_) != 0)
           fail("the core refuses the next moment:", error_);
         return;
       }
-      case kPicture:
-        return write_picture();
-      case kFinish:
-        return core_.finish(render_);
-      case kForget:
-        return blocks_.clear();
-      default:
-        fail("the tape holds an unknown operation");
+      case kPicture: return write_picture();
+      case kFinish: return core_.finish(render_);
+      case kForget: return blocks_.clear();
+      default: fail("the tape holds an unknown operation");
     }
   }
 

@@ -60,43 +60,24 @@ void spoil(std::vector<Ray>& rays, Random& random) {
   const double inf = HUGE_VAL, nan = std::nan("");
   for (Ray& r : rays) {
     switch (random.below(60)) {
-      case 0:
-        r.d = {0, 0, 0};
-        break;
-      case 1:
-        r.d.x = nan;
-        break;
-      case 2:
-        r.o.y = inf;
-        break;
-      case 3:
-        r.t_max = nan;
-        break;
-      case 4:
-        r.t_min = -3;
-        break;
-      case 5:
-        r.d = -r.d;
-        break;
-      case 6:
-        r.d = random.on_sphere();
-        break;
+      case 0: r.d = {0, 0, 0}; break;
+      case 1: r.d.x = nan; break;
+      case 2: r.o.y = inf; break;
+      case 3: r.t_max = nan; break;
+      case 4: r.t_min = -3; break;
+      case 5: r.d = -r.d; break;
+      case 6: r.d = random.on_sphere(); break;
       case 7:
         r.t_min = 1;
         r.t_max = 0.5;
         break;
-      case 8:
-        r.d = 1e200 * r.d;
-        break;
-      case 9:
-        r.d[int(random.below(3))] = 0;
-        break;
+      case 8: r.d = 1e200 * r.d; break;
+      case 9: r.d[int(random.below(3))] = 0; break;
       case 10:
         r.o = r.o + 1e7 * r.d;
         r.d = -r.d;
         break;
-      default:
-        break;
+      default: break;
     }
   }
 }

@@ -27,16 +27,11 @@ namespace {
 
 double evaluate(int32_t function, double x, double y) {
   switch (function) {
-    case GLINT_EXP:
-      return glint::exponential(x);
-    case GLINT_LOG:
-      return glint::logarithm(x);
-    case GLINT_COS:
-      return glint::cosine(x);
-    case GLINT_SIN:
-      return glint::sine(x);
-    default:
-      return glint::cosine_power(x, y);
+    case GLINT_EXP: return glint::exponential(x);
+    case GLINT_LOG: return glint::logarithm(x);
+    case GLINT_COS: return glint::cosine(x);
+    case GLINT_SIN: return glint::sine(x);
+    default: return glint::cosine_power(x, y);
   }
 }
 

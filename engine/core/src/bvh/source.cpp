@@ -132,14 +132,10 @@ bool polygon_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
 /// has no area.
 bool any_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, bool& seen) {
   switch (s.geometry->kind) {
-    case GeometryView::kMesh:
-      return triangle_ref(s, primitive, number, ref, seen);
-    case GeometryView::kSpheres:
-      return sphere_ref(s, primitive, number, ref);
-    case GeometryView::kStrands:
-      return strand_ref(s, primitive, number, ref);
-    default:
-      return polygon_ref(s, primitive, number, ref);
+    case GeometryView::kMesh: return triangle_ref(s, primitive, number, ref, seen);
+    case GeometryView::kSpheres: return sphere_ref(s, primitive, number, ref);
+    case GeometryView::kStrands: return strand_ref(s, primitive, number, ref);
+    default: return polygon_ref(s, primitive, number, ref);
   }
 }
 

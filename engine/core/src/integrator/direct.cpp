@@ -198,10 +198,10 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stage.count = batch.size();
   stage.lit = stage_.lit;
   stage.dome = &plan_.dome;
-  const uint32_t directions = plan_.dome_samples / parts, part = sample % parts;
+  const uint32_t directions = plan_.dome_directions.each / parts, part = sample % parts;
   stage.drawn = plan_.light_point(light, sample, part * directions).drawn;
   stage.directions = directions;
-  std::vector<OpeningPoint> points(plan_.opening_samples / parts);
+  std::vector<OpeningPoint> points(plan_.opening_samples_of(light) / parts);
   for (size_t j = 0; j < points.size(); ++j)
     points[j] = plan_.opening_point(sample, uint32_t(part * points.size() + j));
   for (int c = 0; c < 3; ++c) stage.x[c] = stage_.points_x[c];
@@ -253,9 +253,7 @@ Vec3d DirectLight::shadow_start(uint32_t point, const Vec3d& end) const {
 /// What the `count` drawn directions of the stage meet of a mesh light: samples of it, as the stage
 /// has them of other lights. How many do.
 size_t DirectLight::meet_emitters(const Light& light, size_t count) {
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays = shadow_rays(count);
   scene_.trees.emitters(light).closest(
       rays, {distance_, placement_.data(), emitter_.data(), u_.data(), v_.data()}, scratch_);
   size_t kept = 0;
@@ -305,9 +303,7 @@ void DirectLight::apply_program(const Light& light, size_t count) {
 
 /// What media on the way take of the light of the stage's `count` points.
 void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays = shadow_rays(count);
   media_.find(rays, counts);
   ends_of_shadows_.resize(count);
   for (size_t k = 0; k < count; ++k)  // what is dark already is not asked
@@ -341,10 +337,8 @@ bool DirectLight::read_shadow_cache(const uint8_t* known, size_t count) {
 void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
                                RayCounts& counts) {
   if (known && read_shadow_cache(known, count)) return;
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
-  Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  Rays rays = shadow_rays(count);
   // Else it is asked for after what is solid is known.
   if (light.passed_sets || alone_) rays.opacity = opacity(light);
   scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);

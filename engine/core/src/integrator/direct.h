@@ -93,6 +93,15 @@ class DirectLight {
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                RayCounts& counts);
   void aim_around(const std::vector<uint32_t>& points, const double* place);
+  /// Those of the stage.
+  Rays shadow_rays(size_t count) const {
+    return {{stage_.o[0], stage_.o[1], stage_.o[2]},
+            {stage_.to[0], stage_.to[1], stage_.to[2]},
+            zeros_,
+            stage_.t_max,
+            count,
+            kShadow};
+  }
   Vec3d shadow_start(uint32_t point, const Vec3d& end) const;
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);

@@ -85,7 +85,7 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
                  each = (plan_.volume_samples + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
     const LightPoint point = plan_.light_point(light, sample, j);
-    light.set(stage_, point, count, plan_.physical);
+    light.set(stage_, point, count, plan_.physical());
     group_ = point.group;
     stage_.casts_shadow = true;  // so that the ways to it are known
     stage_.draws = false;

@@ -197,7 +197,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
 }
 
 bool DirectLight::is_clustered(const Light& light) const {
-  return plan_.physical && light.is_clustered();
+  return plan_.physical() && light.is_clustered();
 }
 
 void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint32_t sample,
@@ -208,7 +208,7 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
     if (alone_ && light.is_bounced() && !point.on_catcher) continue;
     if (is_gathered && point.is_last) continue;
     LightStage stage = stage_;
-    light.set(stage, point, count, plan_.physical);
+    light.set(stage, point, count, plan_.physical());
     stage.lit = lit;
     for (const bool drawn : {false, true}) {
       if (drawn && !stage.draws) continue;

@@ -38,15 +38,13 @@ void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* 
 void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32_t>& points,
                                     uint32_t sample, std::vector<Vec3d>& open, RayCounts& counts) {
   const size_t count = points.size();
-  const uint32_t each = plan_.occlusion_samples;
+  const uint32_t each = plan_.occlusion_directions.each;
   if (!(scene_.world.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
   open.assign(count, {});
   const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
   stage_.shape = kDirection;
-  const double* const* o = stage_.o;
-  const double* const* d = stage_.to;
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
-  const double* place = plan_.occlusion_points + 2 * size_t(sample % plan_.occlusion_tabled) * each;
+  const Rays rays = shadow_rays(count);
+  const double* place = plan_.occlusion_directions.row(sample, 0);
   for (uint32_t j = 0; j < each && !cancel_; ++j, place += 2) {
     aim_around(points, place);
     for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(points[k]);

@@ -11,14 +11,10 @@ namespace {
 template <class Body>
 void with_constant(uint32_t count, Body body) {
   switch (count) {
-    case 1:
-      return body(std::integral_constant<size_t, 1>());
-    case 2:
-      return body(std::integral_constant<size_t, 2>());
-    case 4:
-      return body(std::integral_constant<size_t, 4>());
-    default:
-      return body(std::integral_constant<size_t, WindowPoints::kMaxPacketSamples>());
+    case 1: return body(std::integral_constant<size_t, 1>());
+    case 2: return body(std::integral_constant<size_t, 2>());
+    case 4: return body(std::integral_constant<size_t, 4>());
+    default: return body(std::integral_constant<size_t, WindowPoints::kMaxPacketSamples>());
   }
 }
 

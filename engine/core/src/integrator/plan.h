@@ -1,5 +1,6 @@
 // What a render was asked for, and what its rays report back.
 #pragma once
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -12,6 +13,8 @@
 
 namespace glint {
 
+struct Scene;
+
 /// Numbers of a row of the tables of lights that are surfaces (glint.h).
 constexpr size_t kPointColumns = 18;
 
@@ -21,31 +24,45 @@ inline int group_of_row(const double* row) {
   return group >= 1 && group <= 64 ? int(group) - 1 : -1;
 }
 
-struct RenderPlan {
-  Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
-                         // their neighbours are looked at
-  double error_threshold = 0, cutoff = 0;
-  uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, mesh_samples = 1,
-           mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, bounced_shadows = 1,
-           volume_samples = 1, lamp_shadows = 0, max_bounces = 0, crypto_ids = 0;
-  Passes passes = 0;
-  int threads = 1;
-  BuildQuality quality = BuildQuality::kBalanced;
-  bool physical = true, unseen = false, hold_waves = false, moving = false,
-       remember = false;  // unseen: nobody looks before the last wave
-  const double* pixel_offsets = nullptr;
-  const double* light_square = nullptr;
-  const double* light_disc = nullptr;
-  const double* dome_table = nullptr;
-  const double* mesh_table = nullptr;
-  size_t mesh_rows = 0;  // of each mesh light
-  const double* bounced_table = nullptr;
-  const double* lobe_points = nullptr;  // lobe_levels runs of lobe_tabled
-  size_t lobe_levels = 1, lobe_tabled = 1;
-  int reflections = GLINT_REFLECT_OFF;
+/// A table of what the samples of pixels draw: `each` rows of so many numbers for one sample, those
+/// of `tabled` samples in turn.
+struct SampleTable {
+  const double* numbers = nullptr;
+  size_t columns = 1;
+  uint32_t each = 1, tabled = 1;
+
+  /// Of `count` rows.
+  SampleTable() = default;
+  SampleTable(const double* table, size_t width, uint32_t rows, uint64_t count)
+      : numbers(table),
+        columns(width),
+        each(std::max(rows, 1u)),
+        tabled(uint32_t(std::max(count / each, uint64_t(1)))) {}
+  size_t number(uint32_t sample, uint32_t j) const { return size_t(sample % tabled) * each + j; }
+  const double* row(uint32_t sample, uint32_t j) const {
+    return numbers + columns * number(sample, j);
+  }
+};
+
+/// The settings, and what follows from them.
+struct RenderPlan : GlintRenderSettings {
+  /// One sample of nothing.
+  RenderPlan() : GlintRenderSettings{} { samples = light_samples = lobe_levels = 1; }
+  /// The settings have no problems.
+  RenderPlan(const GlintRenderSettings& settings, const Scene& scene);
+
+  /// In place of the settings' four numbers. shown: the pixels that were asked for; the region has
+  /// a margin where their neighbours are looked at.
+  Region region{}, shown{};
+  int thread_count = 1;
+  SampleTable dome_directions, bounced_points, occlusion_directions, gather_places;
+  SampleTable mesh_points;  // of the first mesh light, and after its mesh_count those of the next
+  SampleTable opening_places;  // where there are openings
+  size_t lobe_tabled = 1;      // lobe_levels runs of so many lobe_points
   DomeCells dome;
   std::shared_ptr<const std::vector<Opening>> opening_rows;  // also of copies
   Openings open;
+<<<<<<< HEAD
   const double* opening_points = nullptr;
   uint32_t opening_samples = 0, opening_tabled = 1;
   const double* scatter_offsets = nullptr;
@@ -61,30 +78,33 @@ struct RenderPlan {
   double lens_focus = 1, gather_reach = 0;  // gather_reach: as Scene::anchor scales
   const double* gather_points = nullptr;
   uint32_t gather_samples = 1, gather_tabled = 1, gather_block = 1;
+=======
+
+  bool physical() const { return illumination == GLINT_PHYSICAL; }
+>>>>>>> main
 
   uint32_t samples_of(const Light& light) const {
-    if (light.is_mesh()) return mesh_samples;
-    if (light.is_bounced()) return bounced_samples;
-    return light.is_dome() ? dome_samples : light.extended ? light_samples : 1;
+    if (light.is_mesh()) return mesh_points.each;
+    if (light.is_bounced()) return bounced_points.each;
+    return light.is_dome() ? dome_directions.each : light.extended ? light_samples : 1;
   }
 
   /// Points on openings that surfaces take beside a light's own samples.
   uint32_t opening_samples_of(const Light& light) const {
-    return light.is_dome() ? opening_samples : 0;
+    return light.is_dome() && open.count > 0 ? opening_places.each : 0;
   }
 
   /// In how many parts a light's samples are taken, one by each pixel sample in turn: what gather
   /// rays meet is seen from afar, and asks for a part of the sky alone.
   uint32_t parts_of(const Light& light, bool gathered) const {
     constexpr uint32_t parts = 2;
-    const bool whole = dome_samples % parts != 0 || opening_samples % parts != 0;
+    const bool whole = dome_directions.each % parts != 0 || opening_samples_of(light) % parts != 0;
     return gathered && light.is_dome() && !whole ? parts : 1;
   }
 
   /// Point j on the openings of a dome for pixel sample `sample`.
   OpeningPoint opening_point(uint32_t sample, uint32_t j) const {
-    const double* const row =
-        opening_points + 3 * (size_t(sample % opening_tabled) * opening_samples + j);
+    const double* const row = opening_places.row(sample, j);
     const Opening& on = open.rows[std::min(size_t(row[0]), open.count - 1)];
     OpeningPoint point;
     for (int c = 0; c < 3; ++c) {
@@ -98,7 +118,7 @@ struct RenderPlan {
   LightPoint set_sample(LightStage& stage, const Light& light, uint32_t sample, uint32_t j) const {
     const uint32_t count = samples_of(light);
     const LightPoint point = light_point(light, sample, j < count ? j : 0);
-    light.set(stage, point, count, physical);
+    light.set(stage, point, count, physical());
     if (opening_samples_of(light) == 0) return point;
     stage.shape = kOpenSky;
     stage.openings = &open;
@@ -131,6 +151,7 @@ struct RenderPlan {
     return lobe_points + 2 * (reflected % lobe_levels * lobe_tabled + sample % lobe_tabled);
   }
 
+<<<<<<< HEAD
   /// Which of its block a pixel of the region is.
   uint32_t gather_place(uint32_t pixel) const {
     const uint32_t column = region.x0 + pixel % region.width(),
@@ -145,6 +166,8 @@ struct RenderPlan {
            2 * ((size_t(place) * gather_tabled + sample % gather_tabled) * gather_samples + j);
   }
 
+=======
+>>>>>>> main
   /// The first sample of a pixel of the frame in the tables of the camera.
   size_t camera_row(size_t column, size_t row) const {
     return (row % camera_block * camera_block + column % camera_block) * samples;
@@ -153,27 +176,20 @@ struct RenderPlan {
   /// Point j of a light for pixel sample `sample`.
   LightPoint light_point(const Light& light, uint32_t sample, uint32_t j) const {
     if (light.is_dome()) {
-      const size_t number = size_t(sample % dome_tabled) * dome_samples + j;
-      const double* const place = dome_table + 9 * (number / kSkyDraws) + 7;
-      return {0,
-              0,
-              place[0],
-              place[1],
-              dome_table + 9 * number,
-              &dome,
-              number % kSkyDraws == 0,
-              false,
-              light.group};
+      const size_t number = dome_directions.number(sample, j);
+      const double* const table = dome_directions.numbers;
+      const double* const place = table + 9 * (number / kSkyDraws) + 7;
+      return {
+          0,     0,          place[0], place[1], table + 9 * number, &dome, number % kSkyDraws == 0,
+          false, light.group};
     }
     if (light.is_mesh()) {
-      const size_t number = size_t(sample % mesh_tabled) * mesh_samples + j;
       const double* const row =
-          mesh_table + kPointColumns * (light.mesh_number * mesh_rows + number);
+          mesh_points.row(sample, j) + kPointColumns * light.mesh_number * size_t(mesh_count);
       return {0, 0, row[14], row[15], row, nullptr, j == 0, false, group_of_row(row)};
     }
     if (light.is_bounced()) {
-      const size_t number = size_t(sample % bounced_tabled) * bounced_samples + j;
-      const double* const row = bounced_table + kPointColumns * number;
+      const double* const row = bounced_points.row(sample, j);
       const double flags = row[16];
       return {0,         0, 0, 0, row, nullptr, false, flags == 1 || flags == 3, group_of_row(row),
               flags >= 2};

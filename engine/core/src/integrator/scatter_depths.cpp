@@ -122,12 +122,12 @@ void ScatterDepths::aim_at(size_t k, const Light& light, const LightPlace& place
     Aimed a{};
     a.from = clipped(rung.from);
     a.to = clipped(rung.to);
-    const auto put = [&](double at, double& place, double& weight) {
+    const auto put = [&](double at, double& to, double& weight) {
       const double s = at - t;
-      place = endless_ ? at : s / (D + std::sqrt(D * D + s * s));
+      to = endless_ ? at : s / (D + std::sqrt(D * D + s * s));
       const double along = (at - rung.from) / (rung.to - rung.from),
                    density = rung.first + (rung.last - rung.first) * along;
-      weight = endless_ ? density : density * 2 / (1 + place * place);
+      weight = endless_ ? density : density * 2 / (1 + to * to);
     };
     put(a.from, a.first, a.low);
     put(a.to, a.last, a.high);

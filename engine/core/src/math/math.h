@@ -77,7 +77,7 @@ inline double sine(double x) {
 inline double cosine(double x) { return sine_series((kPi / 2 - x) + 6.123233995736766e-17); }
 
 /// cos^p of the angle whose squared tangent is given, for a cosine > 0, as highlights have it
-/// (stages/stage_math.h).
+/// (shading/stage_math.h).
 double cosine_power(double tangent2, double p);
 
 }  // namespace glint

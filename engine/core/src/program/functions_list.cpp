@@ -6,8 +6,7 @@ namespace glint {
 
 #if defined(GLINT_X86_KERNELS)
 const NamedFunction* best_functions() {
-  const Isa isa = choose_isa(kAvx512);
-  return isa == kAvx512 ? functions_avx512 : isa == kAvx2 ? functions_avx2 : functions_sse42;
+  return chosen(functions_sse42, functions_avx2, functions_avx512);
 }
 #else
 const NamedFunction* best_functions() { return functions_generic; }

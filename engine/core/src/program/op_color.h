@@ -117,36 +117,22 @@ inline Doubles divided(Doubles t, Doubles a, Doubles b) {
 inline Doubles blended(Blend kind, Doubles t, Doubles a, Doubles b) {
   const auto to = [&](Doubles c) { return (1 - t) * a + t * c; };
   switch (kind) {
-    case Blend::kDarken:
-      return to(smaller(a, b));
-    case Blend::kMultiply:
-      return to(a * b);
-    case Blend::kBurn:
-      return burnt(t, a, b);
-    case Blend::kLighten:
-      return to(larger(a, b));
-    case Blend::kScreen:
-      return 1 - (1 - t + t * (1 - b)) * (1 - a);
-    case Blend::kDodge:
-      return dodged(t, a, b);
-    case Blend::kAdd:
-      return to(a + b);
-    case Blend::kOverlay:
-      return overlaid(t, a, b);
+    case Blend::kDarken: return to(smaller(a, b));
+    case Blend::kMultiply: return to(a * b);
+    case Blend::kBurn: return burnt(t, a, b);
+    case Blend::kLighten: return to(larger(a, b));
+    case Blend::kScreen: return 1 - (1 - t + t * (1 - b)) * (1 - a);
+    case Blend::kDodge: return dodged(t, a, b);
+    case Blend::kAdd: return to(a + b);
+    case Blend::kOverlay: return overlaid(t, a, b);
     case Blend::kSoftLight:
       return (1 - t) * a + t * ((1 - a) * b * a + a * (1 - (1 - b) * (1 - a)));
-    case Blend::kLinearLight:
-      return a + t * (2 * b - 1);
-    case Blend::kDifference:
-      return to(magnitude(a - b));
-    case Blend::kExclusion:
-      return larger(to(a + b - 2 * a * b), splat(0));
-    case Blend::kSubtract:
-      return to(a - b);
-    case Blend::kDivide:
-      return divided(t, a, b);
-    default:
-      return to(b);
+    case Blend::kLinearLight: return a + t * (2 * b - 1);
+    case Blend::kDifference: return to(magnitude(a - b));
+    case Blend::kExclusion: return larger(to(a + b - 2 * a * b), splat(0));
+    case Blend::kSubtract: return to(a - b);
+    case Blend::kDivide: return divided(t, a, b);
+    default: return to(b);
   }
 }
 

@@ -106,16 +106,11 @@ template <int D>
 inline Doubles fractal(const NoisePoint<D>& p, const Fractal& f) {
   enum { kMultifractal, kFbm, kHybrid, kRidged, kHetero };
   switch (f.type) {
-    case kMultifractal:
-      return multifractal<D>(p, f);
-    case kHybrid:
-      return hybrid_multifractal<D>(p, f);
-    case kRidged:
-      return ridged_multifractal<D>(p, f);
-    case kHetero:
-      return hetero_terrain<D>(p, f);
-    default:
-      return fbm<D>(p, f.detail, f.roughness, f.lacunarity, f.normalized);
+    case kMultifractal: return multifractal<D>(p, f);
+    case kHybrid: return hybrid_multifractal<D>(p, f);
+    case kRidged: return ridged_multifractal<D>(p, f);
+    case kHetero: return hetero_terrain<D>(p, f);
+    default: return fbm<D>(p, f.detail, f.roughness, f.lacunarity, f.normalized);
   }
 }
 
@@ -158,14 +153,10 @@ namespace op {
 inline void white_noise(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     switch (at.settings[0]) {
-      case 1:
-        return white_noise_at<1>(at, k);
-      case 2:
-        return white_noise_at<2>(at, k);
-      case 4:
-        return white_noise_at<4>(at, k);
-      default:
-        return white_noise_at<3>(at, k);
+      case 1: return white_noise_at<1>(at, k);
+      case 2: return white_noise_at<2>(at, k);
+      case 4: return white_noise_at<4>(at, k);
+      default: return white_noise_at<3>(at, k);
     }
   });
 }
@@ -180,14 +171,10 @@ inline void noise_texture(const Machine& m, const Operands& at) {
                     at.number(6, k),
                     at.number(7, k)};
     switch (at.settings[0]) {
-      case 1:
-        return noise_at<1>(at, k, f);
-      case 2:
-        return noise_at<2>(at, k, f);
-      case 4:
-        return noise_at<4>(at, k, f);
-      default:
-        return noise_at<3>(at, k, f);
+      case 1: return noise_at<1>(at, k, f);
+      case 2: return noise_at<2>(at, k, f);
+      case 4: return noise_at<4>(at, k, f);
+      default: return noise_at<3>(at, k, f);
     }
   });
 }

@@ -43,24 +43,16 @@ enum WaveProfile { kSine, kSaw };
 /// The way along the waves, 2 pi each.
 inline Doubles wave_phase(const Three& p, int32_t type, int32_t direction) {
   if (type == kBands) switch (direction) {
-      case kAlongX:
-        return p.x * 20;
-      case kAlongY:
-        return p.y * 20;
-      case kAlongZ:
-        return p.z * 20;
-      default:
-        return (p.x + p.y + p.z) * 10;
+      case kAlongX: return p.x * 20;
+      case kAlongY: return p.y * 20;
+      case kAlongZ: return p.z * 20;
+      default: return (p.x + p.y + p.z) * 10;
     }
   switch (direction) {
-    case kAlongX:
-      return root(p.y * p.y + p.z * p.z) * 20;
-    case kAlongY:
-      return root(p.x * p.x + p.z * p.z) * 20;
-    case kAlongZ:
-      return root(p.x * p.x + p.y * p.y) * 20;
-    default:
-      return length(p) * 20;
+    case kAlongX: return root(p.y * p.y + p.z * p.z) * 20;
+    case kAlongY: return root(p.x * p.x + p.z * p.z) * 20;
+    case kAlongZ: return root(p.x * p.x + p.y * p.y) * 20;
+    default: return length(p) * 20;
   }
 }
 
@@ -147,17 +139,14 @@ inline void checker_texture(const Machine& m, const Operands& at) {
 
 inline void gradient_texture(const Machine& m, const Operands& at) {
   switch (at.settings[0]) {
-    case kLinear:
-      return each_gradient(m, at, [](const Three& p) { return p.x; });
+    case kLinear: return each_gradient(m, at, [](const Three& p) { return p.x; });
     case kQuadratic:
       return each_gradient(m, at, [](const Three& p) {
         const Doubles r = larger(p.x, splat(0));
         return r * r;
       });
-    case kEasing:
-      return each_gradient(m, at, [](const Three& p) { return smooth_step(p.x); });
-    case kDiagonal:
-      return each_gradient(m, at, [](const Three& p) { return (p.x + p.y) * 0.5; });
+    case kEasing: return each_gradient(m, at, [](const Three& p) { return smooth_step(p.x); });
+    case kDiagonal: return each_gradient(m, at, [](const Three& p) { return (p.x + p.y) * 0.5; });
     case kRadial:
       return each_gradient(m, at, [](const Three& p) { return atan2(p.y, p.x) / (2 * kPi) + 0.5; });
     case kQuadraticSphere:
@@ -165,8 +154,7 @@ inline void gradient_texture(const Machine& m, const Operands& at) {
         const Doubles r = within_sphere(p);
         return r * r;
       });
-    default:
-      return each_gradient(m, at, within_sphere);
+    default: return each_gradient(m, at, within_sphere);
   }
 }
 

@@ -130,60 +130,34 @@ inline void vector_math(const Machine& m, const Operands& at) {
     });
   };
   switch (VectorMath(at.settings[0])) {
-    case VectorMath::kAdd:
-      return parts([](D a, D b) { return a + b; });
-    case VectorMath::kSubtract:
-      return parts([](D a, D b) { return a - b; });
-    case VectorMath::kMultiply:
-      return parts([](D a, D b) { return a * b; });
-    case VectorMath::kDivide:
-      return parts([](D a, D b) { return safe_divide(a, b); });
-    case VectorMath::kMultiplyAdd:
-      return parts([](D a, D b, D c) { return a * b + c; });
-    case VectorMath::kCrossProduct:
-      return vectors([](V a, V b, V, D) { return cross(a, b); });
-    case VectorMath::kProject:
-      return vectors([](V a, V b, V, D) { return project(a, b); });
-    case VectorMath::kReflect:
-      return vectors([](V a, V b, V, D) { return reflect(a, b); });
-    case VectorMath::kRefract:
-      return vectors([](V a, V b, V, D s) { return refract(a, b, s); });
+    case VectorMath::kAdd: return parts([](D a, D b) { return a + b; });
+    case VectorMath::kSubtract: return parts([](D a, D b) { return a - b; });
+    case VectorMath::kMultiply: return parts([](D a, D b) { return a * b; });
+    case VectorMath::kDivide: return parts([](D a, D b) { return safe_divide(a, b); });
+    case VectorMath::kMultiplyAdd: return parts([](D a, D b, D c) { return a * b + c; });
+    case VectorMath::kCrossProduct: return vectors([](V a, V b, V, D) { return cross(a, b); });
+    case VectorMath::kProject: return vectors([](V a, V b, V, D) { return project(a, b); });
+    case VectorMath::kReflect: return vectors([](V a, V b, V, D) { return reflect(a, b); });
+    case VectorMath::kRefract: return vectors([](V a, V b, V, D s) { return refract(a, b, s); });
     case VectorMath::kFaceforward:
       return vectors([](V a, V b, V c, D) { return choose(dot(c, b) < 0, a, -a); });
-    case VectorMath::kScale:
-      return vectors([](V a, V, V, D s) { return s * a; });
-    case VectorMath::kNormalize:
-      return vectors([](V a, V, V, D) { return unit(a); });
-    case VectorMath::kAbsolute:
-      return parts([](D a) { return magnitude(a); });
-    case VectorMath::kPower:
-      return parts([](D a, D b) { return safe_power(a, b); });
-    case VectorMath::kSign:
-      return parts([](D a) { return sign(a); });
-    case VectorMath::kMinimum:
-      return parts([](D a, D b) { return least(a, b); });
-    case VectorMath::kMaximum:
-      return parts([](D a, D b) { return most(a, b); });
-    case VectorMath::kRound:
-      return parts([](D a) { return down(a + 0.5); });
-    case VectorMath::kFloor:
-      return parts([](D a) { return down(a); });
-    case VectorMath::kCeil:
-      return parts([](D a) { return ceil(a); });
-    case VectorMath::kFraction:
-      return parts([](D a) { return fraction(a); });
-    case VectorMath::kModulo:
-      return parts([](D a, D b) { return safe_modulo(a, b); });
-    case VectorMath::kWrap:
-      return parts([](D a, D b, D c) { return wrapped(a, b, c); });
-    case VectorMath::kSnap:
-      return parts([](D a, D b) { return snapped(a, b); });
-    case VectorMath::kSine:
-      return parts([](D a) { return sin(a); });
-    case VectorMath::kCosine:
-      return parts([](D a) { return cos(a); });
-    case VectorMath::kTangent:
-      return parts([](D a) { return tan(a); });
+    case VectorMath::kScale: return vectors([](V a, V, V, D s) { return s * a; });
+    case VectorMath::kNormalize: return vectors([](V a, V, V, D) { return unit(a); });
+    case VectorMath::kAbsolute: return parts([](D a) { return magnitude(a); });
+    case VectorMath::kPower: return parts([](D a, D b) { return safe_power(a, b); });
+    case VectorMath::kSign: return parts([](D a) { return sign(a); });
+    case VectorMath::kMinimum: return parts([](D a, D b) { return least(a, b); });
+    case VectorMath::kMaximum: return parts([](D a, D b) { return most(a, b); });
+    case VectorMath::kRound: return parts([](D a) { return down(a + 0.5); });
+    case VectorMath::kFloor: return parts([](D a) { return down(a); });
+    case VectorMath::kCeil: return parts([](D a) { return ceil(a); });
+    case VectorMath::kFraction: return parts([](D a) { return fraction(a); });
+    case VectorMath::kModulo: return parts([](D a, D b) { return safe_modulo(a, b); });
+    case VectorMath::kWrap: return parts([](D a, D b, D c) { return wrapped(a, b, c); });
+    case VectorMath::kSnap: return parts([](D a, D b) { return snapped(a, b); });
+    case VectorMath::kSine: return parts([](D a) { return sin(a); });
+    case VectorMath::kCosine: return parts([](D a) { return cos(a); });
+    case VectorMath::kTangent: return parts([](D a) { return tan(a); });
   }
 }
 
@@ -234,8 +208,7 @@ inline void mapping(const Machine& m, const Operands& at) {
       return each([](V v, V location, R r, V scale) {
         return parts_divided(r.turned_back(v - location), scale);
       });
-    case Mapping::kVector:
-      return each([](V v, V, R r, V scale) { return r.turned(v * scale); });
+    case Mapping::kVector: return each([](V v, V, R r, V scale) { return r.turned(v * scale); });
     case Mapping::kNormal:
       return each([](V v, V, R r, V scale) { return unit(r.turned(parts_divided(v, scale))); });
   }

@@ -369,14 +369,10 @@ namespace op {
 inline void voronoi_texture(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     switch (at.settings[0]) {
-      case 1:
-        return voronoi_at<1>(at, k);
-      case 2:
-        return voronoi_at<2>(at, k);
-      case 4:
-        return voronoi_at<4>(at, k);
-      default:
-        return voronoi_at<3>(at, k);
+      case 1: return voronoi_at<1>(at, k);
+      case 2: return voronoi_at<2>(at, k);
+      case 4: return voronoi_at<4>(at, k);
+      default: return voronoi_at<3>(at, k);
     }
   });
 }

@@ -42,14 +42,9 @@ void fold(const LobeShape& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows
     return void(rows.view += ViewTerm::kColumns);
   }
   switch (lobe.kind) {
-    case GLINT_AMBIENT:
-      add_to(terms.ambient, k * ambient);
-      return add_to(terms.glow, k * ambient);
-    case GLINT_EMISSION:
-      add_to(terms.emission, k);
-      return add_to(terms.glow, k);
-    case GLINT_DIFFUSE:
-      return add_to(terms.diffuse, k);
+    case GLINT_AMBIENT: add_to(terms.ambient, k * ambient); return add_to(terms.glow, k * ambient);
+    case GLINT_EMISSION: add_to(terms.emission, k); return add_to(terms.glow, k);
+    case GLINT_DIFFUSE: return add_to(terms.diffuse, k);
     case GLINT_SPECULAR:
       for (int c = 0; c < 3; ++c) rows.specular[c] = k[c];
       rows.specular[SpecularTerm::kExponent] = lobe.exponent;
@@ -66,8 +61,7 @@ void fold(const LobeShape& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows
       rows.specular[SpecularTerm::kFresnel] = lobe.masking;
       rows.specular += rows.columns;
       return;
-    default:
-      terms.others |= any(k);
+    default: terms.others |= any(k);
   }
 }
 
@@ -79,12 +73,9 @@ Vec3d finite_or_zero(Vec3d c) {
   return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
 }
 
-/// Lobes whose t.inputs do not vary get their product now.
+/// Lobes whose inputs do not vary get their product now.
 void add_lobe(MaterialTable& t, const GlintLobe& g) {
-  LobeShape lobe{g.kind,          false,          false,         g.fresnel,
-                 g.exponent,      g.ior,          g.masking,     {1, 1, 1},
-                 g.exponent_slot, g.masking_slot, g.ior_slot,    g.fibre_slot,
-                 g.first_input,   g.input_count,  g.normal_slot, g.stretch_slot};
+  LobeShape lobe{g, false, false, {1, 1, 1}};
   bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0 || g.normal_slot > 0 ||
                 g.stretch_slot > 0;
   for (uint32_t k = 0; k < g.input_count; ++k)
@@ -248,8 +239,12 @@ MaterialTable compile_materials(const GlintSceneData& data, const World& world) 
   for (uint64_t i = 0; i < data.material_count; ++i)
     add_material(t, data.materials[i], data.lobes, world);
   t.rows.push_back({uint32_t(t.lobes.size()), 2, 0});
-  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
-    t.lobes.push_back({kind, true, false, 0, 0, 1, 0, {0.8, 0.8, 0.8}, 0, 0, 0, 0, 0, 0, 0, 0});
+  LobeShape white{{}, true, false, {0.8, 0.8, 0.8}};
+  white.ior = 1;
+  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT}) {
+    white.kind = kind;
+    t.lobes.push_back(white);
+  }
   for (Material& material : t.rows) {
     compare_lobes(t, material);
     number_reads(t, material);

@@ -9,7 +9,7 @@ namespace glint {
 namespace {
 
 /// The point that is shaded may differ by so much from the weights of a hit
-/// (stages/stage_surface.h, solve_weights), with room for float.
+/// (shading/stage_surface.h, solve_weights), with room for float.
 constexpr double kOff = 1.001e-3;
 constexpr double kMostOff = 0.5;  // texels
 constexpr double kFarOut = 1e6;   // of an image's repetitions, so that texels have their digits

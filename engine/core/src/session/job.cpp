@@ -10,10 +10,10 @@
 namespace glint {
 namespace {
 
-constexpr uint32_t kMaxThreads = 1024;
 constexpr uint32_t kUnseenWave =
     16;  // of samples: long enough for packets, short enough to be cancelled
 
+<<<<<<< HEAD
 int threads_for(uint32_t wanted) {
   uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
   return int(std::min(wanted ? wanted : cores, kMaxThreads));
@@ -121,6 +121,8 @@ RenderPlan plan_of(const GlintRenderSettings& g, const Scene& scene) {
   return plan;
 }
 
+=======
+>>>>>>> main
 bool same_view(const GlintCamera& a, const GlintCamera& b) {
   const bool same_planes = a.clip_plane_count == b.clip_plane_count &&
                            std::memcmp(a.clip_planes, b.clip_planes, sizeof a.clip_planes) == 0;
@@ -135,6 +137,7 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
          std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }
 
+<<<<<<< HEAD
 bool sound_region(const uint32_t* r, const GlintCamera& camera) {
   return r[0] < r[2] && r[1] < r[3] && r[2] <= camera.width && r[3] <= camera.height;
 }
@@ -220,63 +223,13 @@ bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
   return g.light_square && g.light_disc && g.light_point_count / g.light_samples >= g.samples;
 }
 
+=======
+>>>>>>> main
 }  // namespace
-
-std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) {
-  std::string text;
-  auto add = [&](bool good, const char* sentence) {
-    if (good) return;
-    if (!text.empty()) text += '\n';
-    text += sentence;
-  };
-  add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
-  add(g.light_samples >= 1 && enough_points(g, scene),
-      "settings: fewer light points than samples * light_samples");
-  add(enough_camera_rows(g), "settings: fewer lens points or frames than a block has, or no focus");
-  add(enough_mesh_points(g, scene),
-      "settings: fewer points of a mesh light than those of a sample");
-  add(enough_bounced_points(g, scene),
-      "settings: fewer points of bounced light than those of a sample");
-  add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
-  add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
-  add(sound_openings(g),
-      "settings: openings that are none, or fewer points on them than a sample has");
-  add(enough_occlusion(g), "settings: fewer directions of occlusion than those of a sample");
-  add(!scene.programs.asks_rays || (g.node_points && g.node_point_count >= 1),
-      "settings: no points for nodes that ask for rays");
-  add(sound_neighbours(g, scene),
-      "settings: neighbours with other rows, shapes or another kind of camera than the scene");
-  add(g.lamp_shadows <= 1024, "settings: more than 1024 lamp shadows");
-  add(g.max_bounces <= 64, "settings: more than 64 bounces");
-  add(g.error_threshold >= 0 && g.error_threshold < 256,
-      "settings: the error threshold is not between 0 and 256");
-  add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
-  add(g.passes < pass_bit(GLINT_PASS_COUNT), "settings: unknown passes");
-  add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
-      "settings: not 1 to 64 ids of Cryptomatte");
-  add(!(g.passes >> GLINT_PASS_AOV & 1) || scene.aov_count > 0, "settings: there are no AOVs");
-  add(!(g.passes >> GLINT_PASS_LIGHT_GROUPS & 1) || scene.light_group_count > 0,
-      "settings: there are no light groups");
-  add(sound_region(g.region, scene.camera),
-      "settings: the region is empty or reaches beyond the frame");
-  add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
-      "settings: unknown illumination");
-  add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_ALL &&
-          (g.reflections == GLINT_REFLECT_OFF ||
-           (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
-      "settings: unknown reflections, or no points for them");
-  add(!scene.materials.has_rough_glass ||
-          (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels),
-      "settings: no points for rough glass");
-  add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
-  add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE,
-      "settings: unknown acceleration");
-  return text;
-}
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
-      plan_(plan_of(settings, scene)),
+      plan_(settings, scene),
       film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
             plan_.crypto_ids, scene.aov_count, scene.light_group_count),
       thread_([this] { work(); }) {}
@@ -315,7 +268,8 @@ void Job::work() {
 }
 
 void Job::run() {
-  if (!scene_->build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
+  if (!scene_->build(plan_.thread_count, BuildQuality(plan_.acceleration), cancel_))
+    return enter(GLINT_CANCELLED);
   moving_seconds_ = scene_->trees.build_seconds();
   enter(GLINT_TRACING);
   trace_waves();
@@ -324,7 +278,7 @@ void Job::run() {
 
 /// Samples of the first wave: no more than somebody wants to look at.
 uint32_t Job::first_wave() {
-  if (!plan_.unseen || film_.estimate().on()) return 1;
+  if (plan_.waves != GLINT_WAVES_UNSEEN || film_.estimate().on()) return 1;
   return std::min(plan_.samples, film_.refinement().on() ? Refinement::kFirst : kUnseenWave);
 }
 
@@ -336,7 +290,8 @@ bool Job::at_once() {
 }
 
 void Job::trace_waves() {
-  pool_ = std::make_unique<ThreadPool>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
+  pool_ =
+      std::make_unique<ThreadPool>(int(std::min(size_t(plan_.thread_count), film_.tiles().size())));
   const bool looks_up =
       plan_.remember && !plan_.is_spread() && !plan_.moving &&
       !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
@@ -391,7 +346,8 @@ bool Job::wait_for_scene() {
     const Timer timer(seconds);
     drop_tracers();
     ask_for_scene();
-    if (cancel_ || !scene_->build(plan_.threads, plan_.quality, cancel_)) return false;
+    if (cancel_ || !scene_->build(plan_.thread_count, BuildQuality(plan_.acceleration), cancel_))
+      return false;
     make_tracers(nullptr);
   }
   std::lock_guard lock(mutex_);
@@ -477,7 +433,7 @@ void Job::trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t 
 
 void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
   samples_ = samples;
-  bool hold = plan_.hold_waves && samples < plan_.samples;
+  bool hold = plan_.waves == GLINT_WAVES_HELD && samples < plan_.samples;
   if (hold) state_ = GLINT_HELD;
   changed_.notify_all();
   if (!hold) return;
@@ -509,7 +465,7 @@ std::string Job::move(Scene& scene, const GlintRenderSettings& settings) {
   std::string problems = settings_problems(settings, scene);
   if (!problems.empty()) return problems;
   if (!same_view(scene.camera, scene_->camera)) return "scene: the camera is another one";
-  const RenderPlan plan = plan_of(settings, scene);
+  const RenderPlan plan(settings, scene);
   const auto same = [](const Region& a, const Region& b) {
     return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
   };
@@ -550,7 +506,7 @@ GlintStats Job::stats() {
   if (plan_.camera_frames) s.features |= GLINT_FEATURE_CAMERA_MOTION;
   if (plan_.moving) s.features |= GLINT_FEATURE_OBJECT_MOTION;
   if (plan_.open.count) s.features |= GLINT_FEATURE_OPENINGS;
-  s.threads = uint32_t(plan_.threads);
+  s.threads = uint32_t(plan_.thread_count);
   s.camera_rays = rays_.camera;
   s.shadow_rays = rays_.shadow;
   s.mirror_rays = rays_.mirror;

@@ -65,8 +65,7 @@ inline Look look_of(const GlintCamera& c, Doubles u, Doubles v) {
       const Doubles longitude = mixed(c.longitude, u);
       return {unit({sin(longitude), mixed(c.heights, v), -cos(longitude)}), ~Mask{}};
     }
-    default:
-      return look_through_fisheye(c, u, v);
+    default: return look_through_fisheye(c, u, v);
   }
 }
 
@@ -125,8 +124,7 @@ inline PicturePoint picture_point(const GlintCamera& c, const Three& d) {
     case GLINT_CENTRAL_CYLINDRICAL:
       return {share_between(c.longitude, atan2(d.x, -d.z)),
               share_between(c.heights, d.y / root(d.x * d.x + d.z * d.z))};
-    default:
-      return fisheye_point(c, d);
+    default: return fisheye_point(c, d);
   }
 }
 

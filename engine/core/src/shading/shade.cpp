@@ -9,7 +9,7 @@
 namespace glint {
 namespace {
 
-constexpr size_t kMostLevels = 64;      // of lobe points
+constexpr uint32_t kMostLevels = 64;    // of lobe points
 constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transparent ray
 
 /// Of a smooth dielectric, unpolarised; 1 at total reflection (Fresnel 1823).
@@ -63,7 +63,7 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   DiscPlace places[kMostLevels];
   if (material.is_rough_glass) {
     stage.places = places;
-    stage.levels = uint32_t(std::min(plan_.lobe_levels, kMostLevels));
+    stage.levels = std::min(plan_.lobe_levels, kMostLevels);
     for (uint32_t level = 0; level < stage.levels; ++level) {
       const double* const point = plan_.lobe_point(sample, level);
       places[level] = disc_place(point[0], point[1]);
@@ -190,7 +190,7 @@ void Shader::seen_lights(Batch& batch, size_t k, const MediaSpans* media,
       program.run(light, path.depth > 0 ? RayKind::kBounced : RayKind::kCamera, 1);
       T = T * program.share(light, 0);
     }
-    const Vec3d seen = T * light.radiance(ray.o, ray.d, plan_.physical);
+    const Vec3d seen = T * light.radiance(ray.o, ray.d, plan_.physical());
     batch.add(k, batch.sums.emission, seen);
     batch.add_to_group(light.group, k, seen);
   }

@@ -37,9 +37,16 @@ struct BumpShadow {
   Doubles share = splat(1);
 };
 
+/// Whether lights look at more than one normal of a point: stages are there twice, so that others
+/// pay nothing.
+inline bool is_bent(const LightStage& s) {
+  return s.unbent[0] || s.turns_lobes || s.stretches_lobes;
+}
+
 /// The sides of m and n are those of the viewer and of the light: l is before n.
+template <bool Bent>
 inline BumpShadow bump_shadow(const LightStage& s, size_t k, const Three& n, const Three& l) {
-  if (!s.unbent[0]) return {};
+  if (!Bent || !s.unbent[0]) return {};
   const Three m = load3(s.unbent, k);
   const Mask bent = nonzero(m);
   if (!bits(bent)) return {};

@@ -116,7 +116,7 @@ void mean(const double* sums, double samples, float* out, size_t count) {
   constexpr double top = 3.4028234663852886e38;
   for (size_t k = 0; k < count; k += kLanes) {
     const Doubles x = load(sums + k) / samples;
-    store(out + k, where(x == x, smaller(larger(x, splat(-top)), splat(top))));
+    narrow(out + k, where(x == x, smaller(larger(x, splat(-top)), splat(top))));
   }
 }
 

@@ -99,6 +99,7 @@ inline Three cluster_cosines(const LampCluster& c, const Three& n, const Three& 
 
 /// Adds what a cluster gives to the points that see it as one, and tells it alone in three rows of
 /// `given`.
+template <bool Bent>
 __attribute__((flatten)) inline void add_cluster(const ShareStage& to, const LampCluster& c,
                                                  const ClusterWalk& walk, size_t first, size_t end,
                                                  double* given) {
@@ -114,11 +115,11 @@ __attribute__((flatten)) inline void add_cluster(const ShareStage& to, const Lam
       Three diffuse = I * (cluster_cosines(c, n, l, cosine, root(d2)) * load3(s.diffuse, k)),
             specular{};
       if (s.max_specular > 0) {
-        const Highlights seen = highlights(s, k, n, l, cosine, nullptr);
+        const Highlights seen = highlights<false, Bent>(s, k, n, l, cosine, nullptr);
         specular = where(far, I * seen.light);
         if (s.has_sheen) diffuse = diffuse + I * seen.sheen;
       }
-      const BumpShadow bump = bump_shadow(s, k, n, l);
+      const BumpShadow bump = bump_shadow<Bent>(s, k, n, l);
       if (bump.some) {
         diffuse = where(~bump.hidden, bump.share * diffuse);
         specular = where(~bump.hidden, specular);

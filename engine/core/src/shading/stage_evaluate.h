@@ -71,7 +71,9 @@ inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
   scatter(column + SpecularTerm::kFresnel * s.stride, at,
           where(here, choose(masking > 0, 1 / masking, splat(0))));
-  scatter3(column + SpecularTerm::kTangent * s.stride, s.stride, at, t);
+  // as long as the fibre is thick, as a scene's lengths are here
+  scatter3(column + SpecularTerm::kTangent * s.stride, s.stride, at,
+           splat(s.tables.view->scale) * t);
   sum.lit |= nonzero(given);
   if (matt) sum.diffuse = sum.diffuse + where(~here, k);
 }

@@ -8,7 +8,8 @@
 namespace glint {
 namespace {
 
-size_t reflect(const LightStage& s) {
+template <bool Bent>
+size_t reflect_from(const LightStage& s) {
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
     const Mask lit = load(s.lit + k);
@@ -16,11 +17,11 @@ size_t reflect(const LightStage& s) {
     const Narrow all = reflecting_terms(s, k);
     if (!any(lit & (all.total > 0))) continue;
     const Three n = load3(s.n, k);
-    const Drawn drawn = draw<true>(s, k, n, all);
+    const Drawn drawn = draw<true, Bent>(s, k, n, all);
     const Doubles cosine = dot(n, drawn.l);
-    const Highlights seen = highlights<true>(s, k, n, drawn.l, cosine, &all);
+    const Highlights seen = highlights<true, Bent>(s, k, n, drawn.l, cosine, &all);
     const Three share = (1 / (kCircle * seen.density)) * seen.light;
-    const Mask front = s.turns_lobes ? ~Mask{} : cosine > 0;
+    const Mask front = Bent && s.turns_lobes ? ~Mask{} : cosine > 0;
     const Mask reached = lit & drawn.good & front & (seen.density > 0) &
                          (dot(drawn.l, load3(s.g, k)) > 0) & nonzero(share);
     const uint32_t lanes = bits(reached);
@@ -36,9 +37,13 @@ size_t reflect(const LightStage& s) {
   return found;
 }
 
+size_t reflect(const LightStage& s) {
+  return is_bent(s) ? reflect_from<true>(s) : reflect_from<false>(s);
+}
+
 /// What of T a point throws back as what is matt does, of light along l.
 inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l) {
-  const BumpShadow bump = bump_shadow(s, k, n, l);
+  const BumpShadow bump = bump_shadow<true>(s, k, n, l);
   Three T = load3(s.diffuse, k);
   if (bump.some) T = bump.share * T;
   if (s.gathers_gloss) T = T + even_gloss(s, k);

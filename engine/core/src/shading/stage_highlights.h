@@ -140,6 +140,25 @@ inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, co
   return where((behind & (cosine < 0)) | (~behind & (cosine > 0)), given);
 }
 
+/// How far light from l goes through the fibres of a group of points that let it through: chords of
+/// cylinders; 0 where it comes from before, or nothing does.
+inline Doubles way_through(const LightStage& s, size_t k, const Three& l) {
+  const Doubles behind = larger(-dot(load3(s.n, k), l), splat(0));
+  Doubles way = splat(0);
+  for (int number = 0; number < s.max_specular; ++number) {
+    const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+    const Mask here =
+        load(column + SpecularTerm::kExponent * s.stride) == SpecularTerm::kFibreTransmission;
+    if (!bits(here)) continue;
+    const double* tangent = column + SpecularTerm::kTangent * s.stride;
+    const Three t = {load(tangent), load(tangent + s.stride), load(tangent + 2 * s.stride)};
+    const Doubles thick = length(t), along = dot(unit(t), l),
+                  chord = thick * behind / larger(1 - along * along, splat(1.0 / 64));
+    way = choose(here & (chord < 0x1p60), larger(way, chord), way);
+  }
+  return way;
+}
+
 /// Sum of the terms, of matt ones (SHEEN, FIBRE_DIFFUSE) and other FIBRE ones apart, and how
 /// densely (a steradian) directions are drawn where l is.
 struct Highlights {
@@ -149,10 +168,12 @@ struct Highlights {
 
 /// cosine: n.l.  narrow: or null. Lobes that differ in their Fresnel factor alone share their
 /// power. Where some lobes have normals of their own each gives nothing behind its own.
-template <bool Reflecting = false>
-__attribute__((always_inline)) inline Highlights highlights(const LightStage& s, size_t k,
-                                                            const Three& n, const Three& l,
-                                                            Doubles cosine, const Narrow* narrow) {
+template <bool Reflecting, bool Bent>
+__attribute__((always_inline)) inline Highlights all_highlights(const LightStage& s, size_t k,
+                                                                const Three& n, const Three& l,
+                                                                Doubles cosine,
+                                                                const Narrow* narrow) {
+  const bool turns = Bent && s.turns_lobes, stretches = Bent && s.stretches_lobes;
   const Three d = load3(s.d, k), h = l - d;
   const Doubles vh = root(larger(0.5 * (1 - dot(l, d)), splat(0)));
   Slope at = slope(n, h);
@@ -163,7 +184,7 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
   for (int number = 0; number < s.max_specular; ++number) {
     Term term = term_of<Reflecting>(s, k, number);
     if (!any(nonzero(term.k))) continue;
-    if (s.turns_lobes) {
+    if (turns) {
       const Three own = Term::normal(s, k, number, n);
       if (bits(nonzero(own - axis))) {
         axis = own;
@@ -206,7 +227,7 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
                                     load(column + SpecularTerm::kFresnel * s.stride));
     }
     Doubles density = power;
-    if (s.stretches_lobes) {
+    if (stretches) {
       const Stretch stretch(s, k, number, axis);
       if (bits(stretch.some)) {
         const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
@@ -220,7 +241,7 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
         density = choose(stretch.some, stretched_highlight(at, log, exponent, 3), density);
       }
     }
-    if (s.turns_lobes) factor = where(dot(axis, l) > 0, factor);
+    if (turns) factor = where(dot(axis, l) > 0, factor);
     sum.light = sum.light + factor * term.k;
     if (narrow) sum.density = sum.density + density * term.weight(*narrow);
   }
@@ -229,6 +250,22 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
     sum.density = where((narrow->total > 0) & (size > 0),
                         sum.density / ((4 * kCircle) * size * narrow->total));
   return sum;
+}
+
+/// The same once for all that looks at more than one normal.
+template <bool Reflecting>
+__attribute__((noinline)) Highlights highlights_of_bent(const LightStage& s, size_t k, Three n,
+                                                        Three l, Doubles cosine,
+                                                        const Narrow* narrow) {
+  return all_highlights<Reflecting, true>(s, k, n, l, cosine, narrow);
+}
+
+template <bool Reflecting, bool Bent>
+__attribute__((always_inline)) inline Highlights highlights(const LightStage& s, size_t k,
+                                                            const Three& n, const Three& l,
+                                                            Doubles cosine, const Narrow* narrow) {
+  if constexpr (Bent) return highlights_of_bent<Reflecting>(s, k, n, l, cosine, narrow);
+  else return all_highlights<Reflecting, false>(s, k, n, l, cosine, narrow);
 }
 
 /// About what gloss of dielectrics gives back of even light, as it does straight from above and
@@ -258,7 +295,7 @@ struct Drawn {
   Mask good;
   Doubles exponent;  // of the lobe
 };
-template <bool Reflecting = false>
+template <bool Reflecting, bool Bent>
 inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& narrow) {
   const Doubles at = s.radius2 * narrow.total;
   Doubles before{}, rest{}, exponent{};
@@ -269,8 +306,8 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
     const Mask here = (part > 0) & (at >= before);
     rest = choose(here, (at - before) / part, rest);
     exponent = choose(here, term.exponent, exponent);
-    if (s.turns_lobes) axis = choose(here, Term::normal(s, k, number, n), axis);
-    if (s.stretches_lobes) stretch = choose(here, Stretch(s, k, number, n).t, stretch);
+    if (Bent && s.turns_lobes) axis = choose(here, Term::normal(s, k, number, n), axis);
+    if (Bent && s.stretches_lobes) stretch = choose(here, Stretch(s, k, number, n).t, stretch);
     before = before + part;
   }
   rest = smaller(rest, splat(1 - 0x1p-53));
@@ -279,7 +316,7 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
   frame(axis, t1, t2);
   Three h = root(cosine2) * axis +
             root(1 - cosine2) * (splat(s.azimuth[0]) * t1 + splat(s.azimuth[1]) * t2);
-  if (s.stretches_lobes) {
+  if (Bent && s.stretches_lobes) {
     const Mask some = nonzero(stretch);
     const Doubles size2 = choose(some, dot(stretch, stretch), splat(1));
     const Three across = cross(axis, stretch),

@@ -48,8 +48,13 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
   const Three towards = endless ? sample.l : end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free,
   // whatever stands on the surface.
-  const Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
-                  offset * load3(s.d, k);
+  Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
+            offset * load3(s.d, k);
+  if (s.has_fibre && Shape != kBouncedSource) {
+    // Behind a fibre that it passes: neighbours of its segment are no fibres of their own.
+    const Doubles through = way_through(s, k, sample.l);
+    o = o + (endless ? through : smaller(through, 0.5 * length(towards))) * sample.l;
+  }
   append(s.o, o);
   if (s.end_out[0]) append(s.end_out, end);
   if (endless) {
@@ -112,7 +117,7 @@ struct Given {
 };
 
 /// False where it reaches none of those that are lit.
-template <int Shape>
+template <int Shape, bool Bent>
 __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, Given& given) {
   const Mask lit = load(s.lit + k);
   if (!any(lit)) return false;
@@ -124,14 +129,14 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   // Light from behind passes through fibres, but for what comes from matt surfaces.
   const bool through = s.has_fibre && Shape != kBouncedSource;
   // Nor do the sides of the point's normal bind lobes with normals of their own.
-  const bool turned = s.turns_lobes && Shape != kBouncedSource;
+  const bool turned = Bent && s.turns_lobes && Shape != kBouncedSource;
   const Mask front = cosine > 0,
              side = turned    ? ~Mask{}
                     : through ? front | (cosine < 0)
                               : front,
              met = lit & at.good & side & ~within<Shape>(s, k, at);
   if (!any(met)) return false;
-  const BumpShadow bump = bump_shadow(s, k, n, at.l);
+  const BumpShadow bump = bump_shadow<Bent>(s, k, n, at.l);
   given.reached = met & ~bump.hidden;
   if (!any(given.reached)) return false;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
@@ -146,7 +151,8 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   }
   if (s.max_specular > 0 && (Shape != kBouncedSource || s.has_sheen)) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
-    const Highlights seen = highlights(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
+    const Highlights seen =
+        highlights<false, Bent>(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
     if (Shape != kBouncedSource)
       given.specular =
           s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
@@ -162,14 +168,14 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
 }
 
 /// The same for directions drawn from the narrow lobes, where they reach the light.
-template <int Shape>
+template <int Shape, bool Bent>
 __attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_t k, Given& given) {
   const Mask lit = load(s.lit + k);
   if (!any(lit)) return false;
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
   const Narrow narrow = narrow_terms(s, k, x);
   if (!any(lit & (narrow.total > 0))) return false;
-  const Drawn drawn = draw(s, k, n, narrow);
+  const Drawn drawn = draw<false, Bent>(s, k, n, narrow);
   Sample at = sample_at<Shape>(s, x, drawn.l);
   Three color = color_of<Shape>(s, at);
   if constexpr (Shape == kSky) {
@@ -179,24 +185,28 @@ __attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_
     at.factor = at.factor * cell.spread;
   }
   const Doubles cosine = dot(n, at.l);
-  const Mask front = s.turns_lobes ? ~Mask{} : cosine > 0;
-  given.reached = lit & drawn.good & at.good & front & ~bump_shadow(s, k, n, at.l).hidden;
+  const Mask front = Bent && s.turns_lobes ? ~Mask{} : cosine > 0;
+  given.reached = lit & drawn.good & at.good & front & ~bump_shadow<Bent>(s, k, n, at.l).hidden;
   if (!any(given.reached)) return false;
-  const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
+  const Highlights seen = highlights<false, Bent>(s, k, n, at.l, cosine, &narrow);
   given.at = at;
   given.diffuse = Three{};
   given.specular = balanced<Shape>(s, at, seen) * (color * seen.light);
   return true;
 }
 
-template <int Shape>
+template <int Shape, bool Bent, bool Drawn = false>
 size_t light_from(const LightStage& s) {
   size_t found = 0;
   Given given;
-  for (size_t k = s.first; k < s.count; k += kLanes)
-    if (give<Shape>(s, k, given))
+  for (size_t k = s.first; k < s.count; k += kLanes) {
+    bool gives = false;
+    if constexpr (Drawn) gives = give_drawn<Shape, Bent>(s, k, given);
+    else gives = give<Shape, Bent>(s, k, given);
+    if (gives)
       found +=
           append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
+  }
   return found;
 }
 
@@ -228,19 +238,9 @@ size_t scatter_from(const LightStage& s) {
   return found;
 }
 
-template <int Shape>
-size_t gloss_from(const LightStage& s) {
-  size_t found = 0;
-  Given given;
-  for (size_t k = s.first; k < s.count; k += kLanes)
-    if (give_drawn<Shape>(s, k, given))
-      found +=
-          append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
-  return found;
-}
-
-/// The same for a mesh light: what the light is there, the rays have to find out. They begin at the
-/// point itself, of whose directions the density is, not where its shadow rays do.
+/// Drawn directions towards a mesh light: what the light is there, the rays have to find out. They
+/// begin at the point itself, of whose directions the density is, not where its shadow rays do.
+template <bool Bent>
 size_t gloss_towards_mesh(const LightStage& s) {
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
@@ -249,12 +249,12 @@ size_t gloss_towards_mesh(const LightStage& s) {
     const Three n = load3(s.n, k);
     const Narrow narrow = narrow_terms(s, k, load3(s.points_x, k));
     if (!any(lit & (narrow.total > 0))) continue;
-    const Drawn drawn = draw(s, k, n, narrow);
+    const Drawn drawn = draw<false, Bent>(s, k, n, narrow);
     const Doubles cosine = dot(n, drawn.l);
-    const Highlights seen = highlights(s, k, n, drawn.l, cosine, &narrow);
-    const Mask front = s.turns_lobes ? ~Mask{} : cosine > 0;
-    const Mask reached =
-        lit & drawn.good & front & nonzero(seen.light) & ~bump_shadow(s, k, n, drawn.l).hidden;
+    const Highlights seen = highlights<false, Bent>(s, k, n, drawn.l, cosine, &narrow);
+    const Mask front = Bent && s.turns_lobes ? ~Mask{} : cosine > 0;
+    const Mask reached = lit & drawn.good & front & nonzero(seen.light) &
+                         ~bump_shadow<Bent>(s, k, n, drawn.l).hidden;
     const uint32_t lanes = bits(reached);
     if (!lanes) continue;
     const Appender append{lanes, found};
@@ -284,7 +284,9 @@ size_t with_shape(int shape, Of of) {
 size_t light(const LightStage& s) {
   return with_shape<kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource,
                     kRectangleSource, kSky, kOpenSky, kMeshSource, kBouncedSource>(
-      s.shape, [&]<int Shape>() { return light_from<Shape>(s); });
+      s.shape, [&]<int Shape>() {
+        return is_bent(s) ? light_from<Shape, true>(s) : light_from<Shape, false>(s);
+      });
 }
 
 size_t scatter(const LightStage& s) {
@@ -295,9 +297,12 @@ size_t scatter(const LightStage& s) {
 }
 
 size_t gloss(const LightStage& s) {
-  if (s.shape == kMeshSource) return gloss_towards_mesh(s);
+  if (s.shape == kMeshSource)
+    return is_bent(s) ? gloss_towards_mesh<true>(s) : gloss_towards_mesh<false>(s);
   return with_shape<kDirection, kSphereSource, kDiscSource, kPlaneSource, kRectangleSource, kSky,
-                    kOpenSky>(s.shape, [&]<int Shape>() { return gloss_from<Shape>(s); });
+                    kOpenSky>(s.shape, [&]<int Shape>() {
+    return is_bent(s) ? light_from<Shape, true, true>(s) : light_from<Shape, false, true>(s);
+  });
 }
 
 }  // namespace

@@ -8,14 +8,14 @@ namespace {
 
 /// Adds what one sample gives to the points [first, end), and tells it alone in three rows of
 /// `given`.
-template <bool IsDrawn, int Shape>
+template <bool IsDrawn, bool Bent, int Shape>
 __attribute__((flatten)) void add_sample(const ShareStage& to, const LightStage& s, size_t first,
                                          size_t end, double* given) {
   Given found;
   for (size_t k = first; k < end; k += kLanes, given += kLanes) {
     bool reaches = false;
-    if constexpr (IsDrawn) reaches = give_drawn<Shape>(s, k, found);
-    else reaches = give<Shape>(s, k, found);
+    if constexpr (IsDrawn) reaches = give_drawn<Shape, Bent>(s, k, found);
+    else reaches = give<Shape, Bent>(s, k, found);
     Three both{};
     if (reaches) {
       const Three diffuse = where(found.reached, found.diffuse),
@@ -32,33 +32,34 @@ __attribute__((flatten)) void add_sample(const ShareStage& to, const LightStage&
   }
 }
 
-template <int Shape>
+template <int Shape, bool Bent>
 void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
               double* given) {
   if constexpr (Shape != kPointSource) {
-    if (sample.drawn) return add_sample<true, Shape>(to, sample.stage, first, end, given);
+    if (sample.drawn) return add_sample<true, Bent, Shape>(to, sample.stage, first, end, given);
   }
-  add_sample<false, Shape>(to, sample.stage, first, end, given);
+  add_sample<false, Bent, Shape>(to, sample.stage, first, end, given);
+}
+
+template <bool Bent>
+void add_lamp_as(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
+                 double* given) {
+  switch (sample.stage.shape) {
+    case kDirection: return add_lamp<kDirection, Bent>(to, sample, first, end, given);
+    case kBouncedSource:
+      return add_sample<false, Bent, kBouncedSource>(to, sample.stage, first, end, given);
+    case kPointSource: return add_lamp<kPointSource, Bent>(to, sample, first, end, given);
+    case kSphereSource: return add_lamp<kSphereSource, Bent>(to, sample, first, end, given);
+    case kDiscSource: return add_lamp<kDiscSource, Bent>(to, sample, first, end, given);
+    case kRectangleSource: return add_lamp<kRectangleSource, Bent>(to, sample, first, end, given);
+    default: return add_lamp<kPlaneSource, Bent>(to, sample, first, end, given);
+  }
 }
 
 void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
               double* given) {
-  switch (sample.stage.shape) {
-    case kDirection:
-      return add_lamp<kDirection>(to, sample, first, end, given);
-    case kBouncedSource:
-      return add_sample<false, kBouncedSource>(to, sample.stage, first, end, given);
-    case kPointSource:
-      return add_lamp<kPointSource>(to, sample, first, end, given);
-    case kSphereSource:
-      return add_lamp<kSphereSource>(to, sample, first, end, given);
-    case kDiscSource:
-      return add_lamp<kDiscSource>(to, sample, first, end, given);
-    case kRectangleSource:
-      return add_lamp<kRectangleSource>(to, sample, first, end, given);
-    default:
-      return add_lamp<kPlaneSource>(to, sample, first, end, given);
-  }
+  if (is_bent(sample.stage)) add_lamp_as<true>(to, sample, first, end, given);
+  else add_lamp_as<false>(to, sample, first, end, given);
 }
 
 /// Round the lit points of a block: a ball, and a cone of their normals.
@@ -255,7 +256,11 @@ void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, 
   for (size_t at = 0; at < s.cluster_count;) {
     const LampCluster& c = s.clusters[at];
     const ClusterSeen seen = look(s, at, first, end, walk);
-    if (seen.far) add_cluster(s, c, walk, first, end, reached.give(s, s.sample_count + at));
+    if (seen.far) {
+      double* const given = reached.give(s, s.sample_count + at);
+      if (is_bent(s.samples[c.first].stage)) add_cluster<true>(s, c, walk, first, end, given);
+      else add_cluster<false>(s, c, walk, first, end, given);
+    }
     const bool is_lamp = c.next == at + 1;
     for (size_t i = c.first; seen.near && is_lamp && i < c.end; ++i)
       if (may_reach(s.samples[i], bounds))

@@ -82,7 +82,7 @@ inline Three operator*(const Linear& m, const Three& v) {
   return v.x * m.x + v.y * m.y + v.z * m.z;
 }
 inline Three rows3(const double (*p)[kLanes]) { return {load(p[0]), load(p[1]), load(p[2])}; }
-inline Three rows3(const float (*p)[kLanes]) { return {load(p[0]), load(p[1]), load(p[2])}; }
+inline Three rows3(const float (*p)[kLanes]) { return {widen(p[0]), widen(p[1]), widen(p[2])}; }
 
 inline Three vertex_of(const float* values, uint32_t row) {
   const float* p = values + 3 * size_t(row);
@@ -187,7 +187,7 @@ inline Three shadow_origin(const Three& x, const Three& g, const Face& face, con
 
 inline void place_group(const SurfaceStage& s, size_t k, const Face& face) {
   const Three d = load3(s.d, k), o = load3(s.start, k);
-  const Weights b = solve_weights(o, d, face, load(s.u + k), load(s.v + k));
+  const Weights b = solve_weights(o, d, face, widen(s.u + k), widen(s.v + k));
   const Three x = face.a + (b.b * face.e1 + b.c * face.e2);
   const Mask flat = nonzero(face.g);
   Three g = face.g;

@@ -78,7 +78,7 @@ struct Leaving {
 inline OnMesh on_mesh(const TransmittanceStage& s, size_t k, const Chosen& ray, const Met& at) {
   const Leaving from(s, ray);
   const Weights b =
-      solve_weights(from.origin, from.d, triangles(s, at), load(s.u + k), load(s.v + k));
+      solve_weights(from.origin, from.d, triangles(s, at), widen(s.u + k), widen(s.v + k));
   OnMesh p;
   p.weights[0] = b.a;
   p.weights[1] = b.b;

@@ -6,10 +6,7 @@
 namespace glint {
 
 #if defined(GLINT_X86_KERNELS)
-const Stages& best_stages() {
-  const Isa isa = choose_isa(kAvx512);
-  return isa == kAvx512 ? stages_avx512 : isa == kAvx2 ? stages_avx2 : stages_sse42;
-}
+const Stages& best_stages() { return chosen(stages_sse42, stages_avx2, stages_avx512); }
 #else
 const Stages& best_stages() { return stages_generic; }
 #endif

@@ -26,14 +26,22 @@ inline Isa machine_isa() {
   return has(bit_AVX512F | bit_AVX512VL | bit_AVX512DQ | bit_AVX512BW, zmm) ? kAvx512 : kAvx2;
 }
 
-/// `unasked`, or what the environment variable GLINT_ISA (sse42, avx2 or avx512) names, but nothing
-/// that this machine lacks.
-inline Isa choose_isa(Isa unasked) {
+/// The best one, or what the environment variable GLINT_ISA (sse42, avx2 or avx512) names, but
+/// nothing that this machine lacks.
+inline Isa choose_isa() {
+  Isa isa = kAvx512;
   const char* wish = std::getenv("GLINT_ISA");
   const char* const names[] = {"sse42", "avx2", "avx512"};
   for (int k = 0; wish && k < 3; ++k)
-    if (std::strcmp(wish, names[k]) == 0) unasked = Isa(k);
-  return std::min(unasked, machine_isa());
+    if (std::strcmp(wish, names[k]) == 0) isa = Isa(k);
+  return std::min(isa, machine_isa());
+}
+
+/// The one of the same for each instruction set that choose_isa() says.
+template <class T>
+const T& chosen(const T& sse42, const T& avx2, const T& avx512) {
+  const Isa isa = choose_isa();
+  return isa == kAvx512 ? avx512 : isa == kAvx2 ? avx2 : sse42;
 }
 
 }  // namespace glint

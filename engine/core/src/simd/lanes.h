@@ -8,28 +8,9 @@
 namespace glint {
 namespace {
 
-constexpr size_t kLanes = kDoubles;
 constexpr uint32_t kAllLanes = (1u << kLanes) - 1;
 
-typedef Longs Mask;
 typedef uint64_t Words __attribute__((vector_size(8 * kLanes)));
-typedef float Singles __attribute__((vector_size(4 * kLanes)));
-typedef int32_t Whole __attribute__((vector_size(4 * kLanes)));
-typedef uint32_t Numbers __attribute__((vector_size(4 * kLanes)));
-
-typedef int64_t LooseMask __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
-typedef float LooseSingles __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-typedef uint32_t LooseNumbers __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-inline Mask load(const int64_t* p) { return *reinterpret_cast<const LooseMask*>(p); }
-inline Doubles load(const float* p) {
-  return __builtin_convertvector(Singles(*reinterpret_cast<const LooseSingles*>(p)), Doubles);
-}
-inline Numbers load(const uint32_t* p) { return *reinterpret_cast<const LooseNumbers*>(p); }
-inline void store(int64_t* p, Mask v) { *reinterpret_cast<LooseMask*>(p) = v; }
-inline void store(float* p, Doubles v) {
-  *reinterpret_cast<LooseSingles*>(p) = __builtin_convertvector(v, Singles);
-}
-inline void store(uint32_t* p, Numbers v) { *reinterpret_cast<LooseNumbers*>(p) = v; }
 
 /// The vector of of(0), of(1), … (GCC writes a vector lane by lane with a masked instruction each,
 /// and this with few.)
@@ -67,7 +48,6 @@ inline Whole read_at(const int32_t* p, Whole index) {
 #endif
 }
 
-inline Doubles choose(Mask m, Doubles a, Doubles b) { return m ? a : b; }
 inline Doubles where(Mask m, Doubles a) { return Doubles(Mask(a) & m); }  // else 0
 
 #if defined(__AVX512F__)

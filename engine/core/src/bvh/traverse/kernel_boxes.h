@@ -16,10 +16,10 @@ struct BoxRays {
 
   /// For these rays of a tile, and others of their groups.
   void prepare(const Tile& tile, uint64_t rays) {
-    constexpr uint64_t kGroup = (uint64_t(1) << kLanes) - 1;
+    constexpr uint64_t kGroup = (uint64_t(1) << kFloats) - 1;
     for (int g = 0; g < kGroups; ++g)
-      if (rays >> g * kLanes & kGroup && !(ready >> g & 1)) {
-        set(tile, g * kLanes);
+      if (rays >> g * kFloats & kGroup && !(ready >> g & 1)) {
+        set(tile, g * kFloats);
         ready |= 1u << g;
       }
   }
@@ -42,8 +42,8 @@ struct BoxRays {
     const Floats start = load(tile.start + k), rest = load(tile.low_part[2] + k),
                  ulps = magnitude(start) * splat(0x1p-23f);
     const Floats sign = Floats(Ints(splat(1.0f)) | (back << 29));
-    store(near_o[2] + k, sign * (start + select(less(Floats{}, rest), ulps, Floats{})));
-    store(far_o[2] + k, sign * (start - select(less(rest, Floats{}), ulps, Floats{})));
+    store(near_o[2] + k, sign * (start + choose(less(Floats{}, rest), ulps, Floats{})));
+    store(far_o[2] + k, sign * (start - choose(less(rest, Floats{}), ulps, Floats{})));
     store(inverse[2] + k, sign);
     store(far_inverse + k, sign * splat(1 + 0x1p-20f));
     store(near_plane[2] + k, (kind & 3) * (2 * kWidth) + back * (kWidth / 4));
@@ -53,11 +53,11 @@ struct BoxRays {
 /// Which children a ray meets, and how deep. 0 * inf is NaN: `larger` and `smaller` then give up a
 /// bound or two, and at worst a box is entered in vain.
 struct BoxHits {
-  Floats near[kWidth / kLanes];
+  Floats near[kWidth / kFloats];
   uint32_t mask = 0;
   __attribute__((always_inline)) BoxHits(const Node& n, const BoxRays& b, const Tile& tile, int r) {
     const uint32_t x = b.near_plane[0][r], y = b.near_plane[1][r], z = b.near_plane[2][r];
-    for (int first = 0; first < kWidth; first += kLanes) {
+    for (int first = 0; first < kWidth; first += kFloats) {
       const float* planes = n.planes[0] + first;
       const Floats near_x = (load(planes + x) - splat(b.near_o[0][r])) * splat(b.inverse[0][r]);
       const Floats near_y = (load(planes + y) - splat(b.near_o[1][r])) * splat(b.inverse[1][r]);
@@ -68,9 +68,9 @@ struct BoxHits {
           (load(planes + (y ^ kWidth)) - splat(b.far_o[1][r])) * splat(b.inverse[1][r]);
       const Floats far_z =
           (load(planes + (z ^ kWidth)) - splat(b.far_o[2][r])) * splat(b.far_inverse[r]);
-      near[first / kLanes] =
+      near[first / kFloats] =
           larger(larger(near_x, near_y), larger(near_z, splat(tile.begin_lo[r])));
-      mask |= bits(at_most(near[first / kLanes],
+      mask |= bits(at_most(near[first / kFloats],
                            smaller(smaller(smaller(far_x, far_y), far_z), splat(tile.hi[r]))))
               << first;
     }
@@ -100,7 +100,7 @@ struct SingleRays {
   Waiting part[kLeftParts];
   int16_t before[kLeftParts], last[kTile];  // the same ray's part that came before; -1: none
 
-  bool full() const { return count > kLeftParts - kLanes; }
+  bool full() const { return count > kLeftParts - kFloats; }
   void add(int r, ChildRef child, float distance) {
     before[count] = rays >> r & 1 ? last[r] : int16_t(-1);
     rays |= uint64_t(1) << r;
@@ -139,8 +139,8 @@ inline Waiting put_met(const Node& n, const BoxHits& met, Waiting* top) {
 #else
 inline Waiting put_met(const Node& n, const BoxHits& met, Waiting* top) {
   alignas(64) Waiting all[kWidth];
-  for (int k = 0; k < kWidth / kLanes; ++k)
-    store_pairs(all + k * kLanes, load(n.child + k * kLanes), Ints(met.near[k]));
+  for (int k = 0; k < kWidth / kFloats; ++k)
+    store_pairs(all + k * kFloats, load(n.child + k * kFloats), Ints(met.near[k]));
   const uint32_t mask = met.mask, inner = mask & (mask - 1);
   if (!(inner & (inner - 1))) {
     const Waiting a = all[lowest_bit(mask | 1u << (kWidth - 1))],

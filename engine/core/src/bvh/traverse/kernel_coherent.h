@@ -29,7 +29,7 @@ inline uint32_t axis_class_of(const double (&d)[3]) {
   return axis | (d[axis] < 0 ? 4 : 0);
 }
 
-/// Directions of the rays [k, k + kDoubles), columns in the rays' order, the longest along `axis`.
+/// Directions of the rays [k, k + kLanes), columns in the rays' order, the longest along `axis`.
 /// False when they are not coherent. Those that end before they begin are not alive.
 inline bool set_coherent_directions(Tile& tile, int k, const double* const (&d)[3], int axis,
                                     Doubles sign, Span& span) {
@@ -46,17 +46,17 @@ inline bool set_coherent_directions(Tile& tile, int k, const double* const (&d)[
   span.longest = larger(ahead, span.longest);
   const DoubleMask alive = less(t_min, t_max);
   span.alive |= uint64_t(bits(alive)) << k;
-  span.earliest = smaller(select(alive, t_max, splat(kInf)), span.earliest);
+  span.earliest = smaller(choose(alive, t_max, splat(kInf)), span.earliest);
   span.latest = larger(t_min, span.latest);
   const Doubles across[2] = {magnitude(d0), magnitude(d1)};
   const DoubleMask first =
       axis < 2 ? at_most(across[0], ahead) : less(across[0], ahead);  // as set_rays decides
   const DoubleMask second = axis < 1 ? at_most(across[1], ahead) : less(across[1], ahead);
   const DoubleMask good = first & second & at_most(zero, t_min);
-  return bits(good) == (1u << kDoubles) - 1;
+  return bits(good) == (1u << kLanes) - 1;
 }
 
-/// Origins of the rays [k, k + kDoubles), columns in the rays' order; center likewise. Returns the
+/// Origins of the rays [k, k + kLanes), columns in the rays' order; center likewise. Returns the
 /// squares of their distances from it.
 inline Doubles set_near_origins(Tile& tile, int k, const double* const (&o)[3],
                                 const double (&center)[3], Doubles sign) {
@@ -79,8 +79,8 @@ inline Doubles set_common_origin(Tile& tile, const double* const (&o)[3], const 
   for (int a = 0; a < 3; ++a) {
     const double p = *o[a], f = center[a] - p, q = a == 2 ? flip(p, sign) : p;
     const float coarse = float(q), rest = float(q - double(coarse));
-    for (int k = 0; k < kTile; k += kDoubles) store(tile.o[a] + k, splat(p));
-    for (int k = 0; k < kTile; k += kLanes) {
+    for (int k = 0; k < kTile; k += kLanes) store(tile.o[a] + k, splat(p));
+    for (int k = 0; k < kTile; k += kFloats) {
       store((a == 2 ? tile.start : tile.of[a]) + k, splat(coarse));
       store(tile.low_part[a] + k, splat(rest));
     }
@@ -89,7 +89,7 @@ inline Doubles set_common_origin(Tile& tile, const double* const (&o)[3], const 
   return splat(square);
 }
 
-/// The rays [k, k + kDoubles) from where they cross a plane across the depth axis.
+/// The rays [k, k + kLanes) from where they cross a plane across the depth axis.
 inline void set_far_origins(Tile& tile, int k, const double* const (&o)[3], float plane,
                             double sign) {
   const Doubles skipped = splat(double(plane)) - load(o[2] + k);
@@ -106,7 +106,7 @@ inline void set_far_origins(Tile& tile, int k, const double* const (&o)[3], floa
 
 /// Whether all rays begin at the first one's origin.
 inline bool at_one_point(const Tile& tile) {
-  for (int k = 0; k < kTile; k += kDoubles) {
+  for (int k = 0; k < kTile; k += kLanes) {
     Longs other{};
     for (const double* o : tile.xyz_o) other |= Longs(load(o + k)) ^ Longs(splat(*o));
     if (any(Longs(other != Longs{}))) return false;
@@ -114,7 +114,7 @@ inline bool at_one_point(const Tile& tile) {
   return true;
 }
 
-/// Where the rays [k, k + kDoubles) end, as depths; nearer than `skipped`, where that is not 0.
+/// Where the rays [k, k + kLanes) end, as depths; nearer than `skipped`, where that is not 0.
 inline void set_coherent_ends(Tile& tile, int k) {
   const Doubles depth = smaller(magnitude(load(tile.t_max + k) * load(tile.along + k)),
                                 splat(double(kFar))),
@@ -123,7 +123,7 @@ inline void set_coherent_ends(Tile& tile, int k) {
   narrow(tile.hi + k, smaller(depth + margin, splat(double(kFar))));
 }
 
-/// Where the rays [k, k + kDoubles) begin.
+/// Where the rays [k, k + kLanes) begin.
 inline void set_coherent_begins(Tile& tile, int k) {
   const Doubles depth = smaller(magnitude(load(tile.t_min + k) * load(tile.along + k)),
                                 splat(double(kFar))),
@@ -137,24 +137,24 @@ inline void set_near_depths(Tile& tile, const Span& span) {
   const bool endless = least_of(span.earliest) * least_of(span.shortest) >=
                        8 * tile.tree->radius;                  // behind everything: no need to know
   const bool at_once = !any(Longs(span.latest != Doubles{}));  // all rays begin at their origins
-  for (int k = 0; k < kTile; k += kLanes) {
+  for (int k = 0; k < kTile; k += kFloats) {
     if (at_once) {
       store(tile.begin_lo + k, Floats{});
       store(tile.begin_hi + k, Floats{});
     } else
-      for (int h = 0; h < kLanes; h += kDoubles) set_coherent_begins(tile, k + h);
+      for (int h = 0; h < kFloats; h += kLanes) set_coherent_begins(tile, k + h);
     if (endless) {
       store(tile.lo + k, splat(kFar));
       store(tile.hi + k, splat(kFar));
     } else
-      for (int h = 0; h < kLanes; h += kDoubles) set_coherent_ends(tile, k + h);
+      for (int h = 0; h < kFloats; h += kLanes) set_coherent_ends(tile, k + h);
   }
-  for (int k = 0; k < kTile; k += kDoubles) store(tile.skipped + k, Doubles{});
+  for (int k = 0; k < kTile; k += kLanes) store(tile.skipped + k, Doubles{});
 }
 
 /// The same of rays from far away.
 inline void set_far_depths(Tile& tile, double sign) {
-  for (int k = 0; k < kTile; k += kDoubles) {
+  for (int k = 0; k < kTile; k += kLanes) {
     const Doubles along = load(tile.along + k), skipped = load(tile.skipped + k),
                   signs = splat(sign);
     depth_interval(load(tile.t_min + k), along, skipped, signs, tile.begin_lo + k,
@@ -180,7 +180,7 @@ inline bool set_coherent_origins(Tile& tile, const double* const (&o)[3], const 
   tile.common = at_one_point(tile);
   if (tile.common) span.add(set_common_origin(tile, o, center, sign));
   else
-    for (int k = 0; k < kTile; k += kDoubles)
+    for (int k = 0; k < kTile; k += kLanes)
       span.add(set_near_origins(tile, k, o, center, splat(sign)));
   constexpr double kClose = 0x1p-40;  // set_rays adds up squares in another order
   if (!any(~(span.farthest < splat(limit * (1 - kClose))))) {
@@ -192,7 +192,7 @@ inline bool set_coherent_origins(Tile& tile, const double* const (&o)[3], const 
     return false;
   tile.common = false;
   const float plane = float(center[2] - flip(radius, sign));
-  for (int k = 0; k < kTile; k += kDoubles) set_far_origins(tile, k, o, plane, sign);
+  for (int k = 0; k < kTile; k += kLanes) set_far_origins(tile, k, o, plane, sign);
   set_far_depths(tile, sign);
   set_margin(tile, splat(9 * radius * radius),
              __builtin_sqrt(most_of(span.farthest)) * kFarRounding);
@@ -212,11 +212,11 @@ inline bool set_coherent_tile(Tile& tile) {
     center[a] = tile.tree->center[order.axes[a]];
   }
   Span span;
-  for (int k = 0; k < kTile; k += kDoubles)
+  for (int k = 0; k < kTile; k += kLanes)
     if (!set_coherent_directions(tile, k, d, order.axes[2], splat(sign), span)) return false;
   if (any(~((span.shortest > splat(0x1p-900)) & (span.longest < splat(0x1p900))))) return false;
   if (!set_coherent_origins(tile, o, center, sign, span)) return false;
-  for (int k = 0; k < kTile; k += kLanes) {
+  for (int k = 0; k < kTile; k += kFloats) {
     store(tile.axis_class + k, Ints{} + int32_t(kind));
     store(tile.pending + k, Ints{});
   }
@@ -227,19 +227,19 @@ inline bool set_coherent_tile(Tile& tile) {
 /// How deep a coherent tile's rays and groups go.
 inline void set_coherent_reach(const Tile& tile, Packets& b) {
   const DepthRange range(tile, order_of(tile, 0));
-  for (int k = 0; k < kTile; k += kLanes) set_ray_depths(tile, b, k, range);
-  for (int g = 0; g < kGroups; g += kLanes) {
-    store(b.groups.first + g, fold_rows<Smaller>(b.rays.first + g * kLanes));
-    store(b.groups.last + g, fold_rows<Larger>(b.rays.last + g * kLanes));
+  for (int k = 0; k < kTile; k += kFloats) set_ray_depths(tile, b, k, range);
+  for (int g = 0; g < kGroups; g += kFloats) {
+    store(b.groups.first + g, fold_rows<Smaller>(b.rays.first + g * kFloats));
+    store(b.groups.last + g, fold_rows<Larger>(b.rays.last + g * kFloats));
   }
 }
 
 /// Packets of all groups of a coherent tile whose rays begin at one point: before they exist, hence
 /// the lines through it bound them.
 inline void set_common_groups(const Tile& tile, Packets& b) {
-  for (int g = 0; g < kGroups; g += kLanes)
+  for (int g = 0; g < kGroups; g += kFloats)
     for (int a = 0; a < 2; ++a) {
-      const float* slopes = tile.slope[a] + g * kLanes;
+      const float* slopes = tile.slope[a] + g * kFloats;
       const Floats low = fold_rows<Smaller>(slopes), high = fold_rows<Larger>(slopes);
       const Floats o = splat(tile.of[a][0]), start = splat(tile.start[0]),
                    margin = splat(tile.margin);
@@ -255,13 +255,13 @@ inline void set_parted_groups(const Tile& tile, Packets& b) {
   alignas(64) float near[kTile], far[kTile];
   for (int a = 0; a < 2; ++a) {
     for (int g = 0; g < kGroups; ++g) {
-      const int k = g * kLanes;
+      const int k = g * kFloats;
       const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * load(tile.start + k);
       store(near + k, c + m * splat(b.groups.first[g]));
       store(far + k, c + m * splat(b.groups.last[g]));
     }
-    for (int g = 0; g < kGroups; g += kLanes) {
-      const float *p = near + g * kLanes, *q = far + g * kLanes;
+    for (int g = 0; g < kGroups; g += kFloats) {
+      const float *p = near + g * kFloats, *q = far + g * kFloats;
       float *c = b.groups.c[2 * a] + g, *high_c = b.groups.c[2 * a + 1] + g;
       float *m = b.groups.m[2 * a] + g, *high_m = b.groups.m[2 * a + 1] + g;
       const Floats first = load(b.groups.first + g), last = load(b.groups.last + g),

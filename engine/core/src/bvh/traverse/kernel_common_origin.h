@@ -28,7 +28,7 @@ struct Origin {
   float o[3], low_part[3];
 };
 
-/// Coordinates of the triangles [first, first + kLanes) of a leaf, corner by corner, in the rays'
+/// Coordinates of the triangles [first, first + kFloats) of a leaf, corner by corner, in the rays'
 /// order and sense, from `from`.
 __attribute__((always_inline)) inline void corners_from(const Origin& from, const Triangles& leaf,
                                                         int first, const Order& order,
@@ -81,7 +81,7 @@ struct ApexPacket {
 struct EdgeLines {
   Floats k[3], x[3], y[3], margin, z, dz[2], front, rear;
 
-  __attribute__((always_inline)) Mask beside(const Places& s) const {
+  __attribute__((always_inline)) FloatMask beside(const Places& s) const {
     Floats least = splat(kFar);
     for (int e = 0; e < 3; ++e)
       least = smaller(k[e] + larger(x[e] * s.low[0], x[e] * s.high[0]) +
@@ -91,7 +91,7 @@ struct EdgeLines {
   }
 };
 
-/// The edges of the triangles [first, first + kLanes) of a leaf. With m no less than any corner is
+/// The edges of the triangles [first, first + kFloats) of a leaf. With m no less than any corner is
 /// away across, z than it is along, and s than any slope, the rays' edge functions and these are
 /// each off by less than 2^-20 m (1.25 s z + m): 4 m times the rounding of a corner, 2^-24 (5 s z +
 /// 3 m), and that of the products; these also by 4 m times what rays miss the apex by. Where one
@@ -131,7 +131,7 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const ApexPacket& apex_pac
   const Floats far = splat(apex_packet.steep) * (deepest + splat(apex_packet.reach)) +
                      splat(apex_packet.off * 0x1p21f);
   const Floats margin = splat(kEdgeMargin) * most * (far + most) + splat(kUnderflow);
-  l.margin = select(less(margin, magnitude(k) - swing), margin,
+  l.margin = choose(less(margin, magnitude(k) - swing), margin,
                     splat(__builtin_inff()));  // edge-on: no side is known
   for (int e = 0; e < 3; ++e) {
     l.k[e] = Floats(Ints(l.k[e]) ^ side);
@@ -148,7 +148,7 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const ApexPacket& apex_pac
 
 /// The edges of several triangles in memory, to be had one by one.
 struct EdgeTable {
-  alignas(64) float lines[15][kLanes];
+  alignas(64) float lines[15][kFloats];
   explicit EdgeTable(const EdgeLines& l) {
     for (int e = 0; e < 3; ++e) {
       store(lines[3 * e], l.k[e]);
@@ -165,7 +165,7 @@ struct EdgeTable {
   EdgeLines at(int lane) const {
     EdgeLines l;
     for (int e = 0; e < 3; ++e) {
-      const float (*line)[kLanes] = lines + 3 * e;
+      const float (*line)[kFloats] = lines + 3 * e;
       l.k[e] = splat(line[0][lane]);
       l.x[e] = splat(line[1][lane]);
       l.y[e] = splat(line[2][lane]);
@@ -195,7 +195,7 @@ inline double meeting_point(const Tile& tile, double (&apex)[3]) {
   Doubles off{};
   for (int a = 0; a < 2; ++a) {
     apex[a] = tile.o[a][0] + tile.shear[a][0] * (apex[2] - tile.o[2][0]);
-    for (int k = 0; k < kTile; k += kDoubles) {
+    for (int k = 0; k < kTile; k += kLanes) {
       const Doubles at =
           load(tile.o[a] + k) + load(tile.shear[a] + k) * (splat(apex[2]) - load(tile.o[2] + k));
       off = larger(magnitude(at - splat(apex[a])), off);
@@ -207,7 +207,7 @@ inline double meeting_point(const Tile& tile, double (&apex)[3]) {
 /// How far the rays begin from the packet's apex, in depth. Returns the most.
 inline float set_starts(const Tile& tile, ApexPacket& apex_packet) {
   Floats most{};
-  for (int k = 0; k < kTile; k += kLanes) {
+  for (int k = 0; k < kTile; k += kFloats) {
     const Floats from = (load(tile.start + k) - splat(apex_packet.apex.o[2])) +
                         (load(tile.low_part[2] + k) - splat(apex_packet.apex.low_part[2]));
     store(apex_packet.start + k, from);
@@ -219,7 +219,7 @@ inline float set_starts(const Tile& tile, ApexPacket& apex_packet) {
 /// Whether all rays have the first one's slopes.
 inline bool parallel(const Tile& tile) {
   Ints other{};
-  for (int k = 0; k < kTile; k += kLanes)
+  for (int k = 0; k < kTile; k += kFloats)
     for (const auto& slope : tile.slope) other |= load(slope + k) != splat(*slope);
   return all_zero(other);
 }
@@ -260,7 +260,7 @@ inline bool set_apex(const Tile& tile, ApexPacket& apex_packet) {
   apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]},
           {tile.low_part[0][0], tile.low_part[1][0], tile.low_part[2][0]}};
   if (tile.common) {
-    for (int k = 0; k < kTile; k += kLanes) store(apex_packet.start + k, Floats{});
+    for (int k = 0; k < kTile; k += kFloats) store(apex_packet.start + k, Floats{});
     return true;
   }
   if (parallel(tile)) {
@@ -289,7 +289,7 @@ inline bool set_apex(const Tile& tile, ApexPacket& apex_packet) {
   return apex_packet.off < 0x1p-18f * apex_packet.reach;
 }
 
-/// Places of the rays [k, k + kLanes) along axis a.
+/// Places of the rays [k, k + kFloats) along axis a.
 inline Floats places(const Tile& tile, const ApexPacket& apex_packet, int a, int k) {
   const Floats slope = load(tile.slope[a] + k);
   if (apex_packet.constant == 0) return slope - splat(apex_packet.middle[a]);
@@ -303,12 +303,12 @@ inline void set_apex_packet(const Tile& tile, ApexPacket& apex_packet) {
   if (!apex_packet.exists) return;
   apex_packet.margin = 0x1p-20f * apex_packet.reach + kFarTie * tile.far_margin;
   for (int a = 0; a < 2; ++a) {
-    for (int k = 0; k < kTile; k += kLanes)
+    for (int k = 0; k < kTile; k += kFloats)
       store(apex_packet.place[a] + k, places(tile, apex_packet, a, k));
     Floats low = splat(kFar), high = splat(-kFar);
-    for (int g = 0; g < kGroups; g += kLanes) {
-      const Floats least = fold_rows<Smaller>(apex_packet.place[a] + g * kLanes),
-                   most = fold_rows<Larger>(apex_packet.place[a] + g * kLanes);
+    for (int g = 0; g < kGroups; g += kFloats) {
+      const Floats least = fold_rows<Smaller>(apex_packet.place[a] + g * kFloats),
+                   most = fold_rows<Larger>(apex_packet.place[a] + g * kFloats);
       store(apex_packet.low[a] + g, least);
       store(apex_packet.high[a] + g, most);
       low = smaller(least, low);

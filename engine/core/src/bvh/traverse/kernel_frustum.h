@@ -56,7 +56,7 @@ inline Ints across(Ints kind, int a) {
   return a == 0 ? (z + 1) & Ints(z < 2) : z - 1 + (Ints(z < 1) & 3);
 }
 
-/// Boxes in the order of the rays' axes, kLanes of them.
+/// Boxes in the order of the rays' axes, kFloats of them.
 struct Boxes {
   Floats low_x, high_x, low_y, high_y, front, rear;
 };
@@ -73,11 +73,11 @@ __attribute__((always_inline)) inline uint32_t meet(const Boxes& b, Floats first
                                                     const Floats (&c)[kLines],
                                                     const Floats (&m)[kLines]) {
   const Floats front = larger(b.front, first), rear = smaller(b.rear, last);
-  const Mask right = less(c[kHighX] + larger(m[kHighX] * front, m[kHighX] * rear), b.low_x);
-  const Mask left = less(b.high_x, c[kLowX] + smaller(m[kLowX] * front, m[kLowX] * rear));
-  const Mask above = less(c[kHighY] + larger(m[kHighY] * front, m[kHighY] * rear), b.low_y);
-  const Mask below = less(b.high_y, c[kLowY] + smaller(m[kLowY] * front, m[kLowY] * rear));
-  return ~bits(less(rear, front) | right | left | above | below) & ((1u << kLanes) - 1);
+  const FloatMask right = less(c[kHighX] + larger(m[kHighX] * front, m[kHighX] * rear), b.low_x);
+  const FloatMask left = less(b.high_x, c[kLowX] + smaller(m[kLowX] * front, m[kLowX] * rear));
+  const FloatMask above = less(c[kHighY] + larger(m[kHighY] * front, m[kHighY] * rear), b.low_y);
+  const FloatMask below = less(b.high_y, c[kLowY] + smaller(m[kLowY] * front, m[kLowY] * rear));
+  return ~bits(less(rear, front) | right | left | above | below) & ((1u << kFloats) - 1);
 }
 
 /// One packet, in all lanes.
@@ -99,7 +99,7 @@ template <int Count>
 __attribute__((always_inline)) inline uint32_t units_met(const Frusta<Count>& units, int base,
                                                          int count, const Boxes& box) {
   uint32_t mask = 0;
-  for (int k = 0; k < count; k += kLanes) {
+  for (int k = 0; k < count; k += kFloats) {
     const int at = base + k;
     const Floats c[kLines] = {load(units.c[0] + at), load(units.c[1] + at), load(units.c[2] + at),
                               load(units.c[3] + at)};
@@ -122,10 +122,10 @@ __attribute__((always_inline)) inline Boxes child_box(const Node& n, int child,
           splat(p[order.rear] * order.sign)};
 }
 
-/// All packets of a tile whose rays are of one axis class: rays, groups of kLanes, all.
+/// All packets of a tile whose rays are of one axis class: rays, groups of kFloats, all.
 struct Packets {
   Frusta<kTile> rays;
-  Frusta<(kGroups < kLanes ? kLanes : kGroups)> groups;
+  Frusta<(kGroups < kFloats ? kFloats : kGroups)> groups;
   Frustum all;
   uint32_t lines = 0;  // groups whose rays have their lines
 };
@@ -142,7 +142,7 @@ inline void line_through(float at_first, float at_last, float first, float last,
 inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats last, Floats margin,
                           float* c, float* m) {
   const Floats length = last - first,
-               slope = select(less(Floats{}, length), (at_last - at_first) / length, Floats{});
+               slope = choose(less(Floats{}, length), (at_last - at_first) / length, Floats{});
   store(m, slope);
   store(c, at_first - slope * first + margin);
 }
@@ -158,7 +158,7 @@ struct DepthRange {
   }
 };
 
-/// How deep the rays [k, k + kLanes) go.
+/// How deep the rays [k, k + kFloats) go.
 inline void set_ray_depths(const Tile& tile, Packets& b, int k, const DepthRange& range) {
   const Floats start = load(tile.start + k), margin = splat(tile.margin);
   // The beginning needs room for rounding start + begin alone: with more, rays would enter boxes of
@@ -168,7 +168,7 @@ inline void set_ray_depths(const Tile& tile, Packets& b, int k, const DepthRange
   store(b.rays.last + k, smaller(start + load(tile.hi + k) + margin, range.rear));
 }
 
-/// Lines of the rays [k, k + kLanes).
+/// Lines of the rays [k, k + kFloats).
 inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
   const Floats start = load(tile.start + k), margin = splat(tile.margin);
   for (int a = 0; a < 2; ++a) {
@@ -178,12 +178,12 @@ inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
     store(b.rays.c[2 * a] + k, c - margin);
     store(b.rays.c[2 * a + 1] + k, c + margin);
   }
-  b.lines |= 1u << k / kLanes;
+  b.lines |= 1u << k / kFloats;
 }
 
 /// The packet of a group; without a ray alive it is empty.
 inline void set_group(const Tile& tile, Packets& b, int g) {
-  const int k = g * kLanes;
+  const int k = g * kFloats;
   const float first = smallest(load(b.rays.first + k)), last = largest(load(b.rays.last + k));
   b.groups.first[g] = first;
   b.groups.last[g] = last;
@@ -200,7 +200,7 @@ inline void set_group(const Tile& tile, Packets& b, int g) {
 
 /// The packet of a group whose rays begin at one point, before `first`.
 inline void set_common_group(const Tile& tile, Packets& b, int g) {
-  const int k = g * kLanes;
+  const int k = g * kFloats;
   b.groups.first[g] = smallest(load(b.rays.first + k));
   b.groups.last[g] = largest(load(b.rays.last + k));
   for (int a = 0; a < 2; ++a) {
@@ -229,7 +229,7 @@ inline bool set_all(const Tile& tile, Packets& b) {
   Frustum& f = b.all;
   f.first = kFar;
   f.last = -kFar;
-  for (int g = 0; g < kCount; g += kLanes) {
+  for (int g = 0; g < kCount; g += kFloats) {
     f.first = smaller(f.first, smallest(load(b.groups.first + g)));
     f.last = larger(f.last, largest(load(b.groups.last + g)));
   }
@@ -237,7 +237,7 @@ inline bool set_all(const Tile& tile, Packets& b) {
                middle = splat(0.5f * f.first + 0.5f * f.last);
   float near[kLines] = {kFar, -kFar, kFar, -kFar}, far[kLines] = {kFar, -kFar, kFar, -kFar},
         area = 0;
-  for (int g = 0; g < kCount; g += kLanes) {
+  for (int g = 0; g < kCount; g += kFloats) {
     Floats c[kLines], m[kLines];
     for (int l = 0; l < kLines; ++l) {
       c[l] = load(b.groups.c[l] + g);
@@ -249,7 +249,7 @@ inline bool set_all(const Tile& tile, Packets& b) {
     const Floats width = c[kHighX] - c[kLowX] + (m[kHighX] - m[kLowX]) * middle;
     const Floats height = c[kHighY] - c[kLowY] + (m[kHighY] - m[kLowY]) * middle;
     area +=
-        sum(select(load(b.groups.first + g) <= load(b.groups.last + g), width * height, Floats{}));
+        sum(choose(load(b.groups.first + g) <= load(b.groups.last + g), width * height, Floats{}));
   }
   for (int l = 0; l < kLines; ++l)
     line_through(near[l], far[l], f.first, f.last, (l % 2 ? 2 : -2) * tile.margin, f.c[l], f.m[l]);

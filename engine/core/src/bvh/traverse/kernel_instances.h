@@ -23,7 +23,7 @@ struct Columns {
   /// Rays that hit nothing, up to a whole group; where all of them may be one packet, up to a whole
   /// tile, beside the first one.
   void fill(int count) {
-    const int end = count < kLeastPacket ? (count + kLanes - 1) / kLanes * kLanes : kTile;
+    const int end = count < kLeastPacket ? (count + kFloats - 1) / kFloats * kFloats : kTile;
     for (int c = 0; c < 8; ++c)
       for (int k = count; k < end; ++k) values[c][k] = c < 6 ? values[c][0] : 0;
   }
@@ -87,12 +87,12 @@ struct Visit {
     }
     add_end(r, instance);
   }
-  /// Those of the rays [k, k + kDoubles) that do not pass by.
+  /// Those of the rays [k, k + kLanes) that do not pass by.
   void add(int k, uint32_t rays, const InstanceRecord& instance) {
     const OpenRay<Doubles> all(instance, w.tile, k);
     rays &= ~bits(all.passes_by(*inner.tree));
-    if (rays == (1u << kDoubles) - 1) return add_all(k, all, instance);
-    alignas(64) double numbers[6][kDoubles];
+    if (rays == (1u << kLanes) - 1) return add_all(k, all, instance);
+    alignas(64) double numbers[6][kLanes];
     for (int a = 0; a < 3; ++a) {
       store(numbers[a], all.o[a]);
       store(numbers[3 + a], all.d[a]);
@@ -113,11 +113,11 @@ struct Visit {
     }
     store(columns.values[6] + to, load(w.tile.t_min + k));
     store(columns.values[7] + to, Any ? end : smaller(end, load(answers.t + k)));
-    for (int j = 0; j < kDoubles; ++j) {
+    for (int j = 0; j < kLanes; ++j) {
       inner.slot[to + j] = uint8_t(k + j);
       instances[to + j] = instance.instance;
     }
-    inner.count += kDoubles;
+    inner.count += kLanes;
   }
   void add_end(int r, const InstanceRecord& instance) {
     const Answers& answers = *w.tile.answers;
@@ -148,8 +148,8 @@ template <bool Any>
 __attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord& instance,
                                               uint64_t rays) {
   Visit<Any> visit(w, instance.tree);
-  for (int k = 0; k < w.tile.count; k += kDoubles)
-    if (const uint32_t some = rays >> k & ((1u << kDoubles) - 1)) visit.add(k, some, instance);
+  for (int k = 0; k < w.tile.count; k += kLanes)
+    if (const uint32_t some = rays >> k & ((1u << kLanes) - 1)) visit.add(k, some, instance);
   visit.trace();
 }
 
@@ -160,7 +160,7 @@ void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays) {
     const InstanceRecord& instance = w.world.instances[i];
     if (!(instance.visibility & w.tile.answers->visibility)) continue;
     uint64_t alive = 0;
-    for (int k = 0; k < w.tile.count; k += kLanes) alive |= uint64_t(living(w.tile, k)) << k;
+    for (int k = 0; k < w.tile.count; k += kFloats) alive |= uint64_t(living(w.tile, k)) << k;
     if (alive & rays) trace_instance(w, instance, alive & rays);
   }
 }

@@ -21,7 +21,7 @@ struct TriangleTest {
   }
   uint32_t conflict() const { return bits(less(low, Floats{}) & less(Floats{}, high)); }
   /// All edge functions of one sign, 0 excluded: no doubt that the ray hits.
-  Mask sure() const { return less(Floats{}, low) | less(high, Floats{}); }
+  FloatMask sure() const { return less(Floats{}, low) | less(high, Floats{}); }
   /// Whether a candidate is hit indeed. (Beyond 1e19 edge functions may be infinity less infinity.)
   bool hit(int lane, bool sure) const {
     const float sum = a[lane] + b[lane] + c[lane];
@@ -59,7 +59,7 @@ inline Floats extent_of(const Boxes& b) {
   return (b.high_x - b.low_x) + (b.high_y - b.low_y) + (b.rear - b.front);
 }
 
-/// Boxes of the triangles [first, first + kLanes) of a leaf.
+/// Boxes of the triangles [first, first + kFloats) of a leaf.
 inline Boxes triangle_boxes(const Triangles& leaf, int first, const Order& order) {
   Floats low[3], high[3];
   for (int k = 0; k < 3; ++k) {
@@ -73,19 +73,19 @@ inline Boxes triangle_boxes(const Triangles& leaf, int first, const Order& order
   return {low[0], high[0], low[1], high[1], back ? -high[2] : low[2], back ? -low[2] : high[2]};
 }
 
-/// Which of the rays [k, k + kLanes) meet the plane of a triangle that they hit before they begin:
+/// Which of the rays [k, k + kFloats) meet the plane of a triangle that they hit before they begin:
 /// so do shadow rays and reflections on the surface that they leave.
 __attribute__((noinline)) inline uint32_t behind(const Tile& tile, int k, const Triangles& leaf,
                                                  int place, const Order& order) {
-  alignas(64) double t[kLanes];
-  alignas(64) float u[kLanes], v[kLanes];
+  alignas(64) double t[kFloats];
+  alignas(64) float u[kFloats], v[kFloats];
   uint32_t mask = exact_hits(tile, k, leaf, place, order, t, u, v);
-  for (int h = 0; h < kLanes; h += kDoubles)
+  for (int h = 0; h < kFloats; h += kLanes)
     mask &= ~(bits(less(load(tile.t_min + k + h), load(t + h))) << h);
   return mask;
 }
 
-/// Decides candidates among the rays [k, k + kLanes) one by one, unless they begin on the far side
+/// Decides candidates among the rays [k, k + kFloats) one by one, unless they begin on the far side
 /// of a surface that they leave.
 template <bool Any>
 __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, uint32_t starting,
@@ -105,11 +105,11 @@ __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, u
   }
 }
 
-/// Takes hits that are nearer than the best ones without doubt, of the rays [k, k + kLanes): those
+/// Takes hits that are nearer than the best ones without doubt, of the rays [k, k + kFloats): those
 /// of `mask`; `nearer` has no other ones but such that cannot be.
 template <bool Any>
 __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uint32_t mask,
-                                                        Mask nearer, Floats lo, Floats hi,
+                                                        FloatMask nearer, Floats lo, Floats hi,
                                                         ChildRef leaf, int place) {
   Tile& tile = w.tile;
   float* last = w.packets.rays.last + k;
@@ -117,14 +117,14 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
     for (; mask; mask &= mask - 1)
       tile.answers->blocked[tile.slot[k + __builtin_ctz(mask)]] = tile.answers->stop();
     for (float* p : {tile.lo + k, tile.hi + k, last})
-      store(p, select(nearer, splat(-kFar), load(p)));
+      store(p, choose(nearer, splat(-kFar), load(p)));
     return;
   }
-  const Floats end = select(nearer, hi, load(tile.hi + k));
-  store(tile.lo + k, select(nearer, lo, load(tile.lo + k)));
+  const Floats end = choose(nearer, hi, load(tile.hi + k));
+  store(tile.lo + k, choose(nearer, lo, load(tile.lo + k)));
   store(tile.hi + k, end);
-  store(tile.pending + k, select(nearer, Ints{} + int32_t(leaf), load(tile.pending + k)));
-  store(tile.place + k, select(nearer, Ints{} + place, load(tile.place + k)));
+  store(tile.pending + k, choose(nearer, Ints{} + int32_t(leaf), load(tile.pending + k)));
+  store(tile.place + k, choose(nearer, Ints{} + place, load(tile.place + k)));
   store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.margin)));
 }
 
@@ -137,7 +137,8 @@ inline uint32_t hit_lanes(const TriangleTest& t, uint32_t mask) {
   return hit;
 }
 
-/// Candidates among the rays [k, k + kLanes): takes those that are certain, and decides the others.
+/// Candidates among the rays [k, k + kFloats): takes those that are certain, and decides the
+/// others.
 template <bool Any>
 __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32_t mask,
                                                      const TriangleTest& t, float extent,
@@ -147,10 +148,10 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   t.depth(splat(extent), tile.far_margin, lo, hi);
   const Floats best_lo = load(tile.lo + k), best_hi = load(tile.hi + k),
                begin_hi = load(tile.begin_hi + k);
-  const Mask sure = t.sure();
+  const FloatMask sure = t.sure();
   mask &= ~bits(sure & (less(best_hi, lo) | less(hi, load(tile.begin_lo + k))));
   if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
-  Mask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
+  FloatMask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
   if (tile.answers->opacity) {
     if (Any) mask &= hit_lanes(t, mask);
     mask = stopped(w, k, mask, leaf, place);
@@ -173,11 +174,11 @@ inline Origin origin(const Tile& tile, int k) {
           {tile.low_part[0][k], tile.low_part[1][k], tile.low_part[2][k]}};
 }
 
-/// Corners of the triangles [first, first + kLanes) of a leaf, coordinates in the rays' order and
+/// Corners of the triangles [first, first + kFloats) of a leaf, coordinates in the rays' order and
 /// sense; from the rays' origin if that is one point.
 template <bool Common>
 struct Corners {
-  alignas(64) float p[9][kLanes];
+  alignas(64) float p[9][kFloats];
   Corners(const Triangles& leaf, int first, const Order& order, const Origin& from) {
     Floats v[9];
     corners_from(from, leaf, first, order, v);
@@ -185,7 +186,7 @@ struct Corners {
   }
 };
 
-/// One triangle against the rays [k, k + kLanes). True when some ray was hit, perhaps behind
+/// One triangle against the rays [k, k + kFloats). True when some ray was hit, perhaps behind
 /// something else.
 template <bool Any, bool Common>
 __attribute__((always_inline)) inline bool hit_group(Walk<Any>& w, int k,
@@ -208,7 +209,7 @@ __attribute__((always_inline)) inline bool hit_group(Walk<Any>& w, int k,
     t.z[j] = z;
   }
   t.edges();
-  const uint32_t mask = ~t.conflict() & ((1u << kLanes) - 1);
+  const uint32_t mask = ~t.conflict() & ((1u << kFloats) - 1);
   if (!mask) return false;
   take_rays(w, k, mask, t, extent, order, ref, first + lane);
   return true;
@@ -251,15 +252,15 @@ inline uint32_t well_behind(const Doubles (&o)[3], const Doubles (&shear)[2], do
 
 enum class Verdict { kMissed, kHit, kUndecided };
 
-/// One triangle and those of the rays [k, k + kLanes) that may begin on it: kHit when they have
+/// One triangle and those of the rays [k, k + kFloats) that may begin on it: kHit when they have
 /// left it behind, as shadow rays and reflections have. `rays`: pass inside of it without doubt.
 template <bool Any>
 __attribute__((noinline)) Verdict leave_behind(const Walk<Any>& w, int k, uint32_t rays,
                                                ChildRef leaf, int place) {
   const Order& order = order_of(w.tile, k);
   const Plane plane(Triangles(w.tree, leaf), place, order);
-  for (int h = 0; h < kLanes; h += kDoubles) {
-    const uint32_t some = rays >> h & ((1u << kDoubles) - 1);
+  for (int h = 0; h < kFloats; h += kLanes) {
+    const uint32_t some = rays >> h & ((1u << kLanes) - 1);
     const Tile& tile = w.tile;
     const int r = k + h;
     if (some && some & ~well_behind({load(tile.o[0] + r), load(tile.o[1] + r), load(tile.o[2] + r)},
@@ -270,9 +271,9 @@ __attribute__((noinline)) Verdict leave_behind(const Walk<Any>& w, int k, uint32
   return Verdict::kHit;
 }
 
-/// One triangle against the rays [k, k + kLanes) of an apex packet, by its edges: where these leave
-/// no doubt, they agree with hit_group. The edge functions are off by at most a third of `margin`,
-/// and so the depth by its extent times margin over their sum.
+/// One triangle against the rays [k, k + kFloats) of an apex packet, by its edges: where these
+/// leave no doubt, they agree with hit_group. The edge functions are off by at most a third of
+/// `margin`, and so the depth by its extent times margin over their sum.
 template <bool Any>
 inline Verdict hit_apex_packet(Walk<Any>& w, int k, const EdgeLines& l, ChildRef leaf, int place) {
   const Tile& tile = w.tile;
@@ -280,8 +281,8 @@ inline Verdict hit_apex_packet(Walk<Any>& w, int k, const EdgeLines& l, ChildRef
   const Floats a = l.k[0] + l.x[0] * sx + l.y[0] * sy, b = l.k[1] + l.x[1] * sx + l.y[1] * sy,
                c = l.k[2] + l.x[2] * sx + l.y[2] * sy;
   const Floats least = smaller(a, smaller(b, c));
-  Mask inside = less(l.margin, least);
-  constexpr uint32_t kAll = (1u << kLanes) - 1;
+  FloatMask inside = less(l.margin, least);
+  constexpr uint32_t kAll = (1u << kFloats) - 1;
   if (bits(inside | less(least, -l.margin)) != kAll) return Verdict::kUndecided;
   if (!bits(inside) || !visible(tile, leaf_first(leaf) + uint32_t(place))) return Verdict::kMissed;
   const Floats inverse = 1 / (a + b + c), at = l.z + (b * l.dz[0] + c * l.dz[1]) * inverse;
@@ -290,14 +291,15 @@ inline Verdict hit_apex_packet(Walk<Any>& w, int k, const EdgeLines& l, ChildRef
                start = load(w.apex_packet.start + k);
   const Floats lo = larger(at - error, l.front) - start - margin,
                hi = smaller(at + error, l.rear) - start + margin;
-  const Mask begun = less(load(tile.begin_hi + k), lo),
-             beyond = less(load(tile.hi + k), lo) | less(hi, load(tile.begin_lo + k));
+  const FloatMask begun = less(load(tile.begin_hi + k), lo),
+                  beyond = less(load(tile.hi + k), lo) | less(hi, load(tile.begin_lo + k));
   if (tile.answers->opacity)
     inside =
         inside & lanes(stopped(w, k, bits(inside) & ~bits(beyond), leaf, place) | bits(beyond));
-  const Mask nearer = inside & less(hi, load(tile.lo + k)) & begun;
+  const FloatMask nearer = inside & less(hi, load(tile.lo + k)) & begun;
   if (const uint32_t open = bits(inside) & ~bits(nearer | beyond)) {
-    const Mask ahead = less((hi - lo) * splat(0.125f), lo + hi);  // by its looks: not worth asking
+    const FloatMask ahead =
+        less((hi - lo) * splat(0.125f), lo + hi);  // by its looks: not worth asking
     return (open & bits(begun | ahead)) | bits(nearer) ? Verdict::kUndecided
                                                        : leave_behind(w, k, open, leaf, place);
   }

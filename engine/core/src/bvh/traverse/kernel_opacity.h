@@ -12,12 +12,12 @@ inline bool stops(const Opacity& opacity, uint8_t kind) {
                                  : kind == Opacity::kVaried && !(Any || opacity.onward);
 }
 
-/// Where the rays [k, k + kLanes) meet one triangle; those of some of them alone that ask.
+/// Where the rays [k, k + kFloats) meet one triangle; those of some of them alone that ask.
 template <bool Any>
 struct Met {
   static constexpr int kFew = 2;  // rays that are sooner asked one by one
-  alignas(64) double t[kLanes];
-  alignas(64) float u[kLanes], v[kLanes];
+  alignas(64) double t[kFloats];
+  alignas(64) float u[kFloats], v[kFloats];
   uint32_t known = 0;
 
   Met(const Walk<Any>& w, int k, uint32_t rays, ChildRef leaf, int place) {
@@ -33,7 +33,7 @@ __attribute__((noinline)) uint32_t stopped_each(const Walk<Any>& w, int k, uint3
   const Tile& tile = w.tile;
   Answers& answers = *tile.answers;
   const Opacity& opacity = *answers.opacity;
-  uint8_t kind[kLanes];
+  uint8_t kind[kFloats];
   uint32_t stopped = rays, passing = 0, plain = 0;
   for (uint32_t some = rays; some; some &= some - 1) {
     const int lane = __builtin_ctz(some), r = k + lane;

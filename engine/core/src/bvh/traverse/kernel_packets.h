@@ -1,4 +1,4 @@
-// Packets of rays through a tree, nearest boxes first: a whole tile, or a group of kLanes rays.
+// Packets of rays through a tree, nearest boxes first: a whole tile, or a group of kFloats rays.
 #pragma once
 #include "bvh/traverse/kernel_instances.h"
 
@@ -55,14 +55,14 @@ struct GroupLevel {
   GroupLevel(Walk<Any>& walk, const Order& o, int group, bool one)
       : w(walk),
         order(o),
-        k(group * kLanes),
+        k(group * kFloats),
         g(group),
         common(one),
         whole(walk.packets.groups.at(group)) {
     if (!(w.packets.lines >> g & 1)) set_ray_lines(w.tile, w.packets, k);
   }
 
-  uint32_t met(const Boxes& box) const { return units_met(w.packets.rays, k, kLanes, box); }
+  uint32_t met(const Boxes& box) const { return units_met(w.packets.rays, k, kFloats, box); }
   uint32_t still(uint32_t rays, float distance) const {
     return rays & bits(less(splat(distance), load(w.packets.rays.last + k)));
   }
@@ -90,10 +90,10 @@ struct GroupLevel {
   template <bool Common>
   void triangles(ChildRef child) {
     const Triangles leaf_triangles(w.tree, child);
-    alignas(64) float extent[kLanes];
-    for (int first = 0; first < leaf_triangles.n; first += kLanes) {
+    alignas(64) float extent[kFloats];
+    for (int first = 0; first < leaf_triangles.n; first += kFloats) {
       const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
-      const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
+      const int rest = leaf_triangles.n - first < kFloats ? leaf_triangles.n - first : kFloats;
       uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
       if (w.apex_packet.exists && __builtin_popcount(mask) > kFewTriangles)
@@ -126,7 +126,7 @@ struct GroupLevel {
 template <class Level>
 inline void walk(Level& level, const TreeView& tree, ChildRef root, uint32_t units) {
   Stack stack;
-  alignas(64) float front[kLanes];
+  alignas(64) float front[kFloats];
   stack.push(0, {root, -kFar, units, kNoBox});
   while (stack.count) {
     const Entry e = stack.pop();
@@ -142,7 +142,7 @@ inline void walk(Level& level, const TreeView& tree, ChildRef root, uint32_t uni
     }
     const Node& n = tree.nodes[e.child];
     const int base = stack.count;
-    for (int first = 0; first < kWidth; first += kLanes) {
+    for (int first = 0; first < kWidth; first += kFloats) {
       const Boxes boxes = boxes_of(n.planes[0] + first, level.order);
       store(front, boxes.front);
       for (uint32_t mask = level.whole.meet(boxes); mask; mask &= mask - 1) {
@@ -170,7 +170,7 @@ struct TileLevel {
   uint32_t met(const Boxes& box) const { return units_met(w.packets.groups, 0, kGroups, box); }
   uint32_t still(uint32_t groups, float distance) const {
     uint32_t mask = 0;
-    for (int k = 0; k < kGroups; k += kLanes)
+    for (int k = 0; k < kGroups; k += kFloats)
       mask |= bits(less(splat(distance), load(w.packets.groups.last + k))) << k;
     return groups & mask;
   }
@@ -182,7 +182,7 @@ struct TileLevel {
   void split(ChildRef child, uint32_t groups, float) {
     for (; groups; groups &= groups - 1) {
       GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
-      walk(level, w.tree, child, (1u << kLanes) - 1);
+      walk(level, w.tree, child, (1u << kFloats) - 1);
     }
     shorten();
   }
@@ -190,9 +190,9 @@ struct TileLevel {
   /// it has just written a part.)
   void shorten() {
     Floats last = splat(-kFar);
-    for (int g = 0; g < kGroups; g += kLanes) {
+    for (int g = 0; g < kGroups; g += kFloats) {
       float* groups = w.packets.groups.last + g;
-      const Floats shorter = smaller(fold_rows<Larger>(w.packets.rays.last + g * kLanes),
+      const Floats shorter = smaller(fold_rows<Larger>(w.packets.rays.last + g * kFloats),
                                      load(groups));  // empty ones stay so
       store(groups, shorter);
       last = larger(shorter, last);
@@ -212,7 +212,7 @@ struct TileLevel {
     } else {
       for (; groups; groups &= groups - 1) {
         GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
-        level.leaf(child, (1u << kLanes) - 1, box);
+        level.leaf(child, (1u << kFloats) - 1, box);
       }
     }
     shorten();
@@ -228,26 +228,26 @@ struct TileLevel {
   void instances(ChildRef child, uint32_t groups, uint32_t box) {
     uint64_t rays = 0;
     for (uint32_t m = groups; m; m &= m - 1) {
-      const int k = __builtin_ctz(m) * kLanes;
+      const int k = __builtin_ctz(m) * kFloats;
       uint32_t met = living(w.tile, k);
       if (!(w.packets.lines >> __builtin_ctz(m) & 1)) set_ray_lines(w.tile, w.packets, k);
       if (box != kNoBox)
-        met &= units_met(w.packets.rays, k, kLanes,
+        met &= units_met(w.packets.rays, k, kFloats,
                          child_box(w.tree.nodes[box / kWidth], int(box % kWidth), order));
       rays |= uint64_t(met) << k;
     }
     trace_instances(w, child, rays);
     for (uint32_t m = groups; m; m &= m - 1) {
       const int g = __builtin_ctz(m);
-      w.packets.groups.last[g] = largest(load(w.packets.rays.last + g * kLanes));
+      w.packets.groups.last[g] = largest(load(w.packets.rays.last + g * kFloats));
     }
   }
   template <bool Common>
   void triangles(ChildRef child, uint32_t groups) {
     const Triangles leaf_triangles(w.tree, child);
-    for (int first = 0; first < leaf_triangles.n; first += kLanes) {
+    for (int first = 0; first < leaf_triangles.n; first += kFloats) {
       const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
-      const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
+      const int rest = leaf_triangles.n - first < kFloats ? leaf_triangles.n - first : kFloats;
       const uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
       const int pairs = __builtin_popcount(mask) *
@@ -265,7 +265,7 @@ struct TileLevel {
     mask &= ~bits(lines.beside(w.apex_packet.all));
     if (!mask) return;
     const EdgeTable edges(lines);
-    alignas(64) float extent[kLanes], front[kLanes], rear[kLanes];
+    alignas(64) float extent[kFloats], front[kFloats], rear[kFloats];
     store(extent, extent_of(boxes));
     store(front, boxes.front);
     store(rear, boxes.rear);
@@ -273,10 +273,10 @@ struct TileLevel {
       const int lane = __builtin_ctz(mask);
       const EdgeLines one = edges.at(lane);
       uint32_t met = 0;
-      for (int g = 0; g < kGroups; g += kLanes) {
-        const Mask before = less(load(w.packets.groups.last + g), splat(front[lane]));
-        const Mask after = less(splat(rear[lane]), load(w.packets.groups.first + g));
-        met |= (~bits(before | after | one.beside(w.apex_packet.groups(g))) & ((1u << kLanes) - 1))
+      for (int g = 0; g < kGroups; g += kFloats) {
+        const FloatMask before = less(load(w.packets.groups.last + g), splat(front[lane]));
+        const FloatMask after = less(splat(rear[lane]), load(w.packets.groups.first + g));
+        met |= (~bits(before | after | one.beside(w.apex_packet.groups(g))) & ((1u << kFloats) - 1))
                << g;
       }
       if (const uint32_t undecided = hit_apex_packets(met & groups, one, child, first + lane))
@@ -289,7 +289,7 @@ struct TileLevel {
     uint32_t undecided = 0;
     for (; groups; groups &= groups - 1) {
       const Verdict verdict =
-          hit_apex_packet<Any>(w, __builtin_ctz(groups) * kLanes, edges, child, place);
+          hit_apex_packet<Any>(w, __builtin_ctz(groups) * kFloats, edges, child, place);
       if (verdict == Verdict::kUndecided) {
         undecided |= groups & -groups;
         continue;
@@ -302,7 +302,7 @@ struct TileLevel {
   template <bool Common>
   void parted_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask,
                         const Boxes& boxes, uint32_t groups) {
-    alignas(64) float extent[kLanes], box[6][kLanes];
+    alignas(64) float extent[kFloats], box[6][kFloats];
     store(extent, extent_of(boxes));
     store(box[0], boxes.low_x);
     store(box[1], boxes.high_x);
@@ -311,7 +311,7 @@ struct TileLevel {
     store(box[4], boxes.front);
     store(box[5], boxes.rear);
     const Corners<Common> corners(triangles, first, order,
-                                  origin<Common>(w.tile, __builtin_ctz(groups) * kLanes));
+                                  origin<Common>(w.tile, __builtin_ctz(groups) * kFloats));
     for (; mask; mask &= mask - 1) {
       const int lane = __builtin_ctz(mask);
       const Boxes one{splat(box[0][lane]), splat(box[1][lane]), splat(box[2][lane]),
@@ -324,7 +324,7 @@ struct TileLevel {
                   float extent, ChildRef child) {
     tests += __builtin_popcount(groups);
     for (; groups; groups &= groups - 1) {
-      found += hit_group<Any, Common>(w, __builtin_ctz(groups) * kLanes, corners, first, lane,
+      found += hit_group<Any, Common>(w, __builtin_ctz(groups) * kFloats, corners, first, lane,
                                       order, extent, child);
     }
   }
@@ -332,14 +332,14 @@ struct TileLevel {
 
 inline bool same_axis_class(const Tile& tile, int k) {
   return bits(load(tile.axis_class + k) == (Ints{} + int32_t(tile.axis_class[k]))) ==
-         (1u << kLanes) - 1;
+         (1u << kFloats) - 1;
 }
 
 template <bool Any>
 inline void walk_group(Walk<Any>& w, int g, bool common) {
-  const Order& order = order_of(w.tile, g * kLanes);
+  const Order& order = order_of(w.tile, g * kFloats);
   GroupLevel<Any> level(w, order, g, common);
-  walk(level, w.tree, w.tree.root, (1u << kLanes) - 1);
+  walk(level, w.tree, w.tree.root, (1u << kFloats) - 1);
 }
 
 /// All rays as one packet.
@@ -349,7 +349,7 @@ inline void walk_together(Walk<Any>& w, uint32_t groups, bool common) {
   for (uint32_t m = ~groups & ((1u << kCount) - 1); m; m &= m - 1)
     empty_group(w.packets, __builtin_ctz(m));
   const bool orderly = set_all(w.tile, w.packets);
-  const Order& order = order_of(w.tile, __builtin_ctz(groups) * kLanes);
+  const Order& order = order_of(w.tile, __builtin_ctz(groups) * kFloats);
   if (!orderly) {
     for (; groups; groups &= groups - 1) walk_group(w, __builtin_ctz(groups), common);
     return;

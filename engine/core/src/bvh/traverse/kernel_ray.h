@@ -5,7 +5,7 @@
 #include "bvh/accel.h"
 #include "bvh/bvh.h"
 #include "bvh/traverse/error_bounds.h"
-#include "simd/ray_lanes.h"
+#include "simd/floats.h"
 
 namespace glint {
 namespace {

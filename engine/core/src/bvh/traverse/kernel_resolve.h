@@ -6,7 +6,7 @@
 namespace glint {
 namespace {
 
-/// The rays [k + h, k + h + kDoubles) against a triangle each, in double. Returns which of them
+/// The rays [k + h, k + h + kLanes) against a triangle each, in double. Returns which of them
 /// weigh() has answered.
 inline uint32_t exact_hits(const Tile& tile, int k, int h, const Doubles (&p)[3][3], double* t,
                            float* u, float* v) {
@@ -23,27 +23,27 @@ inline uint32_t exact_hits(const Tile& tile, int k, int h, const Doubles (&p)[3]
   return bits(at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin));
 }
 /// A triangle for each ray.
-inline uint32_t exact_hits(const Tile& tile, int k, int h, const float (&corner)[9][kLanes],
+inline uint32_t exact_hits(const Tile& tile, int k, int h, const float (&corner)[9][kFloats],
                            double* t, float* u, float* v) {
   Doubles p[3][3];
   for (int j = 0; j < 3; ++j)
     for (int a = 0; a < 3; ++a) p[j][a] = widen(corner[3 * j + a] + h);
   return exact_hits(tile, k, h, p, t, u, v);
 }
-/// One triangle for the rays [k, k + kLanes).
+/// One triangle for the rays [k, k + kFloats).
 inline uint32_t exact_hits(const Tile& tile, int k, const Triangles& leaf, int place,
                            const Order& order, double* t, float* u, float* v) {
   Doubles p[3][3];
   for (int j = 0; j < 3; ++j)
     for (int a = 0; a < 3; ++a) p[j][a] = splat(double(leaf.at(j, order.axes[a])[place]));
   uint32_t close = 0;
-  for (int h = 0; h < kLanes; h += kDoubles) close |= exact_hits(tile, k, h, p, t, u, v) << h;
+  for (int h = 0; h < kFloats; h += kLanes) close |= exact_hits(tile, k, h, p, t, u, v) << h;
   return close;
 }
 
-/// The pending hits of the rays [k, k + kLanes): corner by corner, coordinates in the rays' order,
+/// The pending hits of the rays [k, k + kFloats): corner by corner, coordinates in the rays' order,
 /// and whose triangles they are. Lanes without one get any.
-inline void gather_corners(const Tile& tile, int k, float (&corner)[9][kLanes], Ints& instance,
+inline void gather_corners(const Tile& tile, int k, float (&corner)[9][kFloats], Ints& instance,
                            Ints& primitive) {
   const TreeView& tree = *tile.tree;
   const Ints pending = load(tile.pending + k), some = pending != Ints{},
@@ -54,23 +54,23 @@ inline void gather_corners(const Tile& tile, int k, float (&corner)[9][kLanes], 
                         load(tile.axis_class + k) & 3};
   for (int a = 0; a < 3; ++a) {
     Ints at = first + axis[a] * n;
-    for (int j = 0; j < 3; ++j, at += 3 * n) store(corner[3 * j + a], gather(tree.floats, at));
+    for (int j = 0; j < 3; ++j, at += 3 * n) store(corner[3 * j + a], read_at(tree.floats, at));
   }
   const Ints id = 2 * (ordinal + (load(tile.place + k) & some));
   const float* ids = reinterpret_cast<const float*>(tree.ids);
-  instance = tile.instances ? load(tile.instances + k) : Ints(gather(ids, id));
-  primitive = Ints(gather(ids, id + 1));
+  instance = tile.instances ? load(tile.instances + k) : Ints(read_at(ids, id));
+  primitive = Ints(read_at(ids, id + 1));
 }
 
-/// Hits of the rays [k, k + kLanes), computed.
+/// Hits of the rays [k, k + kFloats), computed.
 struct Found {
-  alignas(64) double t[kLanes];
-  alignas(64) float u[kLanes], v[kLanes];
+  alignas(64) double t[kFloats];
+  alignas(64) float u[kFloats], v[kFloats];
   Ints instance, primitive;
   uint32_t close;  // lanes that weigh() has answered
 };
 
-/// The pending hits of the rays [k, k + kLanes), those of `mask`.
+/// The pending hits of the rays [k, k + kFloats), those of `mask`.
 inline void find_hits(const Tile& tile, int k, uint32_t mask, Found& f) {
   const int r = k + __builtin_ctz(mask);
   const ChildRef leaf = tile.pending[r];
@@ -86,31 +86,31 @@ inline void find_hits(const Tile& tile, int k, uint32_t mask, Found& f) {
         exact_hits(tile, k, Triangles(*tile.tree, leaf), place, order_of(tile, r), f.t, f.u, f.v);
     return;
   }
-  alignas(64) float corner[9][kLanes];
+  alignas(64) float corner[9][kFloats];
   gather_corners(tile, k, corner, f.instance, f.primitive);
   f.close = 0;
-  for (int h = 0; h < kLanes; h += kDoubles)
+  for (int h = 0; h < kFloats; h += kLanes)
     f.close |= exact_hits(tile, k, h, corner, f.t, f.u, f.v) << h;
 }
 
-/// Computes the pending hits of the rays [k, k + kLanes).
+/// Computes the pending hits of the rays [k, k + kFloats).
 inline void finish_group(Walk<false>& w, int k) {
   Tile& tile = w.tile;
-  const uint32_t mask = ~bits(equal(load(tile.pending + k), Ints{})) & ((1u << kLanes) - 1);
+  const uint32_t mask = ~bits(equal(load(tile.pending + k), Ints{})) & ((1u << kFloats) - 1);
   if (!mask) return;
   Found f;
   find_hits(tile, k, mask, f);
   Answers& answers = *tile.answers;
   if (!(mask & ~f.close) && !tile.instances &&
-      k + kLanes <= tile.count) {  // slots are those of the rays
-    const Mask none = equal(load(tile.pending + k), Ints{});
-    for (int h = 0; h < kLanes; h += kDoubles)
-      store(answers.t + k + h, select(Longs(widen(tile.pending + k + h) != Longs{}), load(f.t + h),
+      k + kFloats <= tile.count) {  // slots are those of the rays
+    const FloatMask none = equal(load(tile.pending + k), Ints{});
+    for (int h = 0; h < kFloats; h += kLanes)
+      store(answers.t + k + h, choose(Longs(widen(tile.pending + k + h) != Longs{}), load(f.t + h),
                                       load(answers.t + k + h)));
-    store(answers.u + k, select(none, load(answers.u + k), load(f.u)));
-    store(answers.v + k, select(none, load(answers.v + k), load(f.v)));
-    store(answers.instance + k, select(none, load(answers.instance + k), f.instance));
-    store(answers.primitive + k, select(none, load(answers.primitive + k), f.primitive));
+    store(answers.u + k, choose(none, load(answers.u + k), load(f.u)));
+    store(answers.v + k, choose(none, load(answers.v + k), load(f.v)));
+    store(answers.instance + k, choose(none, load(answers.instance + k), f.instance));
+    store(answers.primitive + k, choose(none, load(answers.primitive + k), f.primitive));
     return;
   }
   for (uint32_t m = mask; m; m &= m - 1) {

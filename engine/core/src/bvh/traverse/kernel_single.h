@@ -14,7 +14,7 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
                                               Floats hi) {
   Tile& tile = w.tile;
   const uint32_t sure = bits(t.sure());
-  alignas(64) float nearest[kLanes], farthest[kLanes];
+  alignas(64) float nearest[kFloats], farthest[kFloats];
   store(nearest, lo);
   store(farthest, hi);
   for (; mask; mask &= mask - 1) {
@@ -53,7 +53,7 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
   const Floats rx = splat(tile.low_part[0][r]), ry = splat(tile.low_part[1][r]),
                rz = splat(tile.low_part[2][r]);
   const Floats sx = splat(tile.slope[0][r]), sy = splat(tile.slope[1][r]);
-  for (int first = 0; first < n; first += kLanes) {
+  for (int first = 0; first < n; first += kFloats) {
     TriangleTest t;
     for (size_t j = 0; j < 3; ++j) {
       t.z[j] = load(pz + j * corner + first) * sign - oz - rz;
@@ -61,7 +61,7 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
       t.y[j] = load(py + j * corner + first) - oy - ry - sy * t.z[j];
     }
     t.edges();
-    const int rest = n - first < kLanes ? n - first : kLanes;
+    const int rest = n - first < kFloats ? n - first : kFloats;
     uint32_t mask = ~t.conflict() & ((1u << rest) - 1);
     if (!mask) continue;
     Floats lo, hi;
@@ -137,7 +137,7 @@ struct InterleavedRays {
         rays(all),
         stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
     const int n = __builtin_popcountll(all), most = n < kInterleaved ? n : kInterleaved;
-    count = (most + kLanes - 1) / kLanes * kLanes;
+    count = (most + kFloats - 1) / kFloats * kFloats;
     slow = w.tree.large && n > 2;
     for (int k = 0; k < count; ++k) at[k] = kDone;
   }
@@ -145,7 +145,7 @@ struct InterleavedRays {
   /// Who is at a node, and whose ray is through, after others have started in place of those.
   void look(uint32_t& nodes, uint32_t& through) {
     nodes = through = 0;
-    for (int k = 0; k < count; k += kLanes) {
+    for (int k = 0; k < count; k += kFloats) {
       const Ints child = load(at + k);
       through |= bits(equal(child, Ints{} + int32_t(kDone))) << k;
       nodes |= bits(child >= Ints{}) << k;

@@ -6,7 +6,7 @@ namespace glint {
 namespace {
 
 constexpr int kTile = 64;
-constexpr int kGroups = kTile / kLanes;
+constexpr int kGroups = kTile / kFloats;
 constexpr int kLeastPacket = kTile / 2;  // fewer rays are not worth a packet of all
 constexpr float kFar = 3e38f;
 constexpr ChildRef kNothing = 0;  // as `pending`: leaves have kLeaf set
@@ -114,19 +114,19 @@ inline double reach_of(const TreeView& tree) {
 
 inline double least_of(Doubles v) {
   double least = kInf;
-  for (int j = 0; j < kDoubles; ++j) least = v[j] < least ? v[j] : least;
+  for (int j = 0; j < kLanes; ++j) least = v[j] < least ? v[j] : least;
   return least;
 }
 inline double most_of(Doubles v) {
   double most = 0;
-  for (int j = 0; j < kDoubles; ++j) most = v[j] > most ? v[j] : most;
+  for (int j = 0; j < kLanes; ++j) most = v[j] > most ? v[j] : most;
   return most;
 }
 
 /// No farther than kFar, where NaN comes from infinity.
 inline Doubles limited(Doubles depth) {
   const Doubles limit = splat(double(kFar));
-  return select(depth < limit, select(depth > -limit, depth, -limit), limit);
+  return choose(depth < limit, choose(depth > -limit, depth, -limit), limit);
 }
 inline double limited(double depth) {
   return depth < double(kFar) ? larger(depth, -double(kFar)) : double(kFar);
@@ -159,15 +159,15 @@ struct Turned {
   Doubles across0, across1, along;
 };
 inline Turned turn(Longs m1, Longs m2, Doubles x, Doubles y, Doubles z) {
-  return {select(m2, x, select(m1, z, y)), select(m2, y, select(m1, x, z)),
-          select(m2, z, select(m1, y, x))};
+  return {choose(m2, x, choose(m1, z, y)), choose(m2, y, choose(m1, x, z)),
+          choose(m2, z, choose(m1, y, x))};
 }
 /// The same for lanes with one order.
 inline Turned turn(uint32_t m1, uint32_t m2, const Doubles (&v)[3]) {
   return m2 ? Turned{v[0], v[1], v[2]} : m1 ? Turned{v[2], v[0], v[1]} : Turned{v[1], v[2], v[0]};
 }
 
-/// Rays [k, k + kDoubles) from xyz_o and xyz_d. Those that can hit nothing get hi = lo = -kFar.
+/// Rays [k, k + kLanes) from xyz_o and xyz_d. Those that can hit nothing get hi = lo = -kFar.
 inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const TreeView& tree = *tile.tree;
   const Doubles d[3] = {load(tile.xyz_d[0] + k), load(tile.xyz_d[1] + k), load(tile.xyz_d[2] + k)};
@@ -175,7 +175,7 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const Doubles o0 = o[0], o1 = o[1], o2 = o[2];
   const Longs m1 = magnitude(d[1]) > magnitude(d[0]);
   const Longs m2 = magnitude(d[2]) > larger(magnitude(d[1]), magnitude(d[0]));
-  constexpr uint32_t kAll = (1u << kDoubles) - 1;
+  constexpr uint32_t kAll = (1u << kLanes) - 1;
   const uint32_t b1 = bits(m1), b2 = bits(m2);
   const bool even = b2 == kAll || (b2 == 0 && (b1 == 0 || b1 == kAll));
   const Turned td = even ? turn(b1, b2, d) : turn(m1, m2, d[0], d[1], d[2]),
@@ -186,7 +186,7 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const Doubles c0 = splat(tree.center[0]), c1 = splat(tree.center[1]), c2 = splat(tree.center[2]);
   const Doubles f0 = c0 - o0, f1 = c1 - o1, f2 = c2 - o2, zero{}, one = splat(1.0);
   const Longs back = along < zero;
-  const Doubles sign = select(back, -one, one);
+  const Doubles sign = choose(back, -one, one);
   store(tile.o[0] + k, a0);
   store(tile.o[1] + k, a1);
   store(tile.o[2] + k, a2);
@@ -197,15 +197,15 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   narrow(tile.slope[1] + k, sign * s1);
   const Doubles square = f0 * f0 + f1 * f1 + f2 * f2;
   const Longs far = ~(square < splat(16 * tree.radius * tree.radius));
-  distance = larger(select(far, splat(9 * tree.radius * tree.radius), square), distance);
+  distance = larger(choose(far, splat(9 * tree.radius * tree.radius), square), distance);
   Doubles p0 = a0, p1 = a1, p2 = a2;
   if (any(far)) {
-    alignas(64) float plane[kDoubles];
+    alignas(64) float plane[kLanes];
     narrow(plane, turn(m1, m2, c0, c1, c2).along - sign * tree.radius);
     const Doubles at = widen(plane);
-    p2 = select(far, at, a2);
-    p0 = select(far, a0 + s0 * (at - a2), a0);
-    p1 = select(far, a1 + s1 * (at - a2), a1);
+    p2 = choose(far, at, a2);
+    p0 = choose(far, a0 + s0 * (at - a2), a0);
+    p1 = choose(far, a1 + s1 * (at - a2), a1);
   }
   const Doubles q2 = sign * p2, h = p2 - a2;
   narrow(tile.of[0] + k, p0);
@@ -228,7 +228,7 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
                      (t_min < t_max);
   if (any(far & good))
     farthest =
-        larger(__builtin_sqrt(most_of(select(far & good, square, zero))) * kFarRounding, farthest);
+        larger(__builtin_sqrt(most_of(choose(far & good, square, zero))) * kFarRounding, farthest);
   if (any(Longs(t_min != zero))) {
     depth_interval(t_min, along, h, sign, tile.begin_lo + k, tile.begin_hi + k);
   } else {
@@ -245,7 +245,7 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
     narrow(tile.hi + k, limit);
   }
   if (!any(~good)) return;
-  for (int j = 0; j < kDoubles; ++j)
+  for (int j = 0; j < kLanes; ++j)
     if (!good[j]) {
       tile.lo[k + j] = tile.hi[k + j] = -kFar;
       tile.begin_lo[k + j] = tile.begin_hi[k + j] = kFar;
@@ -264,7 +264,7 @@ inline void copy_ray(Tile& tile, int from, int to) {
 }
 
 inline bool alive(const Tile& tile, int r) { return tile.hi[r] > -kFar; }
-/// Which of the rays [k, k + kLanes) are alive.
+/// Which of the rays [k, k + kFloats) are alive.
 inline uint32_t living(const Tile& tile, int k) { return bits(load(tile.hi + k) > splat(-kFar)); }
 
 /// Bound of all rounding on the way to a float test, in coordinates: 20 ulps of the largest numbers
@@ -298,15 +298,15 @@ inline bool set_tile(Tile& tile) {
   Doubles square{};
   double farthest = 0;
   bool some = false;
-  for (int k = 0; k < tile.count; k += kLanes) {
-    for (int j = 0; j < kLanes; j += kDoubles)
+  for (int k = 0; k < tile.count; k += kFloats) {
+    for (int j = 0; j < kFloats; j += kLanes)
       if (k + j < tile.count) set_rays(tile, k + j, square, farthest);
       else leave_out(tile, k + j);
     const uint32_t lives = living(tile, k);
     if (!lives) continue;
     some = true;
     if (alone(tile)) continue;
-    for (uint32_t dead = ~lives & ((1u << kLanes) - 1); dead; dead &= dead - 1)
+    for (uint32_t dead = ~lives & ((1u << kFloats) - 1); dead; dead &= dead - 1)
       copy_ray(tile, k + __builtin_ctz(lives), k + __builtin_ctz(dead));
   }
   if (some) set_margin(tile, square, farthest);

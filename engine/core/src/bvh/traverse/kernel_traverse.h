@@ -7,7 +7,7 @@
 namespace glint {
 namespace {
 
-/// Whether the rays [k, k + kLanes) begin where ray `head` does.
+/// Whether the rays [k, k + kFloats) begin where ray `head` does.
 inline bool at_one_point(const Tile& tile, int k, int head) {
   Ints other = (load(tile.of[0] + k) != splat(tile.of[0][head])) |
                (load(tile.of[1] + k) != splat(tile.of[1][head]));
@@ -19,7 +19,7 @@ inline bool at_one_point(const Tile& tile, int k, int head) {
 /// Groups of a coherent tile with a ray alive.
 inline uint32_t living_groups(const Tile& tile) {
   uint32_t groups = 0;
-  for (int g = 0; g < kGroups; ++g) groups |= uint32_t(living(tile, g * kLanes) != 0) << g;
+  for (int g = 0; g < kGroups; ++g) groups |= uint32_t(living(tile, g * kFloats) != 0) << g;
   return groups;
 }
 
@@ -35,26 +35,26 @@ inline void walk_tile(Walk<Any>& w) {
   // Too far apart for an object's triangles, or numbers too large for products of packets: one by
   // one.
   if ((tile.instances && tile.count < kLeastPacket) || !(tile.far_margin < kFar)) {
-    for (int k = 0; k < tile.count; k += kLanes)
+    for (int k = 0; k < tile.count; k += kFloats)
       leave(w, k, living(tile, k), tile.tree->root, -kFar);
     return;
   }
   uint32_t alive_groups = 0, even = 0;
   bool one_axis_class = true, one_point = true;
   int head = -1;
-  for (int g = 0; g < kGroups && g * kLanes < tile.count; ++g) {
-    const int k = g * kLanes;
+  for (int g = 0; g < kGroups && g * kFloats < tile.count; ++g) {
+    const int k = g * kFloats;
     const uint32_t lives = living(tile, k);
     if (!lives) continue;
     alive_groups |= 1u << g;
     if (head < 0) head = k;
     if (!alone(tile) && same_axis_class(tile, k) &&
-        (tile.count > kLanes || __builtin_popcount(lives) > 2))
+        (tile.count > kFloats || __builtin_popcount(lives) > 2))
       even |= 1u << g;
     one_axis_class &= (even >> g & 1) && tile.axis_class[k] == tile.axis_class[head];
   }
   for (uint32_t m = even; m; m &= m - 1) {
-    const int g = __builtin_ctz(m), k = g * kLanes;
+    const int g = __builtin_ctz(m), k = g * kFloats;
     set_ray_depths(tile, w.packets, k, DepthRange(tile, order_of(tile, k)));
     const bool one = at_one_point(tile, k, head);
     const bool ahead =
@@ -71,7 +71,7 @@ inline void walk_tile(Walk<Any>& w) {
   for (uint32_t m = alive_groups; m; m &= m - 1) {
     const int g = __builtin_ctz(m);
     if (even >> g & 1) walk_group(w, g, false);
-    else leave(w, g * kLanes, living(tile, g * kLanes), w.tree.root, -kFar);
+    else leave(w, g * kFloats, living(tile, g * kFloats), w.tree.root, -kFar);
   }
 }
 
@@ -90,7 +90,7 @@ __attribute__((noinline)) void trace_tile(Tile& tile) {
   walk_tile(w);
   if (left.rays) walk_rays(w);
   if constexpr (!Any)
-    for (int k = 0; k < tile.count; k += kLanes) finish_group(w, k);
+    for (int k = 0; k < tile.count; k += kFloats) finish_group(w, k);
 }
 
 /// Rays [first, first + count) of a batch: where they are when they fill a tile, else in `columns`.

@@ -1,4 +1,4 @@
-// Vectors of floats, and what traversal does with doubles beyond doubles.h.
+// Vectors of floats, which traversal has beside those of doubles, and masks of both.
 #pragma once
 #include "simd/doubles.h"
 
@@ -6,40 +6,22 @@ namespace glint {
 namespace {
 
 #if defined(__AVX__)
-constexpr int kLanes = 8;
+constexpr int kFloats = 8;
 #else
-constexpr int kLanes = 4;
+constexpr int kFloats = 4;
 #endif
-typedef float Floats __attribute__((vector_size(4 * kLanes)));
+typedef float Floats __attribute__((vector_size(4 * kFloats)));
 typedef decltype(Floats{} < Floats{}) Ints;
-typedef float Halves __attribute__((vector_size(4 * kDoubles)));
 
-typedef float LooseFloats __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-typedef int32_t LooseInts __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-typedef float LooseHalves __attribute__((vector_size(4 * kDoubles), aligned(4), may_alias));
+typedef float LooseFloats __attribute__((vector_size(4 * kFloats), aligned(4), may_alias));
+typedef int32_t LooseInts __attribute__((vector_size(4 * kFloats), aligned(4), may_alias));
 inline Floats load(const float* p) { return *reinterpret_cast<const LooseFloats*>(p); }
 inline void store(float* p, Floats v) { *reinterpret_cast<LooseFloats*>(p) = v; }
 inline Ints load(const uint32_t* p) { return *reinterpret_cast<const LooseInts*>(p); }
 inline void store(uint32_t* p, Ints v) { *reinterpret_cast<LooseInts*>(p) = v; }
-inline Doubles widen(const float* p) {
-  return __builtin_convertvector(*reinterpret_cast<const LooseHalves*>(p), Doubles);
-}
-inline void narrow(float* p, Doubles v) {
-  *reinterpret_cast<LooseHalves*>(p) = __builtin_convertvector(v, Halves);
-}
-/// The lower halves of the lanes.
-typedef int32_t LooseHalfInts __attribute__((vector_size(4 * kDoubles), aligned(4), may_alias));
-typedef int32_t HalfInts __attribute__((vector_size(4 * kDoubles)));
-inline void store_low(uint32_t* p, Longs v) {
-  *reinterpret_cast<LooseHalfInts*>(p) = __builtin_convertvector(v, HalfInts);
-}
-/// With their signs.
-inline Longs widen(const uint32_t* p) {
-  return __builtin_convertvector(*reinterpret_cast<const LooseHalfInts*>(p), Longs);
-}
 inline Floats splat(float a) { return a - Floats{}; }  // -0 stays -0
 
-inline Floats select(Ints m, Floats a, Floats b) {
+inline Floats choose(Ints m, Floats a, Floats b) {
 #if defined(__AVX__)
   return Floats(_mm256_blendv_ps(__m256(b), __m256(a), __m256(m)));
 #elif defined(__SSE4_1__)
@@ -48,26 +30,13 @@ inline Floats select(Ints m, Floats a, Floats b) {
   return Floats((Ints(a) & m) | (Ints(b) & ~m));
 #endif
 }
-inline Ints select(Ints m, Ints a, Ints b) { return Ints(select(m, Floats(a), Floats(b))); }
-inline Doubles select(Longs m, Doubles a, Doubles b) {
-#if defined(__AVX__) && !defined(__AVX512F__)
-  return Doubles(_mm256_blendv_pd(__m256d(b), __m256d(a), __m256d(m)));
-#else
-  return Doubles((Longs(a) & m) | (Longs(b) & ~m));
-#endif
-}
+inline Ints choose(Ints m, Ints a, Ints b) { return Ints(choose(m, Floats(a), Floats(b))); }
 inline Floats magnitude(Floats a) { return Floats(Ints(a) & 0x7fffffff); }
 inline double magnitude(double a) { return __builtin_fabs(a); }
 inline float magnitude(float a) { return __builtin_fabsf(a); }
 
-/// a with its sign changed where `sign` is negative.
-inline Doubles flip(Doubles a, Doubles sign) {
-  return Doubles(Longs(a) ^ (Longs(sign) & INT64_MIN));
-}
-inline double flip(double a, double sign) { return __builtin_signbit(sign) ? -a : a; }
-
 /// The numbers at p + index, index unsigned.
-inline Floats gather(const float* p, Ints index) {
+inline Floats read_at(const float* p, Ints index) {
 #if defined(__AVX2__)
   // The processor takes the index for signed: half of them lie before the middle.
   const auto middle =
@@ -77,7 +46,7 @@ inline Floats gather(const float* p, Ints index) {
                                          __m256(every), 4));
 #else
   Floats v;
-  for (int k = 0; k < kLanes; ++k) v[k] = p[uint32_t(index[k])];
+  for (int k = 0; k < kFloats; ++k) v[k] = p[uint32_t(index[k])];
   return v;
 #endif
 }
@@ -89,7 +58,7 @@ inline Floats larger(Floats a, Floats b) {
 #elif defined(__SSE4_1__)
   return Floats(_mm_max_ps(__m128(a), __m128(b)));
 #else
-  return select(a > b, a, b);
+  return choose(a > b, a, b);
 #endif
 }
 inline Floats smaller(Floats a, Floats b) {
@@ -98,7 +67,7 @@ inline Floats smaller(Floats a, Floats b) {
 #elif defined(__SSE4_1__)
   return Floats(_mm_min_ps(__m128(a), __m128(b)));
 #else
-  return select(a < b, a, b);
+  return choose(a < b, a, b);
 #endif
 }
 inline double larger(double a, double b) { return a > b ? a : b; }
@@ -114,37 +83,37 @@ inline uint32_t bits(Ints mask) {
   return uint32_t(_mm_movemask_ps(__m128(mask)));
 #else
   uint32_t b = 0;
-  for (int k = 0; k < kLanes; ++k) b |= uint32_t(mask[k] & 1) << k;
+  for (int k = 0; k < kFloats; ++k) b |= uint32_t(mask[k] & 1) << k;
   return b;
 #endif
 }
 /// Which lanes of floats, and of doubles, a comparison holds for; false where a number is NaN.
 /// AVX-512 has registers for that, and GCC uses them only when it is told to.
 #if defined(__AVX512F__)
-struct Mask {
+struct FloatMask {
   __mmask8 lanes;
 };
-typedef Mask DoubleMask;
-inline Mask operator&(Mask a, Mask b) { return {__mmask8(a.lanes & b.lanes)}; }
-inline Mask operator|(Mask a, Mask b) { return {__mmask8(a.lanes | b.lanes)}; }
-inline uint32_t bits(Mask m) { return m.lanes; }
-inline Floats select(Mask m, Floats a, Floats b) {
+typedef FloatMask DoubleMask;
+inline FloatMask operator&(FloatMask a, FloatMask b) { return {__mmask8(a.lanes & b.lanes)}; }
+inline FloatMask operator|(FloatMask a, FloatMask b) { return {__mmask8(a.lanes | b.lanes)}; }
+inline uint32_t bits(FloatMask m) { return m.lanes; }
+inline Floats choose(FloatMask m, Floats a, Floats b) {
   return Floats(_mm256_mask_blend_ps(m.lanes, __m256(b), __m256(a)));
 }
-inline Ints select(Mask m, Ints a, Ints b) {
+inline Ints choose(FloatMask m, Ints a, Ints b) {
   return Ints(_mm256_mask_blend_epi32(m.lanes, __m256i(b), __m256i(a)));
 }
-inline Doubles select(DoubleMask m, Doubles a, Doubles b) {
+inline Doubles choose(DoubleMask m, Doubles a, Doubles b) {
   return Doubles(_mm512_mask_blend_pd(m.lanes, __m512d(b), __m512d(a)));
 }
-inline Mask less(Floats a, Floats b) {
+inline FloatMask less(Floats a, Floats b) {
   return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LT_OQ)};
 }
-inline Mask at_most(Floats a, Floats b) {
+inline FloatMask at_most(Floats a, Floats b) {
   return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LE_OQ)};
 }
-inline Mask equal(Ints a, Ints b) { return {_mm256_cmpeq_epi32_mask(__m256i(a), __m256i(b))}; }
-inline Mask lanes(uint32_t some) { return {__mmask8(some)}; }
+inline FloatMask equal(Ints a, Ints b) { return {_mm256_cmpeq_epi32_mask(__m256i(a), __m256i(b))}; }
+inline FloatMask lanes(uint32_t some) { return {__mmask8(some)}; }
 inline DoubleMask less(Doubles a, Doubles b) {
   return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LT_OQ)};
 }
@@ -155,14 +124,14 @@ inline DoubleMask equal(Doubles a, Doubles b) {
   return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_EQ_OQ)};
 }
 #else
-typedef Ints Mask;
+typedef Ints FloatMask;
 typedef Longs DoubleMask;
-inline Mask less(Floats a, Floats b) { return a < b; }
-inline Mask at_most(Floats a, Floats b) { return a <= b; }
-inline Mask equal(Ints a, Ints b) { return a == b; }
-inline Mask lanes(uint32_t some) {
-  Mask m = {};
-  for (int k = 0; k < kLanes; ++k) m[k] = some >> k & 1 ? -1 : 0;
+inline FloatMask less(Floats a, Floats b) { return a < b; }
+inline FloatMask at_most(Floats a, Floats b) { return a <= b; }
+inline FloatMask equal(Ints a, Ints b) { return a == b; }
+inline FloatMask lanes(uint32_t some) {
+  FloatMask m = {};
+  for (int k = 0; k < kFloats; ++k) m[k] = some >> k & 1 ? -1 : 0;
   return m;
 }
 inline DoubleMask less(Doubles a, Doubles b) { return a < b; }
@@ -216,13 +185,13 @@ inline Floats fold_pair(Floats a, Floats b) {
                   __builtin_shufflevector(a, b, 2, 6, 3, 7));
 #endif
 }
-/// Each of kLanes rows of kLanes numbers folded to one lane.
+/// Each of kFloats rows of kFloats numbers folded to one lane.
 template <class Fold>
 inline Floats fold_rows(const float* rows) {
   auto four = [rows](int first) {
-    const float* p = rows + first * kLanes;
-    return fold_pair<Fold>(fold_pair<Fold>(load(p), load(p + 2 * kLanes)),
-                           fold_pair<Fold>(load(p + kLanes), load(p + 3 * kLanes)));
+    const float* p = rows + first * kFloats;
+    return fold_pair<Fold>(fold_pair<Fold>(load(p), load(p + 2 * kFloats)),
+                           fold_pair<Fold>(load(p + kFloats), load(p + 3 * kFloats)));
   };
 #if defined(__AVX__)
   const Floats a = four(0), b = four(4);
@@ -247,7 +216,7 @@ inline uint32_t lowest_bit(uint32_t mask) { return uint32_t(__builtin_ctz(mask))
 inline uint32_t highest_bit(uint32_t mask) { return 31 - uint32_t(__builtin_clz(mask)); }
 inline float sum(Floats v) {
   float s = 0;
-  for (int k = 0; k < kLanes; ++k) s += v[k];
+  for (int k = 0; k < kFloats; ++k) s += v[k];
   return s;
 }
 

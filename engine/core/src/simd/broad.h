@@ -1,7 +1,7 @@
-// Vectors of as many floats as a register holds: twice kLanes with AVX-512, else kLanes. For bounds
-// only, which need no common bits: products may be fused with sums.
+// Vectors of as many floats as a register holds: twice kFloats with AVX-512, else kFloats. For
+// bounds only, which need no common bits: products may be fused with sums.
 #pragma once
-#include "simd/ray_lanes.h"
+#include "simd/floats.h"
 
 namespace glint {
 namespace {
@@ -42,7 +42,7 @@ inline BroadMask less(Broad a, Broad b) {
 inline BroadMask operator&(BroadMask a, BroadMask b) { return {__mmask16(a.lanes & b.lanes)}; }
 inline BroadMask operator|(BroadMask a, BroadMask b) { return {__mmask16(a.lanes | b.lanes)}; }
 inline uint32_t bits(BroadMask m) { return m.lanes; }
-inline Broad select(BroadMask m, Broad a, Broad b) {
+inline Broad choose(BroadMask m, Broad a, Broad b) {
   return Broad(_mm512_mask_blend_ps(m.lanes, __m512(b), __m512(a)));
 }
 /// `a` in the lanes of m.
@@ -60,23 +60,23 @@ inline float smallest(Broad v) {
   return smallest(smaller(low, high));
 }
 inline Broad narrow_broad(const double* p) {
-  const Halves low = __builtin_convertvector(load(p), Halves),
-               high = __builtin_convertvector(load(p + kDoubles), Halves);
+  const Singles low = __builtin_convertvector(load(p), Singles),
+                high = __builtin_convertvector(load(p + kLanes), Singles);
   return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
 }
 #else
-constexpr int kBroad = kLanes;
+constexpr int kBroad = kFloats;
 typedef Floats Broad;
-typedef Mask BroadMask;
+typedef FloatMask BroadMask;
 inline Broad load_broad(const float* p) { return load(p); }
 inline void store_broad(float* p, Broad v) { store(p, v); }
 inline Broad spread(float a) { return splat(a); }
 inline void put(uint32_t* p, BroadMask m, uint32_t a) {
-  store(p, select(m, Ints{} + int32_t(a), load(p)));
+  store(p, choose(m, Ints{} + int32_t(a), load(p)));
 }
 inline Broad narrow_broad(const double* p) {
-  const Halves low = __builtin_convertvector(load(p), Halves),
-               high = __builtin_convertvector(load(p + kDoubles), Halves);
+  const Singles low = __builtin_convertvector(load(p), Singles),
+                high = __builtin_convertvector(load(p + kLanes), Singles);
 #if defined(__AVX__)
   return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
 #else

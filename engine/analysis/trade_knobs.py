@@ -1,0 +1,139 @@
+"""The settings that trade time for accuracy, and which of their values are worth measuring on a
+scene.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..errors import SceneError
+from ..film import FIRST_ESTIMATE
+from ..lights.lamps import is_soft, shared_samples
+from ..scene import Scene
+from ..settings import Settings
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A setting that trades time for accuracy.
+
+    name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a
+    picture of this scene with the base's settings. falling: smaller values are the more accurate
+    ones.  group: knobs of one group are combined with each other.
+    """
+
+    name: str
+    values: tuple[Any, ...]
+    matters: Callable[[Scene, Settings], bool]
+    falling: bool = False
+    group: str = "sampling"
+
+    @property
+    def kind(self) -> type:
+        """int or float."""
+        return type(self.values[0])
+
+    def ladder(self, *values: Any) -> list[Any]:
+        """Different values from fast to accurate."""
+        return sorted(set(values), reverse=self.falling)
+
+
+def has_soft_lights(scene: Scene, settings: Settings) -> bool:
+    """Whether something lights from more than a point, as the settings want the scene lit: a lamp
+    of an extent, the sky, what glows, what is lit.
+    """
+    lit = settings.lighting
+    glows = any(lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes)
+    sky = any(light.kind == "DOME" for light in scene.lights)
+    return (
+        bool(glows and lit["by_meshes"])
+        or (sky and lit["by_world"])
+        or scatters(scene, settings)
+        or any(is_soft(light) for light in scene.lights)
+    )
+
+
+def has_bounces(scene: Scene, settings: Settings) -> bool:
+    """Whether a material reflects or refracts rays, as metals do where they may."""
+    return any(
+        lobe.kind in ("MIRROR", "REFRACTION")
+        or (lobe.is_metallic and settings.reflections != "OFF")
+        for material in scene.materials
+        for lobe in material.lobes
+    )
+
+
+def scatters(scene: Scene, settings: Settings) -> bool:
+    """Whether surfaces throw light onto others: it is measured where it is wanted at all."""
+    return settings.lighting["bounces"] > 0 and bool(scene.instances)
+
+
+def has_many_lamps(scene: Scene, settings: Settings) -> bool:
+    """Whether lamps share shadow rays at some of the numbers that are measured."""
+    return shared_samples(scene.lights, replace(settings, lamp_shadows=8)) > 0
+
+
+def has_fog(scene: Scene, settings: Settings) -> bool:
+    """Whether media scatter light."""
+    return scene.scatters and bool(scene.lights)
+
+
+KNOBS = (
+    Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
+    Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
+    Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
+    Knob("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
+    Knob("max_bounces", (0, 1, 4, 12), has_bounces, group="bounces"),
+    Knob("cutoff", (0.01, 0.001, 0.0), has_bounces, falling=True, group="bounces"),
+    Knob("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
+    Knob("volume_samples", (1, 2, 4, 8, 16), has_fog, group="volumes"),
+)
+"""Every knob that is measured. A new one needs a row here and nothing else."""
+
+
+def settings_grid(
+    scene: Scene, base: Settings, values: Mapping[str, Sequence[Any]]
+) -> list[Settings]:
+    """Every combination of each group's knobs that can change a picture of this scene, the base's
+    own values always among them; the other groups' knobs are as the base has them: what rays leave
+    out and how many there are hardly depend on each other, and a grid over all knobs takes seven
+    times as long.
+    """
+    unknown = sorted(set(values) - {knob.name for knob in KNOBS})
+    if unknown:
+        raise SceneError(
+            f"no such knob: {', '.join(unknown)}; there are "
+            f"{', '.join(knob.name for knob in KNOBS)}"
+        )
+    knobs = [knob for knob in KNOBS if knob.matters(scene, base)]
+    groups = [
+        [knob for knob in knobs if knob.group == group]
+        for group in dict.fromkeys(knob.group for knob in knobs)
+    ]
+    grid = dict.fromkeys(
+        settings for group in groups for settings in _combinations(group, base, values)
+    )
+    return [settings for settings in grid if settings == base or not _is_idle(settings)]
+
+
+def _combinations(
+    knobs: Sequence[Knob], base: Settings, values: Mapping[str, Sequence[Any]]
+) -> Iterator[Settings]:
+    """All of some knobs."""
+    for steps in itertools.product(*(_ladder(knob, base, values) for knob in knobs)):
+        yield replace(base, **{knob.name: step for knob, step in zip(knobs, steps, strict=True)})
+
+
+def _ladder(knob: Knob, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Any]:
+    return knob.ladder(*values.get(knob.name, knob.values), getattr(base, knob.name))
+
+
+def _is_idle(settings: Settings) -> bool:
+    """Whether a knob is turned that can do nothing: no pixel stops before the samples that the
+    first estimate takes, and at most one bounce is hardly worth cutting off.
+    """
+    stops_none = settings.error_threshold > 0 and settings.samples <= FIRST_ESTIMATE
+    return stops_none or (settings.cutoff > 0 and settings.max_bounces <= 1)

@@ -1,0 +1,171 @@
+// Triangles as a beam sees them from its apex: bounds of its rays' edge functions and depths.
+#pragma once
+#include "bvh/traverse/kernel_packets.h"
+#include "simd/broad.h"
+
+namespace glint {
+namespace {
+
+constexpr int kBeam = kBroad == 4 ? 128 : 256;
+constexpr int kMostSlices = 32;
+/// Leaves that a beam may come to before it is parted.
+constexpr int leaves_allowed(int rays, bool any) { return any ? 150 : rays > kTile ? 300 : 100; }
+
+/// What a beam's rays are in double, columns in their order (Order::axes).
+struct BeamSource {
+  const double *o[3], *d[3], *t_min, *t_max;
+  const Order* order;
+};
+
+/// `Count` rays. Depths are counted from the apex, in the rays' sense, as 1 / depth: linear in the
+/// place along a plane, and 0 where nothing was hit yet.
+template <int Count>
+struct Beam {
+  static constexpr int kSlices = Count / kBroad;  // groups of rays as wide as a register
+  alignas(64) float place[2][Count];
+  alignas(64) float farthest[Count], nearest[Count];    // bounds of 1 / depth of a ray's best hit
+  alignas(64) uint32_t pending[Count], leaf_at[Count];  // its leaf, kNothing: none; place in it
+  alignas(64) float center[2][kMostSlices], half[2][kMostSlices];  // of slices: extent in places
+  alignas(64) float end[kMostSlices];                              // and the least `farthest`
+  BeamSource source;
+  const Order* order;  // the rays', or turned round where they end at the apex
+  Origin apex;
+  float middle[2], width[2];  // slopes of the ray with place 0; no place is more
+  float slope;                // no slope is more
+  float reach;                // from the apex to where rays begin, in depth, where they end there
+  float off;                  // what rays miss the apex by
+  float room;                 // of boxes
+  float begin;                // surely in front of hits beyond all t_min: 1 / depth
+  float last_end;             // the least `end`
+  float last_depth;           // coordinate beyond which no box is of use
+  double close;               // as Tile::close
+
+  /// The slopes of a ray, as Tile::shear.
+  void set_shear(int r, double (&shear)[2]) const {
+    const double inverse = 1 / source.d[2][r];
+    for (int a = 0; a < 2; ++a) shear[a] = source.d[a][r] * inverse;
+  }
+};
+
+/// The triangles [first, first + kFloats) of a leaf, seen from a beam's apex. Edge functions k + x
+/// place + y place', positive inside; 1 / depth = plane + plane_x place + plane_y place', off by
+/// less than plane_off.
+///
+/// Bounds. With s the largest slope, z no less than any corner is along and m than any is across as
+/// one of the beam's rays sees it, corners are off by at most d = 2^-20 s z + 2^-21 m across: those
+/// of single rays' test (hit_group) by u (5 s z + 3 m), those here by u (6 s z + 3 m) for the
+/// difference to the apex, the place and the shear. Either test sees the triangle through its
+/// displaced corners: so a ray that it takes for one inside passes within d of the triangle, where
+/// edge functions change by at most 2 E d, E the longest edge; and one that is inside by 4 E d is
+/// farther than sqrt 2 d from every edge and stays inside. What the products here round is less
+/// than 9 u m^2. Signs of the single rays' test are exact (exactly_hit).
+///
+/// Depths. A hit that is surely inside lies on the triangle, and moves with its displaced corners:
+/// by d across and 4 u z along, as parts of the plane's distance det / |n|. The normal's products
+/// are off by 4 u E3^2, which at a point of the triangle, E3 or less from the corner that the plane
+/// goes through, is 12 u E3^3. Other roundings are less than 8 u of the sum's terms.
+struct BeamTriangles {
+  Floats k[3], x[3], y[3], margin, plane, plane_x, plane_y, plane_off;
+  uint32_t edge_on;  // no side is known
+  uint32_t near;     // not surely beside or behind the beam
+};
+
+template <bool Any, int Count>
+__attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Count>& beam,
+                                                                  const Triangles& leaf,
+                                                                  int first) {
+  Floats p[9], across{}, deepest{};
+  corners_from(beam.apex, leaf, first, *beam.order, p);
+  for (int j = 0; j < 3; ++j) {
+    const Floats z = p[3 * j + 2];
+    for (int a = 0; a < 2; ++a) {
+      p[3 * j + a] = fused(splat(-beam.middle[a]), z, p[3 * j + a]);
+      across = larger(magnitude(p[3 * j + a]), across);
+    }
+    deepest = larger(magnitude(z), deepest);
+  }
+  const Floats w0 = splat(beam.width[0]), w1 = splat(beam.width[1]),
+               widest = splat(larger(beam.width[0], beam.width[1]));
+  across = fused(widest, deepest, across);
+  BeamTriangles t;
+  for (int e = 0; e < 3; ++e) {
+    const Floats *a = p + 3 * ((e + 1) % 3), *b = p + 3 * ((e + 2) % 3);
+    t.k[e] = fused(a[0], b[1], -(a[1] * b[0]));
+    t.x[e] = fused(a[1], b[2], -(a[2] * b[1]));
+    t.y[e] = fused(a[2], b[0], -(a[0] * b[2]));
+  }
+  Floats g[3], h[3], longest{}, longest_z{};
+  for (int a = 0; a < 3; ++a) {
+    g[a] = p[3 + a] - p[a];
+    h[a] = p[6 + a] - p[a];
+    Floats& l = a == 2 ? longest_z : longest;
+    l = larger(l, larger(magnitude(h[a] - g[a]), larger(magnitude(g[a]), magnitude(h[a]))));
+  }
+  const Floats longest_3 = larger(longest, longest_z);
+  longest = fused(widest, longest_z, longest);
+  const Floats nx = fused(g[1], h[2], -(g[2] * h[1])), ny = fused(g[2], h[0], -(g[0] * h[2])),
+               nz = fused(g[0], h[1], -(g[1] * h[0]));
+  const Floats det = fused(nx, p[0], fused(ny, p[1], nz * p[2])), inverse = 1 / det;
+  t.plane = nz * inverse;
+  t.plane_x = nx * inverse;
+  t.plane_y = ny * inverse;
+  Floats off = fused(splat(0x1p-20f * beam.slope), deepest, splat(0x1p-21f) * across);
+  if (Any) off += splat(0x1p-20f * beam.slope * beam.reach + 1.25f * beam.off);
+  t.margin =
+      fused(splat(4.0f) * longest, off, fused(splat(0x1p-20f) * across, across, splat(kUnderflow)));
+  const Floats terms =
+      fused(magnitude(t.plane_x), w0, fused(magnitude(t.plane_y), w1, magnitude(t.plane)));
+  const Floats bent =
+      fused(magnitude(nx) + magnitude(ny), fused(splat(0x1p-23f), across, off),
+            fused(magnitude(nz), splat(0x1p-22f) * deepest,
+                  splat(0x1p-20f) * longest_3 * longest_3 * longest_3 + splat(kUnderflow)));
+  t.plane_off = terms * fused(bent, magnitude(inverse), splat(0x1p-21f));
+  const Floats area = t.k[0] + t.k[1] + t.k[2];
+  const Floats swing = fused(magnitude(nx), w0, magnitude(ny) * w1);
+  t.edge_on = ~bits(less(fused(splat(4.0f), t.margin, swing), magnitude(area)));
+  const Ints side = Ints(area) & INT32_MIN;
+  FloatMask beside =
+      less(fused(magnitude(t.plane_x), w0, fused(magnitude(t.plane_y), w1, t.plane)) + t.plane_off,
+           splat(beam.last_end));
+  for (int e = 0; e < 3; ++e) {
+    t.k[e] = Floats(Ints(t.k[e]) ^ side);
+    t.x[e] = Floats(Ints(t.x[e]) ^ side);
+    t.y[e] = Floats(Ints(t.y[e]) ^ side);
+    beside = beside |
+             less(fused(magnitude(t.x[e]), w0, fused(magnitude(t.y[e]), w1, t.k[e])), -t.margin);
+  }
+  t.near = ~bits(beside) | t.edge_on;
+  return t;
+}
+
+/// The same in memory, to be had one by one.
+struct BeamTable {
+  alignas(64) float lines[14][kFloats];
+  explicit BeamTable(const BeamTriangles& t) {
+    for (int e = 0; e < 3; ++e) {
+      store(lines[3 * e], t.k[e]);
+      store(lines[3 * e + 1], t.x[e]);
+      store(lines[3 * e + 2], t.y[e]);
+    }
+    store(lines[9], t.margin);
+    store(lines[10], t.plane);
+    store(lines[11], t.plane_x);
+    store(lines[12], t.plane_y);
+    store(lines[13], t.plane_off);
+  }
+  float at(int line, int lane) const { return lines[line][lane]; }
+};
+
+/// A point in the order of rays, in the sense of `order`.
+inline Origin origin_at(const double (&point)[3], const Order& order) {
+  Origin origin;
+  for (int a = 0; a < 3; ++a) {
+    const double p = a == 2 ? flip(point[a], double(order.sign)) : point[a];
+    origin.o[a] = float(p);
+    origin.low_part[a] = float(p - double(origin.o[a]));
+  }
+  return origin;
+}
+
+}  // namespace
+}  // namespace glint

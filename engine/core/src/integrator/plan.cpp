@@ -1,0 +1,75 @@
+#include "integrator/plan.h"
+
+#include <algorithm>
+#include <thread>
+
+#include "scene/scene.h"
+
+namespace glint {
+namespace {
+
+constexpr uint32_t kMaxThreads = 1024;
+
+int threads_for(uint32_t wanted) {
+  uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
+  return int(std::min(wanted ? wanted : cores, kMaxThreads));
+}
+
+/// The region with the pixels next to it.
+Region widened(Region r, const GlintCamera& camera) {
+  return {r.x0 - (r.x0 > 0), r.y0 - (r.y0 > 0), std::min(r.x1 + 1, camera.width),
+          std::min(r.y1 + 1, camera.height)};
+}
+
+/// The openings of a dome in anchored space.
+std::vector<Opening> openings_of(const GlintRenderSettings& g, uint32_t directions,
+                                 const Anchor& anchor) {
+  const double ratio = double(g.opening_samples) / directions;
+  std::vector<Opening> rows(g.openings ? g.opening_count : 0);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const double* const row = g.openings + 13 * i;
+    Opening& on = rows[i];
+    const Vec3d center = anchor.point({row[0], row[1], row[2]}),
+                right = anchor.scale * Vec3d{row[3], row[4], row[5]},
+                up = anchor.scale * Vec3d{row[6], row[7], row[8]};
+    for (int c = 0; c < 3; ++c) {
+      on.center[c] = center[c];
+      on.right[c] = right[c];
+      on.up[c] = up[c];
+      on.across[c] = right[c] / dot(right, right);
+      on.along[c] = up[c] / dot(up, up);
+      on.normal[c] = row[9 + c];
+    }
+    on.density = ratio * row[12] / (4 * length(right) * length(up));
+  }
+  return rows;
+}
+
+}  // namespace
+
+RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
+    : GlintRenderSettings(g),
+      thread_count(threads_for(g.threads)),
+      dome_directions(g.dome_table, 9, g.dome_samples, g.dome_count),
+      bounced_points(g.bounced_table, kPointColumns, g.bounced_samples, g.bounced_count),
+      occlusion_directions(g.occlusion_points, 2, g.occlusion_samples, g.occlusion_count),
+      gather_places(g.gather_points, 2, g.gather_samples, g.gather_count),
+      mesh_points(g.mesh_table, kPointColumns, g.mesh_samples, g.mesh_count),
+      dome{g.dome_cells,   g.dome_irradiance,      g.dome_rows,
+           g.dome_columns, g.dome_irradiance_rows, g.dome_irradiance_columns} {
+  shown = region = {g.region[0], g.region[1], g.region[2], g.region[3]};
+  const bool refines = error_threshold > 0 || passes >> GLINT_PASS_ERROR & 1;
+  if (refines && samples >= Refinement::kFirst) region = widened(shown, scene.camera);
+  bounced_shadows = std::clamp(g.bounced_shadows, 1u, bounced_points.each);
+  lobe_levels = std::max(g.lobe_levels, 1u);
+  lobe_tabled = std::max(size_t(g.lobe_count) / lobe_levels, size_t(1));
+  gather_reach = scene.anchor.scale * g.gather_reach;
+  for (int k = 0; k < 9; ++k) dome.axes[k / 3][k % 3] = g.dome_axes[k];
+  std::vector<Opening> rows = openings_of(g, dome_directions.each, scene.anchor);
+  if (rows.empty()) return;
+  opening_places = {g.opening_points, 3, g.opening_samples, g.opening_point_count};
+  opening_rows = std::make_shared<const std::vector<Opening>>(std::move(rows));
+  open = {opening_rows->data(), opening_rows->size()};
+}
+
+}  // namespace glint

@@ -1,0 +1,161 @@
+"""Lights, those that the tracers make too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..program.program import Program
+from .model_geometry import EVERYTHING
+from .model_surfaces import Texture
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Emitters:
+    """m triangles, each of one radiance on a side.
+
+    corners: (m, 3, 3) float64, in the light's axes, counter-clockwise seen from outside.
+    front, back: (m, 3) radiance of the outer side and the inner one.  weight: (m,) how densely, by
+    area, points lie on them, but for a factor.  light_group: (m,) int, as of `Instances`.
+    """
+
+    corners: Array
+    front: Array
+    back: Array
+    weight: Array
+    light_group: Array
+
+    @cached_property
+    def areas(self) -> Array:
+        """(m,)"""
+        return np.linalg.norm(self._across, axis=1) / 2
+
+    @cached_property
+    def normals(self) -> Array:
+        """(m, 3) unit, outward; 0 where a triangle has no area."""
+        size = np.linalg.norm(self._across, axis=1)[:, None]
+        return self._across / np.where(size > 0, size, 1.0)
+
+    @cached_property
+    def _across(self) -> Array:
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        return np.cross(b - a, c - a)
+
+    @cached_property
+    def reaches(self) -> Array:
+        """(m,) lengths of the longest sides."""
+        sides = np.diff(self.corners, axis=1, append=self.corners[:, :1])
+        return np.linalg.norm(sides, axis=2).max(1)
+
+    @cached_property
+    def spreads(self) -> Array:
+        """(m,) one over the density, by area, of the points on each."""
+        return np.vdot(self.weight, self.areas) / self.weight
+
+    def take(self, index: Array) -> Emitters:
+        """Those at these places."""
+        columns = self.corners, self.front, self.back, self.weight, self.light_group
+        return Emitters(*(column[index] for column in columns))
+
+
+@dataclass(frozen=True, eq=False)
+class Bounces:
+    """m points from which light goes on that surfaces scatter.
+
+    points, normals: (m, 3) float64, in the light's axes, unit normals to the side that scatters.
+    radiance: (m, 3) of the surface there.  spreads: (m,) one over how densely, by area, points are
+    taken there. weights: (m,) how likely each is taken, but for a factor.  reaches: (m,) how far
+    the ends of shadow rays stay off it.  numbers: (m,) from 0 to 1, of its own, evenly spread.
+    caught: (m,) bool, on a shadow catcher.  light_group: (m,) int, of the light that they pass on.
+    bends: (m,) one over the radius in which the surface bends away from there, 0 where it does not.
+    last: (m,) bool, light that has bounced as often as asked for once it arrives.
+    """
+
+    points: Array
+    normals: Array
+    radiance: Array
+    spreads: Array
+    weights: Array
+    reaches: Array
+    numbers: Array
+    caught: Array
+    light_group: Array
+    bends: Array
+    last: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Openings:
+    """k rectangles through which rooms see the sky.
+
+    centers: (k, 3) float64, world. right, up: (k, 3) half of their sides, across each other.
+    normals: (k, 3) unit, to the side of the sky.  shares: (k,) of the points on them, sum 1.
+    """
+
+    centers: Array
+    right: Array
+    up: Array
+    normals: Array
+    shares: Array
+
+
+LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED")
+
+
+LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light. kind: POINT, SUN, SPOT, AREA, DOME, which shines from all around, or MESH, which
+    `Scene.as_lit` makes of surfaces that glow, or BOUNCED, which it makes of those that are lit.
+
+    world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z. color: RGB;
+    strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be negative. radius:
+    of POINT and SPOT, world units; soft_falloff: the radius is a disc that faces the shaded point
+    instead of a sphere. angle: full angle of the SUN. spot_size: full cone angle, spot_blend: 0-1.
+    shape: RECTANGLE or ELLIPSE, size_x, size_y: full extents of an AREA light along its x and y,
+    world units. cast_shadow: False lights through everything. visible_*: the light's own shape is
+    seen by those rays. program: its first output, a vector, is what the colour is times at each
+    point of the light that is seen from a lit one, None for 1; it reads no attributes, and a DOME
+    has none. textures: what it refers to. radiance: of a DOME, times color and strength: (h, w, 3)
+    float32 in the light's axes, equirectangular as `engine.lights.dome` says. emitters: of a MESH,
+    whose bounds are size_x, size_y and twice the radius along the light's axes, round its origin.
+    bounces: of a BOUNCED one, the same. openings: of a DOME, points on which are samples of it too;
+    `Scene.as_lit` finds them. receivers: a bit for each light_set of the instances that it lights,
+    blockers: of those that cast shadows in it. motion: (k, 3, 4) float64, k >= 2, world_from_light
+    at even times while the shutter is open; None for one that stands still, and of a DOME, MESH or
+    BOUNCED one. light_group: of `Scene.light_groups`, -1 for none; emitters and bounces have their
+    own.
+    """
+
+    name: str
+    kind: str
+    world_from_light: Array
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    strength: float = 1.0
+    radius: float = 0.0
+    soft_falloff: bool = False
+    angle: float = 0.0
+    spot_size: float = np.pi / 4
+    spot_blend: float = 0.0
+    shape: str = "RECTANGLE"
+    size_x: float = 0.0
+    size_y: float = 0.0
+    cast_shadow: bool = True
+    visible_camera: bool = False
+    visible_mirror: bool = False
+    program: Program | None = None
+    textures: tuple[Texture, ...] = ()
+    radiance: Array | None = None
+    emitters: Emitters | None = None
+    bounces: Bounces | None = None
+    openings: Openings | None = None
+    receivers: int = EVERYTHING
+    blockers: int = EVERYTHING
+    motion: Array | None = None
+    light_group: int = -1
