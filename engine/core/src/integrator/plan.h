@@ -62,26 +62,20 @@ struct RenderPlan : GlintRenderSettings {
   DomeCells dome;
   std::shared_ptr<const std::vector<Opening>> opening_rows;  // also of copies
   Openings open;
-<<<<<<< HEAD
-  const double* opening_points = nullptr;
-  uint32_t opening_samples = 0, opening_tabled = 1;
-  const double* scatter_offsets = nullptr;
-  const double* lens_points = nullptr;    // null for a pinhole
-  const double* camera_frames = nullptr;  // null for a camera that stands still
-  const double* occlusion_points =
-      nullptr;  // occlusion_samples of each of occlusion_tabled samples
-  uint32_t occlusion_samples = 1, occlusion_tabled = 1;
-  const double* node_points = nullptr;  // as GlintRenderSettings has them
-  uint64_t node_point_count = 0;
-  const GlintNeighbour* neighbours = nullptr;  // two; null where nothing moves
-  uint32_t camera_block = 1;
-  double lens_focus = 1, gather_reach = 0;  // gather_reach: as Scene::anchor scales
-  const double* gather_points = nullptr;
-  uint32_t gather_samples = 1, gather_tabled = 1, gather_block = 1;
-=======
+
+  /// Which of its square of gather_block pixels a side a pixel of the region is.
+  uint32_t gather_place(uint32_t pixel) const {
+    const uint32_t column = region.x0 + pixel % region.width(),
+                   row = region.y0 + pixel / region.width();
+    return row % gather_block * gather_block + column % gather_block;
+  }
+  /// Below which direction a sample of such a pixel looks for what throws light on, for the j-th
+  /// time.
+  const double* gather_point(uint32_t place, uint32_t sample, uint32_t j) const {
+    return gather_places.row(sample, j) + 2 * size_t(place) * gather_count;
+  }
 
   bool physical() const { return illumination == GLINT_PHYSICAL; }
->>>>>>> main
 
   uint32_t samples_of(const Light& light) const {
     if (light.is_mesh()) return mesh_points.each;
@@ -151,23 +145,6 @@ struct RenderPlan : GlintRenderSettings {
     return lobe_points + 2 * (reflected % lobe_levels * lobe_tabled + sample % lobe_tabled);
   }
 
-<<<<<<< HEAD
-  /// Which of its block a pixel of the region is.
-  uint32_t gather_place(uint32_t pixel) const {
-    const uint32_t column = region.x0 + pixel % region.width(),
-                   row = region.y0 + pixel / region.width();
-    return row % gather_block * gather_block + column % gather_block;
-  }
-
-  /// Below which direction a sample of such a pixel looks for what throws light on, for the j-th
-  /// time.
-  const double* gather_point(uint32_t place, uint32_t sample, uint32_t j) const {
-    return gather_points +
-           2 * ((size_t(place) * gather_tabled + sample % gather_tabled) * gather_samples + j);
-  }
-
-=======
->>>>>>> main
   /// The first sample of a pixel of the frame in the tables of the camera.
   size_t camera_row(size_t column, size_t row) const {
     return (row % camera_block * camera_block + column % camera_block) * samples;
