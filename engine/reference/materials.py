@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -121,6 +122,25 @@ class Coefficients:
         for term in (*self.mirrors, *self.refractions, *self.sheens, *matt):
             add_at(total, term.index, term.k)
         return total
+
+
+FADED, MOST_FADING = 2.0**-8, 16
+"""What of light behind fibres counts as nothing, where at most so many leave less."""
+
+
+def most_passed(material: Material) -> float:
+    """What a fibre lets through at most: its lobes' constants, as outputs that they are times count
+    as at most 1. 1 where an input is none of these, and of what is no fibre.
+    """
+    total = np.zeros(3)
+    for lobe in (x for x in material.lobes if x.kind == "TRANSPARENT"):
+        if any(
+            x.texture >= 0 or x.attribute or x.complement or not x.is_plain for x in lobe.factors
+        ):
+            return 1.0
+        total += np.maximum(np.prod([x.value for x in lobe.factors], 0), 0.0)
+    is_fibre = any(lobe.kind.startswith("FIBRE") for lobe in material.lobes)
+    return float(total.max()) if is_fibre and total.max() < 1 else 1.0
 
 
 class Shader:
@@ -280,7 +300,18 @@ class Shader:
             total[index] += k.T
 
         self._each_lobe(spot, "shadow", add, ("TRANSPARENT",))
-        return np.clip(total, 0.0, 1.0)
+        return np.clip(total, 0.0, self._most_passed[spot.material][:, None])
+
+    @cached_property
+    def _most_passed(self) -> Array:
+        return np.array([most_passed(material) for material in self._materials])
+
+    @cached_property
+    def fades(self) -> bool:
+        """Whether light that fibres alone let through ends where little of it is left."""
+        clear = [m for m in self._materials if any(x.kind == "TRANSPARENT" for x in m.lobes)]
+        most = max(map(most_passed, clear), default=0.0)
+        return most > 0 and most**MOST_FADING < FADED * (1 - 1e-9)
 
     def _each_lobe(
         self,

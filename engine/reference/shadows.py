@@ -16,7 +16,7 @@ import numpy as np
 
 from .attributes import Attributes
 from .lights import LightSample
-from .materials import Shader
+from .materials import FADED, Shader
 from .media import Media
 from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
 from .surface import Surface, spot_at, surface_at
@@ -122,7 +122,10 @@ class Shadows:
         return self._each(start, end, sample.short)
 
     def _blocked(self, rays: Rays) -> Array:
-        return self._visibility.blocked(rays, self._transmittance, self._seen)
+        passed = self._visibility.blocked(rays, self._transmittance, self._seen)
+        if self._shader.fades:
+            passed[(passed < FADED).all(1)] = 0.0
+        return passed
 
     def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
         if not self._shader.has_programs:

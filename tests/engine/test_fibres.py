@@ -291,3 +291,40 @@ def test_light_between_fibres_is_there_where_light_bounces() -> None:
         film = render(each, replace(settings, diffuse_bounces=bounces)).passes["Combined"]
         expected = render(alone, settings).passes["Combined"] * (1.6 if bounces else 1.0)
         np.testing.assert_allclose(film[..., 0], expected[..., 0], rtol=1e-6)
+
+
+def behind_fibres(count: int, radius: float = 1.5) -> s.Scene:
+    """A strand in a sun that comes by way of others, each of which lets 0.4 of it through."""
+    ends, radii = [[-3, 0, 0], [3, 0, 0]], [0.5, 0.5]
+    for y in 6 + 4 * np.arange(count):
+        ends += [[-3, y, 0.1 * y], [3, y, 0.1 * y]]
+        radii += [radius] * 2
+    starts = 2 * np.arange(count + 1)
+    tangent = np.tile(np.float32([1, 0, 0, 0]), (len(ends), 1))
+    geometry = s.Strands("hair", np.array(ends, np.float32), np.array(radii, np.float32),
+                         np.array(starts, np.uint32),
+                         attributes=(s.Attribute(TANGENT, "POINT", tangent),))  # fmt: skip
+    clear = s.Lobe("TRANSPARENT", (s.Input((0.4, 0.2, 0.4)),), between_fibres=True)
+    sun = replace(SUN, world_from_light=_towards(np.array([0.0, 1.0, 0.1])))
+    return scene(clear, lobe("DIFFUSE", 1.0), lights=(sun,), geometry=geometry)
+
+
+@needs_core
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+def test_light_ends_behind_so_many_fibres_that_little_is_left(backend) -> None:
+    """0.4⁶ is a 244th, which is shown; 0.4⁷ is less than a 256th."""
+    settings = Settings(samples=1, filter_width=0.0, backend=backend, diffuse_bounces=1)
+    pictures = [
+        render(behind_fibres(count), settings).passes["Combined"][..., 0] for count in (0, 1, 6, 7)
+    ]
+    lit = pictures[0] > 0.1
+    assert lit.sum() > 10
+    np.testing.assert_allclose(pictures[1][lit], 0.4 * pictures[0][lit], rtol=1e-5)
+    np.testing.assert_allclose(pictures[2][lit], 0.4**6 * pictures[0][lit], rtol=1e-5)
+    assert (pictures[3][lit] == 0).all()
+    other = s.Material("glass", (s.Lobe("TRANSPARENT"),))
+    made = behind_fibres(7)
+    whole = replace(made, materials=(*made.materials, other))
+    expected = 0.4**7 * pictures[0][lit]
+    found = render(whole, settings).passes["Combined"][..., 0][lit]
+    np.testing.assert_allclose(found, expected, rtol=1e-5)

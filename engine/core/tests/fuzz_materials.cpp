@@ -109,6 +109,17 @@ void read_program(Dice& dice, const GlintSceneData& d, std::vector<GlintInput>& 
   if (slots >= 3 && !inputs.empty()) inputs.back().output = 1 + int32_t(dice.below(slots - 2));
 }
 
+/// At times lobes of a material that reads the program have normals of their own, or are stretched.
+void turn_lobes(Dice& dice, const GlintSceneData& d, const GlintMaterial& material,
+                std::vector<GlintLobe>& lobes) {
+  if (d.programs[0].slots < 3) return;
+  const auto slot = [&] { return 1 + int32_t(dice.below(d.programs[0].slots - 2)); };
+  for (uint32_t k = 0; k < material.lobe_count; ++k) {
+    if (dice.chance(0.4)) lobes[material.first_lobe + k].normal_slot = slot();
+    if (dice.chance(0.4)) lobes[material.first_lobe + k].stretch_slot = slot();
+  }
+}
+
 /// At times some of the materials have a medium, or the world.
 void set_media(Dice& dice, Arena& arena, GlintSceneData& d, std::vector<GlintMaterial>& materials) {
   std::vector<GlintMedium> media;
@@ -186,7 +197,10 @@ void set_materials(Dice& dice, Arena& arena, GlintSceneData& d) {
     for (uint32_t k = 0; k < count; ++k) lobes.push_back(lobe(dice, inputs, d.texture_count));
   }
   set_program(dice, arena, d);
-  if (materials.back().lobe_count > 0) read_program(dice, d, inputs, materials.back());
+  if (materials.back().lobe_count > 0) {
+    read_program(dice, d, inputs, materials.back());
+    turn_lobes(dice, d, materials.back(), lobes);
+  }
   set_media(dice, arena, d, materials);
   set_aovs(dice, d, inputs, lobes, materials);
   d.inputs = arena.table(inputs);

@@ -98,6 +98,8 @@ struct Layers {
   static constexpr uint32_t kMost = 16;
   Hit* hits;       // kMost a ray
   uint8_t* count;  // kMost + 1: there are more
+  /// Rays that meet so many, at distances of their own, count as stopped.
+  uint8_t enough = 255;
 };
 
 struct AccelStats {

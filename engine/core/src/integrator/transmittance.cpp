@@ -118,7 +118,8 @@ void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
 void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCounts& counts) {
   {
     const Timer timer(counts.tracing);
-    scene_.trees.accel().find_layers(rays, {hits_.data(), found_}, blocked_, scratch_);
+    const uint8_t fading = scene_.materials.fading_fibres, enough = fading ? fading : 255;
+    scene_.trees.accel().find_layers(rays, {hits_.data(), found_, enough}, blocked_, scratch_);
   }
   bool dimmed = false;
   for (size_t k = 0; k < rays.count; ++k) {
@@ -200,6 +201,7 @@ void TransparentShadows::read_shares(const Rays& rays) {
     if (material.has(GLINT_TRANSPARENT)) {
       stage_.first = first;
       stage_.count = end - first;
+      stage_.most = material.most_passed;
       stage_.lobes = scene_.materials.lobes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
       stage_.program = material.program > 0 ? scene_.programs.of(material.program) : nullptr;
@@ -219,6 +221,7 @@ void TransparentShadows::multiply(const LightStage& light, size_t ray) {
   const uint32_t end = end_[ray];
   for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i)
     S = S * row({shares_[0], shares_[1], shares_[2]}, layers_[i].row);
+  if (scene_.materials.fading_fibres && std::max({S.x, S.y, S.z}) < MaterialTable::kFaded) S = {};
   set_row(shadow_, number, S);
   if (found_[ray] > Layers::kMost && any(S))
     wait(light, number, beyond(hits_[layers_[end - 1].hit].t));

@@ -25,6 +25,7 @@ struct Material {
   int specular_count = 0, view_count = 0;
   int passing = 0;  // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
+  double most_passed = 1;  // of light to lamps, by a surface; less than 1 of fibres alone
   bool has(int kind) const { return kinds >> kind & 1; }
   /// Whether normals of the lobe are lifted so far that mirrors see nothing below the surface.
   bool lifts(const LobeShape& lobe) const {
@@ -72,10 +73,13 @@ struct MaterialTable {
   int max_view = 0;          // lobes of a material that depend on the view, at most
   int max_passing = 0;       // Material::passing, at most
   int passing_columns = PassingTerm::kPlain;  // of each of these lobes
-  bool bends_normals = false;                 // some material gives shading normals of its own
-  bool shadows_bumps = false;                 // and hides light by them
-  bool turns_lobes = false;                   // some SPECULAR lobe may have a normal of its own
-  bool stretches_lobes = false;               // and one may be stretched
+  /// Where fibres alone let light through: behind so many less than kFaded of it is left; or 0.
+  uint8_t fading_fibres = 0;
+  static constexpr double kFaded = 0x1p-8;
+  bool bends_normals = false;    // some material gives shading normals of its own
+  bool shadows_bumps = false;    // and hides light by them
+  bool turns_lobes = false;      // some SPECULAR lobe may have a normal of its own
+  bool stretches_lobes = false;  // and one may be stretched
 
   size_t size() const { return rows.size(); }
   const Material& operator[](size_t number) const { return rows[number]; }

@@ -106,7 +106,9 @@ inline Three transparency(const TransmittanceStage& s, const OnMesh& p) {
   return sum;
 }
 
-inline Doubles clamped_share(Doubles x) { return larger(smaller(x, splat(1)), splat(0)); }
+inline Doubles clamped_share(Doubles x, double most) {
+  return larger(smaller(x, splat(most)), splat(0));
+}
 
 /// What the surface stage needs of a block of hits beside what programs read.
 struct BlockScratch {
@@ -192,9 +194,9 @@ void transmit(const TransmittanceStage& s) {
     if (!alike) p = on_mesh(s, k, ray, Met(s, k, ray.count));
     if (s.program) p.slots = s.slots + in_block;
     const Three share = transparency(s, p);
-    store(s.share[0] + k, clamped_share(share.x));
-    store(s.share[1] + k, clamped_share(share.y));
-    store(s.share[2] + k, clamped_share(share.z));
+    store(s.share[0] + k, clamped_share(share.x, s.most));
+    store(s.share[1] + k, clamped_share(share.y, s.most));
+    store(s.share[2] + k, clamped_share(share.z, s.most));
   }
 }
 

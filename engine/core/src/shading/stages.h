@@ -194,6 +194,7 @@ struct TransmittanceStage {
   const double *origin[3], *to[3],
       *end[3];       // origin: of each point.  end: null where `to` is exact
   double* share[3];  // of each hit
+  double most;       // Material::most_passed
   const LobeShape* lobes;
   uint32_t lobe_count;
   const ProgramShape* program;  // null for none

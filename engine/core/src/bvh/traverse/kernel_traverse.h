@@ -274,7 +274,8 @@ void occluded(const TopLevelView& world, const Rays& rays, uint8_t* blocked, con
   trace_all<true>(world, rays, [&](size_t first) {
     Answers a = answers_of(world, rays, first, stacks);
     a.blocked = blocked + first;
-    if (layers) a.layers = {layers->hits + first * Layers::kMost, layers->count + first};
+    if (layers)
+      a.layers = {layers->hits + first * Layers::kMost, layers->count + first, layers->enough};
     return a;
   });
 }
