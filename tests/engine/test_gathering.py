@@ -253,3 +253,11 @@ def test_neighbours_look_in_directions_of_their_own() -> None:
     errors = [((p @ edges > 0.3).mean(0) - beyond).std() for p in points]
     together = ((points.reshape(-1, 2) @ edges > 0.3).mean(0) - beyond).std()
     assert together < 0.5 * np.mean(errors)  # a quarter of the steps, and not by chance
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_part_of_a_frame_is_as_in_it(backend: str) -> None:
+    """Which directions a pixel looks in is up to where it is in the frame."""
+    whole = drawn(wall_with_ends(), 1, backend, samples=4)
+    part = drawn(wall_with_ends(), 1, backend, samples=4, region=(3, 5, 26, 24))
+    assert np.array_equal(part, whole[5:24, 3:26])
