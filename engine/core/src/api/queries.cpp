@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <thread>
 
 #include "api/guard.h"
 #include "math/math.h"
@@ -14,49 +13,12 @@ namespace {
 
 constexpr size_t kBlock = 1024;  // rays that go down together; 72 kB of them stay in a core's cache
 constexpr size_t kSamples = 64;  // placements, and primitives of each, that tell where the scene is
-constexpr uint32_t kMaxThreads = 1024;
-
-int threads_for(uint32_t wanted, size_t pieces) {
-  const uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
-  return int(std::min<size_t>(std::min(wanted ? wanted : cores, kMaxThreads),
-                              std::max<size_t>(pieces, 1)));
-}
 
 // --- where the scene is ---
 
-Vec3d vertex(const GlintGeometry& g, size_t k) {
-  return Vec3d(Vec3f{g.vertices[3 * k], g.vertices[3 * k + 1], g.vertices[3 * k + 2]});
-}
-
-struct Bounds {
-  Vec3d low{kInfinity, kInfinity, kInfinity}, high{-kInfinity, -kInfinity, -kInfinity};
-  void grow(Vec3d p) {
-    if (finite(p)) {
-      low = min(low, p);
-      high = max(high, p);
-    }
-  }
-  bool empty() const { return !(low.x <= high.x); }
-};
-
-/// In object space.
-Bounds bounds_of(const GlintGeometry& g) {
-  Bounds box;
-  for (size_t k = 0; k < g.vertex_count; ++k) {
-    const bool round = g.kind == GLINT_SPHERES || g.kind == GLINT_STRANDS;
-    const double r = round ? double(g.radii[k]) : 0;
-    if (!finite(vertex(g, k)) || !std::isfinite(r)) continue;
-    box.grow(vertex(g, k) - Vec3d{r, r, r});
-    box.grow(vertex(g, k) + Vec3d{r, r, r});
-  }
-  return box;
-}
-
-void grow(Bounds& world, const Bounds& box, const Affine& m) {
-  if (box.empty()) return;
-  for (int k = 0; k < 8; ++k)
-    world.grow(point(m, {k & 1 ? box.high.x : box.low.x, k & 2 ? box.high.y : box.low.y,
-                         k & 4 ? box.high.z : box.low.z}));
+void grow(Extent& world, const Extent& box, const Affine& m) {
+  for (int k = 0; !box.empty() && k < 8; ++k)
+    if (const Vec3d p = point(m, box.corner(k)); finite(p)) world.grow(p);
 }
 
 /// A vertex that the primitive uses; NaN for a polygon without corners.
@@ -105,7 +67,7 @@ double radius_about(const std::vector<Vec3d>& points, Vec3d p) {
 /// The middle of the scene and the power of two that brings half of it within 1. Medians, so that a
 /// stray vertex at 1e38 moves neither. The origin of a placement close to the middle is as good and
 /// keeps that mesh's vertices to the bit.
-Anchor anchor_of(const Sample& sample, const Bounds& box) {
+Anchor anchor_of(const Sample& sample, const Extent& box) {
   Anchor anchor;
   if (sample.points.empty()) return anchor;
   for (int axis = 0; axis < 3; ++axis) {
@@ -129,17 +91,6 @@ Anchor anchor_of(const Sample& sample, const Bounds& box) {
 
 // --- building ---
 
-std::vector<GeometryView> geometry_views(const GlintAccelData& data) {
-  std::vector<GeometryView> views;
-  views.reserve(data.geometry_count);
-  for (uint64_t i = 0; i < data.geometry_count; ++i) {
-    const GlintGeometry& g = data.geometries[i];
-    views.push_back({GeometryView::Kind(g.kind), g.vertices, g.vertex_count, g.triangles, g.radii,
-                     g.offsets, g.indices, g.primitive_count});
-  }
-  return views;
-}
-
 std::vector<InstanceView> instance_views(const GlintAccelData& data) {
   std::vector<InstanceView> views;
   for (uint64_t i = 0; i < data.instances_count; ++i) {
@@ -151,10 +102,10 @@ std::vector<InstanceView> instance_views(const GlintAccelData& data) {
   return views;
 }
 
-Bounds world_bounds(const GlintAccelData& data, const std::vector<InstanceView>& instances) {
-  std::vector<Bounds> boxes;
-  for (uint64_t i = 0; i < data.geometry_count; ++i) boxes.push_back(bounds_of(data.geometries[i]));
-  Bounds world;
+Extent world_bounds(const GlintAccelData& data, const std::vector<InstanceView>& instances) {
+  std::vector<Extent> boxes;
+  for (uint64_t i = 0; i < data.geometry_count; ++i) boxes.push_back(extent_of(data.geometries[i]));
+  Extent world;
   for (const InstanceView& i : instances) grow(world, boxes[i.geometry], i.world_from_object);
   return world;
 }
@@ -240,7 +191,7 @@ struct Workspace {
 template <class Body>
 void in_blocks(uint64_t count, uint32_t wanted, const Body& body) {
   const size_t blocks = count / kBlock + (count % kBlock != 0);
-  ThreadPool pool(threads_for(wanted, blocks));
+  ThreadPool pool(int(std::min(size_t(thread_count(wanted)), std::max<size_t>(blocks, 1))));
   std::atomic<size_t> next{0};
   pool.run(pool.size(), [&](size_t) {
     const auto workspace = std::make_unique_for_overwrite<Workspace>();
@@ -315,13 +266,13 @@ bool has_room(const Room* hits) {
 
 GlintAccel::GlintAccel(const GlintAccelData& data, uint32_t threads) {
   std::vector<glint::InstanceView> instances = glint::instance_views(data);
-  const glint::Bounds box = glint::world_bounds(data, instances);
+  const glint::Extent box = glint::world_bounds(data, instances);
   anchor = glint::anchor_of(glint::Sample(data, instances), box);
   for (glint::InstanceView& i : instances) i.world_from_object = anchor.matrix(i.world_from_object);
   stats.instances = instances.size();
   const std::atomic<bool> never{false};
-  accel = glint::Accel::build(glint::geometry_views(data), std::move(instances),
-                              glint::threads_for(threads, SIZE_MAX), never);
+  accel = glint::Accel::build(glint::geometry_views(data.geometries, data.geometry_count),
+                              std::move(instances), glint::thread_count(threads), never);
   const glint::AccelStats built = accel->stats();
   for (int k = 0; k < 3; ++k) {
     stats.low[k] = box.low[k];

@@ -12,11 +12,6 @@ namespace {
 constexpr double kSlight = 0x1p-20;  // of a medium's distance: what is thinner scatters nothing
 constexpr double kDark = 40;         // optical depth beyond which an endless ray has no points
 
-Vec3d vertex(const GlintGeometry& geometry, size_t row) {
-  const float* p = geometry.vertices + 3 * row;
-  return {p[0], p[1], p[2]};
-}
-
 /// sigma times a length that may be endless.
 Vec3d times(Vec3d sigma, double way) {
   const auto channel = [&](double s) { return s > 0 ? s * way : 0; };
@@ -56,50 +51,24 @@ void MediaSpans::find(const Rays& rays, RayCounts& counts) {
   for (; ray < rays.count; ++ray) end_[ray] = uint32_t(spans_.size());
 }
 
-void MediaSpans::wait(const Rays& rays, uint32_t ray, double t_min) {
-  const size_t k = waiting_count_++;
-  waiting_number_[k] = ray;
-  for (size_t c = 0; c < 3; ++c) {
-    waiting_[kO + c][k] = rays.o[c][ray];
-    waiting_[kD + c][k] = rays.d[c][ray];
-  }
-  waiting_[kTMin][k] = t_min;
-  waiting_[kTMax][k] = kInfinity;
-}
-
 /// Round by round, as many layers of each ray as are found at a time. Rays that have to go on wait
 /// in place of earlier ones.
 void MediaSpans::find_crossings(const Rays& rays, RayCounts& counts) {
   const Timer timer(counts.tracing);
-  waiting_.reserve(rays.count);
-  waiting_number_.resize(waiting_.rows());
-  waiting_count_ = 0;
-  for (uint32_t k = 0; k < rays.count; ++k) wait(rays, k, rays.t_min[k]);
+  waiting_.begin(rays.count);
+  for (uint32_t k = 0; k < rays.count; ++k)
+    waiting_.add(k, rays.o, rays.d, k, rays.t_min[k], kInfinity);
   uint8_t found[kAtOnce], blocked[kAtOnce];
   uint32_t number[kAtOnce];
-  while (waiting_count_ > 0) {
-    const size_t count = waiting_count_;
-    waiting_count_ = 0;
-    for (size_t k = 0; k < count; k += kAtOnce) {
-      const size_t some = std::min(count - k, kAtOnce);
-      std::copy_n(waiting_number_.data() + k, some, number);
-      const auto at = [&](size_t column) { return waiting_[column] + k; };
-      const Rays here{{at(kO), at(kO + 1), at(kO + 2)},
-                      {at(kD), at(kD + 1), at(kD + 2)},
-                      at(kTMin),
-                      at(kTMax),
-                      some,
-                      rays.visibility,
-                      &opacity_};
-      scene_.trees.media().find_layers(here, {hits_.data(), found}, blocked, scratch_);
-      for (size_t i = 0; i < some; ++i) {
-        if (blocked[i] == 0) continue;
-        const size_t layers = std::min<size_t>(found[i], Layers::kMost);
-        take_layers(rays, number[i], hits_.data() + i * Layers::kMost, layers,
-                    found[i] > Layers::kMost);
-      }
+  waiting_.trace(number, rays.visibility, &opacity_, [&](const Rays& here) {
+    scene_.trees.media().find_layers(here, {hits_.data(), found}, blocked, scratch_);
+    for (size_t i = 0; i < here.count; ++i) {
+      if (blocked[i] == 0) continue;
+      const size_t layers = std::min<size_t>(found[i], Layers::kMost);
+      take_layers(rays, number[i], hits_.data() + i * Layers::kMost, layers,
+                  found[i] > Layers::kMost);
     }
-  }
+  });
 }
 
 /// more: there are others beyond them, of which those that are as far as the last of these may be
@@ -111,7 +80,7 @@ void MediaSpans::take_layers(const Rays& rays, uint32_t ray, const Hit* hits, si
   if (more && taken == 0) taken = count;
   for (size_t i = 0; i < taken; ++i)
     crossings_.push_back({ray, hits[i].instance, hits[i].t, enters(rays, ray, hits[i]) ? 1 : -1});
-  if (more) wait(rays, ray, beyond(hits[taken - 1].t));
+  if (more) waiting_.add(ray, rays.o, rays.d, ray, beyond(hits[taken - 1].t), kInfinity);
 }
 
 /// Whether the ray meets the outer side.

@@ -2,8 +2,8 @@
 #pragma once
 #include <vector>
 
-#include "integrator/columns.h"
 #include "integrator/plan.h"
+#include "integrator/waiting_rays.h"
 #include "scene/scene.h"
 #include "shading/stages.h"
 
@@ -50,7 +50,6 @@ class MediaSpans {
   Vec3d scattering(size_t k, double t, Vec3d d, Vec3d l, uint64_t excluded_sets) const;
 
  private:
-  static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kColumns = 8;
   static constexpr size_t kAtOnce = 128;  // rays
 
   struct Crossing {
@@ -80,7 +79,6 @@ class MediaSpans {
     Vec3d depth;
   };
 
-  void wait(const Rays& rays, uint32_t ray, double t_min);
   void find_crossings(const Rays& rays, RayCounts& counts);
   void take_layers(const Rays& rays, uint32_t ray, const Hit* hits, size_t count, bool more);
   bool enters(const Rays& rays, uint32_t ray, const Hit& hit) const;
@@ -114,9 +112,7 @@ class MediaSpans {
   Scratch& scratch_;
   std::vector<uint8_t> opacities_;  // of enclosures: all are met, and none stops a ray
   Opacity opacity_{};
-  Columns waiting_{kColumns};
-  size_t waiting_count_ = 0;
-  std::vector<uint32_t> waiting_number_;
+  WaitingRays waiting_;
   std::vector<Hit> hits_;
   std::vector<Crossing> crossings_;
   std::vector<Span> spans_;

@@ -1,19 +1,12 @@
 #include "integrator/plan.h"
 
 #include <algorithm>
-#include <thread>
 
 #include "scene/scene.h"
+#include "session/thread_pool.h"
 
 namespace glint {
 namespace {
-
-constexpr uint32_t kMaxThreads = 1024;
-
-int threads_for(uint32_t wanted) {
-  uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
-  return int(std::min(wanted ? wanted : cores, kMaxThreads));
-}
 
 /// The region with the pixels next to it.
 Region widened(Region r, const GlintCamera& camera) {
@@ -49,7 +42,7 @@ std::vector<Opening> openings_of(const GlintRenderSettings& g, uint32_t directio
 
 RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
     : GlintRenderSettings(g),
-      thread_count(threads_for(g.threads)),
+      thread_count(glint::thread_count(g.threads)),
       dome_directions(g.dome_table, 9, g.dome_samples, g.dome_count),
       bounced_points(g.bounced_table, kPointColumns, g.bounced_samples, g.bounced_count),
       occlusion_directions(g.occlusion_points, 2, g.occlusion_samples, g.occlusion_count),

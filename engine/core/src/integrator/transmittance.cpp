@@ -44,9 +44,7 @@ void TransparentShadows::begin(const LightStage& light, size_t count, double* co
     stage_.end[c] = endless ? nullptr : light.end_out[c];
     std::fill_n(shadow[c], count, 1.0);
   }
-  waiting_.reserve(count);
-  waiting_number_.resize(waiting_.rows());
-  waiting_count_ = 0;
+  waiting_.begin(count);
 }
 
 void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
@@ -81,37 +79,14 @@ void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked,
 
 /// Adds a ray to those that look for layers beyond t_min.
 void TransparentShadows::wait(const LightStage& light, uint32_t number, double t_min) {
-  const size_t k = waiting_count_++;
-  waiting_number_[k] = number;
-  for (size_t c = 0; c < 3; ++c) {
-    waiting_[kO + c][k] = light.o[c][number];
-    waiting_[kD + c][k] = light.to[c][number];
-  }
-  waiting_[kTMin][k] = t_min;
-  waiting_[kTMax][k] = light.t_max[number];
+  waiting_.add(number, light.o, light.to, number, t_min, light.t_max[number]);
 }
 
-/// The rays that wait, round by round. Those that have to go on wait again, in place of earlier
-/// ones.
 void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
-  while (waiting_count_ > 0 && !cancel_) {
-    const size_t count = waiting_count_;
-    waiting_count_ = 0;
-    for (size_t k = 0; k < count; k += kAtOnce) {
-      const size_t some = std::min(count - k, kAtOnce);
-      std::copy_n(waiting_number_.data() + k, some, ray_number_);
-      const auto at = [&](size_t column) { return waiting_[column] + k; };
-      pass(light,
-           {{at(kO), at(kO + 1), at(kO + 2)},
-            {at(kD), at(kD + 1), at(kD + 2)},
-            at(kTMin),
-            at(kTMax),
-            some,
-            kShadow,
-            opacity_},
-           counts);
-    }
-  }
+  waiting_.trace(ray_number_, kShadow, opacity_, [&](const Rays& rays) {
+    pass(light, rays, counts);
+    if (cancel_) waiting_.drop();
+  });
 }
 
 /// Some rays through their nearest layers.

@@ -5,6 +5,7 @@
 
 #include "integrator/batch.h"
 #include "integrator/plan.h"
+#include "integrator/waiting_rays.h"
 
 namespace glint {
 
@@ -25,8 +26,6 @@ class TransparentShadows {
               double* const (&shadow)[3], RayCounts& counts);
 
  private:
-  /// Columns of rays with layers yet to be found.
-  static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kColumns = 8;
   static constexpr size_t kAtOnce = 256;  // rays, as many as go down as a beam
 
   /// A layer on the way of a ray: where it is among the hits and in the columns of the stage.
@@ -52,9 +51,7 @@ class TransparentShadows {
   TransmittanceStage stage_{};
   const Opacity* opacity_ = nullptr;
   double* shadow_[3] = {};
-  Columns waiting_{kColumns};
-  size_t waiting_count_ = 0;
-  std::vector<uint32_t> waiting_number_;  // in the sample
+  WaitingRays waiting_;
   // Of the rays that are passed at once:
   uint32_t ray_number_[kAtOnce];
   std::vector<Hit> hits_;  // as accel.h's Layers has them

@@ -115,10 +115,11 @@ void place_instances(InstanceTable& t, Vec3d origin, const InstanceTable* there)
 /// Spheres with their radii.
 Extent extent_of(const GlintGeometry& geometry) {
   Extent box;
+  const bool round =
+      geometry.radii && (geometry.kind == GLINT_SPHERES || geometry.kind == GLINT_STRANDS);
   for (uint64_t i = 0; i < geometry.vertex_count; ++i) {
-    const float* const v = geometry.vertices + 3 * i;
-    const Vec3d p(Vec3f{v[0], v[1], v[2]});
-    const double r = geometry.radii ? geometry.radii[i] : 0;
+    const Vec3d p = vertex(geometry, i);
+    const double r = round ? geometry.radii[i] : 0;
     if (!finite(p) || !std::isfinite(r)) continue;
     box.grow(p - Vec3d{r, r, r});
     box.grow(p + Vec3d{r, r, r});

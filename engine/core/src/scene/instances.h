@@ -55,6 +55,12 @@ void place_instances(InstanceTable& t, Vec3d origin, const InstanceTable* there)
 double radius(InstanceTable& t, Vec3d origin, const InstanceTable* there,
               const std::vector<uint32_t>& geometry_there);
 
+/// In object space.
+inline Vec3d vertex(const GlintGeometry& geometry, size_t row) {
+  const float* p = geometry.vertices + 3 * row;
+  return {p[0], p[1], p[2]};
+}
+
 /// What of a geometry has coordinates, in object space.
 Extent extent_of(const GlintGeometry& geometry);
 

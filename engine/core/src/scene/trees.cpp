@@ -13,14 +13,6 @@ namespace {
 
 constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
 
-std::vector<GeometryView> geometry_views(const InstanceTable& t) {
-  std::vector<GeometryView> views;
-  for (const GlintGeometry& g : t.geometries)
-    views.push_back({GeometryView::Kind(g.kind), g.vertices, g.vertex_count, g.triangles, g.radii,
-                     g.offsets, g.indices, g.primitive_count});
-  return views;
-}
-
 std::vector<InstanceView> instance_views(const InstanceTable& t, const Anchor& anchor) {
   static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) &&
                 kMirror == uint32_t(GLINT_VISIBLE_MIRROR));
@@ -58,6 +50,15 @@ std::vector<const Light*> mesh_lights(const LightTable& lights) {
 }
 
 }  // namespace
+
+std::vector<GeometryView> geometry_views(const GlintGeometry* geometries, size_t count) {
+  std::vector<GeometryView> views;
+  views.reserve(count);
+  for (const GlintGeometry* g = geometries; g != geometries + count; ++g)
+    views.push_back({GeometryView::Kind(g->kind), g->vertices, g->vertex_count, g->triangles,
+                     g->radii, g->offsets, g->indices, g->primitive_count});
+  return views;
+}
 
 SceneTrees::SceneTrees() = default;
 SceneTrees::~SceneTrees() = default;
@@ -155,7 +156,8 @@ bool SceneTrees::build_emitters(const LightTable& lights, int threads,
 /// Of what encloses media, if anything does.
 bool SceneTrees::build_media(const Scene& scene, int threads, const std::atomic<bool>& cancel) {
   if (scene.media.enclosures.empty() || media_accel_) return true;
-  const std::vector<GeometryView> all = geometry_views(scene.instances);
+  const std::vector<GeometryView> all =
+      geometry_views(scene.instances.geometries.data(), scene.instances.geometries.size());
   const std::vector<InstanceView> every = instance_views(scene.instances, scene.anchor);
   std::vector<GeometryView> views;
   std::vector<InstanceView> instances;
@@ -198,9 +200,9 @@ bool SceneTrees::build(const Scene& scene, int threads, BuildQuality quality,
     return false;
   if (accel_) return true;
   const auto start = std::chrono::steady_clock::now();
-  accel_ =
-      Accel::build(geometry_views(scene.instances), instance_views(scene.instances, scene.anchor),
-                   threads, cancel, quality, earlier_.trees);
+  accel_ = Accel::build(
+      geometry_views(scene.instances.geometries.data(), scene.instances.geometries.size()),
+      instance_views(scene.instances, scene.anchor), threads, cancel, quality, earlier_.trees);
   if (accel_) {
     exact_ = !earlier_.trees.accel || earlier_.trees.exact;
     earlier_ = {};

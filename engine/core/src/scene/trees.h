@@ -16,6 +16,8 @@ class OpacityMaps;
 class PassedInstances;
 struct Scene;
 
+std::vector<GeometryView> geometry_views(const GlintGeometry* geometries, size_t count);
+
 class SceneTrees {
  public:
   SceneTrees();

@@ -4,6 +4,11 @@
 
 namespace glint {
 
+int thread_count(uint32_t wanted) {
+  const uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
+  return int(std::min(wanted ? wanted : cores, 1024u));
+}
+
 ThreadPool::ThreadPool(int threads) {
   if (threads > 1) threads_.reserve(size_t(threads - 1));
   for (int k = 1; k < threads; ++k) {

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <functional>
 #include <mutex>
@@ -11,6 +12,9 @@
 #include <vector>
 
 namespace glint {
+
+/// As many threads as are wanted, up to 1024; for 0 one for each core.
+int thread_count(uint32_t wanted);
 
 /// Threads that live as long as the pool. Where the system refuses a thread the pool is smaller.
 class ThreadPool {

@@ -277,7 +277,7 @@ size_t gloss_towards_mesh(const LightStage& s) {
 template <int... Shapes, class Of>
 size_t with_shape(int shape, Of of) {
   size_t found = 0;
-  ((shape == Shapes && (found = of.template operator()<Shapes>(), true)) || ...);
+  static_cast<void>(((shape == Shapes && (found = of.template operator()<Shapes>(), true)) || ...));
   return found;
 }
 

@@ -7,11 +7,6 @@
 namespace glint {
 namespace {
 
-Vec3d vertex(const GlintGeometry& geometry, size_t row) {
-  const float* p = geometry.vertices + 3 * row;
-  return {p[0], p[1], p[2]};
-}
-
 struct Line {
   Vec3d o, d;
 };
