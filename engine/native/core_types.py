@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 48
+ABI_VERSION = 49
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -409,7 +409,7 @@ class RenderSettingsData(Structure):
         *_each(c_double, "error_threshold cutoff lens_focus gather_reach"),
         *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
         *_each(c_uint32, "bounced_samples bounced_shadows lamp_shadows occlusion_samples"),
-        *_each(c_uint32, "opening_samples gather_samples dome_rows dome_columns"),
+        *_each(c_uint32, "opening_samples gather_samples gather_block dome_rows dome_columns"),
         *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns camera_block lobe_levels"),
         *_each(c_uint32, "crypto_ids max_bounces threads"),
         *_each(c_uint32 * 4, "region"),

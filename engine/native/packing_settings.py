@@ -11,6 +11,7 @@ from ..film import OCCLUSION, PASSES
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable
 from ..sampling import (
+    GATHER_BLOCK,
     gather_points,
     light_points,
     lobe_points,
@@ -167,9 +168,9 @@ def _add_bounced(
     data.bounced_count, data.bounced_samples = len(rows), table.each
     data.bounced_shadows, data.gather_reach = settings.bounced_shadows, table.near
     points = gather_points(settings.samples, GATHER_SAMPLES)
-    points = packer.lend(points, np.float64, (None, 2), "gather points")
-    data.gather_points, data.gather_count = address(points), len(points)
-    data.gather_samples = GATHER_SAMPLES
+    points = packer.lend(points, np.float64, (None, None, 2), "gather points")
+    data.gather_points, data.gather_count = address(points), points.shape[1]
+    data.gather_samples, data.gather_block = GATHER_SAMPLES, GATHER_BLOCK
 
 
 def _point_rows(t: MeshTable) -> np.ndarray:

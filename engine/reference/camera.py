@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..sampling import places_in_blocks
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, sample_times
 from ..scene import Camera, Scene
@@ -136,7 +137,7 @@ class CameraRays:
     ) -> IncoherentRays:
         """Rays whose parameter is the depth, as that of coherent ones."""
         coherent, _ = self.pixels(x, y, offset)
-        place = self._place(x, y)
+        place = places_in_blocks(x, y, BLOCK)
         window = np.stack([coherent.u, coherent.v])
         lens = np.zeros_like(window) if spread.lens is None else spread.lens[place].T
         bend = -lens / self.focus
@@ -159,16 +160,11 @@ class CameraRays:
             self.corner[1] + (np.arange(*y) + 0.5 + offset[1]) * self.pixel[1],
         )
 
-    @staticmethod
-    def _place(x: tuple[int, int], y: tuple[int, int]) -> Array:
-        """Which of a block's pixels each of these is."""
-        return ((np.arange(*y) % BLOCK)[:, None] * BLOCK + np.arange(*x) % BLOCK).ravel()
-
     def _panoramic(
         self, x: tuple[int, int], y: tuple[int, int], offset: Array, spread: Spread
     ) -> IncoherentRays:
         """Rays whose parameter is the distance; those that see nothing end before they begin."""
-        place, (u, v) = self._place(x, y), self._window(x, y, offset)
+        place, (u, v) = places_in_blocks(x, y, BLOCK), self._window(x, y, offset)
         d, seen = looks(self.panorama, np.tile(u, len(v)), np.repeat(v, len(u)))
         o = np.zeros_like(d)
         if spread.lens is not None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..film import OCCLUSION
+from ..sampling import GATHER_BLOCK, places_in_blocks
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
@@ -148,12 +149,14 @@ class Explainer:
         )
         self._spread = Spread.samples(scene, settings.samples)[0]
         self._looks_round = OCCLUSION in settings.passes
+        self._places = np.zeros(1, np.intp)
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
         and its point of the lens: the first sample of a picture.
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
+        self._places = places_in_blocks((x, x + 1), (y, y + 1), GATHER_BLOCK)
         paths = camera_paths(rays, self.stage.camera.weights(rays))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
@@ -267,7 +270,7 @@ class Explainer:
     def _next(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
     ) -> Iterator[Ray]:
-        for near in gathering(self.stage, paths, hit, surface, coefficients, 0):
+        for near in gathering(self.stage, paths, hit, surface, coefficients, 0, self._places):
             yield self.follow(near, "gather")
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             point = self.stage.lobe_point(0, paths.depth)

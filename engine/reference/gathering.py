@@ -14,7 +14,6 @@ import numpy as np
 from ..scene import Strands
 from .bumps import bump_shadow
 from .gloss import even_gloss
-from .lights import LightPoint
 from .materials import Coefficients
 from .paths import Paths, leaving, widened
 from .surface import Surface
@@ -34,14 +33,17 @@ def gathering(
     surface: Surface,
     coefficients: Coefficients,
     sample: int,
+    places: Array,
 ) -> list[Paths]:
-    """Rays from the points that throw light back as what is matt does."""
+    """Rays from the points that throw light back as what is matt does. places: (pixels,) of each in
+    its block.
+    """
     if not stage.gathers(paths):
         return []
     gloss = np.zeros_like(coefficients.diffuse)
     if stage.lighting.shows_gloss:
         gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights)
-    points = stage.gather_points(sample)
+    points = stage.gather_points(sample, places[paths.pixel[hit]])
     past = {"reflections": paths.reflections + 1, "glossy": True, "gathers": True}
     result = []
     for point in points:
@@ -56,11 +58,11 @@ def gathering(
     return [found for found in result if len(found)]
 
 
-def _direction(n: Array, point: LightPoint) -> Array:
-    """(3, n) at a point of the unit disc below the directions round n (Malley's method)."""
-    x, y = point.disc
+def _direction(n: Array, point: Array) -> Array:
+    """(3, n) at points (2, n) of the unit disc below the directions round n (Malley's method)."""
+    x, y = point
     first, second = basis_around(n)
-    return np.sqrt(max(1 - x * x - y * y, 0.0)) * n + x * first + y * second
+    return np.sqrt(np.maximum(1 - x * x - y * y, 0.0)) * n + x * first + y * second
 
 
 def _as_diffuse(

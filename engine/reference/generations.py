@@ -75,8 +75,9 @@ def _alike(paths: list[Paths]) -> Iterator[Paths]:
 class Generations:
     """Follows the rays of one sample of a tile and adds what they bring to it."""
 
-    def __init__(self, stage: Stage, tile: Tile, sample: int):
-        self._stage, self._tile, self._sample = stage, tile, sample
+    def __init__(self, stage: Stage, tile: Tile, sample: int, places: Array):
+        """places: (pixels,) of each in its block of `gather_points`."""
+        self._stage, self._tile, self._sample, self._places = stage, tile, sample, places
         stage.media.moment.sample = sample
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
@@ -144,7 +145,7 @@ class Generations:
         self._add_openness(paths, hit, surface, coefficients)
         coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
         self._shade(paths, hit, surface, coefficients)
-        deeper += gathering(stage, paths, hit, surface, coefficients, self._sample)
+        deeper += gathering(stage, paths, hit, surface, coefficients, self._sample, self._places)
         if paths.depth < stage.settings.max_bounces and not paths.gathers:
             point = stage.lobe_point(self._sample, paths.depth)
             deeper += bounced(

@@ -124,11 +124,13 @@ class Stage:
         levels, tabled, _ = self._lobe_points.shape
         return LightPoint(CENTER.square, self._lobe_points[reflections % levels, sample % tabled])
 
-    def gather_points(self, sample: int) -> list[LightPoint]:
-        """Below which directions a sample looks for surfaces that throw light on."""
+    def gather_points(self, sample: int, places: Array) -> Array:
+        """(GATHER_SAMPLES, 2, n) of the unit disc, below which directions a sample looks for
+        surfaces that throw light on. places: (n,) of its pixels in their blocks.
+        """
         points, each = self._gather_points, GATHER_SAMPLES
-        first = sample % max(len(points) // each, 1) * each
-        return [LightPoint(CENTER.square, disc) for disc in points[first : first + each]]
+        first = sample % max(points.shape[1] // each, 1) * each
+        return points[:, first : first + each].transpose(1, 2, 0)[:, :, places]
 
     def queries(
         self, sample: int, on_rays: Callable[[Array], None] = uncounted

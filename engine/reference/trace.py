@@ -11,7 +11,7 @@ import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
 from ..lights.lamps import group_stats, sharing_stats
-from ..sampling import pixel_offsets
+from ..sampling import GATHER_BLOCK, pixel_offsets, places_in_blocks
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
@@ -146,9 +146,11 @@ class Tracer:
             stage.cancellation.check()
             first = (y - y0) * (x1 - x0)
             here: slice | Array = slice(first, first + len(rays))
+            places = places_in_blocks((x0, x1), (y, above), GATHER_BLOCK)
             if self._refinement and not self._refinement.active[here].all():
                 chosen = np.flatnonzero(self._refinement.active[here])
                 here, rays, strips = first + chosen, rays.take(chosen), None
+                places = places[chosen]
             tile = Tile(
                 len(rays),
                 self._settings.passes.intersection(DATA) if sample == 0 else frozenset(),
@@ -156,7 +158,7 @@ class Tracer:
                 len(self._scene.light_groups),
             )
             if len(rays):
-                Generations(stage, tile, sample).run(rays, strips)
+                Generations(stage, tile, sample, places).run(rays, strips)
             self.picture.keep(here, tile)
             if self._refinement:
                 values = np.concatenate([tile.color(), tile.lost[None]])

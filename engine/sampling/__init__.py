@@ -3,6 +3,7 @@
 """
 
 from .patterns import (
+    GATHER_BLOCK,
     LOBE_LEVELS,
     MOST_LOBE_POINTS,
     MOST_TABLED,
@@ -17,6 +18,7 @@ from .patterns import (
     node_points,
     occlusion_points,
     pixel_offsets,
+    places_in_blocks,
     scatter_offsets,
     scatter_share,
     shared_shutter_times,
@@ -27,6 +29,7 @@ from .patterns import (
 )
 
 __all__ = [
+    "GATHER_BLOCK",
     "LOBE_LEVELS",
     "MOST_LOBE_POINTS",
     "MOST_TABLED",
@@ -41,6 +44,7 @@ __all__ = [
     "node_points",
     "occlusion_points",
     "pixel_offsets",
+    "places_in_blocks",
     "scatter_offsets",
     "scatter_share",
     "shared_shutter_times",

@@ -20,8 +20,15 @@ LOBE_LEVELS = 8
 """Reflections of a path whose directions are independent."""
 _ASIDE = 0.7
 """Radians."""
+GATHER_BLOCK = 2
+"""Side of the squares of pixels whose gather rays look in directions of their own."""
+MOST_GATHER_POINTS = 1 << 13
 _GATHER_LEVEL = 3
 """Of `lobe_points`, an order that first reflections do not take."""
+_GATHER, _GATHER_SCRAMBLES = (2, 1), (511, 512)
+"""Of the pairs of the Sobol' sequence below 13 the one of which a pixel's points, and those of a
+block together, are the least off in what lies beyond straight edges, at 8 to 128 points a pixel.
+"""
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
 _POLYNOMIALS = (
@@ -238,15 +245,31 @@ def lobe_points(count: int) -> np.ndarray:
     return np.stack([disc[_shuffled(bits, level)[:count]] for level in range(LOBE_LEVELS)])
 
 
+def places_in_blocks(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
+    """(pixels,) which pixel of a square of `side` on a side each is, row by row, of those from x[0]
+    and y[0] to before x[1] and y[1] of the frame.
+    """
+    return ((np.arange(*y) % side)[:, None] * side + np.arange(*x) % side).ravel()
+
+
 @functools.lru_cache(maxsize=4)
 def gather_points(samples: int, each: int) -> np.ndarray:
-    """(k, 2) float64 in the unit disc, not to be written to: what lies below the directions in
-    which samples look for surfaces that throw light on, `each` of one after those of the one
-    before. Turned, so that rays do not lie in faces along the axes.
+    """(GATHER_BLOCK², k, 2) float64 in the unit disc, not to be written to: what lies below the
+    directions in which samples look for surfaces that throw light on, by pixel of a block, row by
+    row: `each` of one sample after those of the one before; samples beyond k =
+    MOST_GATHER_POINTS take these again. A block's pixels deal the points of one sequence among
+    themselves (Keller, Heidrich 2001, Interleaved sampling). Turned, so that rays do not lie in
+    faces along the axes.
     """
-    x, y = lobe_points(samples * each)[_GATHER_LEVEL % LOBE_LEVELS].T
+    count = min(samples * each, MOST_GATHER_POINTS)
+    bits = max(count - 1, 0).bit_length()
+    order = _shuffled(bits, _GATHER_LEVEL)[:count]
+    pixels = GATHER_BLOCK * GATHER_BLOCK
+    square = _sobol(pixels << bits, _GATHER, _GATHER_SCRAMBLES).reshape(-1, pixels, 2)[order]
+    x, y = concentric_disc(2 * square.transpose(1, 0, 2).reshape(-1, 2) - 1).T
     cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
     points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+    points = points.reshape(pixels, count, 2)
     points.flags.writeable = False
     return points
 

@@ -543,15 +543,18 @@ def test_no_light_comes_through_a_leaf(backend: str) -> None:
 
 
 def test_a_sample_asks_for_few_shadows() -> None:
-    """Four for each light sample, where there are sixteen points."""
+    """Four for each light sample, where there are sixteen points, and one where a gather ray meets
+    something.
+    """
     settings = Settings(
         samples=4, light_samples=3, filter_width=0.0, diffuse_bounces=1, illumination="PHYSICAL"
     )
-    rays = [
-        render(room(lamp()), replace(settings, diffuse_bounces=n)).stats["shadow rays"]
-        for n in (0, 1)
-    ]
-    assert 0 < rays[1] - rays[0] <= 4 * 3 * 4 * 64
+    direct, both = (
+        render(room(lamp()), replace(settings, diffuse_bounces=n)).stats for n in (0, 1)
+    )
+    more = both["shadow rays"] - direct["shadow rays"]
+    assert 0 < both["gather rays"] <= 2 * 4 * 64
+    assert 0 < more <= 4 * 3 * 4 * 64 + both["gather rays"]
     assert bounced_table(bounced_light(room(lamp()), 1), 4, settings.bounced_samples).each == 48
 
 

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 48
+#define GLINT_ABI_VERSION 49
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -419,8 +419,10 @@ typedef struct GlintNeighbour {
  * bounced_shadows: how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1
  * to bounced_samples. gather_reach: within that distance, world units, each sample looks along
  * gather_samples rays, 1 to 64, for what throws light on, in place of those points; 0: none does.
- * gather_points: (gather_count, 2) of the unit disc, below the directions of those rays, of as many
- * samples as divide it, after which they begin again; null only where gather_reach is 0.
+ * gather_points: (gather_block², gather_count, 2) of the unit disc, below the directions of those
+ * rays, of as many samples as divide gather_count, after which they begin again; row by row for the
+ * pixels of squares of the frame, gather_block, 1 to 8, on a side; null only where gather_reach is
+ * 0.
  * neighbours: null where nothing moves, else two, of the frame before and of the one after.
  * occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
@@ -452,7 +454,8 @@ typedef struct GlintRenderSettings {
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, lamp_shadows, occlusion_samples, opening_samples, gather_samples;
+      bounced_shadows, lamp_shadows, occlusion_samples, opening_samples, gather_samples,
+      gather_block;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;

@@ -60,7 +60,9 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.gather_reach = positive(dice);
   s.gather_samples = uint32_t(1 + dice.below(3));
   s.gather_count = uint64_t(s.gather_samples) * (1 + dice.below(s.samples));
-  s.gather_points = arena.fill<double>(2 * s.gather_count, [&] { return 0.5 * dice.number(); });
+  s.gather_block = uint32_t(1 + dice.below(4));
+  s.gather_points = arena.fill<double>(2 * s.gather_block * s.gather_block * s.gather_count,
+                                       [&] { return 0.5 * dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.gather_reach = -dice.number();
   if (dice.chance(0.05 * dice.wildness)) s.gather_count = 0;
 }

@@ -45,8 +45,9 @@ bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
   return !(scene.features & GLINT_FEATURE_BOUNCED_LIGHT) ||
          (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples &&
           g.gather_reach >= 0 && g.gather_reach < kInfinity &&
-          (g.gather_reach == 0 || (g.gather_points && g.gather_samples >= 1 &&
-                                   g.gather_samples <= 64 && g.gather_count >= g.gather_samples)));
+          (g.gather_reach == 0 ||
+           (g.gather_points && g.gather_samples >= 1 && g.gather_samples <= 64 &&
+            g.gather_block >= 1 && g.gather_block <= 8 && g.gather_count >= g.gather_samples)));
 }
 
 bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {

@@ -74,8 +74,11 @@ class DirectLight {
   /// How far gather rays look for surfaces that throw light on; 0: there are none.
   double reach() const { return reach_; }
   /// Adds to `gathering` the gather rays of the points that `illuminate` was told last: what is
-  /// nearer than `reach` of bounced light.
-  void gather(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts);
+  /// nearer than `reach` of bounced light. pixels: of the region, of each point of the batch.
+  void gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
+              Queue& gathering, RayCounts& counts);
+  /// Whether what the batch of this queue meets asks for gather rays.
+  bool gathers(const Queue& queue) const;
   /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
   void make_diffuse(Batch& batch);
 
@@ -121,7 +124,6 @@ class DirectLight {
   void list_samples_of(SharedLight& shared, const Light& light, uint32_t sample, const int64_t* lit,
                        bool is_gathered);
   bool is_clustered(const Light& light) const;
-  bool gathers(const Queue& queue) const;
   const int64_t* receivers(SharedLight& shared, const Batch& batch, const Light& light);
   void choose(SharedLight& shared, const Batch& batch, uint32_t sample);
   void ask(SharedLight& shared, const Batch& batch, size_t number, const AskedLamp* begin,
@@ -136,11 +138,13 @@ class DirectLight {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   uint32_t sample_ = 0;
-  double reach_ = 0;         // as reach()
-  bool alone_ = false;       // catchers of shadows are the only things there
-  bool scattering_ = false;  // points are of media and not of surfaces
-  const bool glassy_;        // some surface lets light through
-  LightStage stage_{};       // what it writes: a row for each point that a light sample reaches
+  double reach_ = 0;             // as reach()
+  bool alone_ = false;           // catchers of shadows are the only things there
+  bool scattering_ = false;      // points are of media and not of surfaces
+  const bool glassy_;            // some surface lets light through
+  LightStage stage_{};           // what it writes: a row for each point that a light sample reaches
+  std::vector<uint8_t> place_;   // in its block, of the pixel of each point
+  std::vector<double> disc_[2];  // below the direction of the gather ray of each point
   Columns columns_;
   double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where

@@ -15,27 +15,38 @@ bool DirectLight::gathers(const Queue& queue) const {
   return reach_ > 0 && !queue.gathers && queue.reflections == 0;
 }
 
-void DirectLight::gather(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts) {
+void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
+                         Queue& gathering, RayCounts& counts) {
   const Queue& queue = *batch.queue;
-  if (!gathers(queue)) return;
+  for (size_t c = 0; c < 2; ++c) {
+    disc_[c].resize(columns_.rows());
+    stage_.disc[c] = disc_[c].data();
+  }
+  place_.resize(batch.size());
+  for (size_t k = 0; k < batch.size(); ++k) place_[k] = uint8_t(plan_.gather_place(pixels[k]));
   stage_.gathers_gloss = scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
-  for (uint32_t j = 0; j < plan_.gather_places.each; ++j) {
-    const double* const place = plan_.gather_places.row(sample, j);
-    set_place(stage_, place[0], place[1]);
-    const size_t count = stages_.gather(stage_);
-    for (size_t k = 0; k < count; ++k) {
-      const uint32_t from = point_[k];
-      Path path = queue.path(from);
-      path.T = (1.0 / plan_.gather_places.each) * row(stage_.diffuse_out, k);
-      if (!finite(path.T)) continue;
-      path.start = row(batch.points.x, from);
-      path.from = 0;
-      path.straight = 0;
-      path.wants_data = false;
-      path.depth = uint8_t(std::min(path.depth + 1, 255));
-      gathering.push({row(stage_.o, k), row(stage_.to, k), 0, reach_, kMirror}, path);
-      ++counts.gather;
+  const uint32_t places = plan_.gather_block * plan_.gather_block, each = plan_.gather_places.each;
+  for (uint32_t j = 0; j < each; ++j) {
+    for (size_t k = 0; k < batch.size(); ++k) {
+      const double* const at = plan_.gather_point(place_[k], sample, j);
+      for (size_t c = 0; c < 2; ++c) disc_[c][k] = at[c];
     }
+    const size_t count = stages_.gather(stage_);
+    for (uint32_t place = 0; place < places; ++place)  // rays of one direction go down together
+      for (size_t k = 0; k < count; ++k) {
+        const uint32_t from = point_[k];
+        if (place_[from] != place) continue;
+        Path path = queue.path(from);
+        path.T = (1.0 / each) * row(stage_.diffuse_out, k);
+        if (!finite(path.T)) continue;
+        path.start = row(batch.points.x, from);
+        path.from = 0;
+        path.straight = 0;
+        path.wants_data = false;
+        path.depth = uint8_t(std::min(path.depth + 1, 255));
+        gathering.push({row(stage_.o, k), row(stage_.to, k), 0, reach_, kMirror}, path);
+        ++counts.gather;
+      }
   }
 }
 

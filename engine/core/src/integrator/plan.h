@@ -63,6 +63,18 @@ struct RenderPlan : GlintRenderSettings {
   std::shared_ptr<const std::vector<Opening>> opening_rows;  // also of copies
   Openings open;
 
+  /// Which of its square of gather_block pixels a side a pixel of the region is.
+  uint32_t gather_place(uint32_t pixel) const {
+    const uint32_t column = region.x0 + pixel % region.width(),
+                   row = region.y0 + pixel / region.width();
+    return row % gather_block * gather_block + column % gather_block;
+  }
+  /// Below which direction a sample of such a pixel looks for what throws light on, for the j-th
+  /// time.
+  const double* gather_point(uint32_t place, uint32_t sample, uint32_t j) const {
+    return gather_places.row(sample, j) + 2 * size_t(place) * gather_count;
+  }
+
   bool physical() const { return illumination == GLINT_PHYSICAL; }
 
   uint32_t samples_of(const Light& light) const {

@@ -209,7 +209,11 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   direct_.illuminate(batch_, sample, counts_);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   if (!queue.gathers) direct_.reflect(batch_, sample, next.glossy, counts_);
-  direct_.gather(batch_, sample, next.gathering, counts_);
+  if (direct_.gathers(queue)) {
+    pixels_.resize(queue.size());
+    for (size_t k = 0; k < queue.size(); ++k) pixels_[k] = pixel(queue, k);
+    direct_.gather(batch_, pixels_, sample, next.gathering, counts_);
+  }
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
   if (scene_.features & GLINT_FEATURE_MEDIA && !queue.gathers)

@@ -121,6 +121,7 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
+  std::vector<uint32_t> pixels_;  // of the region, of each point that gather rays start from
   SceneQueries queries_;
   MediaSpans media_;
   std::vector<Vec3d> clear_;  // weights of the batch's rays before media dim them

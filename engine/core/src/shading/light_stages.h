@@ -102,9 +102,10 @@ struct LightStage {
   bool draws;     // whether directions are drawn from lobes whose exponent at the distance d is
                   // least_near d^2 + least
   double least_near, least, radius2,
-      azimuth[2];        // or more; where in a lobe: the unit disc's radius^2 and unit direction
-  double most_exponent;  // of the scene
-  size_t first, count;   // points; first: a multiple of kPad
+      azimuth[2];         // or more; where in a lobe: the unit disc's radius^2 and unit direction
+  double most_exponent;   // of the scene
+  size_t first, count;    // points; first: a multiple of kPad
+  const double* disc[2];  // of the unit disc for each point, below the direction of its gather ray
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
   const double *unbent[3], *bump;  // as stage_bump.h reads them; null where no material has any
   const double* specular;

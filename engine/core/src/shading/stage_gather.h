@@ -51,9 +51,6 @@ inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l)
 }
 
 size_t gather(const LightStage& s) {
-  const double across = __builtin_sqrt(s.radius2);
-  const Doubles upward = splat(__builtin_sqrt(s.radius2 < 1 ? 1 - s.radius2 : 0)),
-                x = splat(across * s.azimuth[0]), y = splat(across * s.azimuth[1]);
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
     const Mask lit = load(s.lit + k);
@@ -61,6 +58,8 @@ size_t gather(const LightStage& s) {
     const Three n = load3(s.n, k), g = load3(s.g, k);
     Three t1, t2;
     frame(n, t1, t2);
+    const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k),
+                  upward = root(larger(1 - x * x - y * y, Doubles{}));
     const Three l = upward * n + x * t1 + y * t2;  // as densely as their cosine (Malley's method)
     const Three T = matt(s, k, n, l);
     const uint32_t lanes = bits(lit & nonzero(T) & (dot(l, g) > 0));
