@@ -48,13 +48,15 @@ def test_even_balls_are_as_dense_as_beer_and_lambert_say(depth):
 
 @pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (1, 2, 3), (1, -1, 0)])
 def test_a_lone_strand_encloses_nothing(direction):
-    """Nor itself, whatever it is cut to."""
+    """Nor itself, whatever it is cut to, thick as it is."""
     t = np.linspace(0, 1, 21)[:, None] * np.array(direction, float)
-    assert enclosure(strands(t[:-1], t[1:])).max() < 0.05
+    assert enclosure(strands(t[:-1], t[1:], 0.02)).max() < 0.08
 
 
 def test_parallel_strands_hide_little_along_themselves():
-    """An upright field encloses less than as many strands of all directions."""
+    """An upright field encloses less than as many strands of all directions, and than 0.26, which
+    it would if strands hid as much of what comes along them.
+    """
     rng = np.random.default_rng(2)
     root = np.column_stack([rng.uniform(-1, 1, (4000, 2)), np.full(4000, -1.0)])
     upright = enclosure(strands(root, root + (0, 0, 2.0)))
@@ -62,7 +64,7 @@ def test_parallel_strands_hide_little_along_themselves():
     turned = rng.normal(size=(8000, 3))
     turned *= (0.5 / np.linalg.norm(turned, axis=1))[:, None]
     mixed = enclosure(strands(across - turned, across + turned))
-    assert 0.1 < upright.mean() < mixed.mean()
+    assert 0.1 < upright.mean() < min(0.24, mixed.mean())
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])

@@ -11,6 +11,7 @@ import pytest
 from export_support import Shader, export, link, scene, use_nodes  # noqa: F401
 from glint.addon.export.geometry.hashing import random_of
 from glint.addon.export.geometry.strands import NEAR
+from glint.engine import Settings, render
 from glint.engine.reference.optics import fibre_highlight
 from glint.engine.scene import Strands
 from test_fibres import seen_share, sphere
@@ -327,3 +328,23 @@ def test_a_view_follows_hair(scene):  # noqa: F811
         follower.check()
         fur.hide_viewport = True
         follower.check()
+
+
+def test_melanin_may_vary_and_be_odd(scene):  # noqa: F811
+    """By Random Color and by a node; what is negative or above 1 counts as the nearest of these."""
+    thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)] * 3)
+    shader = Shader(shader="ShaderNodeBsdfHairPrincipled")
+    shader.shader.parametrization = "MELANIN"
+    thing.data.materials.append(shader.material)
+    steady = len(export().scene.materials[-1].program.code)
+    shader.shader.inputs["Random Color"].default_value = 0.7
+    result = export()
+    assert not [note for note in result.notes if "Random Color" in note]
+    assert "(hair)" in [a.name for a in strands_of(result)[0].attributes]
+    assert len(result.scene.materials[-1].program.code) > steady
+    value = shader.node("ShaderNodeValue")
+    shader.link(value, "Value", shader.shader, "Random")
+    for number in (-1e30, -1.0, 0.0, 1.0, 1e30):
+        value.outputs[0].default_value = number
+        film = render(export().scene, Settings(samples=1, backend="NUMPY", diffuse_bounces=1))
+        assert np.isfinite(film.combined).all()

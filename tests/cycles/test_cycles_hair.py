@@ -327,6 +327,35 @@ def test_principled_hair_without_bounces_beside_direct_light(stand, model, color
     assert truth[mine[:, 0].argmax(), 0] >= 0.75 * truth[:, 0].max()
 
 
+def test_random_color_dyes_each_strand_as_in_cycles():
+    """Blue over red of the light that passes, strand beside strand; without it all are alike."""
+    scene, field = strand_field(14, 5, 0.06, seed=5)
+    scene.render.resolution_x = scene.render.resolution_y = 96
+    scene.camera.location, scene.camera.rotation_euler = (0, -6, 0.4), (np.pi / 2, 0, 0)
+    node = _worn(field, "ShaderNodeBsdfHairPrincipled")
+    node.parametrization, node.inputs["Melanin"].default_value = "MELANIN", 0.35
+    lamp = bpy.data.lights.new("Sun", "SUN")
+    lamp.angle, lamp.energy = 0.05, 3.0
+    sun = bpy.data.objects.new("Sun", lamp)
+    sun.rotation_euler = SUNS["back"]
+    scene.collection.objects.link(sun)
+
+    def hues() -> tuple[np.ndarray, np.ndarray]:
+        cycles.make_exact(scene, 32)
+        found = (cycles.render_passes(scene)["Combined"], render_glint(scene, "NATIVE").combined)
+        blocks = [f[..., :3].reshape(96, 12, 8, 3).sum((0, 2)) for f in found]
+        bright = np.all([b[:, 0] > 0.1 * b[:, 0].max() for b in blocks], 0)
+        return tuple(b[bright, 2] / b[bright, 0] for b in blocks)
+
+    _, alike = hues()
+    assert np.ptp(alike) < 0.02
+    node.inputs["Random Color"].default_value = 1.0
+    truth, mine = hues()
+    assert len(truth) > 5 and np.ptp(mine) > 0.2
+    assert np.corrcoef(truth, mine)[0, 1] > 0.9
+    assert abs(np.log(mine / truth)).mean() < 0.35
+
+
 @pytest.mark.parametrize("shader", ["ShaderNodeBsdfHairPrincipled", "ShaderNodeBsdfHair"])
 def test_light_goes_on_through_strands_and_nothing_else(shader):
     """A plane that wears the shader of hair casts the whole shadow that Cycles draws."""

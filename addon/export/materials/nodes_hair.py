@@ -15,7 +15,7 @@ import numpy as np
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.table import BY_NAME
-from ..shader_nodes.reader import ENCLOSED, FIBRE
+from ..shader_nodes.reader import ENCLOSED, FIBRE, HAIR
 from .evaluator import CLOSURE_NODES, PASSED, Closure, LobeKey, NodeView, add_closures
 from .fresnel import mean_across_fibre
 from .terms import RGB, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
@@ -94,8 +94,6 @@ _UNUSED = {
     "Coat": 0.0,
     "Offset": 2 * math.pi / 180,
     "Aspect Ratio": 0.85,
-    "Random": 0.0,
-    "Random Color": 0.0,
     "Random Roughness": 0.0,
 }
 """Inputs of Principled Hair that have no effect, and what they are where nobody set them."""
@@ -140,7 +138,10 @@ def _principled_hair(view: NodeView) -> Closure:
     more (after Zinke et al. 2008): what goes on straight to strands behind, what comes back, and
     what leaves a strand behind in all directions, by how much of it others enclose.
     """
-    unused = {"Radial Roughness": 0.3} if view.node.parametrization == "COLOR" else {}
+    how = view.node.parametrization
+    unused = {"Radial Roughness": 0.3} if how == "COLOR" else {}
+    if how in ("COLOR", "ABSORPTION"):  # that tell all of it
+        unused |= {"Random": 0.0, "Random Color": 0.0}
     _note_unused(view, _UNUSED | unused)
     view.note(
         "Light from strand to strand is not traced: in {} it goes straight on through strands, and "
@@ -239,18 +240,26 @@ class _Hair:
     def __init__(self, view: NodeView) -> None:
         self._view, self._spread = view, _spread(view)
         self._absorbed = None  # a radius, where it is not the colour that tells
+        self._melanin: tuple[Value, RGB, RGB] | None = None  # how much, of what, and the dye
         how = view.node.parametrization
         if how == "ABSORPTION":
             self._absorbed = _constant_vector(view, "Absorption Coefficient", 0.0)
         elif how != "COLOR":
             tint = _constant_vector(view, "Tint", 1.0)
-            dyed = ((math.log(min(max(x, 1e-5), 1.0)) / self._spread) ** 2 for x in tint)
-            self._absorbed = tuple(map(sum, zip(_melanin(view), dyed, strict=True)))
+            dye = tuple((math.log(min(max(x, 1e-5), 1.0)) / self._spread) ** 2 for x in tint)
+            amount, pigment = _melanin(view), _pigment(view)
+            if isinstance(amount, Value):
+                self._melanin = amount, pigment, dye
+            else:
+                told = zip(pigment, dye, strict=True)
+                self._absorbed = tuple(amount * each + dyed for each, dyed in told)
 
     def dimmed(self, radii: float) -> Sum:
         """What of light is left after a way within."""
         if self._absorbed is not None:
             return constant(tuple(math.exp(-radii * max(x, 0.0)) for x in self._absorbed))
+        if self._melanin is not None:
+            return self._dimmed_by_melanin(radii, *self._melanin)
         spread = self._spread
 
         def varying(do: Callable[..., Value], x: Value) -> Value:
@@ -258,6 +267,15 @@ class _Hair:
             return do("EXPONENT", do("MULTIPLY", do("MULTIPLY", told, told), -radii))
 
         return self._of_color(lambda x: math.exp(-radii * (math.log(x) / spread) ** 2), varying)
+
+    def _dimmed_by_melanin(self, radii: float, amount: Value, pigment: RGB, dye: RGB) -> Sum:
+        expressions = self._view.evaluator.expressions
+        do = expressions.math
+        parts = [
+            do("EXPONENT", do("MULTIPLY_ADD", amount, -radii * each, -radii * dyed))
+            for each, dyed in zip(pigment, dye, strict=True)
+        ]
+        return expressions.sum_of(expressions.apply("combine_xyz", *parts))
 
     def _of_color(
         self,
@@ -284,15 +302,40 @@ def _constant_vector(view: NodeView, name: str, otherwise: float) -> RGB:
     return found or (otherwise,) * 3
 
 
-def _melanin(view: NodeView) -> RGB:
-    """What it absorbs."""
-    amount = min(max(view.constant("Melanin", 0.8), 0.0), 1.0)
+def _pigment(view: NodeView) -> RGB:
+    """What as much melanin as 1 absorbs."""
     redness = min(max(view.constant("Melanin Redness", 1.0), 0.0), 1.0)
-    amount = -math.log(max(1.0 - amount, 1e-4))
     return tuple(
-        amount * ((1 - redness) * eu + redness * pheo)
+        (1 - redness) * eu + redness * pheo
         for eu, pheo in zip(_EUMELANIN, _PHEOMELANIN, strict=True)
     )
+
+
+def _melanin(view: NodeView) -> float | Value:
+    """How much there is, at least 0. Where it varies, or from strand to strand by Random Color, a
+    program's number.
+    """
+    given, apart = view.number("Melanin", 0.8), view.constant("Random Color", 0.0)
+    if is_constant(given) and apart == 0:
+        share = min(max(constant_value(given)[0], 0.0), 1.0)
+        return -math.log(max(1.0 - share, 1e-4))
+    expressions = view.evaluator.expressions
+    do = expressions.math
+    share = expressions.parts(expressions.value_of(given))[0]
+    if apart != 0:
+        off = do("MULTIPLY_ADD", _random(view), 2 * apart, 1 - apart)
+        share = do("MULTIPLY", share, off)
+    left = do("MAXIMUM", do("SUBTRACT", 1.0, share), 1e-4)
+    return do("MAXIMUM", do("MULTIPLY", do("LOGARITHM", left, math.e), -1.0), 0.0)
+
+
+def _random(view: NodeView) -> Value:
+    """A number from 0 to 1: what Random gets, or the strand's own."""
+    expressions, place = view.evaluator.expressions, view.input("Random")
+    if place is not None and place.socket.is_linked:
+        return expressions.parts(expressions.value_of(view.number("Random")))[0]
+    told = expressions.graph.apply(BY_NAME["attribute"], attribute=HAIR, shift=0)[0]
+    return expressions.parts(told)[2]
 
 
 def _hair(view: NodeView) -> Closure:
