@@ -38,8 +38,9 @@ inline Three before_mesh(const LightStage& s, size_t k, const Sample& sample, co
 /// The open segment from the point to the sample; its far end stops short of what the sample lies
 /// on.
 template <int Shape>
-inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
-                       const Appender& append) {
+__attribute__((always_inline)) inline void shadow_ray(const LightStage& s, size_t k,
+                                                      const Sample& sample,
+                                                      const Appender& append) {
   const Three origin = load3(s.origin, k), g = load3(s.g, k);
   const Doubles offset = load(s.offset + k);
   constexpr bool endless = Shape == kDirection || Shape == kSky || Shape == kOpenSky;
