@@ -87,6 +87,8 @@ class LiveExport:
             self._cache.forget(Changes.of(shading))
             self._keep(lambda index: self._repaint(index, painted, depsgraph.scene_eval))
         else:
+            if not updates:  # as Blender 4.2 does where an image of a lamp was painted
+                self._cache.images.forget_memory()
             images = Images(Report(), cache=self._cache.images)
             self._keep(lambda index: index.follow(updates, depsgraph.view_layer, images))
             self._cache.forget(Changes.of(updates))
