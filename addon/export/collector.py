@@ -11,7 +11,7 @@ import numpy as np
 from ...engine.displacement import Displacement, Place
 from ...engine.scene import Camera, Geometry, Instances, Scene
 from .cache import ExportCache
-from .geometry.cache import Shape, ShapeKey, Source, Wishes
+from .geometry.cache import Requirements, Shape, ShapeKey, Source
 from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
 from .geometry.shapes import export_points, read_shape
@@ -19,18 +19,18 @@ from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_
 from .geometry.volumes import read_volume
 from .images.decoded import Decoded
 from .images.images import Images
-from .instances import Flags, Thing, places_on_instancers, random_numbers
+from .instances import ExportedObject, Flags, places_on_instancers, random_numbers
 from .light_groups import LightGroups
 from .lights import Lights, Seen
 from .materials.aovs import Aov
 from .materials.materials import Materials
 from .materials.nodes_volume import with_step_rate
-from .materials.wanted import Wanted
+from .materials.required import RequiredAttributes
 from .placing import without_collapsed, without_unplaced
 from .properties import Value, sound, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
-from .unheard import note_subdivision
+from .unsupported import note_subdivision
 from .world import Sky
 
 
@@ -69,7 +69,7 @@ class Collector:
     def __init__(
         self,
         depsgraph: Any,
-        wanted: Wanted,
+        required: RequiredAttributes,
         report: Report,
         cache: ExportCache,
         light_groups: LightGroups,
@@ -78,18 +78,18 @@ class Collector:
     ) -> None:
         """report: of all but the materials, which have their own."""
         self.light_groups = light_groups
-        self.depsgraph, self.wanted, self.report = depsgraph, wanted, report
+        self.depsgraph, self.required, self.report = depsgraph, required, report
         self.materials = Materials(cache, decoded, aovs)
         self.lights = Lights(Images(report, decoded, cache.images), report)
         self.override = evaluated(depsgraph.view_layer.material_override, depsgraph)
         self.met: dict[ShapeKey, Shape] = {}
-        self.groups: list[tuple[Thing, int | None]] = []
-        self.lamps: list[tuple[Thing, int | None]] = []
+        self.groups: list[tuple[ExportedObject, int | None]] = []
+        self.lamps: list[tuple[ExportedObject, int | None]] = []
         self._cache = cache
         self._shapes: list[Shape] = []
-        self._wishes: list[Wishes] = []
+        self._requirements: list[Requirements] = []
         self._known: dict[ShapeKey, int | None] = {}
-        self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
+        self._required_by_slots: dict[tuple[int, ...], RequiredAttributes] = {}
         self._moves_by_slots: dict[tuple[int, ...], tuple[Displacement | None, ...]] = {}
         self.displaced: dict[int, Displaced] = {}
 
@@ -137,8 +137,8 @@ class Collector:
             geometry = self._displaced(instance, geometry, moves, values if is_bound else None)
         if isinstance(self._shapes[geometry].geometry, Source):
             owner = instance.instance_object or thing
-            self._add_attributes(geometry, thing.data, owner, self._wanted(slots))
-        elif self.materials.wanted(slots):
+            self._add_attributes(geometry, thing.data, owner, self._required(slots))
+        elif self.materials.required(slots):
             self.report.note(
                 "True spheres have no UV maps or attributes, which materials read: {}; render them "
                 "as meshes",
@@ -153,9 +153,9 @@ class Collector:
         self, slots: tuple[int, ...], instance: Any
     ) -> tuple[tuple[tuple[str, Value], ...], tuple[str, ...]]:
         """What the materials in these slots read of an instance, and of each by itself."""
-        wanted = self._wanted(slots).objects
-        of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
-        return tuple((name, self._value(name, instance)) for name in sorted(wanted)), of_each
+        required = self._required(slots).objects
+        of_each = tuple(name for name in OF_EACH if name in required and instance.is_instance)
+        return tuple((name, self._value(name, instance)) for name in sorted(required)), of_each
 
     def _volume(self, instance: Any, flags: Flags) -> Placed | None:
         """A Volume object; None where it shows nothing."""
@@ -218,7 +218,7 @@ class Collector:
             )
         return sound(found)
 
-    def instances(self, thing: Thing) -> Instances:
+    def instances(self, thing: ExportedObject) -> Instances:
         """Where a thing stands and as what it is seen."""
         placed, flags = thing.content, thing.content.flags
         if placed.is_bound and len(thing.matrices) > 1:
@@ -264,11 +264,11 @@ class Collector:
         }
         return tuple(numbers.get(k, numbers[min(numbers)]) for k in range(max(numbers) + 1))
 
-    def _wanted(self, slots: tuple[int, ...]) -> Wanted:
+    def _required(self, slots: tuple[int, ...]) -> RequiredAttributes:
         """What the passes and the materials in these slots read of a mesh."""
-        if slots not in self._wanted_by_slots:
-            self._wanted_by_slots[slots] = self.wanted | self.materials.wanted(slots)
-        return self._wanted_by_slots[slots]
+        if slots not in self._required_by_slots:
+            self._required_by_slots[slots] = self.required | self.materials.required(slots)
+        return self._required_by_slots[slots]
 
     def _moves(self, slots: tuple[int, ...]) -> tuple[Displacement | None, ...]:
         """How the materials in these slots move vertices; empty where none does."""
@@ -307,26 +307,30 @@ class Collector:
             self._known[key] = None if shape.geometry is None else len(self._shapes)
             if shape.geometry is not None:
                 self._shapes.append(shape)
-                self._wishes.append(())
+                self._requirements.append(())
         for block in about:
             self.met[key].about.add(block.original.session_uid)
         return self._known[key]
 
-    def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
+    def _add_attributes(
+        self, number: int, data: Any, owner: Any, required: RequiredAttributes
+    ) -> None:
         """What an object's materials read of its mesh."""
-        if not wanted:
+        if not required:
             return
-        shape, before = self._shapes[number], self._wishes[number]
-        wishes = self._wishes[number] = before if wanted in before else (*before, wanted)
+        shape, before = self._shapes[number], self._requirements[number]
+        requirements = self._requirements[number] = (
+            before if required in before else (*before, required)
+        )
 
         def read(source: Source) -> None:
             if isinstance(source, StrandSource):
-                read_strand_attributes(data, owner, source, wanted, shape.report, self.is_render)
+                read_strand_attributes(data, owner, source, required, shape.report, self.is_render)
                 return
             with readable(data, owner) as mesh:
-                read_attributes(mesh, source, wanted, shape.report)
+                read_attributes(mesh, source, required, shape.report)
 
-        shape.read_attributes(before, wishes, read)
+        shape.read_attributes(before, requirements, read)
 
     @property
     def is_render(self) -> bool:
@@ -363,7 +367,7 @@ class Collector:
         """How Cycles' settings say that curves go between keys."""
         return getattr(getattr(self.depsgraph.scene_eval, "cycles_curves", None), "shape", "")
 
-    def scene(self, camera: Camera, things: list[Thing], sky: Sky) -> Scene:
+    def scene(self, camera: Camera, things: list[ExportedObject], sky: Sky) -> Scene:
         """All of it as one value."""
         placed = [thing for thing in things if isinstance(thing.content, Placed)]
         blocks = tuple(self.instances(thing) for thing in placed)
@@ -372,7 +376,7 @@ class Collector:
             blocks, kept = without_unplaced(blocks, len(self._shapes))
         shapes = [self._shapes[number] for number in kept]
         self.displaced = {k: s.geometry.displaced for k, s in enumerate(shapes) if _is_displaced(s)}
-        geometries = tuple(self._shapes[k].as_wished(self._wishes[k]) for k in kept)
+        geometries = tuple(self._shapes[k].as_required(self._requirements[k]) for k in kept)
         instances = without_collapsed(blocks, self.report)
         numbers = {id(block): number for number, block in enumerate(instances)}
         for thing, block in zip(placed, blocks, strict=True):
@@ -398,7 +402,7 @@ class Collector:
             light_groups=self.light_groups.names,
         )
 
-    def _light(self, thing: Thing) -> int | None:
+    def _light(self, thing: ExportedObject) -> int | None:
         """Adds a lamp's lights; the number of the one where there is just one."""
         first = len(self.lights.lights)
         self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)

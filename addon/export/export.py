@@ -21,12 +21,12 @@ from .images.images import Images
 from .instances import walk
 from .light_groups import LightGroups
 from .materials.aovs import Aov, note_world
-from .materials.wanted import Wanted
+from .materials.required import RequiredAttributes
 from .missing import note_missing
 from .panorama import Looker
 from .placing import note_placed
 from .report import Report
-from .unheard import note_scene
+from .unsupported import note_scene
 from .world import export_world, with_light_group, with_pass_settings
 
 
@@ -81,7 +81,7 @@ def export_scene(
 
     width, height: pixels of the full frame instead of the scene's. passes: names from
     `film.PASSES`; "UV" makes all meshes bring their active map. decoded: images of the export
-    before; this one's take their place. aovs: passes of the view layer's own that are wanted.
+    before; this one's take their place. aovs: passes of the view layer's own that are required.
     has_light_groups: whether those of its light groups are.
     looker: where to look from, None for the scene's camera.
     Only on Blender's thread. Raises ExportError where there is no usable camera or border.
@@ -93,9 +93,9 @@ def export_scene(
     through = evaluated(scene.camera, depsgraph) if looker is None else looker.camera
     camera = export_camera(through, scene.render, size, report, looker)
     groups = LightGroups.of(depsgraph.view_layer, report) if has_light_groups else LightGroups()
-    wanted = Wanted(frozenset({""}) if "UV" in passes else frozenset())
+    required = RequiredAttributes(frozenset({""}) if "UV" in passes else frozenset())
     cache = ExportCache()
-    collector, things = _walked(depsgraph, wanted, report, cache, groups, decoded, aovs)
+    collector, things = _walked(depsgraph, required, report, cache, groups, decoded, aovs)
     report.add(collector.materials.report)
     met = time.perf_counter()
     world = world_of(depsgraph, scene)
@@ -120,15 +120,15 @@ def export_scene(
 
 
 def _walked(
-    depsgraph: Any, wanted: Wanted, report: Report, cache: ExportCache, *given: Any
+    depsgraph: Any, required: RequiredAttributes, report: Report, cache: ExportCache, *given: Any
 ) -> tuple[Collector, Any]:
     """What is met, with what materials read of it; and the things. Twice where rays of materials
     read what they meet, which is known only afterwards.
     """
-    collector = Collector(depsgraph, wanted, report, cache, *given)
+    collector = Collector(depsgraph, required, report, cache, *given)
     things = walk(depsgraph, collector.meet, report, make_hair=collector.meet_hair)
-    everywhere = wanted | collector.materials.sampled
-    if everywhere == wanted:
+    everywhere = required | collector.materials.sampled
+    if everywhere == required:
         return collector, things
     cache.shapes.keep((), collector.met)
     return _walked(depsgraph, everywhere, report, cache, *given)

@@ -16,7 +16,7 @@ from ...engine.scene import EVERYTHING
 from .geometry.hashing import as_random, random_of, word_of
 from .light_links import LightLinks
 from .report import Report
-from .unheard import note_object
+from .unsupported import note_object
 
 
 class Flags(NamedTuple):
@@ -36,7 +36,7 @@ class Flags(NamedTuple):
 
 
 @dataclass(eq=False)
-class Thing:
+class ExportedObject:
     """One object as one instancer places it: what `make` of `walk` gave for it, and where it
     stands. uid: the object's session uid. numbers: of its instances in the iteration.
     """
@@ -49,7 +49,7 @@ class Thing:
 
 
 @dataclass
-class Census:
+class VisitedObjects:
     """Session uids of the objects that a walk met: those that render, shown or not, and those that
     instance or are instanced.
     """
@@ -69,14 +69,14 @@ def walk(
     make: Callable[[Any, Flags], Any],
     report: Report,
     shown: Callable[[Any], bool] = lambda instancer: True,
-    census: Census | None = None,
+    visited: VisitedObjects | None = None,
     make_hair: Callable[[Any, Flags], Any] | None = None,
-) -> list[Thing]:
+) -> list[ExportedObject]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
     make: given the first instance of each and its flags, while Blender keeps them valid; None
     leaves the thing out.  make_hair: the same of its particle hair.  shown: asked of every object
-    that stands or instances in the scene itself whether its things are there. census: hears of
+    that stands or instances in the scene itself whether its things are there. visited: hears of
     every thing, also of those left out.
     """
     links = LightLinks(depsgraph.view_layer.objects, report)
@@ -92,8 +92,8 @@ def walk(
         number = numbers.get(key)
         if number is None:
             number = numbers[key] = len(things)
-            if census is not None:
-                census.note(instance)
+            if visited is not None:
+                visited.note(instance)
             instancer = instance.parent if instance.is_instance else thing
             things.append(
                 _meet(instance, thing, depsgraph, make, report, links, cut)
@@ -159,7 +159,7 @@ def random_number(name: str) -> float:
 
 def _placed(
     things: list, rows: np.ndarray, matrices: np.ndarray, at: np.ndarray, report: Report
-) -> list[Thing]:
+) -> list[ExportedObject]:
     """Things with their rows of the matrices, in the order in which they were met; places that are
     not finite are dropped. at: where in the iteration each row is.
     """
@@ -176,7 +176,7 @@ def _placed(
     bounds = np.searchsorted(rows[order], np.arange(len(things) + 1)).tolist()
     spans = zip(things, bounds, bounds[1:], strict=False)
     return [
-        Thing(*met, matrices[first:end], numbers[first:end])
+        ExportedObject(*met, matrices[first:end], numbers[first:end])
         for met, first, end in spans
         if met is not None and first < end
     ]

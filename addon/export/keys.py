@@ -14,7 +14,7 @@ from .geometry.displacing import Displaced
 from .geometry.meshes import mesh_key, normals_of, vertices_of
 from .geometry.shapes import centers_of
 from .geometry.strands import StrandSource, read_curves, read_hair
-from .instances import Flags, Thing, walk
+from .instances import ExportedObject, Flags, walk
 from .lights import light_frame
 from .report import Report
 
@@ -77,7 +77,7 @@ class Pose:
     Vector strands and the centres of point clouds.  ids: (instances, 8) Blender's persistent ids.
     """
 
-    things: list[Thing]
+    things: list[ExportedObject]
     shapes: dict[tuple, Shape | StrandSource | Array | None] = field(default_factory=dict)
     ids: Array = field(default_factory=lambda: np.zeros((0, 8), np.int32))
 
@@ -262,7 +262,9 @@ def at_key(
     return replace(still, geometries=tuple(geometries), instances=tuple(instances))
 
 
-def _exported(blocks: tuple[Instances, ...], things: list[Thing]) -> Iterator[tuple[int, Thing]]:
+def _exported(
+    blocks: tuple[Instances, ...], things: list[ExportedObject]
+) -> Iterator[tuple[int, ExportedObject]]:
     """Numbers of blocks with the things that they were made from: both are in one order, in which
     blocks may be missing, and some may have rows of a thing alone.
     """
@@ -291,7 +293,7 @@ class _Matcher:
         """Which of the poses a thing of so many keys takes."""
         return list(range(0, len(self._keys), max((len(self._keys) - 1) // (keys - 1), 1)))
 
-    def placements(self, thing: Thing) -> Array | None:
+    def placements(self, thing: ExportedObject) -> Array | None:
         """(keys, k, 3, 4) of a thing that moves."""
         if thing.content.keys == 1:
             return None
@@ -302,7 +304,7 @@ class _Matcher:
         keys = np.stack(found)
         return None if (keys == thing.matrices).all() else keys
 
-    def _rows(self, thing: Thing, k: int) -> Array | None:
+    def _rows(self, thing: ExportedObject, k: int) -> Array | None:
         """(k, 3, 4) of the thing's instances at a key, by their persistent ids."""
         there = self._there[k].get(self._names[thing])
         if there is None:
@@ -314,7 +316,7 @@ class _Matcher:
         rows = [row_of.get(one.tobytes(), -1) for one in now]
         return None if -1 in rows else there.matrices[rows]
 
-    def shape(self, thing: Thing, mesh: Mesh, how: Displaced | None = None) -> Mesh:
+    def shape(self, thing: ExportedObject, mesh: Mesh, how: Displaced | None = None) -> Mesh:
         """The mesh with what it is at the keys, where its shape changes. how: it is displaced."""
         if thing.content.shape_keys == 1 or thing.content.shape is None or mesh.motion is not None:
             return mesh
@@ -335,7 +337,7 @@ class _Matcher:
             normals = None if normals is None else np.stack(turned)
         return replace(mesh, motion=np.stack(vertices), normal_motion=normals)
 
-    def points(self, thing: Thing, geometry: Strands | Spheres) -> list[Geometry] | None:
+    def points(self, thing: ExportedObject, geometry: Strands | Spheres) -> list[Geometry] | None:
         """Strands or true spheres at the keys; None where they keep their shape."""
         here = self._frame.shapes.get(thing.content.shape)
         there = [self._shape_at(thing, k) for k in range(len(self._keys))]
@@ -354,7 +356,7 @@ class _Matcher:
             return None
         return [replace(geometry, **{name: one}) for one in places]
 
-    def _shape_at(self, thing: Thing, k: int) -> Shape | StrandSource | Array | None:
+    def _shape_at(self, thing: ExportedObject, k: int) -> Shape | StrandSource | Array | None:
         there = self._there[k].get(self._names[thing])
         return None if there is None else self._keys[k].shapes.get(there.content.shape)
 
@@ -372,7 +374,7 @@ class _Matcher:
         keys = np.stack(frames)
         return light if (keys == light.world_from_light).all() else replace(light, motion=keys)
 
-    def _light_places(self) -> dict[tuple, tuple[Thing, int]]:
+    def _light_places(self) -> dict[tuple, tuple[ExportedObject, int]]:
         places = {}
         for thing in self._frame.things:
             for row, matrix in enumerate(thing.matrices if thing.content.is_light else ()):
@@ -382,7 +384,7 @@ class _Matcher:
         return places
 
 
-def _names(things: list[Thing]) -> dict[Thing, tuple[int, int]]:
+def _names(things: list[ExportedObject]) -> dict[ExportedObject, tuple[int, int]]:
     """The session uid of each, and which of those with the same it is."""
     seen: dict[int, int] = {}
     names = {}

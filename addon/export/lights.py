@@ -18,7 +18,7 @@ from .materials.graph import Place, images_behind, output_of, read_tree, socket_
 from .materials.terms import RGB
 from .report import Report
 from .shader_nodes.lamp import Lamp, LampReader
-from .unheard import note_light
+from .unsupported import note_light
 
 BLACK = (0.0, 0.0, 0.0)
 _FULL_SPREAD = math.pi - 1e-4

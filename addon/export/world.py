@@ -20,7 +20,7 @@ from .materials.nodes_volume import medium_of
 from .report import Report
 from .shader_nodes.sky import SkyReader, Sun
 from .shader_nodes.volume import VolumeReader
-from .unheard import note_world
+from .unsupported import note_world
 
 BLACK = (0.0, 0.0, 0.0)
 

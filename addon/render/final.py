@@ -24,9 +24,9 @@ from .motion import with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
 from .result import Picture, crypto_ids, wanted_passes
-from .skipped import skipped_things
 from .stamp import Stamping
 from .statistics import Statistics, remember
+from .unused_data import unused_data
 from .views import looker_of, view_names
 
 log = logging.getLogger(__name__)
@@ -132,7 +132,7 @@ def prepare(
         crypto_ids=crypto_ids(layer),
         samples=_layer_samples(layer, asking, settings.samples),
     )
-    skipped = {} if render_engine.is_preview else skipped_things(depsgraph, export.scene)
+    skipped = {} if render_engine.is_preview else unused_data(depsgraph, export.scene)
     aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(asking)
     seen = [export.scene, *(scene for scene, _ in others)]
     moving, motion_notes = with_motion(seen, render_engine, depsgraph, names, export.displaced)

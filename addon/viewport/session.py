@@ -56,7 +56,7 @@ class _Target:
 
 
 @dataclass(frozen=True)
-class _Wishes:
+class _ViewOptions:
     """What decides on a picture and is no data of the depsgraph's, so that no update tells of its
     changes.
 
@@ -71,7 +71,7 @@ class _Wishes:
     groups: Members = NO_MEMBERS
 
     @classmethod
-    def of(cls, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> _Wishes:
+    def of(cls, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> _ViewOptions:
         settings, shown_pass = viewport_settings_from(depsgraph.scene)
         settings = replace(settings, passes=settings.passes | {"Error"})
         groups = NO_MEMBERS
@@ -106,7 +106,7 @@ class Session:
         self.content: Scene | None = None
         self._delta: SceneDelta | None = None  # from the content before
         self._settings: engine.Settings | None = None
-        self._wishes: _Wishes | None = None
+        self._options: _ViewOptions | None = None
         self._shown_pass = "Combined"
         self._view: View | None = None
         self._problem: str | None = None
@@ -139,11 +139,11 @@ class Session:
         may have moved, begins when drawn.
         """
         self.region = context.region.as_pointer()
-        self._export, wishes = export_of(depsgraph), _Wishes.of(context, depsgraph)
-        asked = {**wishes.export, "space": context.space_data}
+        self._export, options = export_of(depsgraph), _ViewOptions.of(context, depsgraph)
+        asked = {**options.export, "space": context.space_data}
         scene = self._export.update(self, depsgraph, NO_CAMERA, **asked)
         self._scene_name = depsgraph.scene.name
-        content = wishes.surroundings.around(scene)
+        content = options.surroundings.around(scene)
         self._warn(
             export=self._export.notes(**asked),
             camera=camera_notes(context.region_data, depsgraph.scene),
@@ -152,22 +152,22 @@ class Session:
         )
         known = self._export.delta(**asked)
         delta = self.content and SceneDelta.between(self.content, content, known)
-        if self._shows(delta, wishes):
+        if self._shows(delta, options):
             return  # another object is selected, or the display transform is another
-        self.content, self._wishes, self._delta = content, wishes, delta
-        self._settings, self._shown_pass = wishes.settings, wishes.shown_pass
+        self.content, self._options, self._delta = content, options, delta
+        self._settings, self._shown_pass = options.settings, options.shown_pass
         if self._view is not None and context.region_data.view_perspective != "CAMERA":
             # it is most likely as it was, and Blender takes a while until it draws
             self._ask(self._view)
         else:
             self._view = None
 
-    def _shows(self, delta: SceneDelta | None, wishes: _Wishes) -> bool:
+    def _shows(self, delta: SceneDelta | None, options: _ViewOptions) -> bool:
         """Whether the pictures that are there, or were asked for, are of this."""
         return (
             delta is not None
             and self.live.error is None
-            and wishes == self._wishes
+            and options == self._options
             and delta.keeps_content
         )
 
@@ -250,7 +250,7 @@ class Session:
         """Ask for another picture if what the view looks at is another."""
         if self.content is None:
             return
-        if _Wishes.of(context, depsgraph) != self._wishes:
+        if _ViewOptions.of(context, depsgraph) != self._options:
             self.update(context, depsgraph)
         try:
             view = read_view(depsgraph, context.region, context.space_data, context.region_data)

@@ -20,7 +20,7 @@ class SharedExport:
         self._told: weakref.WeakSet[Any] = weakref.WeakSet()
         self._evaluation = -1
 
-    def update(self, viewer: Any, depsgraph: Any, camera: Camera, **wishes: Any) -> Scene:
+    def update(self, viewer: Any, depsgraph: Any, camera: Camera, **options: Any) -> Scene:
         """The scene for a viewer whom Blender told of an evaluation. The first to come takes its
         updates in; who comes again was told of another one.
         """
@@ -29,17 +29,17 @@ class SharedExport:
             self._evaluation = timer.evaluation()
             self._export.hear(depsgraph)
         self._told.add(viewer)
-        return self._export.scene(depsgraph, camera, **wishes)
+        return self._export.scene(depsgraph, camera, **options)
 
-    def delta(self, **wishes: Any) -> SceneDelta | None:
+    def delta(self, **options: Any) -> SceneDelta | None:
         """As of `LiveExport`."""
-        return self._export.delta(**wishes)
+        return self._export.delta(**options)
 
-    def notes(self, **wishes: Any) -> tuple[str, ...]:
-        """What could not be exported as it is, of the scene that a viewer with these wishes was
+    def notes(self, **options: Any) -> tuple[str, ...]:
+        """What could not be exported as it is, of the scene that a viewer with these options was
         given.
         """
-        return self._export.notes(**wishes)
+        return self._export.notes(**options)
 
 
 _exports: weakref.WeakValueDictionary[tuple, SharedExport] = weakref.WeakValueDictionary()

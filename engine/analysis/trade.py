@@ -23,7 +23,9 @@ from . import metrics
 from .trade_crops import CropRenderer, Rendered, Squares, StoppedError, pick_squares
 from .trade_errors import frame_errors
 from .trade_knobs import KNOBS, has_fog, has_soft_lights, scatters, settings_grid
-from .trade_rows import Row, Trade, speed, with_bounds, with_front
+from .trade_rows import Row, Trade, advice, speed, with_bounds, with_front
+
+__all__ = ["KNOBS", "Row", "Trade", "advice", "measure", "settings_grid"]
 
 Array = np.ndarray
 

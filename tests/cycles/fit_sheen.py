@@ -97,7 +97,7 @@ def least_squares(of: Callable[[Array], Array], x: Array, y: Array) -> tuple[Arr
 def main() -> None:
     for distribution in ("MICROFIBER", "ASHIKHMIN"):
         rows = []
-        for roughness in sheen._ROUGHNESS:
+        for roughness in sheen.ROUGHNESS:
             seen = seen_under_suns(distribution, roughness)
             rows.append([fit(seen, cosine) for cosine in sheen._COSINE])
         for name, table in zip(("width", "lean", "share"), np.moveaxis(rows, 2, 0), strict=True):

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from ....engine.scene import Geometry
-from ..materials.wanted import Wanted
+from ..materials.required import RequiredAttributes
 from ..report import Report
 from .meshes import MeshSource
 from .strands import StrandSource
 
 Source = MeshSource | StrandSource
-Wishes = tuple[Wanted, ...]
+Requirements = tuple[RequiredAttributes, ...]
 
 
 class ShapeKey(NamedTuple):
@@ -32,32 +32,32 @@ class Shape:
     geometry: as it was read first; None where there is nothing.  about: the uids of the objects
     that were met with it, of each of which Blender tells when its data change. The data of an
     original object may point at nothing after an undo.  states: with its attributes after each
-    sequence of wishes.  report: of reading it.
+    sequence of requirements.  report: of reading it.
     """
 
     geometry: Source | Geometry | None
     about: set[int] = field(default_factory=set)
-    states: dict[Wishes, Source] = field(default_factory=dict)
-    finished: dict[Wishes, Geometry] = field(default_factory=dict)
+    states: dict[Requirements, Source] = field(default_factory=dict)
+    finished: dict[Requirements, Geometry] = field(default_factory=dict)
     report: Report = field(default_factory=Report)
 
     def read_attributes(
-        self, before: Wishes, wishes: Wishes, read: Callable[[Source], None]
+        self, before: Requirements, requirements: Requirements, read: Callable[[Source], None]
     ) -> None:
-        """Has `read` add attributes to the state of `before`, which is that of `wishes` then."""
-        if wishes not in self.states:
+        """Has `read` add attributes to the state of `before`, then that of `requirements`."""
+        if requirements not in self.states:
             source = self.states.get(before, self.geometry)
             own = {"uv_maps": dict(source.uv_maps), "attributes": dict(source.attributes)}
-            self.states[wishes] = replace(source, **own)
-            read(self.states[wishes])
+            self.states[requirements] = replace(source, **own)
+            read(self.states[requirements])
 
-    def as_wished(self, wishes: Wishes) -> Geometry:
-        """The geometry with the attributes of these wishes, the very same for the same."""
+    def as_required(self, requirements: Requirements) -> Geometry:
+        """The geometry with the attributes of these requirements, the very same for the same."""
         if not isinstance(self.geometry, Source):
             return self.geometry
-        if wishes not in self.finished:
-            self.finished[wishes] = self.states.get(wishes, self.geometry).finished()
-        return self.finished[wishes]
+        if requirements not in self.finished:
+            self.finished[requirements] = self.states.get(requirements, self.geometry).finished()
+        return self.finished[requirements]
 
 
 class ShapeCache:

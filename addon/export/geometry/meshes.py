@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ....engine.scene import CORNER, FACE, POINT, Attribute, Mesh
+from ..materials.required import RequiredAttributes
 from ..materials.terms import GREY
-from ..materials.wanted import Wanted
 from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
 from ..shader_nodes.reader import (
@@ -132,13 +132,15 @@ def read_mesh(mesh: Any, report: Report) -> MeshSource | None:
     return source
 
 
-def read_attributes(mesh: Any, source: MeshSource, wanted: Wanted, report: Report) -> None:
-    """Add what `wanted` names and `source` lacks. Names that the mesh lacks are left out: they read
-    as 0.
+def read_attributes(
+    mesh: Any, source: MeshSource, required: RequiredAttributes, report: Report
+) -> None:
+    """Add what `required` names and `source` lacks. Names that the mesh lacks are left out: they
+    read as 0.
     """
-    for name in sorted(wanted.uv_maps - source.uv_maps.keys()):
+    for name in sorted(required.uv_maps - source.uv_maps.keys()):
         _read_uv_map(mesh, source, name, report)
-    for name in sorted(wanted.attributes - source.attributes.keys()):
+    for name in sorted(required.attributes - source.attributes.keys()):
         attribute = _color_attribute(mesh, source, name, report)
         if attribute is not None:
             source.attributes[name] = attribute

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....engine.scene import FACE, POINT, Attribute, Strands
-from ..materials.wanted import Wanted
+from ..materials.required import RequiredAttributes
 from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
 from ..shader_nodes.reader import ENCLOSED, FIBRE, GENERATED, HAIR
@@ -319,12 +319,17 @@ def _pieces(b: list[np.ndarray]) -> np.ndarray:
 
 
 def read_strand_attributes(
-    data: Any, thing: Any, source: StrandSource, wanted: Wanted, report: Report, render: bool
+    data: Any,
+    thing: Any,
+    source: StrandSource,
+    required: RequiredAttributes,
+    report: Report,
+    render: bool,
 ) -> None:
-    """Add what `wanted` names and `source` lacks. Names that there are not are left out: they read
-    as 0. data: of the evaluated object `thing`.
+    """Add what `required` names and `source` lacks. Names that there are not are left out: they
+    read as 0. data: of the evaluated object `thing`.
     """
-    for name in sorted(wanted.uv_maps - source.uv_maps.keys()):
+    for name in sorted(required.uv_maps - source.uv_maps.keys()):
         values = _emitter_values(thing, name, render) if source.particles else _curve_uv(data, name)
         if values is not None:
             own, rows = values
@@ -332,7 +337,7 @@ def read_strand_attributes(
             source.uv_maps = (
                 {**source.uv_maps, name: found} if name else {name: found, **source.uv_maps}
             )
-    for name in sorted(wanted.attributes - source.attributes.keys()):
+    for name in sorted(required.attributes - source.attributes.keys()):
         attribute = _attribute(data, thing, source, name, report, render)
         if attribute is not None:
             source.attributes[name] = attribute

@@ -38,7 +38,7 @@ class Decoded:
             self._used[key] = raw
         return raw
 
-    def worked_out(self, values: np.ndarray, key: Hashable, work: Callable[[], T]) -> T:
+    def memoized(self, values: np.ndarray, key: Hashable, work: Callable[[], T]) -> T:
         """work(), or what it gave for this very array and key since the export before. Neither
         array is written to any more.
 

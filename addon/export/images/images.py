@@ -40,7 +40,7 @@ class Images:
         next.  cache: what need not be read again.
         """
         self._decode = decoded.decode if decoded is not None else pixels.decode
-        self._worked_out = decoded.worked_out if decoded is not None else _work
+        self._memoized = decoded.memoized if decoded is not None else _work
         self._made = decoded.made if decoded is not None else _make
         self.textures: list[Texture] = []
         self.report = report
@@ -81,9 +81,7 @@ class Images:
             values = found.pixels
             if associated:
                 with _that_fits(name):
-                    values = self._worked_out(
-                        values, "associated", lambda: pixels.associated(found)
-                    )
+                    values = self._memoized(values, "associated", lambda: pixels.associated(found))
             return Texture(name, values, found.encoding, extension, filtering)
 
         return self._index(key, make)
@@ -156,7 +154,7 @@ class Images:
         if texture.pixels.dtype == np.uint8:
             return 0.0, 1.0
         key = ("range", source.channel)
-        low, high = self._worked_out(
+        low, high = self._memoized(
             texture.pixels, key, lambda: _range_of(texels(texture, source.channel))
         )
         return (min(low, 0.0), max(high, 0.0)) if texture.extension == "CLIP" else (low, high)
@@ -165,7 +163,7 @@ class Images:
         if (index, channel) not in self._means:
             texture = self.textures[index]
             key = ("mean", texture.encoding, channel)
-            self._means[index, channel] = self._worked_out(
+            self._means[index, channel] = self._memoized(
                 texture.pixels, key, lambda: mean_color(texture, channel)
             )
         return self._means[index, channel]
@@ -206,7 +204,7 @@ class Images:
             recipe = pixels.recipe(image)
             work = partial(pixels.read, image, path, decoded)
             return self._made((*recipe, *key), work) if recipe is not None else work()
-        return self._worked_out(decoded.rgba, key, lambda: pixels.read(image, path, decoded))
+        return self._memoized(decoded.rgba, key, lambda: pixels.read(image, path, decoded))
 
 
 @contextmanager
@@ -221,7 +219,7 @@ def _that_fits(name: str) -> Iterator[None]:
 
 
 def _work(values: np.ndarray, key: Hashable, work: Callable[[], Any]) -> Any:
-    """`Decoded.worked_out` where nothing is kept."""
+    """`Decoded.memoized` where nothing is kept."""
     return work()
 
 

@@ -11,7 +11,7 @@ from ..geometry.meshes import MeshSource
 from ..images.cache import TextureKey
 from ..report import Report
 from .displacing import Displacement
-from .wanted import Wanted
+from .required import RequiredAttributes
 
 
 class MaterialKey(NamedTuple):
@@ -37,14 +37,14 @@ class Compiled:
     tree: int
     reads_memory: bool
     textures: tuple[tuple[TextureKey, Texture], ...]
-    wanted: Wanted
+    required: RequiredAttributes
     displacement: Displacement | None
     report: Report
     surface: MeshSource | None = None
 
     def asks_as(self, other: Compiled) -> bool:
         """Whether it reads the same of meshes, and moves them alike."""
-        return (self.wanted, self.displacement) == (other.wanted, other.displacement)
+        return (self.required, self.displacement) == (other.required, other.displacement)
 
 
 class MaterialCache:

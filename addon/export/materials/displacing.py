@@ -13,7 +13,7 @@ from ..images.images import Images
 from ..report import Report
 from ..shader_nodes.displacing import DisplacementReader
 from .graph import Place, images_behind, output_of, read_tree, socket_named
-from .wanted import Wanted, read_by
+from .required import RequiredAttributes, read_by
 
 
 def method_of(material: Any) -> str:
@@ -49,15 +49,15 @@ def compile_displacement(material: Any, images: Images, report: Report) -> Displ
     return replace(found, program=program.with_textures(numbers), textures=textures)
 
 
-def wanted_of(displacements: tuple[Displacement | None, ...]) -> Wanted:
+def wanted_of(displacements: tuple[Displacement | None, ...]) -> RequiredAttributes:
     """What they read of meshes."""
     read = (read_by(d.program) for d in displacements if d is not None)
-    return functools.reduce(Wanted.__or__, read, Wanted())
+    return functools.reduce(RequiredAttributes.__or__, read, RequiredAttributes())
 
 
-def wanted_objects(displacement: Displacement | None) -> Wanted:
+def wanted_objects(displacement: Displacement | None) -> RequiredAttributes:
     """What one reads of objects."""
-    return replace(Wanted(), objects=wanted_of((displacement,)).objects)
+    return replace(RequiredAttributes(), objects=wanted_of((displacement,)).objects)
 
 
 def _note(report: Report, name: str, sentence: str) -> None:

@@ -22,7 +22,7 @@ from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.volume import VolumeReader
-from ..unheard import is_corrected, note_material
+from ..unsupported import is_corrected, note_material
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_sheen, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
 from .compiled import Compiled, MaterialKey
@@ -43,9 +43,9 @@ from .graph import Place, images_behind, node_tree, output_of, read_tree, socket
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import STEP, VOLUMES, default_volume, medium_of, medium_of_closure
+from .required import RequiredAttributes, read_by
 from .terms import complement, constant, constant_value, factors_of, multiply
 from .varying import Ior, Roughness
-from .wanted import Wanted, read_by
 
 
 class Materials:
@@ -84,7 +84,7 @@ class Materials:
         return self._used[self._number(key, material)]
 
     @property
-    def worn(self) -> tuple[tuple[MaterialKey, Compiled], ...]:
+    def sources(self) -> tuple[tuple[MaterialKey, Compiled], ...]:
         """All of them in their order."""
         return tuple(zip(self._numbers, self._used, strict=True))
 
@@ -100,16 +100,16 @@ class Materials:
         """Materials and textures of the scene."""
         return self._cache.materials.joined(tuple(self._used))
 
-    def wanted(self, indices: tuple[int, ...]) -> Wanted:
+    def required(self, indices: tuple[int, ...]) -> RequiredAttributes:
         """What the materials with these indices read from a mesh."""
-        found = (self._used[index].wanted for index in indices)
-        return functools.reduce(operator.or_, found, Wanted())
+        found = (self._used[index].required for index in indices)
+        return functools.reduce(operator.or_, found, RequiredAttributes())
 
     @property
-    def sampled(self) -> Wanted:
+    def sampled(self) -> RequiredAttributes:
         """What rays of the materials read of all meshes."""
-        names = (name for compiled in self._used for name in compiled.wanted.everywhere)
-        return Wanted(attributes=frozenset(names))
+        names = (name for compiled in self._used for name in compiled.required.everywhere)
+        return RequiredAttributes(attributes=frozenset(names))
 
     def displacements(self, indices: tuple[int, ...]) -> tuple[Displacement | None, ...]:
         """How the materials with these indices move vertices; empty where none does."""
@@ -402,12 +402,12 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
     )
 
 
-def wanted_by(material: Material) -> Wanted:
+def wanted_by(material: Material) -> RequiredAttributes:
     """The attributes that a material's inputs name."""
     inputs = [factor for lobe in material.lobes for factor in lobe.factors]
     uv_maps = frozenset(factor.uv for factor in inputs if factor.texture >= 0)
     attributes = frozenset(factor.attribute for factor in inputs if factor.attribute)
-    own = Wanted(uv_maps, attributes) | read_by(material.program)
+    own = RequiredAttributes(uv_maps, attributes) | read_by(material.program)
     if material.medium is not None:
         own |= read_by(material.medium.program)
     return own | wanted_by(material.aovs) if material.aovs is not None else own

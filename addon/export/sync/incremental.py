@@ -21,17 +21,17 @@ from ..cache import ExportCache, WorldKey
 from ..collector import Collector
 from ..export import world_of
 from ..images.images import Images
-from ..instances import Census, walk
+from ..instances import VisitedObjects, walk
 from ..light_groups import NO_MEMBERS, LightGroups, Members
 from ..materials.materials import Materials
 from ..materials.nodes_volume import with_step_rate
-from ..materials.wanted import Wanted
+from ..materials.required import RequiredAttributes
 from ..missing import note_missing
 from ..report import Report
-from ..unheard import note_scene
+from ..unsupported import note_scene
 from ..world import Sky, export_world, with_light_group, with_pass_settings
 from .changes import Changes
-from .moves import Stage
+from .moves import SceneIndex
 from .repaints import repainted
 
 WORK = ("walks", "meshes", "materials", "worlds")
@@ -43,7 +43,7 @@ NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
 class Asked(NamedTuple):
     """What a view wants of meshes, what it shows (`shown_in`), and light groups."""
 
-    wanted: Wanted
+    required: RequiredAttributes
     shown: tuple
     groups: Members
 
@@ -54,7 +54,7 @@ class LiveExport:
     def __init__(self) -> None:
         self._cache = ExportCache()
         self._frame: tuple[int, float] | None = None
-        self._stages: dict[Asked, Stage] = {}
+        self._indices: dict[Asked, SceneIndex] = {}
         self._given: dict[Asked, Scene] = {}
         self._deltas: dict[Asked, SceneDelta] = {}
 
@@ -74,42 +74,44 @@ class LiveExport:
         """Take in `depsgraph.updates`, which must tell all that changed since the last call."""
         updates = depsgraph.updates[:]
         self._cache.work.clear()
-        self._cache.shapes.keep_views(self._stages)
-        self._given = {a: given for a, given in self._given.items() if a in self._stages}
+        self._cache.shapes.keep_views(self._indices)
+        self._given = {a: given for a, given in self._given.items() if a in self._indices}
         self._deltas = {}
         turns = self._turns_images(depsgraph.scene_eval)
         if turns:
-            self._stages = {}
+            self._indices = {}
         painted = repainted(updates)
         if painted:
-            self._keep(lambda stage: stage.stands(updates, depsgraph.view_layer))
+            self._keep(lambda index: index.stands(updates, depsgraph.view_layer))
             shading = [u for u in updates if u.id.id_type in ("MATERIAL", "NODETREE")]
             self._cache.forget(Changes.of(shading))
-            self._keep(lambda stage: self._repaint(stage, painted, depsgraph.scene_eval))
+            self._keep(lambda index: self._repaint(index, painted, depsgraph.scene_eval))
         else:
+            if not updates:  # as Blender 4.2 does where an image of a lamp was painted
+                self._cache.images.forget_memory()
             images = Images(Report(), cache=self._cache.images)
-            self._keep(lambda stage: stage.follow(updates, depsgraph.view_layer, images))
+            self._keep(lambda index: index.follow(updates, depsgraph.view_layer, images))
             self._cache.forget(Changes.of(updates))
         if turns:
             self._cache.forget_moving_images()
         self._frame = _frame_of(depsgraph.scene_eval)
 
-    def _keep(self, is_wanted: Callable[[Stage], bool]) -> None:
-        self._stages = {asked: stage for asked, stage in self._stages.items() if is_wanted(stage)}
+    def _keep(self, is_wanted: Callable[[SceneIndex], bool]) -> None:
+        self._indices = {asked: index for asked, index in self._indices.items() if is_wanted(index)}
 
-    def _repaint(self, stage: Stage, painted: dict[int, Any], scene: Any) -> bool:
-        """Takes edited materials, by session uid, into a stage; False where they read other things
+    def _repaint(self, index: SceneIndex, painted: dict[int, Any], scene: Any) -> bool:
+        """Takes edited materials, by session uid, into a index; False where they read other things
         of meshes than before.
         """
         materials = Materials(self._cache)
-        for key, before in stage.worn:
+        for key, before in index.sources:
             now = materials.wear(key, painted.get(key.uid) if key.volume is None else None)
             if now is None or not now.asks_as(before):
                 return False
         new, textures = materials.joined()
-        stage.scene, stage.worn = (
-            replace(stage.scene, materials=with_step_rate(new, scene), textures=textures),
-            materials.worn,
+        index.scene, index.sources = (
+            replace(index.scene, materials=with_step_rate(new, scene), textures=textures),
+            materials.sources,
         )
         return True
 
@@ -129,13 +131,13 @@ class LiveExport:
         `export_scene`.  groups: `LightGroups.members` where light groups are shown.
         """
         asked = _asked(passes, space, groups)
-        if asked not in self._stages:
-            self._stages[asked] = self._walked(depsgraph, asked, space, asked.wanted)
-        stage, before = self._stages[asked], self._given.get(asked)
+        if asked not in self._indices:
+            self._indices[asked] = self._walked(depsgraph, asked, space, asked.required)
+        index, before = self._indices[asked], self._given.get(asked)
         if before is not None and asked not in self._deltas:
-            stage.scene, self._deltas[asked] = settled(before, stage.scene)
-        self._given[asked] = stage.scene
-        return replace(stage.scene, camera=camera)
+            index.scene, self._deltas[asked] = settled(before, index.scene)
+        self._given[asked] = index.scene
+        return replace(index.scene, camera=camera)
 
     def delta(
         self, passes: frozenset[str] = frozenset(), space: Any = None, groups: Members = NO_MEMBERS
@@ -151,40 +153,42 @@ class LiveExport:
         """What could not be exported as it is, of the scene that `scene` gave last for the same
         view.
         """
-        stage, report = self._stages[_asked(passes, space, groups)], Report()
-        for part in (stage.report, *(compiled.report for _, compiled in stage.worn)):
+        index, report = self._indices[_asked(passes, space, groups)], Report()
+        for part in (index.report, *(compiled.report for _, compiled in index.sources)):
             report.add(part)
         return report.notes()
 
-    def _walked(self, depsgraph: Any, asked: Asked, space: Any, wanted: Wanted) -> Stage:
+    def _walked(
+        self, depsgraph: Any, asked: Asked, space: Any, required: RequiredAttributes
+    ) -> SceneIndex:
         """Walks again where rays of materials read what they meet, which is known only then."""
-        report, census = Report(), Census()
+        report, visited = Report(), VisitedObjects()
         self._cache.work["walks"] += 1
         groups = LightGroups(asked.groups.names)
-        collector = Collector(depsgraph, wanted, report, self._cache, groups)
+        collector = Collector(depsgraph, required, report, self._cache, groups)
         things = walk(
             depsgraph,
             collector.meet,
             report,
             lambda thing: space is None or thing.visible_in_viewport_get(space),
-            census,
+            visited,
             collector.meet_hair,
         )
         self._cache.shapes.keep(asked, collector.met)
-        everywhere = wanted | collector.materials.sampled
-        if everywhere != wanted:
+        everywhere = required | collector.materials.sampled
+        if everywhere != required:
             return self._walked(depsgraph, asked, space, everywhere)
         note_scene(depsgraph.scene_eval, report)
         note_missing(depsgraph, report)
         world = world_of(depsgraph, depsgraph.scene_eval)
         sky = with_light_group(self._sky(depsgraph, report), groups.number(world))
         scene = collector.scene(NO_CAMERA, things, sky)
-        stage = Stage(scene, census, collector.materials.worn, report)
+        index = SceneIndex(scene, visited, collector.materials.sources, report)
         for thing, number in collector.groups:
-            stage.place_instances(thing, number)
+            index.place_instances(thing, number)
         for thing, number in collector.lamps:
-            stage.place_light(thing, number)
-        return stage
+            index.place_light(thing, number)
+        return index
 
     def _turns_images(self, scene: Any) -> bool:
         """Whether this is another frame, and images show something else there, of which no update
@@ -218,7 +222,9 @@ class LiveExport:
 
 def _asked(passes: frozenset[str], space: Any, groups: Members) -> Asked:
     return Asked(
-        Wanted(frozenset({""}) if "UV" in passes else frozenset()), shown_in(space), groups
+        RequiredAttributes(frozenset({""}) if "UV" in passes else frozenset()),
+        shown_in(space),
+        groups,
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....engine.scene import EVERYTHING, Instances, Light, Scene
-from ..instances import Census, Thing, flags_of
+from ..instances import ExportedObject, VisitedObjects, flags_of
 from ..light_links import blockers_of, receivers_of
 from ..lights import Lights, Seen
 from ..placing import without_collapsed
@@ -31,35 +31,44 @@ class _Place:
     lights: list[int] = field(default_factory=list)
 
 
-class Stage:
+class SceneIndex:
     """A scene, and where in it the things are that stand there by themselves, once each."""
 
     def __init__(
-        self, scene: Scene, census: Census, worn: tuple = (), report: Report | None = None
+        self,
+        scene: Scene,
+        visited: VisitedObjects,
+        sources: tuple = (),
+        report: Report | None = None,
     ) -> None:
-        """worn: what the scene's materials were made from, for whoever makes them anew.  report: of
-        all but them.
+        """sources: what the scene's materials were made from, for whoever makes them anew.  report:
+        of all but them.
         """
-        self.scene, self.worn, self.report, self._census = scene, worn, report or Report(), census
+        self.scene, self.sources, self.report, self._visited = (
+            scene,
+            sources,
+            report or Report(),
+            visited,
+        )
         self._places: dict[int, _Place | None] = {}
         self._links_glow = any(
             block.receivers & block.blockers != EVERYTHING for block in scene.instances
         )
 
-    def place_instances(self, thing: Thing, number: int | None) -> None:
+    def place_instances(self, thing: ExportedObject, number: int | None) -> None:
         """The group of a thing; None for a thing that is not in the scene as it is."""
         self._place(thing, number, lambda place: place.instances)
 
-    def place_light(self, thing: Thing, number: int | None) -> None:
+    def place_light(self, thing: ExportedObject, number: int | None) -> None:
         self._place(thing, number, lambda place: place.lights)
 
-    def _place(self, thing: Thing, number: int | None, numbers: Any) -> None:
+    def _place(self, thing: ExportedObject, number: int | None, numbers: Any) -> None:
         place = self._places.setdefault(thing.uid, _Place())
         if (
             number is None
             or place is None
             or len(thing.matrices) != 1
-            or thing.uid in self._census.instancing
+            or thing.uid in self._visited.instancing
         ):
             self._places[thing.uid] = None
         else:
@@ -143,10 +152,10 @@ class Stage:
 
     def _is_only_looked_through(self, camera: Any) -> bool:
         uid = camera.original.session_uid
-        return uid not in self._places and uid not in self._census.instancing
+        return uid not in self._places and uid not in self._visited.instancing
 
     def _is_met(self, uid: int) -> bool:
-        return uid in self._census.rendering or uid in self._census.instancing
+        return uid in self._visited.rendering or uid in self._visited.instancing
 
     def _apply(
         self,

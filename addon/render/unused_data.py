@@ -18,7 +18,7 @@ SHOWN = 4
 """Names that a line spells out before it counts the rest."""
 
 
-def skipped_things(depsgraph: bpy.types.Depsgraph, scene: engine.Scene) -> dict[str, str]:
+def unused_data(depsgraph: bpy.types.Depsgraph, scene: engine.Scene) -> dict[str, str]:
     """Kind → names of what nothing reads, each with how often. About 2 µs for each object and mesh
     of the scene.
 

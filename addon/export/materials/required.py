@@ -9,7 +9,7 @@ from ....engine.program.program import Program, instructions
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RequiredAttributes:
     """Names of the UV maps ("" the active one) and colour attributes that something reads.
     objects: of what is read of objects, not of their meshes, which no truth value counts.
     everywhere: attributes that rays of the material read of whatever mesh they meet.
@@ -20,8 +20,8 @@ class Wanted:
     objects: frozenset[str] = frozenset()
     everywhere: frozenset[str] = frozenset()
 
-    def __or__(self, other: Wanted) -> Wanted:
-        return Wanted(
+    def __or__(self, other: RequiredAttributes) -> RequiredAttributes:
+        return RequiredAttributes(
             self.uv_maps | other.uv_maps,
             self.attributes | other.attributes,
             self.objects | other.objects,
@@ -32,7 +32,7 @@ class Wanted:
         return bool(self.uv_maps or self.attributes)
 
 
-def read_by(program: Program | None) -> Wanted:
+def read_by(program: Program | None) -> RequiredAttributes:
     """What a program names."""
     uv_maps, attributes, objects, everywhere = (set[str]() for _ in range(4))
     named = {"uv": uv_maps, "instance_value": objects, "raycast_attribute": everywhere}
@@ -41,4 +41,4 @@ def read_by(program: Program | None) -> Wanted:
             if choices is Reference.ATTRIBUTE:
                 names = named.get(step.operation.name, attributes)
                 names.add(program.attributes[setting])
-    return Wanted(*map(frozenset, (uv_maps, attributes - {""}, objects, everywhere)))
+    return RequiredAttributes(*map(frozenset, (uv_maps, attributes - {""}, objects, everywhere)))
