@@ -4,6 +4,11 @@ no core.
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -80,3 +85,21 @@ def draw(scene: s.Scene, *passes: str, **settings) -> engine.Film:
 def color(scene: s.Scene, **settings) -> np.ndarray:
     """(h, w, 3) float64 of `draw`."""
     return draw(scene, **settings).combined[..., :3].astype(float)
+
+
+def hashes_with(module: str, isa: str) -> str:
+    """What `hashes()` of a module of tests gives in a process of its own, in which the core uses
+    this instruction set; a machine without it takes the next lesser.
+    """
+    folders = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
+    command = (
+        f"import sys; sys.path[:0] = {folders!r}; import conftest, {module} as t; print(t.hashes())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", command],
+        env={**os.environ, "GLINT_ISA": isa},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,10 +17,9 @@ from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations_vector import VectorOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
-from native_tools import constant, lamp, needs_core
+from native_tools import constant, hashes_with, lamp, needs_core
 from surface_scenes import balls, plane
 
-TESTS = Path(__file__).resolve().parents[1]
 BACKENDS = ("NATIVE", "NUMPY")
 KINDS = ("SIDES", "CHIANG", "GGX")
 SHINE = s.Lobe("SPECULAR", constant(0.3), 8.0)
@@ -271,20 +266,7 @@ def hashes() -> str:
 @needs_core
 @pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
 def test_same_bits_from_every_instruction_set(isa: str) -> None:
-    """A machine without one of them takes the next lesser."""
-    folders = [str(TESTS), str(TESTS / "engine")]
-    command = (
-        f"import sys; sys.path[:0] = {folders!r}; import conftest, test_bump_shadow as t; "
-        "print(t.hashes())"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", command],
-        env={**os.environ, "GLINT_ISA": isa},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == hashes()
+    assert hashes_with("test_bump_shadow", isa) == hashes()
 
 
 @needs_core

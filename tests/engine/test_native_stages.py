@@ -5,11 +5,7 @@ materials in one tile that do not mix.
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +19,7 @@ from native_tools import (
     color,
     constant,
     draw,
+    hashes_with,
     lamp,
     material,
     needs_core,
@@ -34,7 +31,6 @@ from native_tools import (
 pytestmark = needs_core
 
 PARTS = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
-TESTS = Path(__file__).resolve().parents[1]
 
 
 def hashes() -> str:
@@ -53,20 +49,7 @@ def hashes() -> str:
 
 @pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
 def test_same_bits_from_every_instruction_set(isa: str) -> None:
-    """A machine without one of them takes the next lesser."""
-    folders = [str(TESTS), str(TESTS / "engine")]
-    command = (
-        f"import sys; sys.path[:0] = {folders!r}; import conftest, test_native_stages as t; "
-        "print(t.hashes())"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", command],
-        env={**os.environ, "GLINT_ISA": isa},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == hashes().splitlines()
+    assert hashes_with("test_native_stages", isa) == hashes()
 
 
 def test_highlights_and_lobes_of_the_view_are_those_of_the_reference() -> None:

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,11 +17,10 @@ from glint.engine.program.table import BY_NAME
 from glint.engine.reference import stretching
 from glint.engine.reference.gloss import half_vector
 from glint.engine.reference.lights import LightPoint
-from native_tools import constant, needs_core
+from native_tools import constant, hashes_with, needs_core
 from surface_scenes import balls, plane
 from test_bump_shadow import BACKENDS, MATT, in_middle, lights, sun_from
 
-TESTS = Path(__file__).resolve().parents[1]
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -156,20 +151,7 @@ def hashes() -> str:
 @needs_core
 @pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
 def test_same_bits_from_every_instruction_set(isa: str) -> None:
-    """A machine without one of them takes the next lesser."""
-    folders = [str(TESTS), str(TESTS / "engine")]
-    command = (
-        f"import sys; sys.path[:0] = {folders!r}; import conftest, test_stretched_lobes as t; "
-        "print(t.hashes())"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", command],
-        env={**os.environ, "GLINT_ISA": isa},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == hashes()
+    assert hashes_with("test_stretched_lobes", isa) == hashes()
 
 
 @needs_core

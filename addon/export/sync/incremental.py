@@ -100,8 +100,8 @@ class LiveExport:
         self._indices = {asked: index for asked, index in self._indices.items() if is_wanted(index)}
 
     def _repaint(self, index: SceneIndex, painted: dict[int, Any], scene: Any) -> bool:
-        """Takes edited materials, by session uid, into a index; False where they read other things
-        of meshes than before.
+        """Takes edited materials, by session uid, into an index; False where they read other
+        things of meshes than before.
         """
         materials = Materials(self._cache)
         for key, before in index.sources:
