@@ -69,8 +69,10 @@ __attribute__((always_inline)) inline void shadow_ray(const LightStage& s, size_
 
 /// A row for each of the lanes `reached` that the sample adds something to; how many.
 template <int Shape>
-inline size_t append_lit(const LightStage& s, size_t k, const Sample& sample, Mask reached,
-                         const Three& diffuse, const Three& specular, size_t found) {
+__attribute__((always_inline)) inline size_t append_lit(const LightStage& s, size_t k,
+                                                        const Sample& sample, Mask reached,
+                                                        const Three& diffuse, const Three& specular,
+                                                        size_t found) {
   reached &= nonzero(diffuse) | nonzero(specular);
   const uint32_t lanes = bits(reached);
   if (!lanes) return 0;
