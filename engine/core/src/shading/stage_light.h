@@ -149,8 +149,7 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
     const Highlights seen =
         highlights<false, Bent>(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
     if (Shape != kBouncedSource)
-      specular =
-          s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
+      specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
     if (s.has_sheen) diffuse = diffuse + where(middle > 0, I * seen.sheen);
     if (through | turned) diffuse = where(front, diffuse);
     if (through) {
@@ -181,7 +180,8 @@ __attribute__((always_inline)) inline void give_drawn(const LightStage& s, size_
   }
   const Doubles cosine = dot(n, at.l);
   const Mask front = Bent && s.turns_lobes ? ~Mask{} : cosine > 0;
-  const Mask reached = lit & drawn.good & at.good & front & ~bump_shadow<Bent>(s, k, n, at.l).hidden;
+  const Mask reached =
+      lit & drawn.good & at.good & front & ~bump_shadow<Bent>(s, k, n, at.l).hidden;
   if (!any(reached)) return;
   const Highlights seen = highlights<false, Bent>(s, k, n, at.l, cosine, &narrow);
   to(at, reached, Three{}, balanced<Shape>(s, at, seen) * (color * seen.light));
@@ -197,10 +197,10 @@ template <int Shape, bool Bent, bool Drawn = false>
 size_t light_from(const LightStage& s) {
   size_t found = 0;
   for (size_t k = s.first; k < s.count; k += kLanes)
-    give_either<Shape, Bent, Drawn>(s, k, [&](const Sample& at, Mask reached, const Three& diffuse,
-                                              const Three& specular) {
-      found += append_lit<Shape>(s, k, at, reached, diffuse, specular, found);
-    });
+    give_either<Shape, Bent, Drawn>(
+        s, k, [&](const Sample& at, Mask reached, const Three& diffuse, const Three& specular) {
+          found += append_lit<Shape>(s, k, at, reached, diffuse, specular, found);
+        });
   return found;
 }
 
