@@ -503,6 +503,18 @@ def test_the_feature_is_counted():
     assert "feature: object motion" not in render(still, Settings()).stats
 
 
+def test_what_breaks_on_the_way_is_told_by_name():
+    scene = everything()
+    hair = scene.geometries[4]
+    keys = hair.motion.copy()
+    keys[1, 1] = np.nan
+    broken = (*scene.geometries[:4], replace(hair, motion=keys), *scene.geometries[5:])
+    for backend in BACKENDS:
+        film = render(replace(scene, geometries=broken), Settings(backend=backend))
+        assert np.isfinite(film.combined).all()
+        assert any("thing 4" in note and "left out" in note for note in film.notes), film.notes
+
+
 def test_a_pixel_is_explained_as_its_first_sample():
     scene = replace(everything(), camera=replace(everything().camera, motion=None))
     times = sample_times(scene, 8)[0]
