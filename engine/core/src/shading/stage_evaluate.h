@@ -94,6 +94,11 @@ inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
   });
 }
 
+/// Whether a lobe that shines has microfacets, which bumps hide.
+inline bool is_micro(const EvaluateStage& s, const LobeShape& lobe) {
+  return s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
+}
+
 /// The normal of a lobe that shines, 0 where it is the point's, and where it faces the viewer, as
 /// microfacets have to.
 struct LobeNormal {
@@ -102,9 +107,7 @@ struct LobeNormal {
 };
 inline LobeNormal lobe_normal(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                               const LobeShape& lobe) {
-  const bool micro =
-      s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
-  if (lobe.normal_slot == 0 && !micro) return {};
+  const bool micro = is_micro(s, lobe);
   const Three point = gather3(s.n, at), v = -gather3(s.d, at);
   Three n = given_normal(p, lobe.normal_slot, point);
   if (!micro) return {where(nonzero(n - point), n)};
@@ -127,8 +130,11 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
   if (lobe.kind == GLINT_SPECULAR) {
-    const LobeNormal normal = lobe_normal(s, at, p, lobe);
-    Tk = where(normal.faces, Tk);
+    LobeNormal normal;
+    if (lobe.normal_slot != 0 || is_micro(s, lobe)) {
+      normal = lobe_normal(s, at, p, lobe);
+      Tk = where(normal.faces, Tk);
+    }
     if (s.specular_columns >= SpecularTerm::kTurned)
       scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal.own);
     if (s.specular_columns == SpecularTerm::kStretched)
@@ -158,8 +164,11 @@ inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& 
                         const LobeShape& lobe, Three k, Lobes& sum) {
   double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
   if (lobe.kind != GLINT_TRANSPARENT) {
-    const LobeNormal normal = lobe_normal(s, at, p, lobe);
-    k = where(normal.faces, k);
+    LobeNormal normal;
+    if (lobe.normal_slot != 0 || is_micro(s, lobe)) {
+      normal = lobe_normal(s, at, p, lobe);
+      k = where(normal.faces, k);
+    }
     if (s.passing_columns == PassingTerm::kTurned)
       scatter3(column + PassingTerm::kNormal * s.stride, s.stride, at, normal.own);
   }

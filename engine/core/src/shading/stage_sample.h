@@ -267,7 +267,8 @@ inline Doubles above_horizon(const Doubles& cosine, const Doubles& sine2) {
 }
 
 template <int Shape>
-inline Sample sample(const LightStage& s, const Three& x) {
+inline Sample sample(const LightStage& s, const Three& x, const Three& n) {
+  if constexpr (Shape == kBouncedSource) return sample_bounced(s, x, n);
   Sample sample = Shape == kDirection || Shape == kSky ? sample_direction(s, x)
                   : Shape == kOpenSky                  ? sample_open_sky(s, x)
                   : Shape == kMeshSource               ? sample_mesh(s, x)
