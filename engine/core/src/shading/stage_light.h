@@ -92,8 +92,8 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
   return (dot(at.l, splat3(s.axis)) >= 0) & (dot(at.l, load3(s.g, k)) <= 0);
 }
 
-template <int Shape>
-inline Three color_of(const LightStage& s, const Sample& at) {
+template <int Shape, class AnySample>
+inline Three color_of(const LightStage& s, const AnySample& at) {
   if constexpr (Shape == kOpenSky) return at.color;
   if constexpr (Shape != kMeshSource) return splat3(s.color);
   const Mask front = dot(at.l, splat3(s.axis)) < 0;
@@ -119,7 +119,7 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   const Mask lit = load(s.lit + k);
   if (!any(lit)) return;
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
-  const Sample at = sample<Shape>(s, x, n);
+  const auto at = sample<Shape>(s, x, n);
   const Doubles middle = dot(n, at.l),
                 cosine = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle;
   // Light from behind passes through fibres, but for what comes from matt surfaces.
@@ -170,7 +170,7 @@ __attribute__((always_inline)) inline void give_drawn(const LightStage& s, size_
   const Narrow narrow = narrow_terms(s, k, x);
   if (!any(lit & (narrow.total > 0))) return;
   const Drawn drawn = draw<false, Bent>(s, k, n, narrow);
-  Sample at = sample_at<Shape>(s, x, drawn.l);
+  auto at = sample_at<Shape>(s, x, drawn.l);
   Three color = color_of<Shape>(s, at);
   if constexpr (Shape == kSky) {
     const SkyCell cell = sky_cell(*s.dome, at.l);
@@ -213,7 +213,7 @@ size_t scatter_from(const LightStage& s) {
     const Mask lit = load(s.lit + k);
     if (!any(lit)) continue;
     const Three x = load3(s.points_x, k);
-    const Sample at = sample<Shape>(s, x, Three{});
+    const auto at = sample<Shape>(s, x, Three{});
     const Three given = at.factor * (color_of<Shape>(s, at) * load3(s.diffuse, k));
     const uint32_t lanes = bits(lit & at.good & nonzero(given));
     if (!lanes) continue;
