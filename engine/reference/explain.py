@@ -16,7 +16,7 @@ from . import catchers
 from .bumps import bump_shadow
 from .camera import Spread
 from .cancellation import Cancellation
-from .gathering import gathering, seen_lobes
+from .gathering import Shares, gathering, seen_lobes
 from .generations import reflected
 from .gloss import Narrow
 from .lighting import Lighting, balance
@@ -150,15 +150,71 @@ class Explainer:
         self._spread = Spread.samples(scene, settings.samples)[0]
         self._looks_round = OCCLUSION in settings.passes
         self._places = np.zeros(1, np.intp)
+        self._near: list[Paths] | None = None
+        self._shares: Shares | None = None
+        self._own = 0  # which pixel of its block
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
         and its point of the lens: the first sample of a picture.
         """
-        rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
         self._places = places_in_blocks((x, x + 1), (y, y + 1), GATHER_BLOCK)
-        paths = camera_paths(rays, self.stage.camera.weights(rays))
+        self._near = self._shared(x, y) if self.stage.shares_gathers else None
+        paths = self._camera_paths((x, x + 1), (y, y + 1))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
+
+    def _camera_paths(self, x: tuple[int, int], y: tuple[int, int]) -> Paths:
+        rays = self.stage.camera.rays(x, y, np.zeros(2), self._spread)[0]
+        return camera_paths(rays, self.stage.camera.weights(rays))
+
+    def _shared(self, x: int, y: int) -> list[Paths]:
+        """The gather rays, one each, of what the pixel's camera ray meets first: its own and those
+        that pixels of its block share with it.
+        """
+        stage, (width, height) = self.stage, self.stage.scene.camera.resolution
+        x0, y0 = (at // GATHER_BLOCK * GATHER_BLOCK for at in (x, y))
+        block = (x0, min(x0 + GATHER_BLOCK, width)), (y0, min(y0 + GATHER_BLOCK, height))
+        own = (y - y0) * (block[0][1] - x0) + x - x0
+        paths = self._camera_paths(*block)
+        found = stage.visibility.closest(paths.rays, paths.kind)
+        hit = np.flatnonzero(found.primitive != NOTHING)
+        if not len(hit):
+            return []
+        if stage.media:
+            spans = stage.media.spans(paths.rays, paths.kind, found.depth)
+            passed = stage.media.passed(spans, paths.rays.near, found.depth)
+            paths = replace(paths, weight=paths.weight * passed)
+        surface = self._surface(paths, hit, found.primitive[hit], found.depth[hit])
+        shown = np.flatnonzero(~stage.per_object("holdout", surface.row).astype(bool))
+        hit, surface = hit[shown], surface.take(shown)
+        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
+        places, one = places_in_blocks(*block, GATHER_BLOCK), np.zeros(len(paths), np.intp)
+        near, shares = gathering(stage, paths, hit, surface, coefficients, 0, places, one)
+        if shares is None:
+            return []
+        alike = shares.members[shares.group[own]] if shares.group[own] >= 0 else np.full(1, own)
+        self._shares, self._own = shares, own
+        return [_one(rays, k) for rays in near for k in np.flatnonzero(np.isin(rays.pixel, alike))]
+
+    def _share(self, paths: Paths, surface: Surface) -> Array:
+        """(3, 1) what the pixel gets of what its own gather ray, or a neighbour's, finds there."""
+        if not paths.shared:
+            return np.ones((3, 1))
+        _, receiver, share = self._shares.given(paths.pixel, surface.x, surface.g)
+        return share[:, receiver == self._own].sum(1, keepdims=True)
+
+    def _surface(self, paths: Paths, hit: Array, primitive: Array, depth: Array) -> Surface:
+        stage = self.stage
+        surface = surface_at(
+            stage.geometry,
+            stage.attributes,
+            paths.rays,
+            hit,
+            primitive,
+            depth,
+            stage.cancellation,
+        )
+        return stage.shader.bent(met(paths, hit, surface), paths.kind, stage.queries(0))
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""
@@ -197,18 +253,11 @@ class Explainer:
 
     def _at_surface(self, ray: Ray, paths: Paths, found, own: Array) -> Ray:
         stage, hit, depth = self.stage, np.zeros(1, np.intp), found.depth
-        surface = surface_at(
-            stage.geometry,
-            stage.attributes,
-            paths.rays,
-            hit,
-            found.primitive,
-            depth,
-            stage.cancellation,
-        )
-        queries = stage.queries(0)
-        surface = stage.shader.bent(met(paths, hit, surface), paths.kind, queries)
-        coefficients = stage.shader.coefficients(surface, paths.kind, queries)
+        surface = self._surface(paths, hit, found.primitive, depth)
+        sent, share = paths, self._share(paths, surface)
+        paths = replace(paths, weight=paths.weight * share)
+        ray = replace(ray, weight=_numbers(np.array(ray.weight) * share[:, 0]))
+        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
         coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
         if paths.reflections and stage.is_lit_by_meshes:
             coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
@@ -217,7 +266,11 @@ class Explainer:
             return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
         if about.caught is not None:
             coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
-        follow = tuple(self._next(paths, hit, surface, coefficients, depth))
+        near = self._near if ray.kind in ("camera", "lens") else None
+        if near is None:
+            near = gathering(stage, paths, hit, surface, coefficients, 0, self._places)[0]
+        after = self._next(sent, hit, surface, coefficients, depth)
+        follow = (*(self.follow(one, "gather") for one in near), *after)
         _, d = paths.rays.lines(hit)
         if about.caught is None:
             own = own + paths.weight[:, 0] * _sum(about)
@@ -270,8 +323,6 @@ class Explainer:
     def _next(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
     ) -> Iterator[Ray]:
-        for near in gathering(self.stage, paths, hit, surface, coefficients, 0, self._places):
-            yield self.follow(near, "gather")
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             point = self.stage.lobe_point(0, paths.depth)
             cutoff = self.stage.settings.cutoff
@@ -471,6 +522,18 @@ def _sum(hit: Hit) -> Array:
     for term in hit.lights:
         total = total + (np.array(term.diffuse) + np.array(term.specular)) * np.array(term.shadow)
     return total
+
+
+def _one(paths: Paths, k: int) -> Paths:
+    """Ray k."""
+    some = np.array([k])
+    columns = ("pixel", "straight", "widest", "refractions", "refracted")
+    return replace(
+        paths,
+        rays=paths.rays.take(some),
+        weight=paths.weight[:, some],
+        **{name: getattr(paths, name)[some] for name in columns},
+    )
 
 
 def _numbers(values: Array) -> Numbers:
