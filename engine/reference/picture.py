@@ -34,13 +34,13 @@ LARGEST = float(np.finfo(np.float32).max)
 class Tile:
     """One sample of n pixels. parts: (3, n) per part that anything was added to. lost: (n,) alpha.
     cost: (n,) rays. soft_light, cut, bounced: (n,) bool, whether a light of more than one sample
-    reached them, whether their horizon cuts one, and whether bounced light reached them.  near:
-    whether gather rays brought some.  data: (channels, n) for the passes named. wanted: (n,) bool,
-    pixels whose data is still to come. clear: (n,) what is seen and no mist before it. caught:
-    (3, n) what shadows on catchers take away.  open: (3, n) what is open over what is seen. aovs: (4 each, n) colours and what of the
-    sample has them. wants_aovs: (n,) bool, pixels whose ray has met nothing that hides what is
-    behind. groups: (3 each, n) light of light groups. met: of each Cryptomatte pass, pixels, bits
-    of ids and coverages, (m,) each, of what was met.
+    reached them, whether their horizon cuts one, and whether bounced light reached them. near:
+    whether gather rays brought some. data: (channels, n) for the passes named. wanted: (n,) bool,
+    pixels whose data is still to come. clear: (n,) what is seen and no mist before it. caught: (3,
+    n) what shadows on catchers take away. open: (3, n) what is open over what is seen. aovs: (4
+    each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels whose ray has
+    met nothing that hides what is behind. groups: (3 each, n) light of light groups. met: of each
+    Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was met.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0, groups: int = 0):

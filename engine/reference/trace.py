@@ -175,9 +175,8 @@ class Tracer:
             self.picture.keep(here, tile)
             if self._refinement:
                 values = np.concatenate([tile.color(), tile.lost[None]])
-                self._refinement.note(
-                    here, values, tile.soft_light, tile.cut, tile.bounced, tile.near
-                )
+                met = tile.soft_light, tile.cut, tile.bounced, tile.near
+                self._refinement.note(here, values, *met)
             yield (above - y0) / (y1 - y0)
 
     def _clock(self, name: str) -> _Clock:

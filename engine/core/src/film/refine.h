@@ -42,7 +42,7 @@ class Refinement {
       16;  // of each soft light that a pixel has looked at before it may stop
   static constexpr uint32_t kDimPoints =
       32;  // where it is black so far, the horizon cuts the light, or bounced light is met
-  static constexpr uint32_t kNearPoints = 64;  // where bounced light comes from near by
+  static constexpr uint32_t kNearPoints = 64;   // where bounced light comes from near by
   static constexpr uint32_t kLensSamples = 16;  // the same of a lens
   enum SoftLight : uint8_t {
     kReached = 1,

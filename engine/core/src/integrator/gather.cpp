@@ -101,9 +101,8 @@ void Tracer::make_diffuse(const Queue& queue) {
     const Vec3d given = (is_hair ? 0 : rest * rest) * row(batch_.diffuse, k);
     set_row(batch_.diffuse, k, given);
     if (batch_.soft_light && any(given))
-      to_paths(queue, k, [&](uint32_t path, Vec3d) {
-        batch_.soft_light[path] |= Refinement::kNear;
-      });
+      to_paths(queue, k,
+               [&](uint32_t path, Vec3d) { batch_.soft_light[path] |= Refinement::kNear; });
   }
 }
 

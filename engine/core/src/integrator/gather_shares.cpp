@@ -40,7 +40,8 @@ void GatherShares::join(uint32_t path, size_t block) {
     Group& group = groups_[number];
     const Point& other = points_[group.paths[0]];
     const Vec3d way = point.x - other.x;
-    const double along = dot(way, point.n), beside = dot(way, other.n), flat = kFlat * dot(way, way);
+    const double along = dot(way, point.n), beside = dot(way, other.n),
+                 flat = kFlat * dot(way, way);
     if (dot(point.n, other.n) >= kAlike && along * along <= flat && beside * beside <= flat) {
       group.paths[group.count++] = path;
       group_[path] = number;

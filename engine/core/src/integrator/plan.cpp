@@ -19,8 +19,7 @@ Region whole_blocks(Region r, uint32_t side, const GlintCamera& camera) {
   const auto up = [side](uint32_t end, uint32_t most) {
     return std::min((end + side - 1) / side * side, most);
   };
-  return {r.x0 / side * side, r.y0 / side * side, up(r.x1, camera.width),
-          up(r.y1, camera.height)};
+  return {r.x0 / side * side, r.y0 / side * side, up(r.x1, camera.width), up(r.y1, camera.height)};
 }
 
 /// The openings of a dome in anchored space.

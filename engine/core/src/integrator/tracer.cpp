@@ -177,9 +177,10 @@ void Tracer::follow(uint32_t sample) {
 void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   const bool apart = queue.visibility == kCamera || queue.glossy;  // else straight on is a mirror's
   const bool shares = plan_.shares_gathers && &queue == &first_;
-  NextRays next{take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
-                take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
-                take(kMirror, queue.reflections + 1, true, true, shares)};
+  NextRays next{
+      take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
+      take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
+      take(kMirror, queue.reflections + 1, true, true, shares)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));
   wait(std::move(next.straight));

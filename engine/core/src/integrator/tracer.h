@@ -72,7 +72,8 @@ class Tracer {
   void to_paths(const Queue& queue, size_t k, Add add) const {
     const uint32_t slot = queue.slot(k);
     if (!queue.shared) return add(slot, Vec3d{1, 1, 1});
-    if (!batch_.missed(k)) shares_.give(slot, row(batch_.points.x, k), row(batch_.points.g, k), add);
+    if (!batch_.missed(k))
+      shares_.give(slot, row(batch_.points.x, k), row(batch_.points.g, k), add);
   }
   /// The columns c of ray k to sums of paths, `stride()` apart.
   void add_to_paths(const Queue& queue, size_t k, const double* const (&columns)[3], double* sums) {
@@ -135,7 +136,7 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
-  GatherShares shares_;  // of the gather rays from where camera rays meet something first
+  GatherShares shares_;           // of the gather rays from where camera rays meet something first
   std::vector<uint32_t> pixels_;  // of the region, of each point that gather rays start from
   SceneQueries queries_;
   MediaSpans media_;
