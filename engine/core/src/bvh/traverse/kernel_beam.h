@@ -94,24 +94,26 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
     finish_at_edge(beam, tree, answers, k + __builtin_ctz(edges));
 }
 
+enum class Beamed { kDone, kUnfit, kParted };  // what became of a beam
+
 /// The closest hits of `Count` rays, into `answers`; Any: what blocks them. False, and nothing is
 /// there, when they are no beam, see too much or may pass something.
 template <bool Any, int Count>
-__attribute__((noinline)) bool trace_beam(const TreeView& tree, const Rays& rays, size_t first,
+__attribute__((noinline)) Beamed trace_beam(const TreeView& tree, const Rays& rays, size_t first,
                                           Answers& answers) {
   Beam<Count> beam;
-  if (!(Any ? set_to_apex(beam, tree, rays, first) : set_from_apex(beam, tree, rays, first)) ||
-      !set_places(beam))
-    return false;
+  if (!set_from_apex(beam, tree, rays, first) && !(Any && set_to_apex(beam, tree, rays, first)))
+    return Beamed::kUnfit;
+  if (!set_places(beam)) return Beamed::kUnfit;
   BeamWalk<Any, Count> walk{tree, beam, answers};
   walk.set_end();
-  if (!walk.walk()) return false;
+  if (!walk.walk()) return Beamed::kParted;
   if constexpr (Any) {
     const uint8_t stop = answers.stop();
     for (int k = 0; k < Count; ++k) answers.blocked[k] = beam.farthest[k] > kFar ? stop : 0;
   } else
     for (int k = 0; k < Count; k += kFloats) finish_beam(beam, tree, answers, k);
-  return true;
+  return Beamed::kDone;
 }
 
 }  // namespace

@@ -75,7 +75,7 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
   }
   if (!set_room(beam, tree, square)) return false;
   beam.apex = origin_at(apex, *beam.order);
-  beam.reach = beam.off = 0;
+  beam.reach = beam.off = beam.past = 0;
   beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
   const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
   for (int k = 0; k < Count; k += kLanes) {
@@ -104,7 +104,7 @@ inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
   return square > 0;
 }
 
-/// Rays that end at one point, or a little before it. `farthest` and `nearest` are those of where
+/// Rays that end at one point, a little before it, or behind it by rounding. `farthest` and `nearest` are those of where
 /// they begin: what lies behind that, as seen from the apex, is no hit.
 template <int Count>
 inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
@@ -140,13 +140,14 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
     narrow(beam.nearest + k, inverse * (1 + 0x1p-21));
   }
   const double size = reach_of(tree), tiny = 0x1p-40 * size, reach = most_of(farthest),
-               miss = most_of(off) + tiny;
+               miss = most_of(off) + tiny, behind = tiny - smaller(least_of(past), 0.0);
   if (!set_room(beam, tree, most_of(square)) || !(reach < 16 * size) || !(miss < 0x1p-20 * reach) ||
-      !(least_of(nearest) > 0x1p-16 * size) || !(least_of(past) > -tiny))
+      !(least_of(nearest) > 0x1p-16 * size) || !(behind < 0x1p-20 * reach))
     return false;
   beam.reach = float(reach);
   beam.off = float(miss);
-  beam.room += 2 * beam.off;
+  beam.past = float(behind);
+  beam.room += 2 * beam.off + 8 * beam.past;
   beam.begin = float((1 - 0x1p-19) / (most_of(end) + tiny));
   beam.apex = origin_at(apex, order);
   return true;

@@ -34,6 +34,7 @@ struct Beam {
   float slope;                // no slope is more
   float reach;                // from the apex to where rays begin, in depth, where they end there
   float off;                  // what rays miss the apex by
+  float past;                 // how far behind the apex rays end, in depth
   float room;                 // of boxes
   float begin;                // surely in front of hits beyond all t_min: 1 / depth
   float last_end;             // the least `end`
@@ -63,10 +64,12 @@ struct Beam {
 /// Depths. A hit that is surely inside lies on the triangle, and moves with its displaced corners:
 /// by d across and 4 u z along, as parts of the plane's distance det / |n|. The normal's products
 /// are off by 4 u E3^2, which at a point of the triangle, E3 or less from the corner that the plane
-/// goes through, is 12 u E3^3. Other roundings are less than 8 u of the sum's terms.
+/// goes through, is 12 u E3^3. Other roundings are less than 8 u of the sum's terms. What rays meet
+/// behind the apex, where they go on a little, has no 1 / depth: such planes pass the apex within
+/// `past` along the rays and `off` across.
 struct BeamTriangles {
   Floats k[3], x[3], y[3], margin, plane, plane_x, plane_y, plane_off;
-  uint32_t edge_on;  // no side is known
+  uint32_t edge_on;  // no side or no depth is known
   uint32_t near;     // not surely beside or behind the beam
 };
 
@@ -123,6 +126,8 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
   const Floats area = t.k[0] + t.k[1] + t.k[2];
   const Floats swing = fused(magnitude(nx), w0, magnitude(ny) * w1);
   t.edge_on = ~bits(less(fused(splat(4.0f), t.margin, swing), magnitude(area)));
+  if (Any)
+    t.edge_on |= ~bits(less(fused(terms, splat(beam.past), bent * magnitude(inverse)), splat(0.5f)));
   const Ints side = Ints(area) & INT32_MIN;
   FloatMask beside =
       less(fused(magnitude(t.plane_x), w0, fused(magnitude(t.plane_y), w1, t.plane)) + t.plane_off,
