@@ -92,7 +92,7 @@ void add_rounded_beam(std::vector<Ray>& rays, Vec3d from, Vec3d light, double st
     return Vec3d{double(float(v.x)), double(float(v.y)), double(float(v.z))};
   };
   const Vec3d x = step * random.on_sphere(), y = step * random.on_sphere();
-  const double end = random.below(2) ? 1 : 1 + 8e-7;
+  const double end = random.below(2) ? 1 : 1 + 3e-6;
   for (int k = 0; k < kSide * kSide; ++k) {
     const Vec3d o = rounded(from + double(k % kSide) * x + double(k / kSide) * y);
     rays.push_back(ray(o, rounded(light - o), 0, end));

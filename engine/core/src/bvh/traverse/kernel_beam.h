@@ -11,16 +11,14 @@
 namespace glint {
 namespace {
 
-/// One hit that weigh() has not answered.
+/// One hit that weigh() has not answered, or not in the ray's own order.
 template <int Count>
 __attribute__((noinline)) void finish_at_edge(const Beam<Count>& beam, const TreeView& tree,
                                               const Answers& answers, int r) {
-  const BeamSource& s = beam.source;
-  double shear[2];
-  beam.set_shear(r, shear);
-  const Exact<double> e = exact_hit(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]),
-                                    *s.order, {s.o[0][r], s.o[1][r], s.o[2][r]}, shear, beam.close);
-  answers.t[r] = e.depth / s.d[2][r];
+  const BeamRay ray(beam.source, r);
+  const Exact<double> e =
+      ray.hit(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]), beam.close);
+  answers.t[r] = e.depth / ray.along;
   answers.u[r] = float(e.u);
   answers.v[r] = float(e.v);
 }
@@ -84,7 +82,9 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
     narrow(u + h, e.u);
     narrow(v + h, e.v);
     const Doubles margin = splat(beam.close);
-    close |= bits(at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin)) << h;
+    DoubleMask good = at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin);
+    if (s.mixed) good = good & s.of_order(k + h);
+    close |= bits(good) << h;
   }
   store(answers.instance + k, choose(none, Ints{} - 1, instance));
   store(answers.primitive + k, choose(none, Ints{}, primitive));

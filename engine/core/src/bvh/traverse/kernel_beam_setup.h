@@ -10,35 +10,42 @@ struct BeamSpan {
   double shortest, longest, earliest, latest;
 };
 
-/// Whether `Count` rays from `first` on are of one axis class, and alive.
+/// Whether `Count` rays from `first` on are of one axis class or nearly so, and alive.
 template <int Count>
 inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSpan& span) {
   const Order& order =
       kOrders[axis_class_of({rays.d[0][first], rays.d[1][first], rays.d[2][first]})];
-  const int axis = order.axes[2];
   BeamSource& s = beam.source;
   beam.order = s.order = &order;
+  s.mixed = false;
   s.t_min = rays.t_min + first;
   s.t_max = rays.t_max + first;
   for (int a = 0; a < 3; ++a) {
+    s.xyz_d[a] = rays.d[a] + first;
+    s.xyz_o[a] = rays.o[a] + first;
     s.d[a] = rays.d[order.axes[a]] + first;
     s.o[a] = rays.o[order.axes[a]] + first;
   }
   const Doubles sign = splat(double(order.sign)), zero{};
   Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf), latest{};
   for (int k = 0; k < Count; k += kLanes) {
-    const Doubles ahead = flip(load(s.d[2] + k), sign), x = magnitude(load(s.d[0] + k)),
-                  y = magnitude(load(s.d[1] + k)), t_min = load(s.t_min + k),
+    constexpr uint32_t kAll = (1u << kLanes) - 1;
+    const Doubles ahead = flip(load(s.d[2] + k), sign), t_min = load(s.t_min + k),
                   t_max = load(s.t_max + k);
-    const DoubleMask good = (axis < 2 ? at_most(x, ahead) : less(x, ahead)) &
-                            (axis < 1 ? at_most(y, ahead) : less(y, ahead)) & at_most(zero, t_min) &
-                            less(t_min, t_max);
-    if (bits(good) != (1u << kLanes) - 1) return false;
+    if (bits(at_most(zero, t_min) & less(t_min, t_max)) != kAll) return false;
+    if (bits(s.of_order(k)) != kAll) {
+      const Doubles most = ahead + ahead;
+      if (bits(at_most(magnitude(load(s.d[0] + k)), most) &
+               at_most(magnitude(load(s.d[1] + k)), most)) != kAll)
+        return false;
+      s.mixed = true;
+    }
     shortest = smaller(ahead, shortest);
     longest = larger(ahead, longest);
     earliest = smaller(t_max, earliest);
     latest = larger(t_min, latest);
   }
+  beam.skew = s.mixed ? 5 : 1;
   span = {least_of(shortest), most_of(longest), least_of(earliest), most_of(latest)};
   return span.shortest > 0x1p-60 && span.longest < 0x1p60;
 }
@@ -49,7 +56,7 @@ template <int Count>
 inline bool set_room(Beam<Count>& beam, const TreeView& tree, double square) {
   const double size = reach_of(tree), center = size - 4 * tree.radius;
   if (!(square < 16 * tree.radius * tree.radius * (1 - 0x1p-40)) || !(size < 0x1p30)) return false;
-  beam.room = float(2 * kBoxMargin * (center + __builtin_sqrt(square)));
+  beam.room = float(2 * kBoxMargin * (center + __builtin_sqrt(square))) * beam.skew;
   beam.close = 0x1p-21 * center;
   return true;
 }
@@ -91,11 +98,10 @@ template <int Count>
 inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
   const BeamSource& s = beam.source;
   constexpr int kFinal = Count - 1;
-  double first[2], final[2], across = 0, square = 0;
-  beam.set_shear(0, first);
-  beam.set_shear(kFinal, final);
+  double first[2], across = 0, square = 0;
   for (int a = 0; a < 2; ++a) {
-    const double turn = final[a] - first[a];
+    first[a] = s.d[a][0] / s.d[2][0];
+    const double turn = s.d[a][kFinal] / s.d[2][kFinal] - first[a];
     across += turn * (s.o[a][kFinal] - *s.o[a] - first[a] * (s.o[2][kFinal] - *s.o[2]));
     square += turn * turn;
   }
@@ -142,7 +148,7 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
   const double size = reach_of(tree), tiny = 0x1p-40 * size, reach = most_of(farthest),
                miss = most_of(off) + tiny, behind = tiny - smaller(least_of(past), 0.0);
   if (!set_room(beam, tree, most_of(square)) || !(reach < 16 * size) || !(miss < 0x1p-20 * reach) ||
-      !(least_of(nearest) > 0x1p-16 * size) || !(behind < 0x1p-20 * reach))
+      !(least_of(nearest) > 0x1p-16 * size) || !(behind < 0x1p-18 * reach))
     return false;
   beam.reach = float(reach);
   beam.off = float(miss);

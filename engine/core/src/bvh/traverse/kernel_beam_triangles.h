@@ -11,10 +11,35 @@ constexpr int kMostSlices = 32;
 /// Leaves that a beam may come to before it is parted.
 constexpr int leaves_allowed(int rays, bool any) { return any ? 150 : rays > kTile ? 300 : 100; }
 
-/// What a beam's rays are in double, columns in their order (Order::axes).
+/// What a beam's rays are in double, by axis, and in the order of most of them (Order::axes).
 struct BeamSource {
-  const double *o[3], *d[3], *t_min, *t_max;
+  const double *xyz_o[3], *xyz_d[3], *o[3], *d[3], *t_min, *t_max;
   const Order* order;
+  bool mixed;  // not all are of its axis class
+
+  /// Which of the rays [k, k + kLanes) are.
+  DoubleMask of_order(int k) const {
+    const Doubles ahead = flip(load(d[2] + k), splat(double(order->sign))),
+                  x = magnitude(load(d[0] + k)), y = magnitude(load(d[1] + k));
+    return (order->axes[2] < 2 ? at_most(x, ahead) : less(x, ahead)) &
+           (order->axes[2] < 1 ? at_most(y, ahead) : less(y, ahead));
+  }
+};
+
+/// One of them, in its own order.
+struct BeamRay {
+  const Order& order;
+  double o[3], along, shear[2];
+  BeamRay(const BeamSource& s, int r)
+      : order(kOrders[axis_class_of({s.xyz_d[0][r], s.xyz_d[1][r], s.xyz_d[2][r]})]) {
+    for (int a = 0; a < 3; ++a) o[a] = s.xyz_o[order.axes[a]][r];
+    along = s.xyz_d[order.axes[2]][r];
+    const double inverse = 1 / along;
+    for (int a = 0; a < 2; ++a) shear[a] = s.xyz_d[order.axes[a]][r] * inverse;
+  }
+  Exact<double> hit(const Triangles& leaf, int place, double close) const {
+    return exact_hit(leaf, place, order, o, shear, close);
+  }
 };
 
 /// `Count` rays. Depths are counted from the apex, in the rays' sense, as 1 / depth: linear in the
@@ -36,16 +61,11 @@ struct Beam {
   float off;                  // what rays miss the apex by
   float past;                 // how far behind the apex rays end, in depth
   float room;                 // of boxes
+  float skew;  // by how much more corners are displaced: not 1 where axis classes are mixed
   float begin;                // surely in front of hits beyond all t_min: 1 / depth
   float last_end;             // the least `end`
   float last_depth;           // coordinate beyond which no box is of use
   double close;               // as Tile::close
-
-  /// The slopes of a ray, as Tile::shear.
-  void set_shear(int r, double (&shear)[2]) const {
-    const double inverse = 1 / source.d[2][r];
-    for (int a = 0; a < 2; ++a) shear[a] = source.d[a][r] * inverse;
-  }
 };
 
 /// The triangles [first, first + kFloats) of a leaf, seen from a beam's apex. Edge functions k + x
@@ -60,6 +80,10 @@ struct Beam {
 /// edge functions change by at most 2 E d, E the longest edge; and one that is inside by 4 E d is
 /// farther than sqrt 2 d from every edge and stays inside. What the products here round is less
 /// than 9 u m^2. Signs of the single rays' test are exact (exactly_hit).
+///
+/// Rays of another axis class, with slopes up to 2 here, are tested across their own axis: there
+/// corners are at most 2 z + m along, and 2 m across, so that u (10 z + 11 m) displace them, and
+/// three times that as seen here. With s of at least 1 where there are such rays, 5 d is enough.
 ///
 /// Depths. A hit that is surely inside lies on the triangle, and moves with its displaced corners:
 /// by d across and 4 u z along, as parts of the plane's distance det / |n|. The normal's products
@@ -112,8 +136,9 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
   t.plane = nz * inverse;
   t.plane_x = nx * inverse;
   t.plane_y = ny * inverse;
-  Floats off = fused(splat(0x1p-20f * beam.slope), deepest, splat(0x1p-21f) * across);
-  if (Any) off += splat(0x1p-20f * beam.slope * beam.reach + 1.25f * beam.off);
+  const float tilt = 0x1p-20f * beam.skew * beam.slope;
+  Floats off = fused(splat(tilt), deepest, splat(0x1p-21f * beam.skew) * across);
+  if (Any) off += splat(tilt * beam.reach + 1.25f * beam.off);
   t.margin =
       fused(splat(4.0f) * longest, off, fused(splat(0x1p-20f) * across, across, splat(kUnderflow)));
   const Floats terms =
