@@ -100,7 +100,7 @@ enum class Beamed { kDone, kUnfit, kParted };  // what became of a beam
 /// there, when they are no beam, see too much or may pass something.
 template <bool Any, int Count>
 __attribute__((noinline)) Beamed trace_beam(const TreeView& tree, const Rays& rays, size_t first,
-                                          Answers& answers) {
+                                            Answers& answers) {
   Beam<Count> beam;
   if (!set_from_apex(beam, tree, rays, first) && !(Any && set_to_apex(beam, tree, rays, first)))
     return Beamed::kUnfit;

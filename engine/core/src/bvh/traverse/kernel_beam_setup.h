@@ -56,7 +56,7 @@ template <int Count>
 inline bool set_room(Beam<Count>& beam, const TreeView& tree, double square) {
   const double size = reach_of(tree), center = size - 4 * tree.radius;
   if (!(square < 16 * tree.radius * tree.radius * (1 - 0x1p-40)) || !(size < 0x1p30)) return false;
-  beam.room = float(2 * kBoxMargin * (center + __builtin_sqrt(square))) * beam.skew;
+  beam.room = float(2 * kBoxMargin * (center + __builtin_sqrt(square)));
   beam.close = 0x1p-21 * center;
   return true;
 }
@@ -64,24 +64,22 @@ inline bool set_room(Beam<Count>& beam, const TreeView& tree, double square) {
 /// Rays that begin at one point.
 template <int Count>
 inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
-  for (const double* o : rays.o)
-    if (!(o[first] == o[first + Count - 1])) return false;
+  double square = 0;
+  for (int a = 0; a < 3; ++a) {
+    const double o = rays.o[a][first], f = tree.center[a] - o;
+    if (!(o == rays.o[a][first + Count - 1])) return false;
+    square += f * f;
+  }
   BeamSpan span;
-  if (!set_source(beam, rays, first, span)) return false;
+  if (!set_room(beam, tree, square) || !set_source(beam, rays, first, span)) return false;
   const BeamSource& s = beam.source;
   for (int k = 0; k < Count; k += kLanes) {
     Longs other{};
     for (const double* p : s.o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
     if (any(Longs(other != Longs{}))) return false;
   }
-  const double apex[3] = {*s.o[0], *s.o[1], *s.o[2]};
-  double square = 0;
-  for (int a = 0; a < 3; ++a) {
-    const double f = tree.center[beam.order->axes[a]] - apex[a];
-    square += f * f;
-  }
-  if (!set_room(beam, tree, square)) return false;
-  beam.apex = origin_at(apex, *beam.order);
+  beam.apex = origin_at({*s.o[0], *s.o[1], *s.o[2]}, *beam.order);
+  beam.room *= beam.skew;
   beam.reach = beam.off = beam.past = 0;
   beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
   const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
@@ -93,12 +91,21 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
   return true;
 }
 
-/// Where the lines of a beam's first and last ray are nearest to each other, in the rays' order.
+/// Where a beam's first and last ray end if that is one point but for rounding, or else where their
+/// lines are nearest to each other, in the rays' order. (Of lines alone rounding tells badly how
+/// far away that is.)
 template <int Count>
 inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
   const BeamSource& s = beam.source;
   constexpr int kFinal = Count - 1;
-  double first[2], across = 0, square = 0;
+  double first[2], across = 0, square = 0, apart = 0;
+  for (int a = 0; a < 3; ++a) {
+    const double end = *s.o[a] + *s.t_max * *s.d[a],
+                 other = s.o[a][kFinal] + s.t_max[kFinal] * s.d[a][kFinal];
+    apex[a] = end;
+    apart = larger(magnitude(end - other), apart);
+  }
+  if (apart < 0x1p-22 * *s.t_max * magnitude(*s.d[2])) return true;
   for (int a = 0; a < 2; ++a) {
     first[a] = s.d[a][0] / s.d[2][0];
     const double turn = s.d[a][kFinal] / s.d[2][kFinal] - first[a];
@@ -110,8 +117,9 @@ inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
   return square > 0;
 }
 
-/// Rays that end at one point, a little before it, or behind it by rounding. `farthest` and `nearest` are those of where
-/// they begin: what lies behind that, as seen from the apex, is no hit.
+/// Rays that end at one point, a little before it, or behind it by rounding. `farthest` and
+/// `nearest` are those of where they begin: what lies behind that, as seen from the apex, is no
+/// hit.
 template <int Count>
 inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
   const auto end_of = [&](int a, size_t k) { return rays.o[a][k] + rays.t_max[k] * rays.d[a][k]; };
@@ -153,7 +161,7 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
   beam.reach = float(reach);
   beam.off = float(miss);
   beam.past = float(behind);
-  beam.room += 2 * beam.off + 8 * beam.past;
+  beam.room = beam.room * beam.skew + 2 * beam.off + 8 * beam.past;
   beam.begin = float((1 - 0x1p-19) / (most_of(end) + tiny));
   beam.apex = origin_at(apex, order);
   return true;

@@ -61,11 +61,11 @@ struct Beam {
   float off;                  // what rays miss the apex by
   float past;                 // how far behind the apex rays end, in depth
   float room;                 // of boxes
-  float skew;  // by how much more corners are displaced: not 1 where axis classes are mixed
-  float begin;                // surely in front of hits beyond all t_min: 1 / depth
-  float last_end;             // the least `end`
-  float last_depth;           // coordinate beyond which no box is of use
-  double close;               // as Tile::close
+  float skew;        // by how much more corners are displaced: not 1 where axis classes are mixed
+  float begin;       // surely in front of hits beyond all t_min: 1 / depth
+  float last_end;    // the least `end`
+  float last_depth;  // coordinate beyond which no box is of use
+  double close;      // as Tile::close
 };
 
 /// The triangles [first, first + kFloats) of a leaf, seen from a beam's apex. Edge functions k + x
@@ -152,7 +152,8 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
   const Floats swing = fused(magnitude(nx), w0, magnitude(ny) * w1);
   t.edge_on = ~bits(less(fused(splat(4.0f), t.margin, swing), magnitude(area)));
   if (Any)
-    t.edge_on |= ~bits(less(fused(terms, splat(beam.past), bent * magnitude(inverse)), splat(0.5f)));
+    t.edge_on |=
+        ~bits(less(fused(terms, splat(beam.past), bent * magnitude(inverse)), splat(0.5f)));
   const Ints side = Ints(area) & INT32_MIN;
   FloatMask beside =
       less(fused(magnitude(t.plane_x), w0, fused(magnitude(t.plane_y), w1, t.plane)) + t.plane_off,

@@ -204,7 +204,7 @@ inline Answers answers_of(const TopLevelView& world, const Rays& rays, size_t fi
 /// The rays from `first` on, as many as one beam has. False when they are none.
 template <bool Any, int Count, class AnswersFrom>
 inline Beamed trace_in_beam(const TopLevelView& world, const Rays& rays, size_t first,
-                          const AnswersFrom& answers_from) {
+                            const AnswersFrom& answers_from) {
   if (rays.count - first < Count || (Any && rays.opacity && rays.opacity->onward))
     return Beamed::kUnfit;
   if (world.tree_count == 0 || world.trees->kind != kTriangleLeaf) return Beamed::kUnfit;
