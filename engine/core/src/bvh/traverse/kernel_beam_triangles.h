@@ -9,7 +9,7 @@ namespace {
 constexpr int kBeam = kBroad == 4 ? 128 : 256;
 constexpr int kMostSlices = 32;
 /// Leaves that a beam may come to before it is parted.
-constexpr int leaves_allowed(int rays, bool any) { return any ? 150 : rays > kTile ? 300 : 100; }
+constexpr int leaves_allowed(int rays, bool any) { return any || rays == kTile ? 100 : 300; }
 
 /// What a beam's rays are in double, by axis, and in the order of most of them (Order::axes).
 struct BeamSource {
