@@ -13,6 +13,7 @@ REMEDIES: dict[str, str] = {
     "Light linking knows … sets of objects that the same lights reach: all lights reach …, which cast shadows in all": "Link fewer collections in different ways",
     "Objects that are not there for all the shutter's time, or come in other numbers, stand still: …": "Let them come and go between frames, or leave them still",
     "Objects that are not there in the frames before and after, or come in other numbers, stand still in the pass Vector: …": "Let them be there a frame longer, hidden behind something",
+    "Hair and point clouds that change their number of points while the shutter is open keep their shape: …": "Keep the number, or turn off Object properties → Motion Blur → Deformation",
     "Hair and point clouds that change their number of points from frame to frame keep their shape in the pass Vector: …": "Keep the number, or leave them out of the compositor's blur",
     "Meshes whose number of vertices or faces changes from frame to frame keep their shape in the pass Vector: …": "Remesh after the animation, or turn the modifier off that remeshes",
     "Meshes whose number of vertices or faces changes while the shutter is open keep their shape: …": "Remesh after the animation, or turn off Object properties → Motion Blur → Deformation",

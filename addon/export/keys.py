@@ -9,14 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...engine.scene import Geometry, Instances, Light, Mesh, Scene, Spheres, Strands
+from ...engine.scene import Geometry, Light, Mesh, Scene, Spheres, Strands
 from .geometry.displacing import Displaced
 from .geometry.meshes import mesh_key, normals_of, vertices_of
-from .geometry.shapes import centers_of
-from .geometry.strands import StrandSource, read_curves, read_hair
+from .geometry.shapes import export_points, marked_sphere
+from .geometry.strands import Keys, curve_keys, cut, fibre_values, hair_keys
 from .instances import ExportedObject, Flags, walk
 from .lights import light_frame
 from .report import Report
+from .shader_nodes.reader import FIBRE
 
 Array = np.ndarray
 
@@ -31,7 +32,7 @@ class Sentences(NamedTuple):
 
     gone: str
     remade: str
-    recombed: str = ""
+    recombed: str
 
 
 WHILE_OPEN = Sentences(
@@ -39,6 +40,8 @@ WHILE_OPEN = Sentences(
     "stand still: {}",
     "Meshes whose number of vertices or faces changes while the shutter is open keep "
     "their shape: {}",
+    "Hair and point clouds that change their number of points while the shutter is open keep their "
+    "shape: {}",
 )
 FROM_FRAME_TO_FRAME = Sentences(
     "Objects that are not there in the frames before and after, or come in other numbers, stand "
@@ -61,8 +64,8 @@ class Shape(NamedTuple):
 
 
 class _Mover(NamedTuple):
-    """What a thing is. shape: its mesh's key, None for what is none.  keys, shape_keys: at how many
-    times it is looked at; 1 for what is to stand still.
+    """What a thing is. shape: the key of its shape, None for what has none that changes.  keys,
+    shape_keys: at how many times it is looked at; 1 for what is to stand still.
     """
 
     is_light: bool
@@ -73,12 +76,12 @@ class _Mover(NamedTuple):
 
 @dataclass(eq=False)
 class Pose:
-    """One time. things: in the order of the walk.  shapes: meshes by their keys, and for the pass
-    Vector strands and the centres of point clouds.  ids: (instances, 8) Blender's persistent ids.
+    """One time. things: in the order of the walk.  shapes: meshes, curves and true spheres by their
+    keys.  ids: (instances, 8) Blender's persistent ids.
     """
 
     things: list[ExportedObject]
-    shapes: dict[tuple, Shape | StrandSource | Array | None] = field(default_factory=dict)
+    shapes: dict[tuple, Shape | Keys | Spheres | None] = field(default_factory=dict)
     ids: Array = field(default_factory=lambda: np.zeros((0, 8), np.int32))
 
     @property
@@ -104,10 +107,10 @@ def read_pose(depsgraph: Any, for_vectors: bool = False) -> Pose:
 
 
 _BENDING: dict[str, Callable] = {
-    "PointCloud": lambda data, scene: centers_of(data),
-    "Curves": read_curves,
+    "PointCloud": lambda data, scene: export_points(data),
+    "Curves": curve_keys,
 }
-"""What the pass Vector reads of these data-blocks."""
+"""What is read of these data-blocks."""
 
 
 @dataclass(eq=False)
@@ -119,12 +122,10 @@ class _Reader:
     pose: Pose
 
     def meet_hair(self, instance: Any, flags: Flags) -> _Mover:
-        if not self.for_vectors:
-            return self._still(instance)
         thing = instance.object
         owner = (instance.instance_object or thing).original.session_uid
         key, render = ("hair", owner, thing.data.as_pointer()), self.depsgraph.mode == "RENDER"
-        return self._bending(key, read_hair, thing, self.depsgraph.scene_eval, render)
+        return self._bending(instance, key, hair_keys, thing, self.depsgraph.scene_eval, render)
 
     def meet(self, instance: Any, flags: Flags) -> _Mover | None:
         thing, data = instance.object, instance.object.data
@@ -133,33 +134,33 @@ class _Reader:
             return _Mover(True, None, self._keys_of(instance), 1)
         if kind not in ("Mesh", "PointCloud", "Curves", "Volume"):
             return None
-        if self.for_vectors and kind in _BENDING:
-            key = (kind, data.as_pointer())
-            return self._bending(key, _BENDING[kind], data, self.depsgraph.scene_eval)
+        if kind in _BENDING:
+            key, read = (kind, data.as_pointer()), _BENDING[kind]
+            return self._bending(instance, key, read, data, self.depsgraph.scene_eval)
         if kind != "Mesh" or data.is_editmode:
-            return self._still(instance)
+            return _Mover(False, None, self._keys_of(instance), 1)
         key = mesh_key(data)
-        if key not in self.pose.shapes:
-            self.pose.shapes[key] = _shape(data, not self.for_vectors)
-        shape_keys = _FEWEST if self.for_vectors else _shape_keys_of(instance)
-        return _Mover(False, key, self._keys_of(instance), shape_keys)
+        return self._bending(instance, key, _shape, data, not self.for_vectors)
 
     def _keys_of(self, instance: Any) -> int:
         return _FEWEST if self.for_vectors else _keys_of(instance)
 
-    def _still(self, instance: Any) -> _Mover:
-        return _Mover(False, None, self._keys_of(instance), 1)
-
-    def _bending(self, key: tuple, read: Callable, *arguments: Any) -> _Mover:
-        """Of strands and true spheres, read when first met."""
+    def _bending(self, instance: Any, key: tuple, read: Callable, *arguments: Any) -> _Mover:
+        """Of what may change its shape, read when first met."""
+        shape_keys = _FEWEST if self.for_vectors else _shape_keys_of(instance)
+        if shape_keys == 1:
+            return _Mover(False, None, self._keys_of(instance), 1)
         if key not in self.pose.shapes:
             self.pose.shapes[key] = read(*arguments)
-        return _Mover(False, key, _FEWEST, _FEWEST)
+        return _Mover(False, key, self._keys_of(instance), shape_keys)
 
 
-def _shape(mesh: Any, with_normals: bool) -> Shape:
+def _shape(mesh: Any, with_normals: bool) -> Shape | Spheres:
     if len(mesh.vertices) == 0:
         return Shape(np.zeros((0, 3), np.float32), (0, 0), None)
+    sphere = marked_sphere(mesh, Report())
+    if sphere is not None:
+        return sphere
     normals = normals_of(mesh) if with_normals else None
     return Shape(vertices_of(mesh), (len(mesh.polygons), len(mesh.loops)), normals)
 
@@ -203,56 +204,20 @@ def moved(
     matcher = _Matcher(frame, keys, report, sentences)
     geometries = list(scene.geometries)
     instances = list(scene.instances)
-    for number, thing in _exported(scene.instances, frame.things):
+    for number, thing in _exported(scene, frame):
         block = instances[number]
         instances[number] = replace(block, motion=matcher.placements(thing))
-        if isinstance(geometries[block.geometry], Mesh):
+        geometry = geometries[block.geometry]
+        if getattr(geometry, "motion", None) is None and thing.content.shape is not None:
             how = displaced.get(block.geometry)
-            geometries[block.geometry] = matcher.shape(thing, geometries[block.geometry], how)
+            geometries[block.geometry] = matcher.shape(thing, geometry, how)
     lights = tuple(matcher.light(light) for light in scene.lights)
     return replace(scene, geometries=tuple(geometries), instances=tuple(instances), lights=lights)
 
 
-def bent(
-    scene: Scene, frame: Pose, keys: list[Pose], report: Report, sentences: Sentences
-) -> dict[int, list[Geometry]]:
-    """Strands and true spheres that move within their objects, by their numbers: as they are at the
-    keys. Arguments as of `moved`.
-    """
-    matcher, found = _Matcher(frame, keys, report, sentences), dict[int, list[Geometry]]()
-    # meshes may have the names and places of point clouds that their modifiers make
-    kinds = StrandSource | np.ndarray
-    things = [t for t in frame.things if isinstance(frame.shapes.get(t.content.shape), kinds)]
-    blocks = [
-        block
-        for block in scene.instances
-        if isinstance(scene.geometries[block.geometry], Strands | Spheres)
-    ]
-    for number, thing in _exported(tuple(blocks), things):
-        place = blocks[number].geometry
-        shapes = None if place in found else matcher.points(thing, scene.geometries[place])
-        if shapes is not None:
-            found[place] = shapes
-    return found
-
-
-def at_key(
-    scene: Scene,
-    still: Scene,
-    k: int,
-    others: Mapping[int, list[Geometry]] = MappingProxyType({}),
-) -> Scene:
-    """What `moved` made of `still`, at a key that all that moves has, and `bent` of `others`;
-    lights stay.
-    """
-    geometries = (
-        others[number][k]
-        if number in others
-        else replace(g, vertices=g.motion[k], motion=None)
-        if getattr(g, "motion", None) is not None
-        else g
-        for number, g in enumerate(scene.geometries)
-    )
+def at_key(scene: Scene, still: Scene, k: int) -> Scene:
+    """What `moved` made of `still`, at a key that all that moves has; lights stay."""
+    geometries = (_at(geometry, k) for geometry in scene.geometries)
     instances = (
         replace(block, world_from_object=block.motion[k], motion=None)
         if block.motion is not None
@@ -262,21 +227,42 @@ def at_key(
     return replace(still, geometries=tuple(geometries), instances=tuple(instances))
 
 
-def _exported(
-    blocks: tuple[Instances, ...], things: list[ExportedObject]
-) -> Iterator[tuple[int, ExportedObject]]:
+def _at(geometry: Geometry, k: int) -> Geometry:
+    keys = getattr(geometry, "motion", None)
+    if keys is None:
+        return geometry
+    if isinstance(geometry, Mesh):
+        return replace(geometry, vertices=keys[k], motion=None)
+    still = replace(geometry, motion=None, radius_motion=None)
+    return replace(still, **{"centers" if isinstance(still, Spheres) else "vertices": keys[k]})
+
+
+def _exported(scene: Scene, frame: Pose) -> Iterator[tuple[int, ExportedObject]]:
     """Numbers of blocks with the things that they were made from: both are in one order, in which
     blocks may be missing, and some may have rows of a thing alone.
     """
-    ahead = [thing for thing in things if not thing.content.is_light]
+    ahead = [thing for thing in frame.things if not thing.content.is_light]
     first = 0
-    for number, block in enumerate(blocks):
+    for number, block in enumerate(scene.instances):
+        geometry = scene.geometries[block.geometry]
         for place in range(first, len(ahead)):
             thing = ahead[place]
-            if thing.name == block.name and np.array_equal(thing.matrices, block.world_from_object):
+            if (
+                thing.name == block.name
+                and np.array_equal(thing.matrices, block.world_from_object)
+                and _is_of(geometry, frame.shapes.get(thing.content.shape))
+            ):
                 yield number, thing
                 first = place + 1
                 break
+
+
+def _is_of(geometry: Geometry, shape: Shape | Keys | Spheres | None) -> bool:
+    """Whether this may be what a geometry was made from: meshes have the names and places of the
+    point clouds and the hair that their modifiers make.
+    """
+    kinds = {Shape: Mesh, Keys: Strands, Spheres: Spheres}
+    return shape is None or isinstance(geometry, kinds[type(shape)])
 
 
 class _Matcher:
@@ -316,14 +302,32 @@ class _Matcher:
         rows = [row_of.get(one.tobytes(), -1) for one in now]
         return None if -1 in rows else there.matrices[rows]
 
-    def shape(self, thing: ExportedObject, mesh: Mesh, how: Displaced | None = None) -> Mesh:
-        """The mesh with what it is at the keys, where its shape changes. how: it is displaced."""
-        if thing.content.shape_keys == 1 or thing.content.shape is None or mesh.motion is not None:
-            return mesh
+    def shape(
+        self, thing: ExportedObject, geometry: Geometry, how: Displaced | None = None
+    ) -> Geometry:
+        """A geometry with what it is at the keys, where its shape changes. how: it is displaced."""
         here = self._frame.shapes[thing.content.shape]
         shapes = [self._shape_at(thing, k) for k in self._times(thing.content.shape_keys)]
-        if any(shape is None for shape in shapes):
-            return mesh
+        if here is None or any(type(shape) is not type(here) for shape in shapes):
+            return geometry
+        if isinstance(here, Shape):
+            return self._mesh(thing, geometry, here, shapes, how)
+        if isinstance(here, Keys):
+            found = _bent(geometry, here, shapes)
+        else:
+            found = _scattered(geometry, here, shapes)
+        if found is None:
+            self._report.note(self._sentences.recombed, thing.name)
+        return found or geometry
+
+    def _mesh(
+        self,
+        thing: ExportedObject,
+        mesh: Mesh,
+        here: Shape,
+        shapes: list[Shape],
+        how: Displaced | None,
+    ) -> Mesh:
         if any(s.faces != here.faces or s.vertices.shape != here.vertices.shape for s in shapes):
             self._report.note(self._sentences.remade, thing.name)
             return mesh
@@ -337,26 +341,7 @@ class _Matcher:
             normals = None if normals is None else np.stack(turned)
         return replace(mesh, motion=np.stack(vertices), normal_motion=normals)
 
-    def points(self, thing: ExportedObject, geometry: Strands | Spheres) -> list[Geometry] | None:
-        """Strands or true spheres at the keys; None where they keep their shape."""
-        here = self._frame.shapes.get(thing.content.shape)
-        there = [self._shape_at(thing, k) for k in range(len(self._keys))]
-        if any(type(one) is not type(here) for one in there) or isinstance(here, Shape | None):
-            return None
-        if isinstance(here, StrandSource):
-            own = here.vertices_with(here.keys)
-            places = [here.vertices_with(one.keys) for one in there]
-            name, count = "vertices", geometry.vertices.shape
-        else:
-            own, places, name, count = here, there, "centers", geometry.centers.shape
-        if own.shape != count or any(one is None or one.shape != count for one in places):
-            self._report.note(self._sentences.recombed, thing.name)
-            return None
-        if all(np.array_equal(one, own, equal_nan=True) for one in places):
-            return None
-        return [replace(geometry, **{name: one}) for one in places]
-
-    def _shape_at(self, thing: ExportedObject, k: int) -> Shape | StrandSource | Array | None:
+    def _shape_at(self, thing: ExportedObject, k: int) -> Shape | Keys | Spheres | None:
         there = self._there[k].get(self._names[thing])
         return None if there is None else self._keys[k].shapes.get(there.content.shape)
 
@@ -406,3 +391,61 @@ def _normals(mesh: Mesh, shapes: list[Shape]) -> Array | None:
         for one in found
     )
     return np.stack([one[1] for one in found]) if fits else None
+
+
+def _bent(strands: Strands, here: Keys, there: list[Keys]) -> Strands | None:
+    """The strands, cut where they are now; None where other times have other numbers of keys."""
+    found = cut(here)
+    if found is None or found.at[:, :3].shape != strands.vertices.shape:
+        return None
+    if any(not np.array_equal(keys.offsets, here.offsets) for keys in there):
+        return None
+    if all(_alike(keys, here) for keys in there):
+        return strands
+    at = np.stack([found.of(keys) for keys in there])
+    places, radii = at[..., :3], np.maximum(at[..., 3], 0)
+    moving = [
+        replace(strands, vertices=v, radii=r, attributes=())
+        for v, r in zip(places, radii, strict=True)
+    ]
+    attributes = tuple(
+        replace(a, motion=np.stack([fibre_values(one) for one in moving]).astype(np.float32))
+        if a.name == FIBRE
+        else a
+        for a in strands.attributes
+    )
+    return replace(
+        strands,
+        motion=np.ascontiguousarray(places),
+        radius_motion=_or_none(radii),
+        attributes=attributes,
+    )
+
+
+def _alike(a: Keys, b: Keys) -> bool:
+    """Whether curves are the same but for what rounding makes of them: of hair's positions, and of
+    radii that follow from them.
+    """
+    tolerance = max(a.precision, b.precision)
+    return all(
+        np.allclose(x, y, rtol=0, atol=tolerance, equal_nan=True)
+        for x, y in ((a.positions, b.positions), (a.radii, b.radii))
+    )
+
+
+def _scattered(spheres: Spheres, here: Spheres, there: list[Spheres]) -> Spheres | None:
+    """The spheres; None where other times have other numbers of them."""
+    if any(one.centers.shape != spheres.centers.shape for one in (here, *there)):
+        return None
+    places, radii = (np.stack([getattr(s, name) for s in there]) for name in ("centers", "radii"))
+    if all(
+        np.array_equal(keys, np.broadcast_to(still, keys.shape), equal_nan=True)
+        for keys, still in ((places, here.centers), (radii, here.radii))
+    ):
+        return spheres
+    return replace(spheres, motion=places, radius_motion=_or_none(radii))
+
+
+def _or_none(keys: Array) -> Array | None:
+    """None where all keys are the same."""
+    return None if np.array_equal(keys, np.broadcast_to(keys[0], keys.shape)) else keys

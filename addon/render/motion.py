@@ -23,7 +23,12 @@ _CURVE = 257
 """Points of the shutter's curve, as Cycles has about as many."""
 _BEFORE = {"START": 0.0, "CENTER": 0.5, "END": 1.0}
 """How much of the shutter's time lies before the frame."""
-_NO_SHUTTER = "Motion Blur's shutter is not a finite number: nothing is blurred; set it anew"
+_LONGEST = 1e6
+"""Frames that a shutter may be open: Blender has none beyond 1048574."""
+_NO_SHUTTER = (
+    "Motion Blur's shutter is longer than a million frames, or no number: nothing is blurred; set "
+    "it anew"
+)
 
 
 def with_motion(
@@ -40,7 +45,7 @@ def with_motion(
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
     if render_engine.is_preview or not blurs(depsgraph) or render.motion_blur_shutter <= 0:
         return tuple(scenes), ()
-    if not math.isfinite(render.motion_blur_shutter):
+    if not render.motion_blur_shutter <= _LONGEST:
         return tuple(scenes), (_NO_SHUTTER,)
     camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
     still = read_pose(depsgraph)

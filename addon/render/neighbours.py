@@ -11,7 +11,7 @@ import bpy
 from ...engine.scene import Camera, Scene
 from ..export.camera import export_camera
 from ..export.geometry.displacing import Displaced
-from ..export.keys import FROM_FRAME_TO_FRAME, at_key, bent, moved, read_pose
+from ..export.keys import FROM_FRAME_TO_FRAME, at_key, moved, read_pose
 from ..export.report import Report
 from .motion import blurs, go_to
 from .views import looker_of
@@ -48,8 +48,7 @@ def with_neighbours(
         go_to(frame, render_engine)
     times = [poses[0], here, poses[1]]
     moving = moved(scenes[0], here, times, report, FROM_FRAME_TO_FRAME, displaced)
-    others = bent(scenes[0], here, times, report, FROM_FRAME_TO_FRAME)
-    both = [at_key(moving, scenes[0], k, others) for k in (0, 2)]
+    both = [at_key(moving, scenes[0], k) for k in (0, 2)]
     return tuple(
         replace(
             scene,

@@ -29,6 +29,7 @@ class _Moments:
         self._times = sample_times(scene, settings.samples)[0]
         self._packer = ScenePacker()
         self._sample = 0
+        self.first = self._times[0]
         self._packed = self._pack(0)
         self._next: Packed | None = None
         self.handle = native.created(core, self._packed.data)
@@ -81,4 +82,4 @@ def render_moving(
             film = render.run(should_stop, on_progress, on_wave)
     finally:
         moments.close()
-    return native.with_notes(film, scene, core)
+    return native.with_notes(film, moment(scene, moments.first), core)

@@ -6,7 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene import Camera, Geometry, Instances, Light, Mesh, Scene
+from ..scene import (
+    Attribute,
+    Camera,
+    Geometry,
+    Instances,
+    Light,
+    Mesh,
+    Polygons,
+    Scene,
+    Spheres,
+    Strands,
+)
 from .lens import BLOCK
 from .patterns import shared_shutter_times, shutter_times
 
@@ -29,7 +40,7 @@ Cycles.
 def is_moving(scene: Scene) -> bool:
     """Whether anything but the camera moves."""
     return (
-        any(isinstance(g, Mesh) and g.motion is not None for g in scene.geometries)
+        any(getattr(g, "motion", None) is not None for g in scene.geometries)
         or any(block.motion is not None for block in scene.instances)
         or any(light.motion is not None for light in scene.lights)
     )
@@ -103,16 +114,40 @@ def _between(a: Array, b: Array, share: Array) -> Array:
 
 
 def _shape(geometry: Geometry, time: float) -> Geometry:
-    if not isinstance(geometry, Mesh) or geometry.motion is None:
+    if isinstance(geometry, Polygons) or geometry.motion is None:
         return geometry
+    places = _on_a_line(geometry.motion, time).astype(np.float32)
+    if isinstance(geometry, Mesh):
+        return _mesh(geometry, places, time)
+    return _round(geometry, places, time)
+
+
+def _mesh(geometry: Mesh, places: Array, time: float) -> Mesh:
     normals = geometry.normals
     if normals is not None and geometry.normal_motion is not None:
         values = _on_a_line(geometry.normal_motion, time)
         size = np.sqrt((values * values).sum(-1, keepdims=True))
         unit = values / np.where(size > 0, size, 1.0)
         normals = replace(normals, values=unit.astype(np.float32))
-    vertices = _on_a_line(geometry.motion, time).astype(np.float32)
-    return replace(geometry, vertices=vertices, normals=normals, motion=None, normal_motion=None)
+    return replace(geometry, vertices=places, normals=normals, motion=None, normal_motion=None)
+
+
+def _round(geometry: Spheres | Strands, places: Array, time: float) -> Spheres | Strands:
+    radii = geometry.radii
+    if geometry.radius_motion is not None:
+        radii = _on_a_line(geometry.radius_motion, time).astype(np.float32)
+    still = replace(geometry, radii=radii, motion=None, radius_motion=None)
+    if isinstance(still, Spheres):
+        return replace(still, centers=places)
+    attributes = tuple(_values(attribute, time) for attribute in still.attributes)
+    return replace(still, vertices=places, attributes=attributes)
+
+
+def _values(attribute: Attribute, time: float) -> Attribute:
+    if attribute.motion is None:
+        return attribute
+    values = _on_a_line(attribute.motion, time).astype(np.float32)
+    return replace(attribute, values=values, motion=None)
 
 
 def _placed(block: Instances, time: float) -> Instances:

@@ -125,6 +125,7 @@ def _spheres(spheres: Spheres) -> Found:
     if isinstance(spheres.radii, np.ndarray) and np.any(spheres.radii < 0):
         yield "radii has a negative value: use 0 or more"
     yield from _slots(spheres.material_slots, count, "sphere")
+    yield from _moving(spheres, spheres.centers.shape)
 
 
 def _strands(strands: Strands) -> Found:
@@ -145,6 +146,21 @@ def _strands(strands: Strands) -> Found:
     strangers = [*holds("attributes", strands.attributes, (Attribute,))]
     yield from strangers
     yield from () if strangers else _named(strands.attributes, rows)
+    for attribute in () if strangers else strands.attributes:
+        if attribute.motion is not None:
+            name = f"motion of attribute {attribute.name!r}"
+            found = [*key_values(name, attribute.motion, np.float32, attribute.values.shape)]
+            yield from found or finite_array(name, attribute.motion)
+    yield from _moving(strands, strands.vertices.shape)
+
+
+def _moving(geometry: Spheres | Strands, shape: tuple[int, ...]) -> Found:
+    if geometry.motion is not None:
+        yield from key_values("motion", geometry.motion, np.float32, shape)
+    if geometry.radius_motion is not None:
+        if geometry.motion is None:
+            yield "radius_motion is there without motion: give both, or None"
+        yield from key_values("radius_motion", geometry.radius_motion, np.float32, shape[:1])
 
 
 def _polygons(polygons: Polygons) -> Found:

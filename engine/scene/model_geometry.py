@@ -28,11 +28,14 @@ class Attribute:
     name: how an `Input` finds it.
     domain: POINT (a row per vertex), CORNER (a row per value of `Mesh.corners`) or FACE (a row per
     triangle). values: (k, c) float32, c = 2 for UV maps, 3 for normals, 4 for colours.
+    motion: (keys, k, c) float32, keys >= 2, values of strands at even times while the shutter is
+    open; None for those that stay.
     """
 
     name: str
     domain: str
     values: Array
+    motion: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +69,17 @@ class Mesh:
 class Spheres:
     """True spheres in object space: centers (k, 3) float32, radii (k,) float32, material_slots as
     in `Mesh`.
+
+    motion: (keys, k, 3) float32, keys >= 2, centers at even times while the shutter is open; None
+    where they stay.  radius_motion: (keys, k) float32, the same of radii; None where they stay.
     """
 
     name: str
     centers: Array
     radii: Array
     material_slots: Array | None = None
+    motion: Array | None = None
+    radius_motion: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +107,9 @@ class Strands:
     vertices: (v, 3) float32.  radii: (v,) float32, of each vertex; a segment both of whose ends
     have none is not there.  starts: (n,) uint32, segment k goes from row starts[k] of `vertices` to
     the next row.  material_slots, attributes: as in `Mesh`, on POINT (a row per vertex, mixed along
-    the segment) or FACE (a row per segment).
+    the segment) or FACE (a row per segment).  motion: (keys, v, 3) float32, keys >= 2, vertices at
+    even times while the shutter is open; None where they stay.  radius_motion: (keys, v) float32,
+    the same of radii; None where they stay.
     """
 
     name: str
@@ -108,6 +118,8 @@ class Strands:
     starts: Array
     material_slots: Array | None = None
     attributes: tuple[Attribute, ...] = ()
+    motion: Array | None = None
+    radius_motion: Array | None = None
 
     @cached_property
     def ends(self) -> Array:

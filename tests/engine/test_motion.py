@@ -27,6 +27,7 @@ from glint.engine.scene import (
     Mesh,
     Scene,
     Spheres,
+    Strands,
 )
 
 BACKENDS = ("NATIVE", "NUMPY")
@@ -147,6 +148,69 @@ def test_a_shape_that_widens_goes_straight_from_key_to_key(backend):
     x = np.abs(columns())
     up, down = np.clip((1.0 - x) / 0.8, 0, 1) / 2, np.clip((1.0 - x) / 0.6, 0, 1) / 2
     np.testing.assert_allclose(image, up + down, atol=2 / 64)
+
+
+def rod(*keys: tuple[float, float], radii=(0.1,), **more) -> Strands:
+    """A strand along y, from below the picture to above it, at (x, z) at each key."""
+    places = [[[x, y, z] for y in (-3.0, 3.0)] for x, z in keys]
+    motion = np.array(places, np.float32)
+    thick = np.array([[r, r] for r in radii], np.float32)
+    more |= {"motion": motion} if len(keys) > 1 else {}
+    more |= {"radius_motion": thick} if len(radii) > 1 else {}
+    return Strands("rod", motion[0], thick[0], np.zeros(1, np.uint32), **more)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_strand_that_slides_by_itself_leaves_a_ramp(backend):
+    """As the square does, half as wide as its radius."""
+    strand = rod((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0), radii=(0.5,))
+    scene = Scene(seen(), (strand,), (block(0),), (glowing(1.0, 1.0, 1.0),))
+    image = picture(scene, samples=64, backend=backend)
+    x = columns()
+    share = (np.clip(x + 0.5, -1, 1) - np.clip(x - 0.5, -1, 1)) / 2
+    np.testing.assert_allclose(image[SIDE // 2, :, 0], share, atol=2 / 64)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", [Strands, Spheres])
+def test_radii_grow_and_shrink(backend, kind):
+    """x is covered while r > |x|, r linear between keys 0.2, 1 and 0.4."""
+    keys = (0.2, 1.0, 0.4)
+    if kind is Strands:
+        thing = rod(*[(0.0, 0.0)] * 3, radii=keys)
+    else:
+        radii, zero = np.array(keys, np.float32)[:, None], np.zeros((3, 1, 3), np.float32)
+        thing = Spheres("ball", zero[0], radii[0], motion=zero, radius_motion=radii)
+    scene = Scene(seen(), (thing,), (block(0),), (glowing(1, 1, 1),))
+    image = picture(scene, samples=64, backend=backend)[SIDE // 2, :, 0]
+    x = np.hypot(columns(), 0 if kind is Strands else 2 / SIDE)
+    up, down = np.clip((1.0 - x) / 0.8, 0, 1) / 2, np.clip((1.0 - x) / 0.6, 0, 1) / 2
+    np.testing.assert_allclose(image, up + down, atol=2 / 64)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_points_go_their_own_ways(backend):
+    """Two balls of one cloud, one to the right and one to the left."""
+    ways = np.array([[[-1, 0.9, 0], [1, -0.9, 0]], [[1, 0.9, 0], [-1, -0.9, 0]]], np.float32)
+    cloud = Spheres("cloud", ways[0], np.full(2, 0.6, np.float32), motion=ways)
+    scene = Scene(seen(), (cloud,), (block(0),), (glowing(1.0, 1.0, 1.0),))
+    image = picture(scene, samples=64, backend=backend)[..., 0]
+    x, y = np.meshgrid(columns(), columns())
+    reach = np.sqrt(np.maximum(0.36 - (np.abs(y) - 0.9) ** 2, 0.0))
+    share = (np.clip(x + reach, -1, 1) - np.clip(x - reach, -1, 1)) / 2
+    np.testing.assert_allclose(image, share, atol=2 / 64)
+
+
+def test_values_of_strands_move_with_them():
+    """What a strand glows with goes from red to blue."""
+    colors = np.array([[[1, 0, 0, 1]] * 2, [[0, 0, 1, 1]] * 2], np.float32)
+    strand = rod((0.0, 0.0), (0.0, 0.0), radii=(0.5,))
+    strand = replace(strand, attributes=(Attribute("tint", POINT, colors[0], colors),))
+    glow = Material("glow", (Lobe("EMISSION", (Input(attribute="tint"),)),))
+    scene = Scene(seen(), (strand,), (block(0),), (glow,))
+    for backend in BACKENDS:
+        image = picture(scene, samples=64, backend=backend)
+        np.testing.assert_allclose(image[SIDE // 2, SIDE // 2], [0.5, 0, 0.5], atol=1 / 64)
 
 
 def test_shadows_move_with_what_throws_them():
@@ -274,13 +338,21 @@ def everything(**more) -> Scene:
         normal_motion=np.stack([normals, normals[:, [1, 2, 0]]]),
     )
     ball = Spheres("ball", np.zeros((1, 3), np.float32), np.array([0.5], np.float32))
-    geometries = square(3.0, "floor"), hat, ball, square(0.7, "card")
+    bent = np.array([[[x + s * x * z, 0.3 * s, z] for x in (-1.6, 1.6) for z in (0, 0.5, 1)]
+                     for s in (-0.2, 0.5)], np.float32)  # fmt: skip
+    starts = np.array([0, 1, 3, 4], np.uint32)
+    hair = Strands("hair", bent[0], np.full(6, 0.12, np.float32), starts, motion=bent)
+    fly = np.array([[[0, -1.2, 0.2], [0.4, -1, 0.4]], [[0.3, -1.1, 0.5], [0, -1, 0.2]]], np.float32)
+    cloud = Spheres("cloud", fly[0], np.full(2, 0.2, np.float32), motion=fly)
+    geometries = square(3.0, "floor"), hat, ball, square(0.7, "card"), hair, cloud
     tilt = about((1, 0, 0), -1.0)
     instances = (
         block(0),
         block(1, placed(-1, 0, 0.3), placed(-0.8, 0.3, 0.3, about_z(1.0))),
         block(2, *(placed(1.0, x, 0.6, np.diag([1, 1, 1 + x])) for x in (-0.5, 0.0, 0.5))),
         block(3, *(placed(0, 1.2, 0.9, about_z(x) @ tilt @ np.diag([1, -1, 1])) for x in (0, 0.6))),
+        replace(block(4), materials=(1,)),
+        replace(block(5, placed(), placed(0.2, 0.0, 0.1)), materials=(2,)),
     )
     mirror = Material("mirror", (Lobe("MIRROR", (Input((0.9, 0.8, 0.7)),)),))
     materials = matt(0.7, 0.7, 0.6), matt(0.8, 0.3, 0.2), matt(0.2, 0.5, 0.9), mirror
@@ -431,6 +503,18 @@ def test_the_feature_is_counted():
     assert "feature: object motion" not in render(still, Settings()).stats
 
 
+def test_what_breaks_on_the_way_is_told_by_name():
+    scene = everything()
+    hair = scene.geometries[4]
+    keys = hair.motion.copy()
+    keys[1, 1] = np.nan
+    broken = (*scene.geometries[:4], replace(hair, motion=keys), *scene.geometries[5:])
+    for backend in BACKENDS:
+        film = render(replace(scene, geometries=broken), Settings(backend=backend))
+        assert np.isfinite(film.combined).all()
+        assert any("thing 4" in note and "left out" in note for note in film.notes), film.notes
+
+
 def test_a_pixel_is_explained_as_its_first_sample():
     scene = replace(everything(), camera=replace(everything().camera, motion=None))
     times = sample_times(scene, 8)[0]
@@ -448,6 +532,25 @@ def test_bad_motion_is_refused_by_name():
     bad = {
         "has 1 keys": Scene(seen(), (mesh,), (block(0, HERE),), (matt(1, 1, 1),)),
         "not finite": Scene(seen(), (mesh,), (block(0, HERE, HERE * np.nan),), (matt(1, 1, 1),)),
+        "radius_motion is there without": Scene(
+            seen(), (rod((0.0, 0.0), radii=(0.1, 0.2)),), (block(0),), (matt(1, 1, 1),)
+        ),
+        "radius_motion has shape": Scene(
+            seen(), (rod((0, 0), (1, 0), radius_motion=np.zeros((2, 3), "f4")),)
+        ),
+        "motion of attribute 'a' has a value that is not finite": Scene(
+            seen(),
+            (
+                rod(
+                    (0.0, 0.0),
+                    attributes=(
+                        Attribute(
+                            "a", POINT, np.zeros((2, 4), "f4"), np.full((2, 2, 4), np.nan, "f4")
+                        ),
+                    ),
+                ),
+            ),
+        ),
         "has shape (2, 3, 3)": Scene(seen(), (replace(mesh, motion=np.zeros((2, 3, 3), "f4")),)),
         "never open": Scene(seen(shutter=np.zeros(3))),
         "shutter has shape": Scene(seen(shutter=np.ones((2, 2)))),

@@ -99,6 +99,20 @@ def test_odd_numbers_of_some_curves_leave_the_others(what, value):
             assert picture[..., :3].max() > 0.01
 
 
+@pytest.mark.parametrize("away", [1e6, 1e10])
+def test_strands_that_end_far_away_keep_their_shadows(away):
+    """Their float32 steps are wider there than they are."""
+    _, tuft = hairy(shader="ShaderNodeBsdfDiffuse")
+    places = np.empty((60, 4, 3), np.float32)
+    tuft.data.attributes["position"].data.foreach_get("vector", places.reshape(-1))
+    places[:, 3] = away
+    tuft.data.attributes["position"].data.foreach_set("vector", places.ravel())
+    pictures = [drawn(backend, samples=1)[0] for backend in ("NATIVE", "NUMPY")]
+    assert pictures[1][..., :3].max() > 0.1
+    alike = np.isclose(*pictures, rtol=1e-3, atol=1e-4).all(-1)
+    assert alike.mean() > 0.99
+
+
 @pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -2, 0.5), (1, 1, 0), (0, 0, 0), (1e-20, 1, 1)])
 def test_mirrored_and_flattened_hair(scale):
     hairy(scale=scale)

@@ -39,8 +39,12 @@ def read_shape(data: Any, owner: Any, report: Report) -> MeshSource | Spheres | 
     faces.
     """
     with readable(data, owner) as mesh:
-        sphere = _sphere_round(mesh, report) if _is_marked(mesh) else None
-        return sphere or read_mesh(mesh, report)
+        return marked_sphere(mesh, report) or read_mesh(mesh, report)
+
+
+def marked_sphere(mesh: Any, report: Report) -> Spheres | None:
+    """The sphere that an evaluated mesh stands for; None where it stands for itself."""
+    return _sphere_round(mesh, report) if _is_marked(mesh) else None
 
 
 def _is_marked(mesh: Any) -> bool:
@@ -73,19 +77,12 @@ def _sphere_round(mesh: Any, report: Report) -> Spheres | None:
 
 def export_points(cloud: Any) -> Spheres | None:
     """An evaluated PointCloud data-block as spheres with material slot 0; None without points."""
-    centers = centers_of(cloud)
+    centers = np.empty((len(cloud.points), 3), np.float32)
     if len(centers) == 0:
         return None
+    cloud.attributes["position"].data.foreach_get("vector", centers.reshape(-1))
     radii = np.full(len(centers), DEFAULT_RADIUS, np.float32)
     radius = cloud.attributes.get("radius")
     if radius is not None:
         radius.data.foreach_get("value", radii)
     return Spheres(cloud.name, centers, radii)
-
-
-def centers_of(cloud: Any) -> np.ndarray:
-    """(k, 3) float32 of an evaluated PointCloud data-block."""
-    centers = np.empty((len(cloud.points), 3), np.float32)
-    if len(centers):
-        cloud.attributes["position"].data.foreach_get("vector", centers.reshape(-1))
-    return centers

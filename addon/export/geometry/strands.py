@@ -30,6 +30,9 @@ TURN = 0.25
 """How much a segment may turn from the one before it, radians, about."""
 MOST = 16
 """Segments between two keys."""
+_ROUNDING = 2.0**-20
+"""Of the world's coordinates that Blender tells of particles' hair: some float32 steps.
+"""
 _BLOCK = 1 << 17
 """Pairs of keys that are made smooth in one go."""
 
@@ -37,13 +40,16 @@ _BLOCK = 1 << 17
 @dataclass(frozen=True, eq=False)
 class Keys:
     """What curves are given by. positions (k, 3) float32, radii (k,) float32 of all keys in the
-    order of the curves; offsets (c + 1,) of the first key of each; slots (c,) uint16.
+    order of the curves; offsets (c + 1,) of the first key of each; slots (c,) uint16.  is_linear:
+    curves go straight between keys.  precision: how far positions may be off.
     """
 
     positions: np.ndarray
     radii: np.ndarray
     offsets: np.ndarray
     slots: np.ndarray
+    is_linear: bool = False
+    precision: float = 0.0
 
     @property
     def curve(self) -> np.ndarray:
@@ -66,11 +72,25 @@ class Keys:
         return along / np.where(length > 0, length, 1.0)[curve], length
 
 
+class Cut(NamedTuple):
+    """Curves in segments. key, share: (v,) of each vertex the key before it and how far it is
+    towards the next one, 1 at the end of a curve.  at: (v, 4) float32 position and radius.
+    """
+
+    key: np.ndarray
+    share: np.ndarray
+    at: np.ndarray
+
+    def of(self, keys: Keys) -> np.ndarray:
+        """(v, 4) float32 of the same vertices when their curves have these keys."""
+        b, t = _bezier(keys, self.key), self.share[:, None].astype(np.float64)
+        return _along_splines(b, t, keys.is_linear).astype(np.float32)
+
+
 @dataclass(eq=False)
 class StrandSource:
-    """Strands with what they were made from. key, share: (v,) of each vertex the key before it and
-    how far it is towards the next one. particles: they are hair of particle systems.  is_linear:
-    curves go straight between keys.
+    """Strands with what they were made from. key, share: as of `Cut`.  particles: they are hair of
+    particle systems.
     """
 
     strands: Strands
@@ -78,7 +98,6 @@ class StrandSource:
     key: np.ndarray
     share: np.ndarray
     particles: bool = False
-    is_linear: bool = False
     used_slots: tuple[int, ...] = (0,)
     uv_maps: dict[str, Attribute] = field(default_factory=dict)
     attributes: dict[str, Attribute] = field(default_factory=dict)
@@ -89,21 +108,6 @@ class StrandSource:
         named = {a.name: a for a in self.attributes.values()}
         return replace(self.strands, attributes=tuple({**maps, **named}.values()))
 
-    def vertices_with(self, keys: Keys) -> np.ndarray | None:
-        """(v, 3) float32 where the vertices are when their curves have these keys; None where these
-        are of other curves.
-        """
-        if not np.array_equal(keys.offsets, self.keys.offsets):
-            return None
-        b, t = _bezier(keys, self.key), self.share[:, None].astype(np.float64)
-        if self.is_linear:
-            at = (1 - t) * b[0] + t * b[3]
-        else:
-            s = 1 - t
-            with np.errstate(invalid="ignore", over="ignore"):
-                at = s**3 * b[0] + 3 * s * s * t * b[1] + 3 * s * t * t * b[2] + t**3 * b[3]
-        return at[:, :3].astype(np.float32)
-
     @property
     def curve_of_segment(self) -> np.ndarray:
         """(n,)"""
@@ -112,6 +116,12 @@ class StrandSource:
 
 def read_curves(data: Any, scene: Any) -> StrandSource | None:
     """An evaluated Curves data-block; None without a segment."""
+    keys = curve_keys(data, scene)
+    return None if keys is None else _source(data.name, keys)
+
+
+def curve_keys(data: Any, scene: Any) -> Keys | None:
+    """Those of an evaluated Curves data-block; None without any."""
     count, curves = len(data.points), len(data.curves)
     if count == 0 or curves == 0:
         return None
@@ -124,8 +134,13 @@ def read_curves(data: Any, scene: Any) -> StrandSource | None:
     offsets = np.empty(curves + 1, np.int32)
     data.curve_offset_data.foreach_get("value", offsets)
     slots = np.zeros(curves, np.uint16)  # Cycles gives all curves the first material
-    keys = Keys(positions, np.maximum(radii, 0), offsets.astype(np.intp), slots)
-    return _source(data.name, keys, scene)
+    offsets = offsets.astype(np.intp)
+    return Keys(positions, np.maximum(radii, 0), offsets, slots, _is_linear(scene))
+
+
+def _is_linear(scene: Any) -> bool:
+    """How Cycles' settings say that curves go between keys."""
+    return getattr(getattr(scene, "cycles_curves", None), "shape", "") == "THICK_LINEAR"
 
 
 class _System(NamedTuple):
@@ -163,23 +178,35 @@ def systems_of(thing: Any, render: bool) -> Iterator[_System]:
 
 def read_hair(thing: Any, scene: Any, render: bool) -> StrandSource | None:
     """The particle hair of an evaluated object, in its space; None without any."""
+    keys = hair_keys(thing, scene, render)
+    found = None if keys is None else _source(f"hair of {thing.name}", keys)
+    return None if found is None else replace(found, particles=True)
+
+
+def hair_keys(thing: Any, scene: Any, render: bool) -> Keys | None:
+    """Those of the particle hair of an evaluated object, in its space; None without any."""
     systems = list(systems_of(thing, render))
     if not systems:
         return None
+    matrix = np.array(thing.matrix_world, np.float64)
     inverse = np.array(thing.matrix_world.inverted_safe(), np.float64)
     parts = [_hair_of(thing, system, inverse) for system in systems]
     sizes = [np.full(s.end - s.first, s.steps) for s in systems]
     slots = [
         np.full(s.end - s.first, max(s.system.settings.material - 1, 0), np.uint16) for s in systems
     ]
-    keys = Keys(
-        np.concatenate([positions for positions, _ in parts]),
+    positions = np.concatenate([positions for positions, _ in parts])
+    size = np.abs(positions).max(initial=0.0, where=np.isfinite(positions))
+    far = np.abs(matrix[:3]).sum(1).max() * max(size, 1.0)
+    return Keys(
+        positions,
         np.concatenate([radii for _, radii in parts]),
         np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.intp),
         np.concatenate(slots),
+        _is_linear(scene),
+        # they come as float32 of the world
+        float(_ROUNDING * far * np.abs(inverse[:3, :3]).sum(1).max()),
     )
-    found = _source(f"hair of {thing.name}", keys, scene)
-    return None if found is None else replace(found, particles=True)
 
 
 def _hair_of(thing: Any, s: _System, inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -210,16 +237,20 @@ def _hair_of(thing: Any, s: _System, inverse: np.ndarray) -> tuple[np.ndarray, n
 # --------------------------------------------------------------------------------------------------
 
 
-def _source(name: str, keys: Keys, scene: Any) -> StrandSource | None:
-    shape = getattr(getattr(scene, "cycles_curves", None), "shape", "")
+def cut(keys: Keys) -> Cut | None:
+    """Curves in segments; None without any."""
     pairs = _pairs(keys)
     if not len(pairs):
         return None
-    parts = [
-        _smooth(keys, pairs[first : first + _BLOCK], shape == "THICK_LINEAR")
-        for first in range(0, len(pairs), _BLOCK)
-    ]
-    key, share, at = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    parts = [_smooth(keys, pairs[first : first + _BLOCK]) for first in range(0, len(pairs), _BLOCK)]
+    return Cut(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _source(name: str, keys: Keys) -> StrandSource | None:
+    found = cut(keys)
+    if found is None:
+        return None
+    key, share, at = found
     # A vertex that ends its curve begins no segment.
     begins = np.ones(len(key), bool)
     begins[share == 1] = False
@@ -227,8 +258,7 @@ def _source(name: str, keys: Keys, scene: Any) -> StrandSource | None:
     slots = keys.slots[keys.curve[key[starts]]] if keys.slots.any() else None
     used = tuple(np.unique(keys.slots).tolist())
     strands = Strands(name, at[:, :3], np.maximum(at[:, 3], 0), starts, slots)
-    is_linear = shape == "THICK_LINEAR"
-    return StrandSource(strands, keys, key, share, is_linear=is_linear, used_slots=used)
+    return StrandSource(strands, keys, key, share, used_slots=used)
 
 
 def _pairs(keys: Keys) -> np.ndarray:
@@ -241,14 +271,10 @@ def _pairs(keys: Keys) -> np.ndarray:
     return np.flatnonzero(first & apart)
 
 
-def _smooth(
-    keys: Keys, pairs: np.ndarray, linear: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices along the curve between some pairs of keys: the key before each, how far it is to
-    the next one, and (v, 4) float32 position and radius. The last of each curve is 1 along.
-    """
+def _smooth(keys: Keys, pairs: np.ndarray) -> Cut:
+    """Vertices along the curve between some pairs of keys."""
     b = _bezier(keys, pairs)
-    count = np.ones(len(pairs), np.intp) if linear else _pieces(b)
+    count = np.ones(len(pairs), np.intp) if keys.is_linear else _pieces(b)
     curve = keys.curve[pairs]
     last = np.append(curve[1:] != curve[:-1], True)
     if len(pairs):  # the next block may go on where this one ends
@@ -257,17 +283,22 @@ def _smooth(
     which = np.repeat(np.arange(len(pairs)), total)
     place = np.arange(len(which)) - np.repeat(np.cumsum(total) - total, total)
     t = (place / count[which])[:, None]
-    if linear:
-        at = (1 - t) * b[0][which] + t * b[3][which]
-    else:
-        s = 1 - t
-        with np.errstate(invalid="ignore"):  # keys that are not finite are left out below
-            at = s**3 * b[0][which] + 3 * s * s * t * b[1][which]
-            at += 3 * s * t * t * b[2][which] + t**3 * b[3][which]
+    at = _along_splines([points[which] for points in b], t, keys.is_linear)
     # keys as they are: one that is not finite leaves its neighbours in place
     at[place == 0] = b[0]
     at[t[:, 0] == 1] = b[3][last]
-    return pairs[which], t[:, 0].astype(np.float32), at.astype(np.float32)
+    return Cut(pairs[which], t[:, 0].astype(np.float32), at.astype(np.float32))
+
+
+def _along_splines(b: list[np.ndarray], t: np.ndarray, is_linear: bool) -> np.ndarray:
+    """(v, 4) at t, (v, 1), between the control points of each."""
+    s = 1 - t
+    with np.errstate(invalid="ignore", over="ignore"):  # of keys that are not finite
+        if is_linear:
+            return s * b[0] + t * b[3]
+        at = s**3 * b[0] + 3 * s * s * t * b[1]
+        at += 3 * s * t * t * b[2] + t**3 * b[3]
+        return at
 
 
 def _goes_on(keys: Keys, pair: int) -> bool:
@@ -404,9 +435,10 @@ def _hair_values(source: StrandSource) -> np.ndarray:
     return found
 
 
-def _fibre_values(source: StrandSource) -> np.ndarray:
-    """(v, 4): the unit tangent, and the thickness. At a joint the mean direction of both."""
-    strands = source.strands
+def fibre_values(strands: Strands) -> np.ndarray:
+    """(v, 4) float64: the unit tangent, and the thickness. At a joint the mean direction of
+    both.
+    """
     first = strands.starts.astype(np.intp)
     x = strands.vertices.astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -422,7 +454,7 @@ def _fibre_values(source: StrandSource) -> np.ndarray:
 
 _TOLD: dict[str, Callable[[StrandSource], np.ndarray]] = {
     HAIR: _hair_values,
-    FIBRE: _fibre_values,
+    FIBRE: lambda source: fibre_values(source.strands),
     ENCLOSED: lambda source: light_between(source.strands),
 }
 

@@ -94,23 +94,24 @@ inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
   });
 }
 
-/// The normal of a lobe that shines, 0 where it is the point's, and where it faces the viewer, as
-/// microfacets have to.
-struct LobeNormal {
-  Three own{};
-  Mask faces = ~Mask{};
-};
-inline LobeNormal lobe_normal(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
-                              const LobeShape& lobe) {
-  const bool micro =
-      s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
-  if (lobe.normal_slot == 0 && !micro) return {};
+/// Whether a lobe that shines has microfacets, which bumps hide.
+inline bool is_micro(const EvaluateStage& s, const LobeShape& lobe) {
+  return s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
+}
+
+/// The normal of a lobe that shines, 0 where it is the point's. k: 0 where the lobe does not face
+/// the viewer, as microfacets have to.
+inline Three lobe_normal(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                         const LobeShape& lobe, Three& k) {
+  const bool micro = is_micro(s, lobe);
   const Three point = gather3(s.n, at), v = -gather3(s.d, at);
   Three n = given_normal(p, lobe.normal_slot, point);
-  if (!micro) return {where(nonzero(n - point), n)};
-  if (s.bump_shadowing >= GLINT_BUMP_CHIANG)
-    n = choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), v));
-  return {where(nonzero(n - point), n), dot(n, v) > 0};
+  if (micro) {
+    if (s.bump_shadowing >= GLINT_BUMP_CHIANG)
+      n = choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), v));
+    k = where(dot(n, v) > 0, k);
+  }
+  return where(nonzero(n - point), n);
 }
 
 /// What a lobe is stretched along, across its normal; 0 where it is not.
@@ -127,13 +128,13 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
   if (lobe.kind == GLINT_SPECULAR) {
-    const LobeNormal normal = lobe_normal(s, at, p, lobe);
-    Tk = where(normal.faces, Tk);
+    Three normal{};
+    if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, Tk);
     if (s.specular_columns >= SpecularTerm::kTurned)
-      scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal.own);
+      scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal);
     if (s.specular_columns == SpecularTerm::kStretched)
       scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at,
-               lobe_stretch(s, at, p, lobe, normal.own));
+               lobe_stretch(s, at, p, lobe, normal));
   }
   scatter3(column, s.stride, at, Tk);
   sum.lit |= nonzero(Tk);
@@ -158,10 +159,10 @@ inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& 
                         const LobeShape& lobe, Three k, Lobes& sum) {
   double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
   if (lobe.kind != GLINT_TRANSPARENT) {
-    const LobeNormal normal = lobe_normal(s, at, p, lobe);
-    k = where(normal.faces, k);
+    Three normal{};
+    if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, k);
     if (s.passing_columns == PassingTerm::kTurned)
-      scatter3(column + PassingTerm::kNormal * s.stride, s.stride, at, normal.own);
+      scatter3(column + PassingTerm::kNormal * s.stride, s.stride, at, normal);
   }
   scatter3(column, s.stride, at, k);
   if (s.passing_columns >= PassingTerm::kShaped) {

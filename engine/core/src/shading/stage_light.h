@@ -69,8 +69,10 @@ __attribute__((always_inline)) inline void shadow_ray(const LightStage& s, size_
 
 /// A row for each of the lanes `reached` that the sample adds something to; how many.
 template <int Shape>
-inline size_t append_lit(const LightStage& s, size_t k, const Sample& sample, Mask reached,
-                         const Three& diffuse, const Three& specular, size_t found) {
+__attribute__((always_inline)) inline size_t append_lit(const LightStage& s, size_t k,
+                                                        const Sample& sample, Mask reached,
+                                                        const Three& diffuse, const Three& specular,
+                                                        size_t found) {
   reached &= nonzero(diffuse) | nonzero(specular);
   const uint32_t lanes = bits(reached);
   if (!lanes) return 0;
@@ -90,8 +92,8 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
   return (dot(at.l, splat3(s.axis)) >= 0) & (dot(at.l, load3(s.g, k)) <= 0);
 }
 
-template <int Shape>
-inline Three color_of(const LightStage& s, const Sample& at) {
+template <int Shape, class AnySample>
+inline Three color_of(const LightStage& s, const AnySample& at) {
   if constexpr (Shape == kOpenSky) return at.color;
   if constexpr (Shape != kMeshSource) return splat3(s.color);
   const Mask front = dot(at.l, splat3(s.axis)) < 0;
@@ -110,21 +112,14 @@ inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights&
   return at.factor / (1 + draws * seen.density * at.spread);
 }
 
-/// What a sample gives to a group of points before shadows, where it reaches them.
-struct Given {
-  Sample at;
-  Mask reached;
-  Three diffuse, specular;
-};
-
-/// False where it reaches none of those that are lit.
-template <int Shape, bool Bent>
-__attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, Given& given) {
+/// to(sample, reached, diffuse, specular): what a sample gives to a group of points before shadows,
+/// unless it reaches none of those that are lit.
+template <int Shape, bool Bent, class To>
+__attribute__((always_inline)) inline void give(const LightStage& s, size_t k, To to) {
   const Mask lit = load(s.lit + k);
-  if (!any(lit)) return false;
+  if (!any(lit)) return;
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
-  const Sample at = given.at =
-      Shape == kBouncedSource ? sample_bounced(s, x, n) : sample<Shape>(s, x);
+  const auto at = sample<Shape>(s, x, n);
   const Doubles middle = dot(n, at.l),
                 cosine = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle;
   // Light from behind passes through fibres, but for what comes from matt surfaces.
@@ -136,48 +131,46 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
                     : through ? front | (cosine < 0)
                               : front,
              met = lit & at.good & side & ~within<Shape>(s, k, at);
-  if (!any(met)) return false;
+  if (!any(met)) return;
   const BumpShadow bump = bump_shadow<Bent>(s, k, n, at.l);
-  given.reached = met & ~bump.hidden;
-  if (!any(given.reached)) return false;
+  const Mask reached = met & ~bump.hidden;
+  if (!any(reached)) return;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
-  given.diffuse = cosine * (I * load3(s.diffuse, k));
-  given.specular = Three{};
-  if (Shape == kBouncedSource && s.gloss[0]) given.specular = cosine * (I * load3(s.gloss, k));
+  Three diffuse = cosine * (I * load3(s.diffuse, k)), specular{};
+  if (Shape == kBouncedSource && s.gloss[0]) specular = cosine * (I * load3(s.gloss, k));
   if (Shape == kBouncedSource && s.gather2 > 0) {
-    const Three to = splat3(s.end) - x;
-    const Doubles share = far_share(s, dot(to, to));
-    given.diffuse = share * given.diffuse;
-    given.specular = share * given.specular;
+    const Three way = splat3(s.end) - x;
+    const Doubles share = far_share(s, dot(way, way));
+    diffuse = share * diffuse;
+    specular = share * specular;
   }
   if (s.max_specular > 0 && (Shape != kBouncedSource || s.has_sheen)) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen =
         highlights<false, Bent>(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
     if (Shape != kBouncedSource)
-      given.specular =
-          s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-    if (s.has_sheen) given.diffuse = given.diffuse + where(middle > 0, I * seen.sheen);
-    if (through | turned) given.diffuse = where(front, given.diffuse);
+      specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
+    if (s.has_sheen) diffuse = diffuse + where(middle > 0, I * seen.sheen);
+    if (through | turned) diffuse = where(front, diffuse);
     if (through) {
-      given.specular = turned ? given.specular : where(front, given.specular);
-      given.specular = given.specular + I * seen.fibre;
+      specular = turned ? specular : where(front, specular);
+      specular = specular + I * seen.fibre;
     }
   }
-  if (bump.some) given.diffuse = bump.share * given.diffuse;
-  return true;
+  if (bump.some) diffuse = bump.share * diffuse;
+  to(at, reached, diffuse, specular);
 }
 
 /// The same for directions drawn from the narrow lobes, where they reach the light.
-template <int Shape, bool Bent>
-__attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_t k, Given& given) {
+template <int Shape, bool Bent, class To>
+__attribute__((always_inline)) inline void give_drawn(const LightStage& s, size_t k, To to) {
   const Mask lit = load(s.lit + k);
-  if (!any(lit)) return false;
+  if (!any(lit)) return;
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
   const Narrow narrow = narrow_terms(s, k, x);
-  if (!any(lit & (narrow.total > 0))) return false;
+  if (!any(lit & (narrow.total > 0))) return;
   const Drawn drawn = draw<false, Bent>(s, k, n, narrow);
-  Sample at = sample_at<Shape>(s, x, drawn.l);
+  auto at = sample_at<Shape>(s, x, drawn.l);
   Three color = color_of<Shape>(s, at);
   if constexpr (Shape == kSky) {
     const SkyCell cell = sky_cell(*s.dome, at.l);
@@ -187,27 +180,27 @@ __attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_
   }
   const Doubles cosine = dot(n, at.l);
   const Mask front = Bent && s.turns_lobes ? ~Mask{} : cosine > 0;
-  given.reached = lit & drawn.good & at.good & front & ~bump_shadow<Bent>(s, k, n, at.l).hidden;
-  if (!any(given.reached)) return false;
+  const Mask reached =
+      lit & drawn.good & at.good & front & ~bump_shadow<Bent>(s, k, n, at.l).hidden;
+  if (!any(reached)) return;
   const Highlights seen = highlights<false, Bent>(s, k, n, at.l, cosine, &narrow);
-  given.at = at;
-  given.diffuse = Three{};
-  given.specular = balanced<Shape>(s, at, seen) * (color * seen.light);
-  return true;
+  to(at, reached, Three{}, balanced<Shape>(s, at, seen) * (color * seen.light));
+}
+
+template <int Shape, bool Bent, bool Drawn, class To>
+__attribute__((always_inline)) inline void give_either(const LightStage& s, size_t k, To to) {
+  if constexpr (Drawn) give_drawn<Shape, Bent>(s, k, to);
+  else give<Shape, Bent>(s, k, to);
 }
 
 template <int Shape, bool Bent, bool Drawn = false>
 size_t light_from(const LightStage& s) {
   size_t found = 0;
-  Given given;
-  for (size_t k = s.first; k < s.count; k += kLanes) {
-    bool gives = false;
-    if constexpr (Drawn) gives = give_drawn<Shape, Bent>(s, k, given);
-    else gives = give<Shape, Bent>(s, k, given);
-    if (gives)
-      found +=
-          append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
-  }
+  for (size_t k = s.first; k < s.count; k += kLanes)
+    give_either<Shape, Bent, Drawn>(
+        s, k, [&](const Sample& at, Mask reached, const Three& diffuse, const Three& specular) {
+          found += append_lit<Shape>(s, k, at, reached, diffuse, specular, found);
+        });
   return found;
 }
 
@@ -220,7 +213,7 @@ size_t scatter_from(const LightStage& s) {
     const Mask lit = load(s.lit + k);
     if (!any(lit)) continue;
     const Three x = load3(s.points_x, k);
-    const Sample at = sample<Shape>(s, x);
+    const auto at = sample<Shape>(s, x, Three{});
     const Three given = at.factor * (color_of<Shape>(s, at) * load3(s.diffuse, k));
     const uint32_t lanes = bits(lit & at.good & nonzero(given));
     if (!lanes) continue;

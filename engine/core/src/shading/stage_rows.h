@@ -45,7 +45,8 @@ inline void scatter3(double* const (&columns)[3], const Chosen& at, const Three&
   scatter(columns[1], at, v.y);
   scatter(columns[2], at, v.z);
 }
-inline void scatter3(double* column, size_t stride, const Chosen& at, const Three& v) {
+__attribute__((always_inline)) inline void scatter3(double* column, size_t stride, const Chosen& at,
+                                                    const Three& v) {
   scatter(column, at, v.x);
   scatter(column + stride, at, v.y);
   scatter(column + 2 * stride, at, v.z);

@@ -14,7 +14,11 @@ struct Sample {
   Three l, end;
   Doubles factor, spread;
   Mask good;
-  Three color{};  // kOpenSky, in place of the stage's
+};
+
+/// kOpenSky: its color is in place of the stage's.
+struct SkySample : Sample {
+  Three color;
 };
 
 /// 1 / (4 pi^2 d^2) in world units from the squared anchored distance.
@@ -51,21 +55,21 @@ inline void beside_openings(const LightStage& s, const Three& x, Sample& sample)
   sample.spread = sample.spread / less;
 }
 
-inline Sample open_sky_at(const LightStage& s, const Three& x, const Three& l) {
+inline SkySample open_sky_at(const LightStage& s, const Three& x, const Three& l) {
   const SkyCell cell = sky_cell(*s.dome, l);
-  Sample sample{l, l, s.factor * cell.spread, cell.spread, ~Mask{}, cell.color};
+  SkySample sample{{l, l, s.factor * cell.spread, cell.spread, ~Mask{}}, cell.color};
   beside_openings(s, x, sample);
   return sample;
 }
 
-inline Sample sample_open_sky(const LightStage& s, const Three& x) {
+inline SkySample sample_open_sky(const LightStage& s, const Three& x) {
   if (s.through) {
-    Sample sample = open_sky_at(s, x, unit(splat3(s.end) - x));
+    SkySample sample = open_sky_at(s, x, unit(splat3(s.end) - x));
     sample.good &= dot(sample.l, splat3(s.axis)) > 0;
     return sample;
   }
-  Sample sample{splat3(s.l),     splat3(s.l), splat(s.factor),
-                splat(s.spread), ~Mask{},     splat3(s.color)};
+  SkySample sample{{splat3(s.l), splat3(s.l), splat(s.factor), splat(s.spread), ~Mask{}},
+                   splat3(s.color)};
   beside_openings(s, x, sample);
   return sample;
 }
@@ -266,32 +270,44 @@ inline Doubles above_horizon(const Doubles& cosine, const Doubles& sine2) {
   return choose(cosine >= sine, cosine, sine * (small + wide * (part - small)));
 }
 
+/// n: the points' normals, where the light is bounced.
 template <int Shape>
-inline Sample sample(const LightStage& s, const Three& x) {
-  Sample sample = Shape == kDirection || Shape == kSky ? sample_direction(s, x)
-                  : Shape == kOpenSky                  ? sample_open_sky(s, x)
-                  : Shape == kMeshSource               ? sample_mesh(s, x)
-                  : Shape == kPointSource              ? sample_point(s, x)
-                  : Shape == kSphereSource             ? sample_sphere(s, x)
-                  : Shape == kDiscSource               ? sample_disc(s, x)
-                  : Shape == kRectangleSource          ? sample_rectangle(s, x)
-                                                       : sample_plane(s, x);
-  share(s, sample);
-  return sample;
+inline auto lone_sample(const LightStage& s, const Three& x, const Three& n) {
+  if constexpr (Shape == kBouncedSource) return sample_bounced(s, x, n);
+  else if constexpr (Shape == kOpenSky) return sample_open_sky(s, x);
+  else if constexpr (Shape == kMeshSource) return sample_mesh(s, x);
+  else if constexpr (Shape == kPointSource) return sample_point(s, x);
+  else if constexpr (Shape == kSphereSource) return sample_sphere(s, x);
+  else if constexpr (Shape == kDiscSource) return sample_disc(s, x);
+  else if constexpr (Shape == kPlaneSource) return sample_plane(s, x);
+  else if constexpr (Shape == kRectangleSource) return sample_rectangle(s, x);
+  else return sample_direction(s, x);
+}
+
+template <int Shape>
+inline auto sample(const LightStage& s, const Three& x, const Three& n) {
+  auto at = lone_sample<Shape>(s, x, n);
+  if constexpr (Shape != kBouncedSource) share(s, at);  // that does so itself
+  return at;
+}
+
+template <int Shape>
+inline auto lone_sample_at(const LightStage& s, const Three& x, const Three& l) {
+  if constexpr (Shape == kSky) return sky_at(s, l);
+  else if constexpr (Shape == kOpenSky) return open_sky_at(s, x, l);
+  else if constexpr (Shape == kDirection) return direction_at(s, x, l);
+  else if constexpr (Shape == kSphereSource) return sphere_at(s, x, l);
+  else if constexpr (Shape == kDiscSource) return disc_at(s, x, l);
+  else if constexpr (Shape == kRectangleSource) return rectangle_at(s, x, l);
+  else return plane_at(s, x, l);
 }
 
 /// The sample that the direction l would be; not good where it misses the light.
 template <int Shape>
-inline Sample sample_at(const LightStage& s, const Three& x, const Three& l) {
-  Sample sample = Shape == kSky               ? sky_at(s, l)
-                  : Shape == kOpenSky         ? open_sky_at(s, x, l)
-                  : Shape == kDirection       ? direction_at(s, x, l)
-                  : Shape == kSphereSource    ? sphere_at(s, x, l)
-                  : Shape == kDiscSource      ? disc_at(s, x, l)
-                  : Shape == kRectangleSource ? rectangle_at(s, x, l)
-                                              : plane_at(s, x, l);
-  share(s, sample);
-  return sample;
+inline auto sample_at(const LightStage& s, const Three& x, const Three& l) {
+  auto at = lone_sample_at<Shape>(s, x, l);
+  share(s, at);
+  return at;
 }
 
 }  // namespace

@@ -11,21 +11,17 @@ namespace {
 template <bool IsDrawn, bool Bent, int Shape>
 __attribute__((flatten)) void add_sample(const ShareStage& to, const LightStage& s, size_t first,
                                          size_t end, double* given) {
-  Given found;
   for (size_t k = first; k < end; k += kLanes, given += kLanes) {
-    bool reaches = false;
-    if constexpr (IsDrawn) reaches = give_drawn<Shape, Bent>(s, k, found);
-    else reaches = give<Shape, Bent>(s, k, found);
     Three both{};
-    if (reaches) {
-      const Three diffuse = where(found.reached, found.diffuse),
-                  specular = where(found.reached, found.specular);
-      both = diffuse + specular;
-      store(to.total + k,
-            load(to.total + k) + (magnitude(both.x) + magnitude(both.y) + magnitude(both.z)));
-      if (!IsDrawn) store3(to.diffuse, k, load3(to.diffuse, k) + diffuse);
-      store3(to.specular, k, load3(to.specular, k) + specular);
-    }
+    give_either<Shape, Bent, IsDrawn>(
+        s, k, [&](const Sample&, Mask reached, const Three& diffuse, const Three& specular) {
+          const Three matt = where(reached, diffuse), shiny = where(reached, specular);
+          both = matt + shiny;
+          store(to.total + k,
+                load(to.total + k) + (magnitude(both.x) + magnitude(both.y) + magnitude(both.z)));
+          if (!IsDrawn) store3(to.diffuse, k, load3(to.diffuse, k) + matt);
+          store3(to.specular, k, load3(to.specular, k) + shiny);
+        });
     store(given, both.x);
     store(given + kShareBlock, both.y);
     store(given + 2 * kShareBlock, both.z);

@@ -78,8 +78,11 @@ void place_on_strand(const Affine& m, const NormalMatrix& to_world, const GlintG
     s.weights[1] = at.along;
   }
   s.g = to_world(n);
-  s.offset = rounding(std::max(max_abs(point(m, a)), max_abs(point(m, b))) +
-                      std::max(ra, rb) * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)));
+  // Ends so far away that their steps are as wide as the strand count for nothing: hits are worked
+  // out in double.
+  const double width = std::max(ra, rb) * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)),
+               ends = std::max(max_abs(point(m, a)), max_abs(point(m, b)));
+  s.offset = std::min(rounding(ends + width), std::max(width / 64, rounding(max_abs(s.x) + width)));
 }
 
 /// Newell's normal in object space; `reach` becomes the corners' largest coordinate after m.
