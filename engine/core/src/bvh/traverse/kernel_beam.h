@@ -82,10 +82,9 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
     narrow(u + h, e.u);
     narrow(v + h, e.v);
     const Doubles margin = splat(beam.close);
-    DoubleMask good = at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin);
-    if (s.mixed) good = good & s.of_order(k + h);
-    close |= bits(good) << h;
+    close |= bits(at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin)) << h;
   }
+  close &= beam.source.own(k, kFloats);
   store(answers.instance + k, choose(none, Ints{} - 1, instance));
   store(answers.primitive + k, choose(none, Ints{}, primitive));
   store(answers.u + k, choose(none, Floats{}, load(u)));

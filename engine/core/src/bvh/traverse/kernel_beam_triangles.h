@@ -24,6 +24,13 @@ struct BeamSource {
     return (order->axes[2] < 2 ? at_most(x, ahead) : less(x, ahead)) &
            (order->axes[2] < 1 ? at_most(y, ahead) : less(y, ahead));
   }
+  /// The same of `count` rays.
+  uint32_t own(int k, int count) const {
+    if (!mixed) return ~0u;
+    uint32_t mask = 0;
+    for (int h = 0; h < count; h += kLanes) mask |= bits(of_order(k + h)) << h;
+    return mask;
+  }
 };
 
 /// One of them, in its own order.

@@ -176,10 +176,10 @@ struct BeamWalk {
             {load(s.d[0] + r) * inverse, load(s.d[1] + r) * inverse});
       e.weigh();
       found |= bits(at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin) &
-                    at_most(e.depth / along, load(s.t_min + r)) & s.of_order(r))
+                    at_most(e.depth / along, load(s.t_min + r)))
                << h;
     }
-    return found & rays;
+    return found & rays & s.own(k, kBroad);
   }
   /// Those of some rays from k on, all surely inside a triangle, that surely begin beyond it: on
   /// the surface that they leave.
@@ -192,10 +192,9 @@ struct BeamWalk {
       if (!(rays >> h & ((1u << kLanes) - 1))) continue;
       const int r = k + h;
       const Doubles inverse = 1 / load(s.d[2] + r);
-      left |= (well_behind({load(s.o[0] + r), load(s.o[1] + r), load(s.o[2] + r)},
-                           {load(s.d[0] + r) * inverse, load(s.d[1] + r) * inverse}, beam.close,
-                           plane, double(s.order->sign)) &
-               bits(s.of_order(r)))
+      left |= well_behind({load(s.o[0] + r), load(s.o[1] + r), load(s.o[2] + r)},
+                          {load(s.d[0] + r) * inverse, load(s.d[1] + r) * inverse}, beam.close,
+                          plane, double(s.order->sign))
               << h;
     }
     return left & rays;
