@@ -37,6 +37,8 @@ def run(wanted: str, pytest_arguments: list[str]) -> int:
         **os.environ,
         "BLENDER_USER_RESOURCES": str(blender.bare_resources),
         "PYTHONDONTWRITEBYTECODE": "1",
+        # NumPy's threads for matrices of 3 by 3 spin for longer than these take.
+        "OPENBLAS_NUM_THREADS": "1",
     }
     command = [blender.interpreter, tree.ROOT / "packaging" / "pytest_main.py", *pytest_arguments]
     return subprocess.run([str(part) for part in command], cwd=tree.ROOT, env=variables).returncode

@@ -27,7 +27,7 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeSubsurfaceScattering": "as diffuse",
     "ShaderNodeBsdfToon": "as diffuse",
     "ShaderNodeBsdfVelvet": "as diffuse",
-    "ShaderNodeBsdfHair": "highlights round the strand; Offset is left out",
+    "ShaderNodeBsdfHair": "highlights round the strand",
     "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand and on to "
     "strands behind; the rest of the light from strand to strand is by how dense strands are",
     "ShaderNodeHoldout": "black; the object's own holdout is exact",
@@ -47,8 +47,7 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeRaycast": "it meets nothing in the light that things give to others by glowing or "
     "bouncing",
     "ShaderNodePointInfo": "zeros, as of what is no point cloud",
-    "ShaderNodeBump": "Filter Width is a tenth of a pixel; at the edges of patterns 1 % of the "
-    "pixels differ",
+    "ShaderNodeBump": "at the edges of patterns 1 % of the pixels differ",
     **dict.fromkeys(
         ("ShaderNodeDisplacement", "ShaderNodeVectorDisplacement"),
         "Displacement and Bump shows the slopes of the surface, in Cycles times the object's scale",

@@ -95,8 +95,12 @@ class Graph:
             )
         return self._applied[key]
 
-    def shifted(self, value: Value, shift: int) -> Value:
-        """The same expression read beside the point, as `operations_input.Shift` has it."""
+    def shifted(
+        self, value: Value, shift: int, stays: Callable[[str], bool] = lambda attribute: False
+    ) -> Value:
+        """The same expression read beside the point, as `operations_input.Shift` has it; but
+        attributes of which `stays` is true at the point.
+        """
         moved: dict[int, tuple[Value, ...]] = {}
 
         def at(v: Value) -> Value:
@@ -105,7 +109,7 @@ class Graph:
         for call in needed([value]):
             names = [name for name, _ in call.operation.settings]
             settings = self.meant(call.operation, call.settings)
-            if "shift" in names:
+            if "shift" in names and not stays(settings.get("attribute", "")):
                 settings["shift"] = shift
             moved[call.order] = self.apply(
                 call.operation, *(at(argument) for argument in call.arguments), **settings

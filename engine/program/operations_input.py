@@ -16,6 +16,10 @@ class Shift(IntEnum):
     FIRST = 1
     SECOND = 2
 
+    def by(self, width: int) -> int:
+        """The same so many thousandths of a pixel beside the point; 0 is a tenth of one."""
+        return int(self) + 4 * width
+
 
 class NormalSpace(IntEnum):
     """Blender's identifiers of what the colours of normal maps mean."""
@@ -43,7 +47,9 @@ class VectorType(IntEnum):
     NORMAL = 2
 
 
-_SHIFT = (("shift", Shift),)
+WIDEST = 100_000
+"""Thousandths of a pixel that reads are shifted at most."""
+_SHIFT = (("shift", range(4 * (WIDEST + 1))),)
 
 INPUTS = (
     Operation(
@@ -194,8 +200,9 @@ INPUTS = (
             distance="number",
             normal="vector",
         ),
-        formula="the normal of a surface that is raised outward by distance × height; first, "
-        "second: the heights beside the point, as Shift says (Mikkelsen 2020)",
+        (("width", range(WIDEST + 1)),),
+        "the normal of a surface that is raised to the viewer by distance × height; first, second: "
+        "the heights beside the point, as Shift.by(width) says (Mikkelsen 2020)",
         reads_point=True,
     ),
     Operation(

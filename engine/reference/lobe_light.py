@@ -91,7 +91,7 @@ def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, m
             return np.where(cosine > 0, fibre_diffuse(t, l), 0.0)
         behind = term.lobe.kind == "FIBRE_TRANSMISSION"
         numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
-        given = fibre_highlight(t, v, l, *numbers, behind)
+        given = fibre_highlight(t, v, l, *numbers, behind, term.lobe.tilt)
         return np.where((cosine < 0) if behind else (cosine > 0), given, 0.0)
 
     chosen = [term for term in terms if (term.lobe.kind == "FIBRE_DIFFUSE") == matt]

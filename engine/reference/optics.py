@@ -83,17 +83,20 @@ def fibre_highlight(
     exponent: Array | float,
     fan: Array | float = 0.0,
     behind: bool = False,
+    tilt: float = 0.0,
 ) -> Array:
     """(m,) max(0, n·h)^p round a fibre, n across its tangent t and h half way from v to l turned
     round t to v's side, times what keeps the light of a uniform world (SEMANTICS.md).  fan: how far
-    light fans out round t from v's side, or from behind, 0 to 1; 0 for as far as normals do.
+    light fans out round t from v's side, or from behind, 0 to 1; 0 for as far as normals do.  tilt:
+    the tangent of how far n leans from across t, against it.
     """
     t = unit(t)
     to_l, to_v = dot(t, l), dot(t, v)
     across_l, across_v = _across(to_l), _across(to_v)
-    across = across_l + across_v
+    along, across = to_l + to_v, across_l + across_v
+    along, across = along + tilt * across, across - tilt * along
     with np.errstate(divide="ignore", invalid="ignore"):
-        tangent2 = (to_l + to_v) ** 2 / across**2
+        tangent2 = along**2 / across**2
         power = np.exp(-exponent / 2 * np.log1p(tangent2))
     widest = np.maximum(np.maximum(across_l, across_v), 1 / 8)
     size = np.sqrt((exponent + 0.5) / (8 * np.pi))

@@ -161,7 +161,7 @@ class SurfacePoints:
         a, b, c = (pick(g.points, corner[primitive[flat]]) for corner in g.triangles)
         e, f = b - a, c - a
         area = np.sqrt((cross(e, f) ** 2).sum(0))
-        weights = self._place(shift)[2][:, flat]
+        weights = self._place(shift, sided=False)[2][:, flat]
         sides = [np.sqrt((side * side).sum(0)) for side in (f - e, f, e)]
         found = np.full(len(self._index), float(np.finfo(np.float32).max))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -171,9 +171,11 @@ class SurfacePoints:
 
     def shift(self, number: int) -> Array:
         """(3, m) the step to where a shifted read happens; zeros for 0."""
-        if number == 0:
+        axis, width = number & 3, number >> 2
+        if axis == 0:
             return np.zeros((3, len(self._index)))
-        return self._step_size() * _axes_in_face(self._of("g"))[number - 1]
+        size = self._step_size() * (width / 100 if width else 1.0)
+        return size * _axes_in_face(self._of("g"))[min(axis, 2) - 1]
 
     def object_location(self) -> Array:
         """(3, m) of the object's origin in the world."""
@@ -267,13 +269,18 @@ class SurfacePoints:
         pixel = 0.1 * axis * (right - left) / camera.resolution[0]
         if camera.kind == "ORTHOGRAPHIC":
             return np.full(len(self._index), pixel)
-        return pixel * np.sqrt((self._of("x") ** 2).sum(0))
+        x, y, z = camera_position(camera, self._of("x"))
+        far = np.sqrt(x * x + y * y + z * z)
+        z = np.maximum(z, far / 4)
+        wide = 0.5 * (np.sqrt(z * z + x * x) + np.sqrt(z * z + y * y))
+        return pixel * wide * z / np.where(far > 0, far, 1.0)
 
-    def _place(self, shift: int) -> tuple[Array, Array, Array]:
+    def _place(self, shift: int, sided: bool = True) -> tuple[Array, Array, Array]:
         s, index = self._surface, self._index
         weights = pick(s.weights, index)
         if shift:
-            weights = weights + self._weights_of(self.shift(shift))
+            side = 1 - 2 * self.backfacing() if sided else 1.0
+            weights = weights + self._weights_of(side * self.shift(shift))
         return s.geometry[index], s.local[index], weights
 
     def _weights_of(self, step: Array) -> Array:

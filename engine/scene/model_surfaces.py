@@ -104,7 +104,8 @@ class Lobe:
     the exponent or masking instead, kept from 0 to what stands here; -1 for none.  ior_output: the
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
     width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
-    fans out round the tangent, 0 for as far as normals do.  fibre_output: of FIBRE lobes, the
+    fans out round the tangent, 0 for as far as normals do, and as ior what `leaning` makes of how
+    far they lean along it.  fibre_output: of FIBRE lobes, the
     output with the fibre's tangent in the world, as long as the fibre is thick there, 0 of what is
     no fibre; -1: all 0.  normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a
     shading normal of their own in the world; where it is zero or not finite, or -1, they have the
@@ -128,6 +129,18 @@ class Lobe:
     normal_output: int = -1
     stretch_output: int = -1
     between_fibres: bool = False
+
+    @property
+    def tilt(self) -> float:
+        """Of a FIBRE lobe: the tangent of how far the normals of its highlight lean from across the
+        fibre, against its tangent.
+        """
+        return (self.ior - 1) / (self.ior + 1)
+
+    @staticmethod
+    def leaning(tilt: float) -> float:
+        """The ior of a FIBRE lobe with that tilt, -1 to 1."""
+        return (1 + tilt) / (1 - tilt)
 
     @property
     def is_glossy(self) -> bool:

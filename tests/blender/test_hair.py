@@ -348,3 +348,30 @@ def test_melanin_may_vary_and_be_odd(scene):  # noqa: F811
         value.outputs[0].default_value = number
         film = render(export().scene, Settings(samples=1, backend="NUMPY", diffuse_bounces=1))
         assert np.isfinite(film.combined).all()
+
+
+def test_random_roughness_differs_from_strand_to_strand(scene):  # noqa: F811
+    """As the strand's random number says: exponents of Roughness 0.3 times 0.4 to 1.6."""
+    thing = curves("Fur", [np.linspace([x, 0, 0], [x, 0, 3], 4) for x in range(40)])
+    shader = Shader(shader="ShaderNodeBsdfHairPrincipled")
+    thing.data.materials.append(shader.material)
+    result, lobes = shader.export()
+    assert not [note for note in result.notes if "Random Roughness" in note or "Offset" in note]
+    assert all(lobe.exponent_output < 0 for lobe in lobes)
+    shader.shader.inputs["Random Roughness"].default_value = 0.6
+    result, lobes = shader.export()
+    assert not [note for note in result.notes if "Random Roughness" in note]
+    shine = [lobe for lobe in lobes if lobe.kind == "FIBRE_SPECULAR"]
+    assert shine and all(lobe.exponent_output >= 0 for lobe in shine)
+    (hair,) = (a for a in strands_of(result)[0].attributes if a.name == "(hair)")
+    assert np.ptp(hair.values[:, 2]) > 0.5
+
+
+@pytest.mark.parametrize("offset", [1e6, -1e6, float("nan")])
+def test_odd_offsets_lean_no_further(scene, offset):  # noqa: F811
+    thing = curves("Fur", [np.linspace([0, 0, 0], [0, 0, 3], 4)])
+    shader = Shader(shader="ShaderNodeBsdfHairPrincipled")
+    thing.data.materials.append(shader.material)
+    shader.shader.inputs["Offset"].default_value = offset
+    _, lobes = shader.export()
+    assert all(0.1 < lobe.ior < 10 for lobe in lobes if lobe.kind.startswith("FIBRE"))

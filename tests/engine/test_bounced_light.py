@@ -92,7 +92,7 @@ def lamp(kind: str = "POINT", at=(0.0, 0.0, 0.0), **more) -> Light:
 @pytest.mark.parametrize("bounces", [1, 2, 4])
 def test_a_matt_ball_seen_from_inside_is_a_geometric_series(bounces: int, backend: str) -> None:
     scene = room(lamp())
-    ratio = drawn(scene, bounces, backend, samples=64) / drawn(scene, 0, backend, samples=64)
+    ratio = drawn(scene, bounces, backend, samples=32) / drawn(scene, 0, backend, samples=32)
     truth = sum(ALBEDO**k for k in range(bounces + 1))
     # discs that lie round a point, a 64th of the ball all together, give it nothing: they are even,
     # and points are not, by as much
@@ -177,7 +177,7 @@ def test_a_ground_without_end_lights_a_wall_by_half(backend: str, light_samples:
     fall. So they grow less.
     """
     scene = wall_over_ground(lamp("SUN", strength=2.0))
-    found = added(scene, backend, samples=256, light_samples=light_samples)
+    found = added(scene, backend, samples=128, light_samples=light_samples)
     truth = 2.0 / np.pi * ALBEDO / 2
     assert np.abs(found / truth - 1).max() < 0.05
 

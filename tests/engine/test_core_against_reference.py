@@ -105,7 +105,7 @@ def test_no_shadow_on_a_convex_body_seen_from_afar(distance: float, copies: int)
     matrix[1:, 2, 3] = 5 * distance  # out of sight
     eye, half = distance * np.array([0.68, -0.57, 0.46]), 1.1 / distance
     camera = s.Camera(
-        "PERSPECTIVE", look_at(eye, (0, 0, 0)), (-half, half, -half, half), (150, 150)
+        "PERSPECTIVE", look_at(eye, (0, 0, 0)), (-half, half, -half, half), (100, 100)
     )
     body, paint = s.Instances("ball", 0, matrix, (0,)), surface(diffuse=0.8, ambient=0.0)
     scene = s.Scene(
@@ -115,7 +115,7 @@ def test_no_shadow_on_a_convex_body_seen_from_afar(distance: float, copies: int)
         engine.render(scene, replace(SETTINGS, samples=1, backend=backend)).combined
         for backend in ("NATIVE", "NUMPY")
     )
-    assert (reference[..., :3].max(-1) > 0).sum() > 5000
+    assert (reference[..., :3].max(-1) > 0).sum() > 2200
     assert np.abs(core[..., :3].astype(float) - reference[..., :3]).max() <= 1e-4
 
 

@@ -12,7 +12,7 @@ from glint import engine
 from glint.engine import scene as s
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations import Operation
-from glint.engine.program.operations_input import NormalSpace, Space, VectorType
+from glint.engine.program.operations_input import NormalSpace, Shift, Space, VectorType
 from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME, OPERATIONS
@@ -160,22 +160,58 @@ def test_vectors_in_other_spaces(kind: VectorType, before: Space, after: Space):
     np.testing.assert_allclose(found["Combined"], wanted["Combined"], rtol=1e-4, atol=1e-4)
 
 
-def bumpy(graph: Graph) -> Value:
-    """Hills of a texture and of the place in the object, on the shading normal."""
-    texture, _ = graph.apply(
-        BY_NAME["image"], point_value(graph, "object_position", shift=0), texture=0
-    )
+def bumpy(graph: Graph, width: int = 0, place: str = "object_position") -> Value:
+    """Hills of a texture and of the place in the object, or in its map, on the shading normal."""
+    settings = {"attribute": ""} if place == "uv" else {}
+    where = point_value(graph, place, shift=0, **settings)
+    texture, _ = graph.apply(BY_NAME["image"], where, texture=0)
     height = graph.apply(BY_NAME["rgb_to_bw"], texture)[0]
-    heights = (height, graph.shifted(height, 1), graph.shifted(height, 2))
-    numbers = (graph.constant(0.8), graph.constant(0.3))
-    return graph.apply(BY_NAME["bump"], *heights, *numbers, point_value(graph, "normal"))[0]
+    beside = (graph.shifted(height, axis.by(width)) for axis in (Shift.FIRST, Shift.SECOND))
+    rest = (graph.constant(0.8), graph.constant(0.3), point_value(graph, "normal"))
+    return graph.apply(BY_NAME["bump"], height, *beside, *rest, width=width)[0]
 
 
 @pytest.mark.parametrize("kind", ["PERSPECTIVE", "ORTHOGRAPHIC"])
-def test_bumps(kind: str):
+@pytest.mark.parametrize("width", [0, 30, 1000])
+@pytest.mark.parametrize("place", ["object_position", "uv"])
+def test_bumps(kind: str, width: int, place: str):
     graph = new_graph()
-    core, reference = both(scene_of(shown(graph, bumpy(graph)), kind))
+    core, reference = both(scene_of(shown(graph, bumpy(graph, width, place)), kind))
     np.testing.assert_allclose(core["Combined"], reference["Combined"], rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("inner", [False, True])
+@pytest.mark.parametrize("place", ["object_position", "uv"])
+def test_steps_of_bumps_are_parts_of_a_pixel(place: str, inner: bool):
+    """Of a height that is one up to x = 0 and zero beyond, only pixels whose step reaches over the
+    edge are bumped: at a width of four pixels as many times more than at one. Of what meshes store
+    the step goes the other way on the inner side.
+    """
+    found = []
+    for width in (1000, 4000):
+        graph = new_graph()
+        settings = {"attribute": ""} if place == "uv" else {}
+        where = point_value(graph, place, shift=0, **settings)
+        x = graph.apply(BY_NAME["separate_xyz"], where)[0]
+        settings = {"operation": MathOperation.GREATER_THAN, "clamp": 0}
+        edge = graph.constant(0.5 if place == "uv" else 0.0)
+        height = graph.apply(BY_NAME["math"], x, edge, graph.constant(0.0), **settings)[0]
+        beside = (graph.shifted(height, axis.by(width)) for axis in (Shift.FIRST, Shift.SECOND))
+        one = graph.constant(1.0)
+        rest = (one, one, point_value(graph, "normal"))
+        bent = graph.apply(BY_NAME["bump"], height, *beside, *rest, width=width)[0]
+        turned = np.diag([1.0, -1.0, -1.0]) if inner else np.eye(3)
+        at = s.Instances("one", 0, np.c_[turned, np.zeros(3)][None], (0,))
+        scene = s.Scene(
+            view_from_above(), (square(),), (at,), (shown(graph, bent),), world=NO_WORLD
+        )
+        pictures = [picture["Combined"][..., :2] for picture in both(scene)]
+        np.testing.assert_allclose(*pictures, atol=1e-6)
+        columns = np.abs(pictures[0]).max((0, 2)) > 1e-3
+        found.append(np.flatnonzero(columns))
+    assert 3 <= len(found[1]) / max(len(found[0]), 1) <= 5
+    before = found[1] < (len(columns) - 1) / 2
+    assert before.all() or not before.any()
 
 
 def test_a_bumps_slope_is_that_of_the_height():
@@ -195,6 +231,7 @@ def test_a_bumps_slope_is_that_of_the_height():
         one,
         graph.constant(1.5),
         point_value(graph, "normal"),
+        width=0,
     )[0]
     scene = s.Scene(
         view_from_above(), (square(),), (placed(),), (shown(graph, bent),), world=NO_WORLD

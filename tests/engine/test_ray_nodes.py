@@ -372,7 +372,7 @@ def normals_of(scene: s.Scene, backend: str = "NATIVE", **settings) -> np.ndarra
 @pytest.mark.parametrize("up", [True, False])
 def test_an_edge_is_round(backend: str, up: bool) -> None:
     """Both ways; pixels are means of unit normals, a little short."""
-    found = normals_of(edge_scene(bevelled(0.4, 64), up), backend)
+    found = normals_of(edge_scene(bevelled(0.4, 64), up), backend, samples=16)
     away = 0.25 - x_and_y(0.25)[0][0]
     np.testing.assert_allclose(
         found, np.broadcast_to(bevel_at(away, 0.4, up), found.shape), atol=0.02
@@ -412,7 +412,8 @@ def test_a_ball_stays_one(backend: str) -> None:
             world=s.World(),
         )
         plain = replace(scene, materials=(shown_normal(),))
-        apart = normals_of(scene, backend) - normals_of(plain, backend)
+        few = {"samples": 16}  # of 128 rays each: the core's means are 1e-4 apart
+        apart = normals_of(scene, backend, **few) - normals_of(plain, backend, **few)
         assert np.abs(apart).max() < 0.01
 
 

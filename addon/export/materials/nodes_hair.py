@@ -15,10 +15,12 @@ import numpy as np
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.table import BY_NAME
+from ....engine.scene import Lobe
 from ..shader_nodes.reader import ENCLOSED, FIBRE, HAIR
 from .evaluator import CLOSURE_NODES, PASSED, Closure, LobeKey, NodeView, add_closures
 from .fresnel import mean_across_fibre
 from .terms import RGB, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
+from .varying import Roughness
 
 _EUMELANIN, _PHEOMELANIN = (0.506, 0.841, 1.653), (0.343, 0.733, 1.924)
 """What melanin absorbs, a fibre's radius (Donner and Jensen 2006)."""
@@ -26,6 +28,8 @@ _SMOOTHEST = 0.02
 """Of highlights along a strand."""
 _ACROSS = 1.85
 """Radii that light goes within a fibre of an index of about 1.5, on average over its width."""
+_STEEPEST = 0.3
+"""Radians that scales lean at most: lobes lean up to twice as far."""
 _TAIL = 3.0
 """Exponent of light that leaves a strand behind in all directions."""
 
@@ -47,14 +51,37 @@ class _Model(NamedTuple):
     back: tuple[float, float]
     broad: tuple[float, float]
     onward: tuple[float, float]
+    # How far reflections, what goes straight on and what is reflected within lean along a strand
+    # whose scales tilt by 1.
+    leans: tuple[float, float, float]
 
 
 _MODELS = {
     "CHIANG": _Model(
-        0.72, 1.65, 0.98, 0.42, 0.16, 0.03, 0.0, (1.55, 8.6), (2.55, 4.4), (0.34, 3.0)
+        0.72,
+        1.65,
+        0.98,
+        0.42,
+        0.16,
+        0.03,
+        0.0,
+        (1.55, 8.6),
+        (2.55, 4.4),
+        (0.34, 3.0),
+        (1.0, -0.5, -2.0),
     ),
     "HUANG": _Model(
-        0.58, 0.0, 0.745, 1.0, 0.09, 0.123, 0.056, (0.46, 8.1), (1.0, 4.35), (0.45, 1.5)
+        0.58,
+        0.0,
+        0.745,
+        1.0,
+        0.09,
+        0.123,
+        0.056,
+        (0.46, 8.1),
+        (1.0, 4.35),
+        (0.45, 1.5),
+        (0.5, 0.0, 0.0),
     ),
 }
 _WITHIN_FAN = 0.25
@@ -90,12 +117,7 @@ exponents of two powers of a cosine and the share of the second that are nearest
 root mean square of the square roots: within 15 % below 0.05, 9 % above.
 """
 
-_UNUSED = {
-    "Coat": 0.0,
-    "Offset": 2 * math.pi / 180,
-    "Aspect Ratio": 0.85,
-    "Random Roughness": 0.0,
-}
+_UNUSED = {"Coat": 0.0, "Aspect Ratio": 0.85}
 """Inputs of Principled Hair that have no effect, and what they are where nobody set them."""
 
 
@@ -148,7 +170,8 @@ def _principled_hair(view: NodeView) -> Closure:
         "lobes that the strands round each point make stronger stand for the rest"
     )
     model = _MODELS.get(view.node.model, _MODELS["CHIANG"])
-    roughness = view.roughness("Roughness", 0.3)
+    roughness = _roughness(view)
+    tilt = min(max(view.constant("Offset", 2 * math.pi / 180), -_STEEPEST), _STEEPEST)
     edge = mean_across_fibre(max(view.constant("IOR", 1.55), 1.0))
     enters = (1 - edge) ** 2
     usual = min(enters / _USUAL_ENTERS, 1.0)
@@ -158,8 +181,9 @@ def _principled_hair(view: NodeView) -> Closure:
         for name in ("R lobe", "TT lobe", "TRT lobe")
     )
 
-    def lobe(kind: str, weight: Sum, times: float, **more) -> Closure:
-        """times: its variance, of the reflection's."""
+    def lobe(kind: str, weight: Sum, times: float, leans: float, **more) -> Closure:
+        """times: its variance, of the reflection's.  leans: as far as scales, so many times."""
+        more |= {"ior": Lobe.leaning(math.tan(leans * tilt))}
 
         def exponent(x: float) -> float:
             return 4 / (times * _variance(x))
@@ -177,9 +201,9 @@ def _principled_hair(view: NodeView) -> Closure:
     reflected = multiply(trt, scale(within, model.within * edge * usual))
     come_back, left_behind = _enclosed(view)
     return add_closures(
-        lobe("SPECULAR", scale(r, model.before * edge), 1.0),
-        lobe("TRANSMISSION", straight, model.wide, masking=model.fan),
-        lobe("SPECULAR", reflected, 4.0, even=0.77, masking=_WITHIN_FAN),
+        lobe("SPECULAR", scale(r, model.before * edge), 1.0, model.leans[0]),
+        lobe("TRANSMISSION", straight, model.wide, model.leans[1], masking=model.fan),
+        lobe("SPECULAR", reflected, 4.0, model.leans[2], even=0.77, masking=_WITHIN_FAN),
         _fibre(view, "DIFFUSE", multiply(trt, scale(within, model.matt))),
         _fibre(view, "TRANSMISSION", scale(passes, model.behind), even=0.53, exponent=_TAIL),
         _of_others(_fibre(view, "DIFFUSE", multiply(of_mass(*model.back), come_back))),
@@ -224,6 +248,16 @@ def _variance(roughness: float) -> float:
     """Of the sum of both angles off the plane across the tangent (Chiang et al., equation 7)."""
     beta = min(max(roughness, _SMOOTHEST), 1.0)
     return (0.726 * beta + 0.812 * beta**2 + 3.7 * beta**20) ** 2
+
+
+def _roughness(view: NodeView) -> Roughness:
+    """Another one for each strand where Random Roughness says so."""
+    found, apart = view.roughness("Roughness", 0.3), view.constant("Random Roughness", 0.0)
+    if apart == 0 or not view.input("Random Roughness"):
+        return found
+    expressions = view.evaluator.expressions
+    off = expressions.math("MULTIPLY_ADD", _random(view), 2 * apart, 1 - apart)
+    return Roughness(expressions.math("MULTIPLY", off, found.value), expressions)
 
 
 def _spread(view: NodeView) -> float:
@@ -342,7 +376,7 @@ def _hair(view: NodeView) -> Closure:
     """Cycles' light falls off along the strand as Cauchy's distribution does; round it a reflection
     does as a cosine, what passes through as Cauchy's again.
     """
-    _note_unused(view, {"Offset": 0.0})
+    tilt = min(max(view.constant("Offset", 0.0), -2 * _STEEPEST), 2 * _STEEPEST)
     color, along = view.reflectance("Color"), view.roughness("RoughnessU", 0.1)
     across = min(max(view.constant("RoughnessV", 1.0), 0.05), 1.0)
     if view.node.component == "Transmission":
@@ -351,7 +385,7 @@ def _hair(view: NodeView) -> Closure:
         kind, power = "SPECULAR", 1 + 1 / (2 * across**2)
         # as bright in front
         color = scale(color, min(math.sqrt(8 * math.pi / (2 * power + 0.5)) / (4 * across), 1.0))
-    fan = {"masking": 1 / power}
+    fan = {"masking": 1 / power, "ior": Lobe.leaning(math.tan(tilt))}
     share = along.number(lambda r: _cauchy(r, 3))
     passes = view.node.component == "Transmission"
     return add_closures(

@@ -49,7 +49,7 @@ LOBES = (
     ])),
 )  # fmt: skip
 """Roughnesses, and a row for each: p·α² of the lobes, then s·α². Four lobes and three follow D to
-20 %, two to 8 %, up to 75° from the half vector (up to 25 α where roughness is below 0.3).
+23 %, two to 8 %, up to 75° from the half vector (up to 25 α where roughness is below 0.3).
 """
 
 ROUGHNESS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
@@ -182,6 +182,11 @@ ALBEDO = np.array(
 where it scatters until it is out.
 """
 
+LIT_ALBEDO = np.array([1.0, 0.9999, 0.9977, 0.986, 0.9549, 0.8955, 0.8064, *ALBEDO[7:]])
+"""The same averaged over half angles δ between light and view, which highlights are seen at, with
+sin 2δ cos² δ; from 0.7 on, where ever less of what scatters again looks like them, `ALBEDO`.
+"""
+
 SMALLEST = 0.03
 """Below it a lobe is narrower than 0.05° and roughness no longer matters: p stays under 4e6."""
 
@@ -211,6 +216,7 @@ def highlights(roughness: float) -> tuple[Highlight, ...]:
     else:
         row = np.array([np.interp(roughness, rows, column) for column in table.T])
     exponents, scales = np.split(row / roughness**4, 2)
+    scales = scales / (8 * scales / (exponents + 2)).sum()  # as much light as D has
     return tuple((float(p), float(x)) for p, x in zip(exponents, scales, strict=True))
 
 
@@ -245,7 +251,7 @@ def scattered_narrow(roughness: float) -> float:
     """Which share of that, beside what is sent out at once, looks like the highlight; the rest of
     it looks matt.
     """
-    once = specular_albedo(roughness)
+    once = float(np.interp(_clamped(roughness), ROUGHNESS, LIT_ALBEDO))
     return (1 - once) / once * _narrow(roughness)
 
 

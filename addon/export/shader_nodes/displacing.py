@@ -69,7 +69,9 @@ class DisplacementReader(TreeReader):
             self.is_placed = True
         return super().apply(name, *arguments, **settings)
 
-    def bumped(self, height: Value, strength: Value, distance: Value, normal: Value) -> Value:
+    def bumped(
+        self, height: Value, strength: Value, distance: Value, normal: Value, width: int = 0
+    ) -> Value:
         return normal
 
     def _outputs(self, place: Place) -> Outputs | None:

@@ -7,8 +7,9 @@ from typing import Any
 import bpy
 
 from ....engine.program.graph import Value
-from ....engine.program.operations_input import NormalSpace, Space, VectorType
+from ....engine.program.operations_input import WIDEST, NormalSpace, Space, VectorType
 from .reader import (
+    DISPLACED_WIDTH,
     READERS,
     TANGENT,
     UNDISPLACED_NORMAL,
@@ -18,11 +19,9 @@ from .reader import (
 )
 from .tangents import cross
 
-STEP = 0.1
-"""Of a pixel, between the heights that a bump compares."""
 WIDTH = (
-    "The Filter Width of Bump nodes is left out: {} compare heights a tenth of a pixel apart; set "
-    "it to 0.1"
+    "The Filter Width of Bump nodes does not vary: {} compare heights a tenth of a pixel apart; "
+    "unlink it"
 )
 
 
@@ -88,20 +87,30 @@ def _bump(view: NodeInputs) -> Outputs:
     normal, height = given_normal(view), view.value("Height")
     if height.constant is not None:
         return {"Normal": normal}
-    _note_width(view)
+    width = _width(view)
+    if width is None:  # heights at one place
+        return {"Normal": normal}
     distance = view.value("Distance")
     if view.node.invert:
         distance = view.reader.negative(distance)
-    return {"Normal": view.reader.bumped(height, view.value("Strength"), distance, normal)}
+    bumped = view.reader.bumped(height, view.value("Strength"), distance, normal, width)
+    return {"Normal": bumped}
 
 
-def _note_width(view: NodeInputs) -> None:
-    """Heights are compared a tenth of a pixel apart, as Blender's own new Bump nodes have it."""
+def _width(view: NodeInputs) -> int | None:
+    """How far apart heights are compared, as `Shift.by` takes it; None for not at all. A tenth of a
+    pixel in Blender's own new Bump nodes; a whole one before 4.4, which brought the choice.
+    """
     if "Filter Width" not in view.node.inputs:
-        return
-    width = view.value("Filter Width").constant
-    if width is None or abs(width[0] - STEP) > 1e-6:
+        return DISPLACED_WIDTH
+    given = view.value("Filter Width").constant
+    if given is None:
         view.reader.note(WIDTH)
+        return 0
+    if not given[0] > 0:
+        return None
+    width = min(max(round(1000 * float(given[0])), 1), WIDEST)
+    return 0 if width == 100 else width
 
 
 def _displacement(view: NodeInputs) -> Outputs:

@@ -14,7 +14,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import bpy
+
 from ....engine.program.graph import Graph, Value
+from ....engine.program.operations_input import Shift
 from ....engine.program.operations_math import MathOperation
 from ....engine.program.table import BY_NAME
 from ..materials.graph import (
@@ -53,6 +56,11 @@ UNDISPLACED, UNDISPLACED_NORMAL = "(undisplaced)", "(undisplaced normal)"
 UNDISPLACED_TANGENT = "(undisplaced tangent) "
 """Attribute names that stand for where a mesh's vertices were, and their shading normals, before
 its materials displaced them; as `TANGENT`, of that mesh.
+"""
+
+DISPLACED_WIDTH = 0 if bpy.app.version >= (4, 4, 0) else 1000
+"""How far apart bumps compare heights where no node says so, as `Shift.by` takes it: a tenth of a
+pixel, in Cycles before Blender 4.4 a whole one.
 """
 
 FARTHEST = 3.4028234663852886e38
@@ -157,10 +165,22 @@ class TreeReader:
         """The outputs of the operation; None where they are not known."""
         return self.apply("ray_depth")
 
-    def bumped(self, height: Value, strength: Value, distance: Value, normal: Value) -> Value:
-        """A normal after a bump by a height that varies."""
-        heights = (height, self.graph.shifted(height, 1), self.graph.shifted(height, 2))
-        return self.apply("bump", *heights, strength, distance, normal)[0]
+    def bumped(
+        self,
+        height: Value,
+        strength: Value,
+        distance: Value,
+        normal: Value,
+        width: int = DISPLACED_WIDTH,
+    ) -> Value:
+        """A normal after a bump by a height that varies; width: as of `Shift.by`. Heights beside
+        the point are along its own tangent, as in Cycles.
+        """
+        beside = (
+            self.graph.shifted(height, axis.by(width), lambda name: name.startswith(TANGENT))
+            for axis in (Shift.FIRST, Shift.SECOND)
+        )
+        return self.apply("bump", height, *beside, strength, distance, normal, width=width)[0]
 
     def negative(self, number: Value) -> Value:
         vector = self.apply("combine_xyz", number, number, number)[0]

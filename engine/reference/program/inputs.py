@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...program.operations_input import NormalSpace, Space, VectorType
+from ...program.operations_input import NormalSpace, Shift, Space, VectorType
 from ..optics import fresnel as dielectric
 from ..vectors import cross, dot, unit
 
@@ -170,16 +170,17 @@ def bump(
     strength: np.ndarray,
     distance: np.ndarray,
     normal: np.ndarray,
+    *,
+    width: int,
 ) -> np.ndarray:
     """Mikkelsen, "Surface gradient-based bump mapping framework" (2020): n minus the gradient of
     the height along the surface.
     """
-    one, two = points.shift(1), points.shift(2)
+    one, two = (points.shift(axis.by(width)) for axis in (Shift.FIRST, Shift.SECOND))
     across, along = cross(two, normal), cross(normal, one)
     size = dot(one, across)
     gradient = (first - height) * across + (second - height) * along
-    outward = distance * (1 - 2 * points.backfacing())
-    bent = unit(np.abs(size) * normal - outward * np.copysign(1.0, size) * gradient)
+    bent = unit(np.abs(size) * normal - distance * np.copysign(1.0, size) * gradient)
     held = np.fmax(strength, 0.0)
     mixed = unit(held * bent + (1 - held) * normal)
     return np.where(mixed.any(0), mixed, normal)

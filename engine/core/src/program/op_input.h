@@ -37,15 +37,36 @@ inline Three axis_across(const Three& g, int number) {
   return number == 1 ? first : cross(g, first);
 }
 
-/// The step in anchored space to where a shifted read happens: a tenth of what a pixel spans there.
+inline Three along_axes(const double (&axes)[3][3], const Three& p) {
+  const Three u = splat3(axes[0]), v = splat3(axes[1]), w = splat3(axes[2]);
+  const Doubles size = dot(u, cross(v, w));
+  return {dot(cross(v, w), p) / size, dot(cross(w, u), p) / size, dot(cross(u, v), p) / size};
+}
+
+/// What a tenth of a pixel spans at a point of a perspective view, from the eye to it: the mean of
+/// both directions in the picture.
+inline Doubles tenth_of_pixel(const ProgramView& view, const Three& from_eye) {
+  const Three p = along_axes(view.axes, from_eye);
+  const auto size = [&](int axis) { return length(splat3(view.axes[axis])); };
+  const Doubles x = size(0) * p.x, y = size(1) * p.y, far = length(from_eye),
+                z = larger(-(size(2) * p.z), 0.25 * far),
+                wide = 0.5 * (root(z * z + x * x) + root(z * z + y * y));
+  return choose(far > 0, view.step * wide * z / far, splat(0));
+}
+
+/// The step in anchored space to where a shifted read happens (Shift of operations_input.py).
 inline Three step_of(const Machine& m, size_t k, int shift) {
-  if (shift == 0) return Three{};
+  const int axis = shift & 3, width = shift >> 2;
+  if (axis == 0) return Three{};
   const ProgramView& view = *m.tables.view;
   Doubles size = splat(view.step * view.scale);
-  if (!view.parallel)
-    size = view.step * length(point3(m.points.x, k) -
-                              splat(view.scale) * (splat3(view.eye) - splat3(view.origin)));
-  return size * axis_across(point3(m.points.g, k), shift);
+  if (!view.parallel) {
+    const Three from_eye =
+        point3(m.points.x, k) - splat(view.scale) * (splat3(view.eye) - splat3(view.origin));
+    size = view.panorama ? view.step * length(from_eye) : tenth_of_pixel(view, from_eye);
+  }
+  if (width != 0) size = size * (width / 100.0);
+  return size * axis_across(point3(m.points.g, k), axis);
 }
 
 inline Three shifted_point(const Machine& m, size_t k, int shift) {
@@ -77,10 +98,12 @@ struct Edges {
   }
 };
 
-/// Barycentric weights after a step in the plane of the triangle.
-inline void shift_weights(const Machine& m, size_t k, int shift, OnMesh& p) {
+/// Barycentric weights after a step in the plane of the triangle; sided: the other way on its inner
+/// side, as in Cycles what meshes store is read.
+inline void shift_weights(const Machine& m, size_t k, int shift, bool sided, OnMesh& p) {
   const Edges edges(m, k);
-  const Three d = step_of(m, k, shift);
+  const Doubles side = choose(load(m.points.outside + k), splat(1), splat(sided ? -1 : 1));
+  const Three d = side * step_of(m, k, shift);
   const Doubles ee = dot(edges.e, edges.e), ef = dot(edges.e, edges.f), ff = dot(edges.f, edges.f),
                 ed = dot(edges.e, d), fd = dot(edges.f, d), size = ee * ff - ef * ef;
   const Doubles over = choose(size > 0, splat(1) / choose(size > 0, size, splat(1)), splat(0));
@@ -90,10 +113,10 @@ inline void shift_weights(const Machine& m, size_t k, int shift, OnMesh& p) {
   p.weights[2] = p.weights[2] + v;
 }
 
-inline OnMesh on_mesh(const Machine& m, size_t k, int shift) {
+inline OnMesh on_mesh(const Machine& m, size_t k, int shift, bool sided = true) {
   OnMesh p;
   for (size_t v = 0; v < 3; ++v) p.weights[v] = load(m.points.weights[v] + k);
-  if (shift != 0) shift_weights(m, k, shift, p);
+  if (shift != 0) shift_weights(m, k, shift, sided, p);
   find_primitives(
       m.tables, [&](size_t lane) { return m.points.instance[k + lane]; },
       [&](size_t lane) { return m.points.primitive[k + lane]; }, p);
@@ -192,12 +215,6 @@ inline void instance_value(const Machine& m, const Operands& at) {
 }
 
 /// Along the axes, which need not be orthogonal; the depth counts forward.
-inline Three along_axes(const double (&axes)[3][3], const Three& p) {
-  const Three u = splat3(axes[0]), v = splat3(axes[1]), w = splat3(axes[2]);
-  const Doubles size = dot(u, cross(v, w));
-  return {dot(cross(v, w), p) / size, dot(cross(w, u), p) / size, dot(cross(u, v), p) / size};
-}
-
 inline void camera_position(const Machine& m, const Operands& at) {
   const ProgramView& view = *m.tables.view;
   each_group(m, [&](size_t k) {
@@ -371,7 +388,7 @@ inline Mask on_triangles(const OnMesh& p) {
 
 inline void edge_distance(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
-    const OnMesh p = on_mesh(m, k, at.settings[0]);
+    const OnMesh p = on_mesh(m, k, at.settings[0], false);
     const Edges edges(m, k);
     const Doubles area = length(cross(edges.e, edges.f));
     const Doubles apart[3] = {magnitude(p.weights[0]) * area / length(edges.f - edges.e),
@@ -426,13 +443,14 @@ inline void normal_map(const Machine& m, const Operands& at) {
 /// Mikkelsen, "Surface gradient-based bump mapping framework" (2020).
 inline void bump(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
-    const Three one = step_of(m, k, 1), two = step_of(m, k, 2), n = at.vector(5, k);
+    const int width = at.settings[0];
+    const Three one = step_of(m, k, 1 + 4 * width), two = step_of(m, k, 2 + 4 * width),
+                n = at.vector(5, k);
     const Three across = cross(two, n), along = cross(n, one);
     const Doubles h = at.number(0, k), size = dot(one, across);
     const Doubles world = splat(1) / m.tables.view->scale;  // heights are in the world's units
     const Three gradient = (at.number(1, k) - h) * across + (at.number(2, k) - h) * along;
-    const Doubles side = choose(load(m.points.outside + k), splat(1), splat(-1));
-    const Doubles distance = side * at.number(4, k) * with_sign(splat(1), size);
+    const Doubles distance = at.number(4, k) * with_sign(splat(1), size);
     const Three bent = unit((world * magnitude(size)) * n - distance * gradient);
     const Doubles held = larger(at.number(3, k), splat(0));
     const Three mixed = unit(held * bent + (1 - held) * n);

@@ -46,14 +46,14 @@ struct SpecularTerm {
   /// In the place of the exponent of a SHEEN lobe, of which `masking` has the width and `fresnel`
   /// the lean.
   static constexpr double kSheen = -2;
-  /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one
-  /// over the masking, and `tangent` three numbers. There SPECULAR lobes have a normal of their
-  /// own, 0 for the point's, and `stretch` a direction across it, as long as slopes of half vectors
-  /// along it are times, and those across both over that; 0 for none.
+  /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one over the masking,
+  /// `tangent` three numbers and `tilt` the tangent by which they lean. There SPECULAR lobes have a
+  /// normal of their own, 0 for the point's, and `stretch` a direction across it, as long as slopes
+  /// of half vectors along it are times, and those across both over that; 0 for none.
   static constexpr double kFibreDiffuse = -3, kFibreSpecular = -4, kFibreTransmission = -5;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
-                       kTangent = 6, kFibred = 9, kNormal = 6, kTurned = 9, kStretch = 9,
-                       kStretched = 12;
+                       kTangent = 6, kTilt = 9, kFibred = 10, kNormal = 6, kTurned = 9,
+                       kStretch = 9, kStretched = 12;
   /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
   static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
 };

@@ -71,6 +71,10 @@ inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
   scatter(column + SpecularTerm::kFresnel * s.stride, at,
           where(here, choose(masking > 0, 1 / masking, splat(0))));
+  if (s.specular_columns == SpecularTerm::kStretched)
+    scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at, Three{});
+  scatter(column + SpecularTerm::kTilt * s.stride, at,
+          where(here, splat((lobe.ior - 1) / (lobe.ior + 1))));
   // as long as the fibre is thick, as a scene's lengths are here
   scatter3(column + SpecularTerm::kTangent * s.stride, s.stride, at,
            splat(s.tables.view->scale) * t);

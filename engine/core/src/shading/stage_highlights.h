@@ -124,7 +124,9 @@ inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, co
                 across_l = root(larger(1 - to_l * to_l, splat(0))),
                 across_v = root(larger(1 - to_v * to_v, splat(0)));
   const Doubles p = load(column + SpecularTerm::kMasking * s.stride);
-  const Doubles along = to_l + to_v, across = across_l + across_v,
+  const Doubles tilt = load(column + SpecularTerm::kTilt * s.stride),
+                along = (to_l + to_v) + tilt * (across_l + across_v),
+                across = (across_l + across_v) - tilt * (to_l + to_v),
                 widest = larger(larger(across_l, across_v), splat(0.125));
   const Mask behind = kind == SpecularTerm::kFibreTransmission;
   const Doubles both = across_l * across_v,
