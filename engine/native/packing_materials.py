@@ -87,7 +87,8 @@ def _program(packer: Packer, program: Program) -> int:
     """The program's number; equal ones are packed once."""
     if program in packer.packed:
         return packer.packed[program]
-    table, starts = [], []
+    table: list[float] = []
+    starts: list[int] = []
     for values in program.tables:
         starts.append(len(table))
         table += [float(len(values)), *values]
