@@ -361,7 +361,7 @@ class _Render:
             )
         memory = (c_float * size).from_address(self._core.glint_picture_values(handle))
         weakref.finalize(memory, self._core.glint_picture_free, handle).atexit = False
-        picture = np.frombuffer(memory, np.float32).reshape(shape)
+        picture = np.frombuffer(memoryview(memory), np.float32).reshape(shape)
         picture.flags.writeable = ended
         return picture
 

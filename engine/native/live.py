@@ -13,7 +13,7 @@ from ..sampling.motion import is_moving
 from ..scene import Light, Openings, Scene, left_out
 from ..scene.delta import SceneDelta
 from ..scene.view_axes import ViewAxes, narrow_view_axes
-from ..settings import Settings
+from ..settings import Lighting, Settings
 from .core_types import State
 from .packer import Packed
 from .packing import ScenePacker
@@ -46,7 +46,7 @@ class NativeLive:
         self._core = native.library()
         self._packer = ScenePacker()
         self._held: _Held | None = None
-        self._asked: tuple[Scene, dict, bool, Scene] | None = None
+        self._asked: tuple[Scene, Lighting, bool, Scene] | None = None
         self._bounced: Light | None = None
         self._openings: Openings | None = None
 
@@ -145,10 +145,10 @@ class NativeLive:
             self._bounced = next((x for x in lit.lights if x.kind == "BOUNCED"), None)
             self._openings = next((x.openings for x in lit.lights if x.kind == "DOME"), None)
         else:
-            known = tuple(
+            lights = tuple(
                 replace(x, openings=self._openings) if x.kind == "DOME" else x for x in scene.lights
             )
-            known = replace(scene, lights=known)
+            known = replace(scene, lights=lights)
             fibres = lighting["bounces"] > 0
             lit = known.as_lit(**lighting | {"bounces": 0}, finding=False, between_fibres=fibres)
             if lighting["bounces"] and self._bounced is not None:

@@ -52,7 +52,7 @@ class Packer:
         """`values` as a C-contiguous array of that dtype and shape (None: any size), itself where
         possible.
         """
-        array = np.ascontiguousarray(values, dtype)
+        array: np.ndarray = np.ascontiguousarray(values, dtype)
         if array.ndim != len(shape) or any(
             want not in (None, have) for want, have in zip(shape, array.shape, strict=True)
         ):

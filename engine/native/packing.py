@@ -46,7 +46,7 @@ class ScenePacker:
 
     def __init__(self) -> None:
         self._names: dict[str, int] = {}
-        self._scene = Scene(None)
+        self._scene = Scene(None)  # type: ignore[arg-type]  # as unlike any other as can be
         self._parts: dict[str, Part] = {}
         self._nobodys: tuple[tuple, Material] | None = None
         self._lit_by: dict[tuple[Program, int], Material] = {}
@@ -143,7 +143,8 @@ class ScenePacker:
     def _derived(self, name: str, source: tuple, make: Callable) -> Part:
         """Of values that are gathered from several places of the scene."""
         before = self._parts.get(name)
-        return self._part(name, source, make, before and differing(before.source, source))
+        changed = None if before is None else differing(before.source, source)
+        return self._part(name, source, make, changed)
 
     def _geometries(
         self, geometries: tuple[Geometry, ...], before: Part | None, changed: tuple[int, ...]
@@ -250,9 +251,9 @@ def _emitters(
         table["normal"], table["spread"] = light.normals, light.spreads
         table["reach"] = light.reaches
         table["light_group"] = 1 + light.light_group
-    corners = [light.corners.reshape(-1, 9).astype(np.float32) for light in emitters]
+    all_corners = [light.corners.reshape(-1, 9).astype(np.float32) for light in emitters]
     table = np.concatenate(tables) if tables else np.zeros(0, np.dtype(core_types.EmitterData))
-    corners = np.concatenate(corners) if corners else np.zeros((0, 9), np.float32)
+    corners = np.concatenate(all_corners) if emitters else np.zeros((0, 9), np.float32)
     return Part(emitters, {"emitters": table, "emitter_corners": corners}, [])
 
 
@@ -283,7 +284,7 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     planes = np.ravel(camera.clip_planes)[:24]
     data.clip_planes[: len(planes)] = planes
     data.kind = number(camera.kind, core_types.CameraKind, "camera kind")
-    if camera.kind == "PANORAMA":
+    if camera.kind == "PANORAMA" and camera.panorama is not None:
         _pack_panorama(data, camera.panorama)
     return data
 

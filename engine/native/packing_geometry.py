@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -41,10 +42,12 @@ def patched_geometries(
 
 
 def _geometry(packer: Packer, geometry: Geometry) -> tuple:
+    packs: dict[type, Callable[[Packer, Any], dict[str, Any]]]
     packs = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons, Strands: _strands}
     if type(geometry) not in packs:
         raise SceneError(f"{type(geometry).__name__} is no geometry")
-    values = dict.fromkeys((name for name, _ in core_types.GeometryData._fields_), 0)
+    values: dict[str, Any]
+    values = dict.fromkeys((name for name, *_ in core_types.GeometryData._fields_), 0)
     values.update(normals=_NO_ATTRIBUTE, first_attribute=len(packer.attributes))
     values.update(packs[type(geometry)](packer, geometry))
     slots, what = (values["primitive_count"],), f"{geometry.name}: material_slots"

@@ -43,12 +43,12 @@ def pack_instances(
     )
     first_rows = np.cumsum([0] + [len(rows) for rows in matrices])
     first_slots = np.cumsum([0] + [len(group.materials) for group in groups])
-    rows = [
+    entries = [
         _group(*entry)
         for entry in zip(groups, first_rows, map(len, matrices), first_slots, strict=False)
     ]
     tables = {
-        "instances": table_of(core_types.InstancesData, rows),
+        "instances": table_of(core_types.InstancesData, entries),
         "world_from_object": joined,
         "material_slots": slots,
         **_instance_values(packer, groups, first_rows),

@@ -19,7 +19,12 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
     outputs = program.outputs if program else ()
     for lobe in material.lobes:
         kind = number(lobe.kind, LobeKind, "lobe kind")
-        fresnel = Fresnel.DIELECTRIC * lobe.fresnel | Fresnel.SCHLICK * lobe.schlick
+        scattered = lobe.between_fibres and lobe.kind.startswith("FIBRE")
+        fresnel = (
+            Fresnel.DIELECTRIC * lobe.fresnel
+            | Fresnel.SCHLICK * lobe.schlick
+            | Fresnel.SCATTERED * scattered
+        )
         packer.lobes.append(
             (
                 lobe.exponent,
@@ -82,7 +87,8 @@ def _program(packer: Packer, program: Program) -> int:
     """The program's number; equal ones are packed once."""
     if program in packer.packed:
         return packer.packed[program]
-    table, starts = [], []
+    table: list[float] = []
+    starts: list[int] = []
     for values in program.tables:
         starts.append(len(table))
         table += [float(len(values)), *values]

@@ -38,7 +38,7 @@ _light_points = functools.lru_cache(maxsize=16)(light_points)
 
 _SAME = [
     name
-    for name, _ in core_types.RenderSettingsData._fields_
+    for name, *_ in core_types.RenderSettingsData._fields_
     if name in DECLARED and not DECLARED[name].choices
 ]
 """Numbers that the core takes as they are, under the same name."""
@@ -200,8 +200,8 @@ def _add_neighbours(
         return
     both = (core_types.NeighbourData * 2)()
     for told, other in zip(both, scene.neighbours, strict=True):
-        rows = [np.zeros((0, 3, 4)), *(block.world_from_object for block in other.instances)]
-        rows = packer.lend(np.concatenate(rows), np.float64, (None, 3, 4), "neighbour")
+        blocks = [np.zeros((0, 3, 4)), *(block.world_from_object for block in other.instances)]
+        rows = packer.lend(np.concatenate(blocks), np.float64, (None, 3, 4), "neighbour")
         shapes = np.zeros(len(other.geometries), np.dtype(core_types.ShapeData))
         for k, (here, there) in enumerate(zip(scene.geometries, other.geometries, strict=True)):
             if there is not here and not isinstance(here, Polygons):
@@ -211,7 +211,7 @@ def _add_neighbours(
         told.camera, told.world_from_object = pack_camera(other.camera), address(rows)
         told.row_count, told.shapes, told.shape_count = len(rows), address(shapes), len(shapes)
         packer.lent.append(shapes)
-    table = np.frombuffer(both, np.dtype(core_types.NeighbourData))
+    table = np.frombuffer(memoryview(both), np.dtype(core_types.NeighbourData))
     packer.lent.append(table)
     data.neighbours = address(table)
 

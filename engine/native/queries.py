@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from ctypes import byref
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from .packing import pack_scene
 
 Array = np.ndarray
 
-_VISIBLE = {
+_VISIBLE: dict[str | None, int] = {
     kind: InstanceFlags[f"VISIBLE_{kind.upper()}"].value for kind in ("camera", "mirror", "shadow")
 }
 _VISIBLE[None] = sum(_VISIBLE.values())
@@ -34,7 +35,7 @@ class NativeQueries:
         self._core, self._threads, self._handle = library(), threads, None
         self._packed = pack_scene(scene)
         table = self._packed.data
-        names = (name for name, _ in AccelData._fields_)
+        names = (name for name, *_ in AccelData._fields_)
         data = AccelData(**{name: getattr(table, name) for name in names})
         error = ctypes.create_string_buffer(ERROR_BYTES)
         self._handle = self._core.glint_accel_create(byref(data), threads, error, ERROR_BYTES)
@@ -65,10 +66,10 @@ class NativeQueries:
         `accelerator.Rays`.
         """
         dtypes = (origins.dtype, np.int32, np.int32, np.float32, np.float32)
-        answers = tuple(np.empty(size, dtype) for dtype in dtypes)
-        hits = HitsData(*(answer.ctypes.data for answer in answers))
+        t, instance, primitive, u, v = (np.empty(size, dtype) for dtype in dtypes)
+        hits = HitsData(*(answer.ctypes.data for answer in (t, instance, primitive, u, v)))
         self._ask("closest", byref(hits), origins, directions, t_min, t_max, size, visibility)
-        return answers
+        return t, instance, primitive, u, v
 
     def occluded(
         self,
@@ -87,7 +88,15 @@ class NativeQueries:
         return blocked
 
     def _ask(
-        self, question: str, room, origins, directions, t_min, t_max, size, visibility
+        self,
+        question: str,
+        room: Any,
+        origins: Array,
+        directions: Array,
+        t_min: Array,
+        t_max: Array,
+        size: int,
+        visibility: str | None,
     ) -> None:
         arrays = (origins, directions, t_min, t_max)
         strides = [

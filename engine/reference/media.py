@@ -310,7 +310,10 @@ class Media:
         g = matter.anisotropy
         cosine = dot(pick(along, ray), pick(to_light, ray))
         base = 1 + g * g - 2 * g * cosine
-        phase = (1 - g * g) / (4 * np.pi * base * np.sqrt(base))
+        with np.errstate(
+            invalid="ignore"
+        ):  # straight on of an anisotropy of 1: no such light counts
+            phase = (1 - g * g) / (4 * np.pi * base * np.sqrt(base))
         total = np.zeros((3, len(t)))
         for sums, sigma in zip(total, matter.scattering, strict=True):
             np.add.at(sums, ray, sigma * phase)

@@ -186,8 +186,9 @@ def _children(
     far = (limit.take(octant.ray.take(which)) * (1 + WIDEN)).astype(np.float32)
     for axis in range(3):
         o, inverse = octant.origin[axis].take(which), octant.inverse[axis].take(which)
-        near = np.maximum((boxes[octant.near_side[axis]].take(node, 1) - o) * inverse, near)
-        far = np.minimum((boxes[octant.far_side[axis]].take(node, 1) - o) * inverse, far)
+        with np.errstate(over="ignore"):  # far boxes beside rays along an axis are endlessly far
+            near = np.maximum((boxes[octant.near_side[axis]].take(node, 1) - o) * inverse, near)
+            far = np.minimum((boxes[octant.far_side[axis]].take(node, 1) - o) * inverse, far)
     met = np.flatnonzero(near <= far)
     child, place = np.divmod(met, len(node))
     return which.take(place), node.take(place) * 8 + child, near.ravel().take(met)

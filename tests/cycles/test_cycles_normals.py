@@ -185,6 +185,8 @@ def wrapped(material):
 def test_normals_are_cycles(case):
     if case == "bump-Wireframe" and bpy.app.version < (4, 4, 0):
         pytest.skip("bumps of wires have another slope in this Blender (record 0051)")
+    if case == "bump-Window" and bpy.app.version >= (5, 1, 0):
+        pytest.skip("bumps of Window coordinates have another slope in 5.2 (record 0051)")
     scene = cycles.empty_scene(96, 96)
     material = CASES[case]()
     add(scene, "folded", folded(material), moved(-0.8, 0.3, -0.5, 1.2, 1.2, 1.2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 
 from ....engine.program.graph import Value
@@ -86,7 +87,14 @@ RGB_FROM_XYZ = np.array(
         [-0.9692436363, 1.8759675015, 0.0415550574],
         [0.0556300797, -0.2039769589, 1.0569715142],
     ]
+    if bpy.app.version >= (5, 0, 0)
+    else [
+        [3.2404542, -1.5371385, -0.4985314],
+        [-0.9692660, 1.8760108, 0.0415560],
+        [0.0556434, -0.2040259, 1.0572252],
+    ]
 )
+"""Rec. 709's, as the Blender that runs rounds it."""
 _FIRST, _LAST, _STEP = 380.0, 780.0, 5.0
 _BRIGHTEST = 2.52
 """Cycles divides by this, so that no channel exceeds 1."""

@@ -85,6 +85,20 @@ void add_shadow_beam(std::vector<Ray>& rays, const Accel& accel, Vec3d eye, Vec3
   }
 }
 
+/// Rays from about `from` to `light`, in single precision: their ends are off it, and some behind.
+void add_rounded_beam(std::vector<Ray>& rays, Vec3d from, Vec3d light, double step,
+                      Random& random) {
+  const auto rounded = [](Vec3d v) {
+    return Vec3d{double(float(v.x)), double(float(v.y)), double(float(v.z))};
+  };
+  const Vec3d x = step * random.on_sphere(), y = step * random.on_sphere();
+  const double end = random.below(2) ? 1 : 1 + 3e-6;
+  for (int k = 0; k < kSide * kSide; ++k) {
+    const Vec3d o = rounded(from + double(k % kSide) * x + double(k / kSide) * y);
+    rays.push_back(ray(o, rounded(light - o), 0, end));
+  }
+}
+
 /// Rays that get another answer in a beam than alone, or are blocked without a hit or hit without
 /// being blocked.
 int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t visibility) {
@@ -196,4 +210,25 @@ TEST(beams, several_trees_and_what_is_hidden) {
                     1e-6, random);
   for (uint32_t visibility : {kCamera, kMirror})
     CHECK(wrong_in_beams(*accel, rays, visibility) == 0);
+}
+
+/// Lights on a surface, or less from it than rays' ends are apart.
+TEST(beams, lights_at_a_surface) {
+  Random random(14);
+  for (const Mesh& mesh : {bumpy_sphere(20, 40), box_grid(3, 1, {}), slivers(random, 300)}) {
+    const auto accel = build(mesh);
+    std::vector<Ray> rays;
+    for (int k = 0; k < 300; ++k) {
+      const size_t triangle = random.below(mesh.count());
+      const Vec3d a = mesh.corner(triangle, 0), b = mesh.corner(triangle, 1),
+                  c = mesh.corner(triangle, 2);
+      const double u = random.uniform(), v = random.below(3) ? random.uniform(0, 1 - u) : 0;
+      const double off = random.below(4) ? std::pow(10, random.uniform(-9, -5)) : 0;
+      const Vec3d light = a + u * (b - a) + v * (c - a) + off * random.on_sphere();
+      const Vec3d along[] = {{1, 0, 0}, {0, -1, 0}, {0, 0, 1}, random.on_sphere()};
+      add_rounded_beam(rays, light + random.uniform(0.1, 2) * along[k % 4], light,
+                       std::pow(10, random.uniform(-6, -2)), random);
+    }
+    CHECK(wrong_in_beams(*accel, rays, kCamera) == 0);
+  }
 }

@@ -11,16 +11,14 @@
 namespace glint {
 namespace {
 
-/// One hit that weigh() has not answered.
+/// One hit that weigh() has not answered, or not in the ray's own order.
 template <int Count>
 __attribute__((noinline)) void finish_at_edge(const Beam<Count>& beam, const TreeView& tree,
                                               const Answers& answers, int r) {
-  const BeamSource& s = beam.source;
-  double shear[2];
-  beam.set_shear(r, shear);
-  const Exact<double> e = exact_hit(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]),
-                                    *s.order, {s.o[0][r], s.o[1][r], s.o[2][r]}, shear, beam.close);
-  answers.t[r] = e.depth / s.d[2][r];
+  const BeamRay ray(beam.source, r);
+  const Exact<double> e =
+      ray.hit(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]), beam.close);
+  answers.t[r] = e.depth / ray.along;
   answers.u[r] = float(e.u);
   answers.v[r] = float(e.v);
 }
@@ -86,6 +84,7 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
     const Doubles margin = splat(beam.close);
     close |= bits(at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin)) << h;
   }
+  close &= beam.source.own(k, kFloats);
   store(answers.instance + k, choose(none, Ints{} - 1, instance));
   store(answers.primitive + k, choose(none, Ints{}, primitive));
   store(answers.u + k, choose(none, Floats{}, load(u)));
@@ -94,24 +93,26 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
     finish_at_edge(beam, tree, answers, k + __builtin_ctz(edges));
 }
 
+enum class Beamed { kDone, kUnfit, kParted };  // what became of a beam
+
 /// The closest hits of `Count` rays, into `answers`; Any: what blocks them. False, and nothing is
 /// there, when they are no beam, see too much or may pass something.
 template <bool Any, int Count>
-__attribute__((noinline)) bool trace_beam(const TreeView& tree, const Rays& rays, size_t first,
-                                          Answers& answers) {
+__attribute__((noinline)) Beamed trace_beam(const TreeView& tree, const Rays& rays, size_t first,
+                                            Answers& answers) {
   Beam<Count> beam;
-  if (!(Any ? set_to_apex(beam, tree, rays, first) : set_from_apex(beam, tree, rays, first)) ||
-      !set_places(beam))
-    return false;
+  if (!set_from_apex(beam, tree, rays, first) && !(Any && set_to_apex(beam, tree, rays, first)))
+    return Beamed::kUnfit;
+  if (!set_places(beam)) return Beamed::kUnfit;
   BeamWalk<Any, Count> walk{tree, beam, answers};
   walk.set_end();
-  if (!walk.walk()) return false;
+  if (!walk.walk()) return Beamed::kParted;
   if constexpr (Any) {
     const uint8_t stop = answers.stop();
     for (int k = 0; k < Count; ++k) answers.blocked[k] = beam.farthest[k] > kFar ? stop : 0;
   } else
     for (int k = 0; k < Count; k += kFloats) finish_beam(beam, tree, answers, k);
-  return true;
+  return Beamed::kDone;
 }
 
 }  // namespace

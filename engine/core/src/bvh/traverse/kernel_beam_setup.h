@@ -10,35 +10,42 @@ struct BeamSpan {
   double shortest, longest, earliest, latest;
 };
 
-/// Whether `Count` rays from `first` on are of one axis class, and alive.
+/// Whether `Count` rays from `first` on are of one axis class or nearly so, and alive.
 template <int Count>
 inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSpan& span) {
   const Order& order =
       kOrders[axis_class_of({rays.d[0][first], rays.d[1][first], rays.d[2][first]})];
-  const int axis = order.axes[2];
   BeamSource& s = beam.source;
   beam.order = s.order = &order;
+  s.mixed = false;
   s.t_min = rays.t_min + first;
   s.t_max = rays.t_max + first;
   for (int a = 0; a < 3; ++a) {
+    s.xyz_d[a] = rays.d[a] + first;
+    s.xyz_o[a] = rays.o[a] + first;
     s.d[a] = rays.d[order.axes[a]] + first;
     s.o[a] = rays.o[order.axes[a]] + first;
   }
   const Doubles sign = splat(double(order.sign)), zero{};
   Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf), latest{};
   for (int k = 0; k < Count; k += kLanes) {
-    const Doubles ahead = flip(load(s.d[2] + k), sign), x = magnitude(load(s.d[0] + k)),
-                  y = magnitude(load(s.d[1] + k)), t_min = load(s.t_min + k),
+    constexpr uint32_t kAll = (1u << kLanes) - 1;
+    const Doubles ahead = flip(load(s.d[2] + k), sign), t_min = load(s.t_min + k),
                   t_max = load(s.t_max + k);
-    const DoubleMask good = (axis < 2 ? at_most(x, ahead) : less(x, ahead)) &
-                            (axis < 1 ? at_most(y, ahead) : less(y, ahead)) & at_most(zero, t_min) &
-                            less(t_min, t_max);
-    if (bits(good) != (1u << kLanes) - 1) return false;
+    if (bits(at_most(zero, t_min) & less(t_min, t_max)) != kAll) return false;
+    if (bits(s.of_order(k)) != kAll) {
+      const Doubles most = ahead + ahead;
+      if (bits(at_most(magnitude(load(s.d[0] + k)), most) &
+               at_most(magnitude(load(s.d[1] + k)), most)) != kAll)
+        return false;
+      s.mixed = true;
+    }
     shortest = smaller(ahead, shortest);
     longest = larger(ahead, longest);
     earliest = smaller(t_max, earliest);
     latest = larger(t_min, latest);
   }
+  beam.skew = s.mixed ? 5 : 1;
   span = {least_of(shortest), most_of(longest), least_of(earliest), most_of(latest)};
   return span.shortest > 0x1p-60 && span.longest < 0x1p60;
 }
@@ -57,25 +64,23 @@ inline bool set_room(Beam<Count>& beam, const TreeView& tree, double square) {
 /// Rays that begin at one point.
 template <int Count>
 inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
-  for (const double* o : rays.o)
-    if (!(o[first] == o[first + Count - 1])) return false;
+  double square = 0;
+  for (int a = 0; a < 3; ++a) {
+    const double o = rays.o[a][first], f = tree.center[a] - o;
+    if (!(o == rays.o[a][first + Count - 1])) return false;
+    square += f * f;
+  }
   BeamSpan span;
-  if (!set_source(beam, rays, first, span)) return false;
+  if (!set_room(beam, tree, square) || !set_source(beam, rays, first, span)) return false;
   const BeamSource& s = beam.source;
   for (int k = 0; k < Count; k += kLanes) {
     Longs other{};
     for (const double* p : s.o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
     if (any(Longs(other != Longs{}))) return false;
   }
-  const double apex[3] = {*s.o[0], *s.o[1], *s.o[2]};
-  double square = 0;
-  for (int a = 0; a < 3; ++a) {
-    const double f = tree.center[beam.order->axes[a]] - apex[a];
-    square += f * f;
-  }
-  if (!set_room(beam, tree, square)) return false;
-  beam.apex = origin_at(apex, *beam.order);
-  beam.reach = beam.off = 0;
+  beam.apex = origin_at({*s.o[0], *s.o[1], *s.o[2]}, *beam.order);
+  beam.room *= beam.skew;
+  beam.reach = beam.off = beam.past = 0;
   beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
   const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
   for (int k = 0; k < Count; k += kLanes) {
@@ -86,16 +91,24 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
   return true;
 }
 
-/// Where the lines of a beam's first and last ray are nearest to each other, in the rays' order.
+/// Where a beam's first and last ray end if that is one point but for rounding, or else where their
+/// lines are nearest to each other, in the rays' order. (Of lines alone rounding tells badly how
+/// far away that is.)
 template <int Count>
 inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
   const BeamSource& s = beam.source;
   constexpr int kFinal = Count - 1;
-  double first[2], final[2], across = 0, square = 0;
-  beam.set_shear(0, first);
-  beam.set_shear(kFinal, final);
+  double first[2], across = 0, square = 0, apart = 0;
+  for (int a = 0; a < 3; ++a) {
+    const double end = *s.o[a] + *s.t_max * *s.d[a],
+                 other = s.o[a][kFinal] + s.t_max[kFinal] * s.d[a][kFinal];
+    apex[a] = end;
+    apart = larger(magnitude(end - other), apart);
+  }
+  if (apart < 0x1p-22 * *s.t_max * magnitude(*s.d[2])) return true;
   for (int a = 0; a < 2; ++a) {
-    const double turn = final[a] - first[a];
+    first[a] = s.d[a][0] / s.d[2][0];
+    const double turn = s.d[a][kFinal] / s.d[2][kFinal] - first[a];
     across += turn * (s.o[a][kFinal] - *s.o[a] - first[a] * (s.o[2][kFinal] - *s.o[2]));
     square += turn * turn;
   }
@@ -104,8 +117,9 @@ inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
   return square > 0;
 }
 
-/// Rays that end at one point, or a little before it. `farthest` and `nearest` are those of where
-/// they begin: what lies behind that, as seen from the apex, is no hit.
+/// Rays that end at one point, a little before it, or behind it by rounding. `farthest` and
+/// `nearest` are those of where they begin: what lies behind that, as seen from the apex, is no
+/// hit.
 template <int Count>
 inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
   const auto end_of = [&](int a, size_t k) { return rays.o[a][k] + rays.t_max[k] * rays.d[a][k]; };
@@ -140,13 +154,14 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
     narrow(beam.nearest + k, inverse * (1 + 0x1p-21));
   }
   const double size = reach_of(tree), tiny = 0x1p-40 * size, reach = most_of(farthest),
-               miss = most_of(off) + tiny;
+               miss = most_of(off) + tiny, behind = tiny - smaller(least_of(past), 0.0);
   if (!set_room(beam, tree, most_of(square)) || !(reach < 16 * size) || !(miss < 0x1p-20 * reach) ||
-      !(least_of(nearest) > 0x1p-16 * size) || !(least_of(past) > -tiny))
+      !(least_of(nearest) > 0x1p-16 * size) || !(behind < 0x1p-18 * reach))
     return false;
   beam.reach = float(reach);
   beam.off = float(miss);
-  beam.room += 2 * beam.off;
+  beam.past = float(behind);
+  beam.room = beam.room * beam.skew + 2 * beam.off + 8 * beam.past;
   beam.begin = float((1 - 0x1p-19) / (most_of(end) + tiny));
   beam.apex = origin_at(apex, order);
   return true;

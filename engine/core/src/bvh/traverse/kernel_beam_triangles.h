@@ -9,12 +9,44 @@ namespace {
 constexpr int kBeam = kBroad == 4 ? 128 : 256;
 constexpr int kMostSlices = 32;
 /// Leaves that a beam may come to before it is parted.
-constexpr int leaves_allowed(int rays, bool any) { return any ? 150 : rays > kTile ? 300 : 100; }
+constexpr int leaves_allowed(int rays, bool any) { return any || rays == kTile ? 100 : 300; }
 
-/// What a beam's rays are in double, columns in their order (Order::axes).
+/// What a beam's rays are in double, by axis, and in the order of most of them (Order::axes).
 struct BeamSource {
-  const double *o[3], *d[3], *t_min, *t_max;
+  const double *xyz_o[3], *xyz_d[3], *o[3], *d[3], *t_min, *t_max;
   const Order* order;
+  bool mixed;  // not all are of its axis class
+
+  /// Which of the rays [k, k + kLanes) are.
+  DoubleMask of_order(int k) const {
+    const Doubles ahead = flip(load(d[2] + k), splat(double(order->sign))),
+                  x = magnitude(load(d[0] + k)), y = magnitude(load(d[1] + k));
+    return (order->axes[2] < 2 ? at_most(x, ahead) : less(x, ahead)) &
+           (order->axes[2] < 1 ? at_most(y, ahead) : less(y, ahead));
+  }
+  /// The same of `count` rays.
+  uint32_t own(int k, int count) const {
+    if (!mixed) return ~0u;
+    uint32_t mask = 0;
+    for (int h = 0; h < count; h += kLanes) mask |= bits(of_order(k + h)) << h;
+    return mask;
+  }
+};
+
+/// One of them, in its own order.
+struct BeamRay {
+  const Order& order;
+  double o[3], along, shear[2];
+  BeamRay(const BeamSource& s, int r)
+      : order(kOrders[axis_class_of({s.xyz_d[0][r], s.xyz_d[1][r], s.xyz_d[2][r]})]) {
+    for (int a = 0; a < 3; ++a) o[a] = s.xyz_o[order.axes[a]][r];
+    along = s.xyz_d[order.axes[2]][r];
+    const double inverse = 1 / along;
+    for (int a = 0; a < 2; ++a) shear[a] = s.xyz_d[order.axes[a]][r] * inverse;
+  }
+  Exact<double> hit(const Triangles& leaf, int place, double close) const {
+    return exact_hit(leaf, place, order, o, shear, close);
+  }
 };
 
 /// `Count` rays. Depths are counted from the apex, in the rays' sense, as 1 / depth: linear in the
@@ -34,17 +66,13 @@ struct Beam {
   float slope;                // no slope is more
   float reach;                // from the apex to where rays begin, in depth, where they end there
   float off;                  // what rays miss the apex by
+  float past;                 // how far behind the apex rays end, in depth
   float room;                 // of boxes
-  float begin;                // surely in front of hits beyond all t_min: 1 / depth
-  float last_end;             // the least `end`
-  float last_depth;           // coordinate beyond which no box is of use
-  double close;               // as Tile::close
-
-  /// The slopes of a ray, as Tile::shear.
-  void set_shear(int r, double (&shear)[2]) const {
-    const double inverse = 1 / source.d[2][r];
-    for (int a = 0; a < 2; ++a) shear[a] = source.d[a][r] * inverse;
-  }
+  float skew;        // by how much more corners are displaced: not 1 where axis classes are mixed
+  float begin;       // surely in front of hits beyond all t_min: 1 / depth
+  float last_end;    // the least `end`
+  float last_depth;  // coordinate beyond which no box is of use
+  double close;      // as Tile::close
 };
 
 /// The triangles [first, first + kFloats) of a leaf, seen from a beam's apex. Edge functions k + x
@@ -60,13 +88,19 @@ struct Beam {
 /// farther than sqrt 2 d from every edge and stays inside. What the products here round is less
 /// than 9 u m^2. Signs of the single rays' test are exact (exactly_hit).
 ///
+/// Rays of another axis class, with slopes up to 2 here, are tested across their own axis: there
+/// corners are at most 2 z + m along, and 2 m across, so that u (10 z + 11 m) displace them, and
+/// three times that as seen here. With s of at least 1 where there are such rays, 5 d is enough.
+///
 /// Depths. A hit that is surely inside lies on the triangle, and moves with its displaced corners:
 /// by d across and 4 u z along, as parts of the plane's distance det / |n|. The normal's products
 /// are off by 4 u E3^2, which at a point of the triangle, E3 or less from the corner that the plane
-/// goes through, is 12 u E3^3. Other roundings are less than 8 u of the sum's terms.
+/// goes through, is 12 u E3^3. Other roundings are less than 8 u of the sum's terms. What rays meet
+/// behind the apex, where they go on a little, has no 1 / depth: such planes pass the apex within
+/// `past` along the rays and `off` across.
 struct BeamTriangles {
   Floats k[3], x[3], y[3], margin, plane, plane_x, plane_y, plane_off;
-  uint32_t edge_on;  // no side is known
+  uint32_t edge_on;  // no side or no depth is known
   uint32_t near;     // not surely beside or behind the beam
 };
 
@@ -109,8 +143,9 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
   t.plane = nz * inverse;
   t.plane_x = nx * inverse;
   t.plane_y = ny * inverse;
-  Floats off = fused(splat(0x1p-20f * beam.slope), deepest, splat(0x1p-21f) * across);
-  if (Any) off += splat(0x1p-20f * beam.slope * beam.reach + 1.25f * beam.off);
+  const float tilt = 0x1p-20f * beam.skew * beam.slope;
+  Floats off = fused(splat(tilt), deepest, splat(0x1p-21f * beam.skew) * across);
+  if (Any) off += splat(tilt * beam.reach + 1.25f * beam.off);
   t.margin =
       fused(splat(4.0f) * longest, off, fused(splat(0x1p-20f) * across, across, splat(kUnderflow)));
   const Floats terms =
@@ -123,6 +158,9 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
   const Floats area = t.k[0] + t.k[1] + t.k[2];
   const Floats swing = fused(magnitude(nx), w0, magnitude(ny) * w1);
   t.edge_on = ~bits(less(fused(splat(4.0f), t.margin, swing), magnitude(area)));
+  if (Any)
+    t.edge_on |=
+        ~bits(less(fused(terms, splat(beam.past), bent * magnitude(inverse)), splat(0.5f)));
   const Ints side = Ints(area) & INT32_MIN;
   FloatMask beside =
       less(fused(magnitude(t.plane_x), w0, fused(magnitude(t.plane_y), w1, t.plane)) + t.plane_off,

@@ -14,12 +14,11 @@ struct BeamWalk {
   Answers& answers;
 
   /// Whether a single ray's float test finds a triangle hit.
-  bool hit(int r, const Triangles& leaf, int place, const double (&shear)[2]) const {
-    const BeamSource& s = beam.source;
-    const Order& order = *s.order;
+  static bool hit(const BeamRay& ray, const Triangles& leaf, int place) {
+    const Order& order = ray.order;
     const double sign = double(order.sign);
-    const float slope[2] = {float(flip(shear[0], sign)), float(flip(shear[1], sign))};
-    const Origin from = origin_at({s.o[0][r], s.o[1][r], s.o[2][r]}, order);
+    const float slope[2] = {float(flip(ray.shear[0], sign)), float(flip(ray.shear[1], sign))};
+    const Origin from = origin_at(ray.o, order);
     float x[3], y[3];
     for (int j = 0; j < 3; ++j) {
       const auto at = [&](int a) { return leaf.at(j, order.axes[a])[place]; };
@@ -33,29 +32,26 @@ struct BeamWalk {
     if (low < 0 && high > 0) return false;
     return low > 0 || high < 0 || exactly_hit(x, y);
   }
-  Hit exact(int r, ChildRef leaf, int place, const double (&shear)[2]) const {
-    const BeamSource& s = beam.source;
-    const Exact<double> e = exact_hit(Triangles(tree, leaf), place, *s.order,
-                                      {s.o[0][r], s.o[1][r], s.o[2][r]}, shear, beam.close);
+  Hit exact(const BeamRay& ray, ChildRef leaf, int place) const {
+    const Exact<double> e = ray.hit(Triangles(tree, leaf), place, beam.close);
     const PrimitiveId id = tree.ids[leaf_first(leaf) + uint32_t(place)];
-    return {e.depth / s.d[2][r], id.instance, id.primitive, float(e.u), float(e.v)};
+    return {e.depth / ray.along, id.instance, id.primitive, float(e.u), float(e.v)};
   }
   /// What floats cannot tell of a ray and a triangle.
   __attribute__((noinline)) void decide(int r, ChildRef leaf, int place) {
     if (Any && beam.farthest[r] > kFar) return;
     answers.count_fallback(r);
     const BeamSource& s = beam.source;
-    double shear[2];
-    beam.set_shear(r, shear);
-    if (!hit(r, Triangles(tree, leaf), place, shear)) return;
-    const Hit found = exact(r, leaf, place, shear);
+    const BeamRay ray(s, r);
+    if (!hit(ray, Triangles(tree, leaf), place)) return;
+    const Hit found = exact(ray, leaf, place);
     if (!(found.t > s.t_min[r] && found.t < s.t_max[r])) return;
     if (Any) {
       beam.farthest[r] = beam.nearest[r] = __builtin_inff();
       return;
     }
     if (beam.pending[r] != kNothing &&
-        !Answers::nearer(found, exact(r, beam.pending[r], int(beam.leaf_at[r]), shear)))
+        !Answers::nearer(found, exact(ray, beam.pending[r], int(beam.leaf_at[r]))))
       return;
     const double inverse_depth = 1 / magnitude(found.t * s.d[2][r]);
     beam.pending[r] = leaf;
@@ -183,7 +179,7 @@ struct BeamWalk {
                     at_most(e.depth / along, load(s.t_min + r)))
                << h;
     }
-    return found & rays;
+    return found & rays & s.own(k, kBroad);
   }
   /// Those of some rays from k on, all surely inside a triangle, that surely begin beyond it: on
   /// the surface that they leave.

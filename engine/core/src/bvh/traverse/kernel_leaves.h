@@ -233,11 +233,12 @@ struct Plane {
   }
 };
 
-/// Which of the rays with origins o, in their order, if they pass inside a triangle, surely meet it
-/// behind there. Exact would come to negative depths: with m no less than any corner is away and N
-/// twice the area that the ray sees, its point is off the ray by less than 2^-42 m^3 / N. Where
-/// that is less than `close`, and less than half of s when multiplied by the normal, the depth has
-/// the sign of s.
+/// Which of the rays with origins o, in an order where their slopes are 2 at most, if they pass
+/// inside a triangle, surely meet it behind there. Exact would come to negative depths: with m no
+/// less than any corner is away and N twice the area that the ray sees in its own order, at least
+/// half of what is seen here, its point is off the ray by less than 2^-42 m^3 / N. Where that is
+/// less than `close`, and less than half of s when multiplied by the normal, the depth has the sign
+/// of s.
 inline uint32_t well_behind(const Doubles (&o)[3], const Doubles (&shear)[2], double close,
                             const Plane& plane, double sign) {
   const Doubles x = splat(plane.corner.x) - o[0], y = splat(plane.corner.y) - o[1],
@@ -246,7 +247,7 @@ inline uint32_t well_behind(const Doubles (&o)[3], const Doubles (&shear)[2], do
   const Doubles s = nx * x + ny * y + nz * z, seen = nx * shear[0] + ny * shear[1] + nz;
   const Doubles m = magnitude(x) + magnitude(y) + magnitude(z) + splat(plane.size),
                 back = flip(s, seen * splat(-sign));
-  return bits(less(splat(0x1p-42 * plane.square) * (m * m * m),
+  return bits(less(splat(0x1p-41 * plane.square) * (m * m * m),
                    magnitude(seen) * smaller(back, splat(close * plane.square))));
 }
 

@@ -203,19 +203,21 @@ inline Answers answers_of(const TopLevelView& world, const Rays& rays, size_t fi
 
 /// The rays from `first` on, as many as one beam has. False when they are none.
 template <bool Any, int Count, class AnswersFrom>
-inline bool trace_in_beam(const TopLevelView& world, const Rays& rays, size_t first,
-                          const AnswersFrom& answers_from) {
-  if (rays.count - first < Count || (Any && rays.opacity && rays.opacity->onward)) return false;
-  if (world.tree_count == 0 || world.trees->kind != kTriangleLeaf) return false;
+inline Beamed trace_in_beam(const TopLevelView& world, const Rays& rays, size_t first,
+                            const AnswersFrom& answers_from) {
+  if (rays.count - first < Count || (Any && rays.opacity && rays.opacity->onward))
+    return Beamed::kUnfit;
+  if (world.tree_count == 0 || world.trees->kind != kTriangleLeaf) return Beamed::kUnfit;
   Answers answers = answers_from(first);
   if (answers.fallbacks) fill(answers.fallbacks, Count, uint8_t(0));
   if (answers.layers.hits) fill(answers.layers.count, Count, uint8_t(0));
-  if (!trace_beam<Any, Count>(world.trees[0], rays, first, answers)) return false;
+  const Beamed beamed = trace_beam<Any, Count>(world.trees[0], rays, first, answers);
+  if (beamed != Beamed::kDone) return beamed;
   for (size_t k = first; world.tree_count > 1 && k < first + Count; k += kTile) {
     Answers part = answers_from(k);
     trace<Any>(world, rays, k, kTile, part, 1);
   }
-  return true;
+  return Beamed::kDone;
 }
 
 /// When to try beams of one size again: the more often they failed in a row, the later.
@@ -223,7 +225,9 @@ struct Trials {
   size_t next = 0, wait = 2;  // the ray from which on; in beams
 
   /// Notes how a beam of `count` rays from k on has fared.
-  bool note(bool good, size_t k, size_t count) {
+  bool note(Beamed beamed, size_t k, size_t count) {
+    if (beamed == Beamed::kUnfit) return false;
+    const bool good = beamed == Beamed::kDone;
     if (!good) next = k + wait * count;
     wait = good ? 2 : wait < 32 ? 4 * wait : wait;
     return good;
