@@ -33,7 +33,7 @@ from .scene.viewing import pixel_bounds_of_box
 from .settings import Settings
 
 if TYPE_CHECKING:
-    from .reference.explain import Ray
+    from .reference.explained import Ray
 
 __all__ = [
     "AOV",
@@ -81,7 +81,7 @@ def __getattr__(name: str) -> Any:
     """`Ray` comes with the float64 reference, which is loaded when somebody asks for it."""
     if name != "Ray":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from .reference.explain import Ray
+    from .reference.explained import Ray
 
     return Ray
 

@@ -296,7 +296,8 @@ class Collector:
         """Index of the geometry with this key, read where no export knows it; None where it has
         nothing. about: data-blocks that Blender tells of when it changes.
         """
-        if key not in self._known:
+        shape = self.met.get(key)
+        if shape is None:
             shape = self._cache.shapes.shape(key)
             if shape is None:
                 report = Report()
@@ -309,7 +310,7 @@ class Collector:
                 self._shapes.append(shape)
                 self._requirements.append(())
         for block in about:
-            self.met[key].about.add(block.original.session_uid)
+            shape.about.add(block.original.session_uid)
         return self._known[key]
 
     def _add_attributes(

@@ -13,7 +13,7 @@ from ..scene import Scene
 from ..settings import Settings
 
 if TYPE_CHECKING:
-    from ..reference.explain import Hit, LightTerm, Ray
+    from ..reference.explained import Hit, LightTerm, Ray
 
 
 class PixelExplainer:

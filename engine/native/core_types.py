@@ -84,6 +84,7 @@ class LobeKind(IntEnum):
 class Fresnel(IntEnum):
     DIELECTRIC = 1
     SCHLICK = 2
+    SCATTERED = 4
 
 
 class BumpShadowing(IntEnum):

@@ -19,7 +19,12 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
     outputs = program.outputs if program else ()
     for lobe in material.lobes:
         kind = number(lobe.kind, LobeKind, "lobe kind")
-        fresnel = Fresnel.DIELECTRIC * lobe.fresnel | Fresnel.SCHLICK * lobe.schlick
+        scattered = lobe.between_fibres and lobe.kind.startswith("FIBRE")
+        fresnel = (
+            Fresnel.DIELECTRIC * lobe.fresnel
+            | Fresnel.SCHLICK * lobe.schlick
+            | Fresnel.SCATTERED * scattered
+        )
         packer.lobes.append(
             (
                 lobe.exponent,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from . import catchers
 from .bumps import bump_shadow
 from .camera import Spread
 from .cancellation import Cancellation
-from .gathering import gathering, seen_lobes
+from .explained import Hit, LightTerm, Numbers, Ray
+from .gathering import Shares, gathering, seen_lobes
 from .generations import reflected
 from .gloss import Narrow
 from .lighting import Lighting, balance
@@ -37,102 +38,6 @@ from .vectors import dot, length, unit
 from .visibility import NOTHING
 
 Array = np.ndarray
-Numbers = tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class LightTerm:
-    """One sample of a light at a point. Colours are RGB; directions are unit, in the world.
-
-    to_light: l.  n_dot_l, n_dot_h: cosines.  intensity: I.  distance: to the light's sample,
-    infinite for a sun. shadow: S.  blocker: name of the first thing in between, "" for none;
-    blocker_distance: how far it is. diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p,
-    before the shadow. Directions drawn from narrow highlights are samples too, without diffuse
-    light; both kinds have a share of the highlight. group: name of its light group, "" for none.
-    bump_shadow: the share that matt lobes get for the bumps that the normal is of; 0 where these
-    hide all.
-    """
-
-    light: str
-    sample: int
-    to_light: Numbers
-    n_dot_l: float
-    n_dot_h: float
-    intensity: Numbers
-    distance: float
-    shadow: Numbers
-    blocker: str
-    blocker_distance: float
-    diffuse: Numbers
-    specular: Numbers
-    group: str = ""
-    bump_shadow: float = 1.0
-
-
-@dataclass(frozen=True)
-class Hit:
-    """Where a ray meets a surface, world space.
-
-    thing: name of the object.  place: which row of its matrices.  primitive: which triangle,
-    sphere, polygon or segment of hair. barycentric: weights of a triangle's corners or of a
-    segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
-    normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
-    here.  caught: of a shadow catcher that the camera sees, the share of its light that other
-    things leave to it; None elsewhere.  moved: (4,) pixels, as the pass Vector has them; None
-    where the scene has no neighbours.  shared: of how many shadow rays of a sample how many
-    samples of lamps have a share; zeros where each has its own.  shared_bounced: the same of points
-    of bounced light; zeros without one.  open: the share of an even sky, as the pass Ambient
-    Occlusion has it of one sample; None where it is not asked for.
-    """
-
-    thing: str
-    place: int
-    primitive: int
-    material: str
-    barycentric: Numbers
-    depth: float
-    position: Numbers
-    normal: Numbers
-    geometric_normal: Numbers
-    ambient: Numbers
-    emission: Numbers
-    lights: tuple[LightTerm, ...]
-    holdout: bool = False
-    caught: Numbers | None = None
-    moved: Numbers | None = None
-    shared: tuple[int, int] = (0, 0)
-    shared_bounced: tuple[int, int] = (0, 0)
-    open: Numbers | None = None
-
-
-@dataclass(frozen=True)
-class Ray:
-    """A ray and those that follow from it.
-
-    kind: camera, or lens for one through a point of the camera's, mirror, refraction, gather (for
-    what throws light on near by) or transparent (the same ray beyond a surface).  weight: T.
-    origin, direction: world. hit: None for the surroundings, of which it sees `background`.
-    passed: what media leave of it on its way, which `shapes` have in them.  media: what these
-    scatter of lights, by their names, and "" what they give of themselves.  shapes: (name,
-    radiance) of the lights whose shape it sees. own: what it brings to the pixel itself, T times
-    its terms; color: with all that follow from it.  cells: in how many parts it sees media that
-    vary.
-    """
-
-    kind: str
-    depth: int
-    weight: Numbers
-    origin: Numbers
-    direction: Numbers
-    hit: Hit | None
-    background: Numbers
-    shapes: tuple[tuple[str, Numbers], ...]
-    own: Numbers
-    color: Numbers
-    follow: tuple[Ray, ...]
-    passed: Numbers = (1.0, 1.0, 1.0)
-    media: tuple[tuple[str, Numbers], ...] = ()
-    cells: int = 0
 
 
 class Explainer:
@@ -150,15 +55,71 @@ class Explainer:
         self._spread = Spread.samples(scene, settings.samples)[0]
         self._looks_round = OCCLUSION in settings.passes
         self._places = np.zeros(1, np.intp)
+        self._near: list[Paths] | None = None
+        self._shares: Shares | None = None
+        self._own = 0  # which pixel of its block
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
         and its point of the lens: the first sample of a picture.
         """
-        rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
         self._places = places_in_blocks((x, x + 1), (y, y + 1), GATHER_BLOCK)
-        paths = camera_paths(rays, self.stage.camera.weights(rays))
+        self._near = self._shared(x, y) if self.stage.shares_gathers else None
+        paths = self._camera_paths((x, x + 1), (y, y + 1))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
+
+    def _camera_paths(self, x: tuple[int, int], y: tuple[int, int]) -> Paths:
+        rays = self.stage.camera.rays(x, y, np.zeros(2), self._spread)[0]
+        return camera_paths(rays, self.stage.camera.weights(rays))
+
+    def _shared(self, x: int, y: int) -> list[Paths]:
+        """The gather rays, one each, of what the pixel's camera ray meets first: its own and those
+        that pixels of its block share with it.
+        """
+        stage, (width, height) = self.stage, self.stage.scene.camera.resolution
+        x0, y0 = (at // GATHER_BLOCK * GATHER_BLOCK for at in (x, y))
+        block = (x0, min(x0 + GATHER_BLOCK, width)), (y0, min(y0 + GATHER_BLOCK, height))
+        own = (y - y0) * (block[0][1] - x0) + x - x0
+        paths = self._camera_paths(*block)
+        found = stage.visibility.closest(paths.rays, paths.kind)
+        hit = np.flatnonzero(found.primitive != NOTHING)
+        if not len(hit):
+            return []
+        if stage.media:
+            spans = stage.media.spans(paths.rays, paths.kind, found.depth)
+            passed = stage.media.passed(spans, paths.rays.near, found.depth)
+            paths = replace(paths, weight=paths.weight * passed)
+        surface = self._surface(paths, hit, found.primitive[hit], found.depth[hit])
+        shown = np.flatnonzero(~stage.per_object("holdout", surface.row).astype(bool))
+        hit, surface = hit[shown], surface.take(shown)
+        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
+        places, one = places_in_blocks(*block, GATHER_BLOCK), np.zeros(len(paths), np.intp)
+        near, shares = gathering(stage, paths, hit, surface, coefficients, 0, places, one)
+        if shares is None:
+            return []
+        alike = shares.members[shares.group[own]] if shares.group[own] >= 0 else np.full(1, own)
+        self._shares, self._own = shares, own
+        return [_one(rays, k) for rays in near for k in np.flatnonzero(np.isin(rays.pixel, alike))]
+
+    def _share(self, paths: Paths, surface: Surface) -> Array:
+        """(3, 1) what the pixel gets of what its own gather ray, or a neighbour's, finds there."""
+        if not paths.shared:
+            return np.ones((3, 1))
+        _, receiver, share = self._shares.given(paths.pixel, surface.x, surface.g)
+        return share[:, receiver == self._own].sum(1, keepdims=True)
+
+    def _surface(self, paths: Paths, hit: Array, primitive: Array, depth: Array) -> Surface:
+        stage = self.stage
+        surface = surface_at(
+            stage.geometry,
+            stage.attributes,
+            paths.rays,
+            hit,
+            primitive,
+            depth,
+            stage.cancellation,
+        )
+        return stage.shader.bent(met(paths, hit, surface), paths.kind, stage.queries(0))
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""
@@ -197,18 +158,11 @@ class Explainer:
 
     def _at_surface(self, ray: Ray, paths: Paths, found, own: Array) -> Ray:
         stage, hit, depth = self.stage, np.zeros(1, np.intp), found.depth
-        surface = surface_at(
-            stage.geometry,
-            stage.attributes,
-            paths.rays,
-            hit,
-            found.primitive,
-            depth,
-            stage.cancellation,
-        )
-        queries = stage.queries(0)
-        surface = stage.shader.bent(met(paths, hit, surface), paths.kind, queries)
-        coefficients = stage.shader.coefficients(surface, paths.kind, queries)
+        surface = self._surface(paths, hit, found.primitive, depth)
+        sent, share = paths, self._share(paths, surface)
+        paths = replace(paths, weight=paths.weight * share)
+        ray = replace(ray, weight=_numbers(np.array(ray.weight) * share[:, 0]))
+        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
         coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
         if paths.reflections and stage.is_lit_by_meshes:
             coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
@@ -217,7 +171,11 @@ class Explainer:
             return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
         if about.caught is not None:
             coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
-        follow = tuple(self._next(paths, hit, surface, coefficients, depth))
+        near = self._near if ray.kind in ("camera", "lens") else None
+        if near is None:
+            near = gathering(stage, paths, hit, surface, coefficients, 0, self._places)[0]
+        after = self._next(sent, hit, surface, coefficients, depth)
+        follow = (*(self.follow(one, "gather") for one in near), *after)
         _, d = paths.rays.lines(hit)
         if about.caught is None:
             own = own + paths.weight[:, 0] * _sum(about)
@@ -270,8 +228,6 @@ class Explainer:
     def _next(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
     ) -> Iterator[Ray]:
-        for near in gathering(self.stage, paths, hit, surface, coefficients, 0, self._places):
-            yield self.follow(near, "gather")
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             point = self.stage.lobe_point(0, paths.depth)
             cutoff = self.stage.settings.cutoff
@@ -471,6 +427,18 @@ def _sum(hit: Hit) -> Array:
     for term in hit.lights:
         total = total + (np.array(term.diffuse) + np.array(term.specular)) * np.array(term.shadow)
     return total
+
+
+def _one(paths: Paths, k: int) -> Paths:
+    """Ray k."""
+    some = np.array([k])
+    columns = ("pixel", "straight", "widest", "refractions", "refracted")
+    return replace(
+        paths,
+        rays=paths.rays.take(some),
+        weight=paths.weight[:, some],
+        **{name: getattr(paths, name)[some] for name in columns},
+    )
 
 
 def _numbers(values: Array) -> Numbers:

@@ -67,7 +67,7 @@ def reflected(
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [(p.reflections, p.glossy, p.transmitted, p.gathers) for p in paths]
+    pasts = [(p.reflections, p.glossy, p.transmitted, p.gathers, p.shared) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 
@@ -75,9 +75,14 @@ def _alike(paths: list[Paths]) -> Iterator[Paths]:
 class Generations:
     """Follows the rays of one sample of a tile and adds what they bring to it."""
 
-    def __init__(self, stage: Stage, tile: Tile, sample: int, places: Array):
-        """places: (pixels,) of each in its block of `gather_points`."""
+    def __init__(
+        self, stage: Stage, tile: Tile, sample: int, places: Array, blocks: Array | None = None
+    ):
+        """places: (pixels,) of each in its block of `gather_points`.  blocks: (pixels,) which
+        blocks these are, where their pixels share what gather rays find.
+        """
         self._stage, self._tile, self._sample, self._places = stage, tile, sample, places
+        self._blocks, self._shares = blocks, None
         stage.media.moment.sample = sample
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
@@ -98,7 +103,8 @@ class Generations:
         """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are
         returned.
         """
-        stage = self._stage
+        stage, blocks = self._stage, self._blocks
+        self._blocks = None  # only what camera rays meet first is shared
         stage.rays["gather" if paths.gathers else paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
         hits = stage.visibility.closest(paths.rays, paths.kind, strips)
@@ -144,8 +150,15 @@ class Generations:
         hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
         self._add_openness(paths, hit, surface, coefficients)
         coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
-        self._shade(paths, hit, surface, coefficients)
-        deeper += gathering(stage, paths, hit, surface, coefficients, self._sample, self._places)
+        if paths.shared:
+            self._share(paths, hit, surface, coefficients)
+        else:
+            self._shade(paths, hit, surface, coefficients)
+        near, shares = gathering(
+            stage, paths, hit, surface, coefficients, self._sample, self._places, blocks
+        )
+        self._shares = shares or self._shares
+        deeper += near
         if paths.depth < stage.settings.max_bounces and not paths.gathers:
             point = stage.lobe_point(self._sample, paths.depth)
             deeper += bounced(
@@ -404,6 +417,8 @@ class Generations:
         light = self._stage.lighting_of(paths).direct(
             surface, coefficients, weight, self._sample, on_reach, on_cut
         )
+        if paths.gathers:
+            self._tile.near[pixel[coefficients.diffuse.any(0)]] = True
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)
@@ -412,6 +427,20 @@ class Generations:
             self._tile.add_to_groups(group, pixel, given)
         if stage.splits and paths.depth == 0:
             self._split(pixel, weight, surface, coefficients, light)
+
+    def _share(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
+    ) -> None:
+        """The same for all pixels that get a share of it."""
+        tile, pixel = self._tile, paths.pixel[hit]
+        number = np.zeros(len(paths), np.intp)
+        number[hit] = np.arange(len(hit))
+        self._tile = Tile(len(hit), frozenset(), 0, len(self._stage.scene.light_groups))
+        self._shade(replace(paths, pixel=number), hit, surface, coefficients)
+        found, self._tile = self._tile, tile
+        assert self._shares is not None
+        ray, receiver, share = self._shares.given(pixel, surface.x, surface.g)
+        tile.take(found, pixel, ray, receiver, share)
 
     def _add(
         self, paths: Paths, part: str, pixel: Array, values: Array, group: Array | int = -1

@@ -86,12 +86,13 @@ def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, m
     """The same of FIBRE_DIFFUSE lobes, or of the others."""
 
     def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
-        cosine, t = dot(n, l), pick(term.fibre, chosen)
+        cosine, t, scattered = dot(n, l), pick(term.fibre, chosen), term.lobe.between_fibres
         if matt:
-            return np.where(cosine > 0, fibre_diffuse(t, l), 0.0)
+            return np.where(cosine > 0, fibre_diffuse(t, l, scattered), 0.0)
         behind = term.lobe.kind == "FIBRE_TRANSMISSION"
-        numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
-        given = fibre_highlight(t, v, l, *numbers, behind, term.lobe.tilt)
+        fan = 0.0 if scattered else taken(term.masking, chosen)
+        numbers = taken(term.exponent, chosen), fan
+        given = fibre_highlight(t, v, l, *numbers, behind, term.lobe.tilt, scattered)
         return np.where((cosine < 0) if behind else (cosine > 0), given, 0.0)
 
     chosen = [term for term in terms if (term.lobe.kind == "FIBRE_DIFFUSE") == matt]

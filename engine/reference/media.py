@@ -175,6 +175,11 @@ class Media:
         return bool(self._media)
 
     @property
+    def varies(self) -> bool:
+        """Whether some medium does from place to place."""
+        return any(medium.program is not None for medium in self._media)
+
+    @property
     def asked(self) -> Counter[str]:
         """How many points the programs of media ran at, if any did."""
         return self._marching.asked if self._marching is not None else Counter()

@@ -34,7 +34,8 @@ class Paths:
     (n,) the largest exponent of highlights that they meet, that of the widest lobe on their way.
     refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
     was. transmitted: the first surface that they left refracted them, where passes ask for that.
-    gathers: they look for surfaces that throw light on, near by.
+    gathers: they look for surfaces that throw light on, near by.  shared: what they find goes to
+    the pixels that `gathering.Shares` has for theirs.
     """
 
     rays: Rays
@@ -49,6 +50,7 @@ class Paths:
     glossy: bool = False
     transmitted: bool = False
     gathers: bool = False
+    shared: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)

@@ -15,6 +15,8 @@ _LIGHT_POINTS = 16
 """Of each soft light, that a pixel has looked at before it may stop."""
 _LENS_SAMPLES = 16
 """The same of a lens, or of a camera that moves."""
+_NEAR_POINTS = 64
+"""The same where bounced light comes from near by."""
 _DIM_POINTS = 32
 """The same where it is black so far, its horizon cuts the light, or bounced light is met."""
 _MOST = 1e30
@@ -48,35 +50,47 @@ class Refinement:
     """What is known of the samples of each pixel of a region of height by width pixels.
 
     settings: their error_threshold is in levels, 0 stops no pixel.
-    shown: (h, w) bool, pixels that are drawn; others are only looked at by their neighbours.
+    traced: (h, w) bool, pixels that take further samples; others are only looked at by their
+    neighbours.
     spread: whether they are seen from several places.
     active: (pixels,) bool, those that take further samples.
     """
 
-    def __init__(self, settings: Settings, shown: Array, spread: bool = False):
-        self._threshold, self._light_samples, self._shown = (
+    def __init__(self, settings: Settings, traced: Array, spread: bool = False):
+        self._threshold, self._light_samples, self._traced = (
             settings.error_threshold,
             settings.light_samples,
-            shown,
+            traced,
         )
-        self._soft_light, self._cut, self._bounced = np.zeros((3, shown.size), bool)
+        self._soft_light, self._cut, self._bounced, self._near = np.zeros((4, traced.size), bool)
         self._samples = 0
         self._least = _LENS_SAMPLES if spread else 0
-        self.active = np.ones(shown.size, bool)
-        self._low, self._high = np.full((4, shown.size), np.inf), np.full((4, shown.size), -np.inf)
-        self._range = np.zeros(shown.size)
-        self._around = np.zeros(shown.size)
+        self.active = np.ones(traced.size, bool)
+        self._low, self._high = (
+            np.full((4, traced.size), np.inf),
+            np.full((4, traced.size), -np.inf),
+        )
+        self._range = np.zeros(traced.size)
+        self._around = np.zeros(traced.size)
 
     def note(
-        self, pixel: Array | slice, values: Array, soft_light: Array, cut: Array, bounced: Array
+        self,
+        pixel: Array | slice,
+        values: Array,
+        soft_light: Array,
+        cut: Array,
+        bounced: Array,
+        near: Array,
     ) -> None:
         """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft
-        light reached them, whether their horizon cuts one, and whether bounced light reached them.
+        light reached them, whether their horizon cuts one, whether bounced light reached them, and
+        whether gather rays brought some.
         """
         if self._samples < FIRST_ESTIMATE:
             self._soft_light[pixel] |= soft_light
             self._cut[pixel] |= cut
             self._bounced[pixel] |= bounced
+            self._near[pixel] |= near
         self._low[:, pixel] = np.minimum(self._low[:, pixel], values)
         self._high[:, pixel] = np.maximum(self._high[:, pixel], values)
 
@@ -91,16 +105,17 @@ class Refinement:
         seen = np.where(np.isfinite(seen), seen, np.inf)
         self._range = np.where(self.active, seen, self._range)
         if samples == FIRST_ESTIMATE:
-            self._around = _neighborhoods(self._range.reshape(self._shown.shape)).max(0).ravel()
-            self.active &= self._shown.ravel()
+            self._around = _neighborhoods(self._range.reshape(self._traced.shape)).max(0).ravel()
+            self.active &= self._traced.ravel()
         if self._threshold > 0 and samples >= self._least:
             black, points = (
                 (self._low[:3] == 0).all(0) & (self._high[:3] == 0).all(0),
                 samples * self._light_samples,
             )
-            met = self._soft_light | self._cut | self._bounced
+            met = self._soft_light | self._cut | self._bounced | self._near
             dim = black | self._cut | self._bounced
             least = np.where(dim, _DIM_POINTS, _LIGHT_POINTS)
+            least = np.where(self._near, _NEAR_POINTS, least)
             waits = met & (points < least) | black & self._cut
             self.active &= waits | ~(
                 np.maximum(self._range, self._around) / samples**0.75 <= self._threshold

@@ -113,6 +113,13 @@ class Stage:
         """
         return self.reach > 0 and not paths.gathers and paths.reflections == 0
 
+    @property
+    def shares_gathers(self) -> bool:
+        """Whether pixels of a block share what gather rays find: media that vary are traced with
+        few pixels at once.
+        """
+        return self.reach > 0 and not self.media.varies
+
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""
         if self.gathers(paths):

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
 from ..lights.lamps import group_stats, sharing_stats
-from ..sampling import GATHER_BLOCK, pixel_offsets, places_in_blocks
+from ..sampling import GATHER_BLOCK, blocks_of, pixel_offsets, places_in_blocks
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
@@ -48,10 +48,12 @@ class Tracer:
 
     def __init__(self, scene: Scene, settings: Settings, cancellation: Cancellation):
         self._scene, self._settings, self._cancellation = scene, settings, cancellation
-        self._region = self._shown = settings.region or (0, 0, *scene.camera.resolution)
+        self._shown = settings.region or (0, 0, *scene.camera.resolution)
+        self._region = self._traced = self._blocks_of(self._shown)
         refines = settings.error_threshold > 0 or "Error" in settings.passes
         if refines and settings.samples >= FIRST_ESTIMATE:
-            self._region = widened(self._shown, scene.camera.resolution)
+            self._region = widened(self._traced, scene.camera.resolution)
+            self._region = self._blocks_of(self._region)
         x0, y0, x1, y1 = self._region
         self.picture = Picture(
             x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs, scene.light_groups
@@ -59,7 +61,7 @@ class Tracer:
         is_spread = (
             scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)
         )
-        self._refinement = Refinement(settings, self._is_shown(), is_spread) if refines else None
+        self._refinement = Refinement(settings, self._is_traced(), is_spread) if refines else None
         self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None
         self._spreads = Spread.samples(scene, settings.samples)
         self._times = sample_times(scene, settings.samples)[0] if is_moving(scene) else None
@@ -124,9 +126,18 @@ class Tracer:
             notes,
         )
 
-    def _is_shown(self) -> Array:
+    def _blocks_of(self, region: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+        """The region with the pixels that share gather rays with its own."""
+        if not any(light.kind == "BOUNCED" for light in self._scene.lights):
+            return region
+        (x0, y0, x1, y1), (width, height) = region, self._scene.camera.resolution
+        side = GATHER_BLOCK
+        end = min(-(-x1 // side) * side, width), min(-(-y1 // side) * side, height)
+        return (x0 // side * side, y0 // side * side, *end)
+
+    def _is_traced(self) -> Array:
         """(h, w) bool of the region."""
-        (x0, y0, x1, y1), (left, bottom, right, top) = self._shown, self._region
+        (x0, y0, x1, y1), (left, bottom, right, top) = self._traced, self._region
         x, y = np.arange(left, right), np.arange(bottom, top)[:, None]
         return (x0 <= x) & (x < x1) & (y0 <= y) & (y < y1)
 
@@ -139,7 +150,7 @@ class Tracer:
     def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
         """Traces one sample of every pixel tile by tile; yields the finished fraction."""
         x0, y0, x1, y1 = self._region
-        rows = max(TILE // (x1 - x0), 1)
+        rows = max(TILE // (x1 - x0) // GATHER_BLOCK, 1) * GATHER_BLOCK
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
             rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
@@ -147,10 +158,11 @@ class Tracer:
             first = (y - y0) * (x1 - x0)
             here: slice | Array = slice(first, first + len(rays))
             places = places_in_blocks((x0, x1), (y, above), GATHER_BLOCK)
+            blocks = blocks_of((x0, x1), (y, above), GATHER_BLOCK)
             if self._refinement and not self._refinement.active[here].all():
                 chosen = np.flatnonzero(self._refinement.active[here])
                 here, rays, strips = first + chosen, rays.take(chosen), None
-                places = places[chosen]
+                places, blocks = places[chosen], blocks[chosen]
             tile = Tile(
                 len(rays),
                 self._settings.passes.intersection(DATA) if sample == 0 else frozenset(),
@@ -158,11 +170,13 @@ class Tracer:
                 len(self._scene.light_groups),
             )
             if len(rays):
-                Generations(stage, tile, sample, places).run(rays, strips)
+                shared = blocks if stage.shares_gathers else None
+                Generations(stage, tile, sample, places, shared).run(rays, strips)
             self.picture.keep(here, tile)
             if self._refinement:
                 values = np.concatenate([tile.color(), tile.lost[None]])
-                self._refinement.note(here, values, tile.soft_light, tile.cut, tile.bounced)
+                met = tile.soft_light, tile.cut, tile.bounced, tile.near
+                self._refinement.note(here, values, *met)
             yield (above - y0) / (y1 - y0)
 
     def _clock(self, name: str) -> _Clock:

@@ -253,6 +253,11 @@ def places_in_blocks(x: tuple[int, int], y: tuple[int, int], side: int) -> np.nd
     return ((np.arange(*y) % side)[:, None] * side + np.arange(*x) % side).ravel()
 
 
+def blocks_of(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
+    """(pixels,) the numbers of the squares that the same pixels are in."""
+    return ((np.arange(*y) // side)[:, None] * (x[1] // side + 1) + np.arange(*x) // side).ravel()
+
+
 @functools.lru_cache(maxsize=4)
 def gather_points(samples: int, each: int) -> np.ndarray:
     """(GATHER_BLOCK², k, 2) float64 in the unit disc, not to be written to: what lies below the

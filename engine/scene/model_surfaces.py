@@ -112,7 +112,8 @@ class Lobe:
     point's.  stretch_output: of SPECULAR lobes, the output with a direction in the world along the
     surface: slopes of half vectors along it are times its length, those across it over that
     (SEMANTICS.md); -1, zero or not finite: none.  between_fibres: what it shows or lets through is
-    light that other fibres scattered: `Scene.as_lit` drops it where light does not bounce.
+    light that other fibres scattered: `Scene.as_lit` drops it where light does not bounce; FIBRE
+    lobes catch of it what comes along them too, and have no masking then.
     """
 
     kind: str

@@ -396,8 +396,8 @@ def test_a_pilot_that_meets_nothing_sends_more() -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize(("light_samples", "least"), [(1, 32), (2, 16)])
-def test_pixels_that_bounced_light_reaches_take_32_light_samples(
+@pytest.mark.parametrize(("light_samples", "least"), [(1, 64), (2, 32)])
+def test_pixels_that_bounced_light_reaches_from_near_by_take_64_light_samples(
     light_samples: int, least: int, backend: str
 ) -> None:
     """The ground alone lights the wall, and the first samples may miss what is near. What sees

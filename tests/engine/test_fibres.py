@@ -144,6 +144,25 @@ def test_a_strand_under_a_sun_in_closed_form(backend, kind, below, lean) -> None
     np.testing.assert_allclose(found[on], expected, rtol=1e-6)
 
 
+@needs_core
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+@pytest.mark.parametrize("kind", ["DIFFUSE", "TRANSMISSION"])
+@pytest.mark.parametrize("height", [0.0, 0.7, 1.4])
+def test_light_that_others_scattered_is_caught_along_the_strand_too(backend, kind, height) -> None:
+    up = -np.cos(height) if kind == "TRANSMISSION" else np.cos(height)
+    sun = replace(SUN, world_from_light=_towards(np.array([np.sin(height), 0.0, up])))
+    scattered = lobe(kind, 1.0, 3.0 * (kind == "TRANSMISSION"), between_fibres=True)
+    options = {"samples": 1, "filter_width": 0.0, "diffuse_bounces": 1}
+    found = render(scene(scattered, lights=(sun,)), Settings(**options, backend=backend)).combined
+    on = np.abs(P[..., 1]) < 0.45
+    expected = np.sqrt(1 - 0.75 * np.sin(height) ** 2)
+    if kind == "TRANSMISSION":
+        expected *= np.sqrt(3.5 / (8 * np.pi)) * np.cos(height / 2) ** 3
+    else:
+        expected *= 2 / np.pi
+    np.testing.assert_allclose(found[..., 0][on], expected, rtol=1e-6)
+
+
 def _towards(direction: np.ndarray) -> np.ndarray:
     """A light's frame whose -z leaves a sun that is seen in a direction."""
     z = direction / np.linalg.norm(direction)

@@ -254,7 +254,7 @@ def test_the_core_against_the_reference() -> None:
         volume_samples=1,
         max_bounces=4,
         passes=frozenset(parts),
-        region=(26, 18, 38, 30),
+        region=(28, 20, 36, 28),
     )
     for name in ("Combined", *parts):
         first, second = (film.passes[name] for film in films)

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ....engine.program.graph import Graph, Value
+from ....engine.scene import Lobe
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
@@ -56,24 +57,12 @@ _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; 
 
 
 @dataclass(frozen=True)
-class LobeKey:
-    """What two lobes must share to be added: see `engine.scene.Lobe`, and for what volumes have
-    `engine.scene.Medium`.
+class LobeKey(Lobe):
+    """What two lobes must share to be added: all but the factors, what volumes have of
+    `engine.scene.Medium`, and where the normal is from.
     """
 
-    kind: str
-    exponent: float = 0.0
-    ior: float = 1.0
-    fresnel: bool = False
-    schlick: bool = False
-    masking: float = 0.0
-    exponent_output: int = -1
-    masking_output: int = -1
-    ior_output: int = -1
-    fibre_output: int = -1
-    normal_output: int = -1
-    stretch_output: int = -1
-    between_fibres: bool = False
+    factors: tuple = field(default=(), init=False, compare=False)
     anisotropy: float = 0.0
     anisotropy_output: int = -1
     normal: Value | None = None  # of the shader that it comes from

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -384,22 +384,8 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
 
 
 def _lobe(key: LobeKey, factors: tuple) -> Lobe:
-    return Lobe(
-        key.kind,
-        factors,
-        key.exponent,
-        key.ior,
-        key.fresnel,
-        key.schlick,
-        key.masking,
-        key.exponent_output,
-        key.masking_output,
-        key.ior_output,
-        key.fibre_output,
-        key.normal_output,
-        key.stretch_output,
-        key.between_fibres,
-    )
+    shape = {given.name: getattr(key, given.name) for given in fields(Lobe)}
+    return Lobe(**{**shape, "factors": factors})
 
 
 def wanted_by(material: Material) -> RequiredAttributes:

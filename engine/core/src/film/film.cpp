@@ -54,7 +54,7 @@ void SlotTable::set(uint32_t width, uint32_t height) {
   for (; columns_.size() % kPad; columns_.push_back(0)) rows_.push_back(0);
 }
 
-Film::Film(Region region, Region shown, Passes passes, double error_threshold,
+Film::Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
            uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count, uint32_t light_groups)
     : region_(region),
       shown_(shown),
@@ -89,7 +89,7 @@ Film::Film(Region region, Region shown, Passes passes, double error_threshold,
   cut();
   cryptomatte_.set_tiles(tiles_.size());
   if (error_threshold > 0 || wants(GLINT_PASS_ERROR))
-    refinement_ = Refinement(error_threshold, light_samples, region, shown, rows());
+    refinement_ = Refinement(error_threshold, light_samples, region, traced, rows());
   if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region);
 }
 

@@ -82,12 +82,13 @@ inline float to_float(double x) {
 /// lost alpha, then three for each part.
 class Film {
  public:
-  Film(Region region, Passes passes) : Film(region, region, passes, 0, 1) {}
-  /// shown: what `picture` gives of the region.  error_threshold, light_samples: see Refinement.
-  /// crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count, light_groups: of the
-  /// scene.
-  Film(Region region, Region shown, Passes passes, double error_threshold, uint32_t light_samples,
-       uint32_t crypto_ids = 0, uint32_t aov_count = 0, uint32_t light_groups = 0);
+  Film(Region region, Passes passes) : Film(region, region, region, passes, 0, 1) {}
+  /// shown: what `picture` gives of the region.  traced, error_threshold, light_samples: see
+  /// Refinement. crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count, light_groups:
+  /// of the scene.
+  Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
+       uint32_t light_samples, uint32_t crypto_ids = 0, uint32_t aov_count = 0,
+       uint32_t light_groups = 0);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }

@@ -27,14 +27,14 @@ double visible_difference(double mean, double difference) {
   return levels(high) - levels(high - difference);
 }
 
-Refinement::Refinement(double threshold, uint32_t light_samples, Region region, Region shown,
+Refinement::Refinement(double threshold, uint32_t light_samples, Region region, Region traced,
                        size_t rows)
     : threshold_(threshold),
       light_samples_(light_samples),
       width_(region.width()),
       height_(region.height()),
-      shown_{shown.x0 - region.x0, shown.y0 - region.y0, shown.x1 - region.x0,
-             shown.y1 - region.y0},
+      traced_{traced.x0 - region.x0, traced.y0 - region.y0, traced.x1 - region.x0,
+              traced.y1 - region.y0},
       rows_(rows),
       bounds_(8 * rows),
       stopped_(rows),
@@ -101,7 +101,9 @@ bool Refinement::may_stop(size_t row, uint64_t light_points) const {
   const uint8_t met = soft_light_.data()[row];
   if (!met) return true;
   const bool black = is_black(row), cut = met & kCut;
-  const uint32_t least = black || cut || met & kBounced ? kDimPoints : kLightPoints;
+  const uint32_t least = met & kNear                      ? kNearPoints
+                         : black || cut || met & kBounced ? kDimPoints
+                                                          : kLightPoints;
   return light_points >= least && !(black && cut);
 }
 
@@ -114,7 +116,7 @@ void Refinement::decide(const Tile& tile, const SlotTable& slots, uint32_t sampl
     const bool good = any_may_stop && threshold_ > 0 &&
                       bound_of_error(pixel, samples) <= threshold_ &&
                       may_stop(row, uint64_t(samples) * light_samples_);
-    if (!stopped && (good || !is_shown(pixel % width_, pixel / width_))) stopped = samples;
+    if (!stopped && (good || !is_traced(pixel % width_, pixel / width_))) stopped = samples;
   }
 }
 

@@ -42,12 +42,14 @@ class Refinement {
       16;  // of each soft light that a pixel has looked at before it may stop
   static constexpr uint32_t kDimPoints =
       32;  // where it is black so far, the horizon cuts the light, or bounced light is met
+  static constexpr uint32_t kNearPoints = 64;   // where bounced light comes from near by
   static constexpr uint32_t kLensSamples = 16;  // the same of a lens
   enum SoftLight : uint8_t {
     kReached = 1,
     kCut = 2,
-    kBounced = 4
-  };  // by one sample, whatever stands between; by the horizon; by bounced light
+    kBounced = 4,
+    kNear = 8
+  };  // by one sample, whatever stands between; by the horizon; by bounced light; by gather rays
   static constexpr float kUnknown =
       256;  // the error of a pixel with fewer samples: beyond all levels
 
@@ -63,9 +65,9 @@ class Refinement {
 
   Refinement() = default;
   /// threshold: in levels, 0 stops no pixel.  light_samples: points on a soft light a sample.
-  /// region: with the pixels round `shown` that only their neighbours look at, and that take no
+  /// region: with the pixels round `traced` that only their neighbours look at, and that take no
   /// more than the first samples.  rows: slots of all tiles.
-  Refinement(double threshold, uint32_t light_samples, Region region, Region shown, size_t rows);
+  Refinement(double threshold, uint32_t light_samples, Region region, Region traced, size_t rows);
 
   bool on() const { return width_ > 0; }
   bool stops_pixels() const { return on() && threshold_ > 0; }
@@ -103,14 +105,14 @@ class Refinement {
   /// Whether all samples of the row are.
   bool is_black(size_t row) const;
   float* bound(int k, size_t row) const { return bounds_.data() + size_t(k) * rows_ + row; }
-  bool is_shown(uint32_t x, uint32_t y) const {
-    return x - shown_.x0 < shown_.width() && y - shown_.y0 < shown_.height();
+  bool is_traced(uint32_t x, uint32_t y) const {
+    return x - traced_.x0 < traced_.width() && y - traced_.y0 < traced_.height();
   }
 
   double threshold_ = 0;
   uint32_t light_samples_ = 1;
   uint32_t width_ = 0, height_ = 0;
-  Region shown_;  // counted from the corner of the region
+  Region traced_;  // counted from the corner of the region
   size_t rows_ = 0;
   ZeroedBuffer<float>
       bounds_;  // rows of the least red, green, blue, lost alpha; then of the largest

@@ -16,7 +16,7 @@ bool DirectLight::gathers(const Queue& queue) const {
 }
 
 void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-                         Queue& gathering, RayCounts& counts) {
+                         Queue& gathering, GatherShares* shares, RayCounts& counts) {
   const Queue& queue = *batch.queue;
   for (size_t c = 0; c < 2; ++c) {
     disc_[c].resize(columns_.rows());
@@ -25,6 +25,11 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
   place_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k) place_[k] = uint8_t(plan_.gather_place(pixels[k]));
   stage_.gathers_gloss = scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+  matt_.assign(batch.size(), {});
+  if (shares) {
+    find_matt(batch);
+    shares->set(plan_, batch, pixels, matt_);
+  }
   const uint32_t places = plan_.gather_block * plan_.gather_block, each = plan_.gather_places.each;
   for (uint32_t j = 0; j < each; ++j) {
     for (size_t k = 0; k < batch.size(); ++k) {
@@ -37,7 +42,8 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
         const uint32_t from = point_[k];
         if (place_[from] != place) continue;
         Path path = queue.path(from);
-        path.T = (1.0 / each) * row(stage_.diffuse_out, k);
+        const bool is_shared = any(matt_[from]);
+        path.T = (1.0 / each) * (is_shared ? Vec3d{1, 1, 1} : row(stage_.diffuse_out, k));
         if (!finite(path.T)) continue;
         path.start = row(batch.points.x, from);
         path.from = 0;
@@ -47,6 +53,17 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
         gathering.push({row(stage_.o, k), row(stage_.to, k), 0, reach_, kMirror}, path);
         ++counts.gather;
       }
+  }
+}
+
+/// What points throw back of light from all sides, but for those whose bumps hide some.
+void DirectLight::find_matt(const Batch& batch) {
+  for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), batch.size(), 0.0);
+  const size_t count = stages_.gather(stage_);
+  for (size_t k = 0; k < count; ++k) {
+    const uint32_t point = point_[k];
+    const Vec3d matt = row(stage_.diffuse_out, k);
+    if (finite(matt) && !(stage_.unbent[0] && any(row(stage_.unbent, point)))) matt_[point] = matt;
   }
 }
 
@@ -81,17 +98,20 @@ void Tracer::make_diffuse(const Queue& queue) {
     const double rest = 1 - std::min(share * dot(to, to), 1.0);
     const bool is_hair =
         scene_.instances.geometry(scene_.instances.group(batch_.instance[k])).kind == GLINT_STRANDS;
-    set_row(batch_.diffuse, k, (is_hair ? 0 : rest * rest) * row(batch_.diffuse, k));
+    const Vec3d given = (is_hair ? 0 : rest * rest) * row(batch_.diffuse, k);
+    set_row(batch_.diffuse, k, given);
+    if (batch_.soft_light && any(given))
+      to_paths(queue, k,
+               [&](uint32_t path, Vec3d) { batch_.soft_light[path] |= Refinement::kNear; });
   }
 }
 
 /// The batch's light to the parts of the picture: that of surfaces that camera rays meet.
 void Tracer::keep_gathered(const Queue& queue) {
   for (const bool seen : {true, false}) {
-    double* sums = paths_.sums(film_, seen ? GLINT_PASS_DIFFUSE : GLINT_PASS_MIRROR);
-    for (size_t c = 0; sums && c < 3; ++c, sums += paths_.stride())
-      for (size_t k = 0; k < queue.size(); ++k)
-        if ((queue.depth(k) == 1) == seen) sums[queue.slot(k)] += batch_.sums.total[c][k];
+    double* const sums = paths_.sums(film_, seen ? GLINT_PASS_DIFFUSE : GLINT_PASS_MIRROR);
+    for (size_t k = 0; sums && k < queue.size(); ++k)
+      if ((queue.depth(k) == 1) == seen) add_to_paths(queue, k, batch_.sums.total, sums);
   }
 }
 

@@ -32,6 +32,11 @@ void Tracer::keep_lighting(const Queue& queue) {
   const auto add = [&](int pass, size_t c, size_t k, double light) {
     paths_.sums(film_, pass)[c * paths_.stride() + queue.slot(k)] += light;
   };
+  if (queue.gathers && queue.shared) {
+    double* const sums = paths_.sums(film_, GLINT_PASS_DIFFUSE_INDIRECT);
+    for (size_t k = 0; k < queue.size(); ++k) add_to_paths(queue, k, s.total, sums);
+    return;
+  }
   for (size_t c = 0; c < 3; ++c)
     for (size_t k = 0; k < queue.size(); ++k) {
       if (queue.visibility == kCamera) {
@@ -70,12 +75,14 @@ void Tracer::note_glow(const Queue& queue) {
 void Tracer::keep_groups(const Queue& queue) {
   double* const all = paths_.sums(film_, GLINT_PASS_LIGHT_GROUPS);
   for (size_t group = 0; group < batch_.group_count(); ++group)
-    for (size_t c = 0; batch_.gives(group) && c < 3; ++c) {
-      double* const sums = all + (3 * group + c) * paths_.stride();
-      const double* const from = batch_.group(group)[c];
-      if (&queue == &first_) stages_.add(sums, from, queue.size());
-      else
-        for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += from[k];
+    if (batch_.gives(group)) {
+      double* const sums = all + 3 * group * paths_.stride();
+      const double* const from[3] = {batch_.group(group)[0], batch_.group(group)[1],
+                                     batch_.group(group)[2]};
+      for (size_t c = 0; &queue == &first_ && c < 3; ++c)
+        stages_.add(sums + c * paths_.stride(), from[c], queue.size());
+      for (size_t k = 0; &queue != &first_ && k < queue.size(); ++k)
+        add_to_paths(queue, k, from, sums);
     }
 }
 

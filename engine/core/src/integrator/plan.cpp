@@ -14,6 +14,14 @@ Region widened(Region r, const GlintCamera& camera) {
           std::min(r.y1 + 1, camera.height)};
 }
 
+/// The region with all of the squares of `side` pixels on a side that it has some of.
+Region whole_blocks(Region r, uint32_t side, const GlintCamera& camera) {
+  const auto up = [side](uint32_t end, uint32_t most) {
+    return std::min((end + side - 1) / side * side, most);
+  };
+  return {r.x0 / side * side, r.y0 / side * side, up(r.x1, camera.width), up(r.y1, camera.height)};
+}
+
 /// The openings of a dome in anchored space.
 std::vector<Opening> openings_of(const GlintRenderSettings& g, uint32_t directions,
                                  const Anchor& anchor) {
@@ -50,9 +58,15 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
       mesh_points(g.mesh_table, kPointColumns, g.mesh_samples, g.mesh_count),
       dome{g.dome_cells,   g.dome_irradiance,      g.dome_rows,
            g.dome_columns, g.dome_irradiance_rows, g.dome_irradiance_columns} {
-  shown = region = {g.region[0], g.region[1], g.region[2], g.region[3]};
+  shown = {g.region[0], g.region[1], g.region[2], g.region[3]};
+  const bool divides = (gather_block & (gather_block - 1)) == 0;  // tiles have whole blocks
+  shares_gathers = g.gather_reach > 0 && gather_block > 1 && gather_block <= kMostSharing &&
+                   divides && gather_places.each <= kMostShared && !scene.media.varies;
+  const uint32_t side = shares_gathers ? gather_block : 1;
+  traced = region = whole_blocks(shown, side, scene.camera);
   const bool refines = error_threshold > 0 || passes >> GLINT_PASS_ERROR & 1;
-  if (refines && samples >= Refinement::kFirst) region = widened(shown, scene.camera);
+  if (refines && samples >= Refinement::kFirst)
+    region = whole_blocks(widened(traced, scene.camera), side, scene.camera);
   bounced_shadows = std::clamp(g.bounced_shadows, 1u, bounced_points.each);
   lobe_levels = std::max(g.lobe_levels, 1u);
   lobe_tabled = std::max(size_t(g.lobe_count) / lobe_levels, size_t(1));

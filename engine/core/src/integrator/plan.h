@@ -51,9 +51,14 @@ struct RenderPlan : GlintRenderSettings {
   /// The settings have no problems.
   RenderPlan(const GlintRenderSettings& settings, const Scene& scene);
 
-  /// In place of the settings' four numbers. shown: the pixels that were asked for; the region has
-  /// a margin where their neighbours are looked at.
-  Region region{}, shown{};
+  static constexpr uint32_t kMostShared = 8;   // rays of a sample: a tile's stay in one queue
+  static constexpr uint32_t kMostSharing = 4;  // pixels on a block's side
+
+  /// In place of the settings' four numbers. shown: the pixels that were asked for.  traced: with
+  /// those that share gather rays with them; the region has a margin where the neighbours of these
+  /// are looked at.
+  Region region{}, traced{}, shown{};
+  bool shares_gathers = false;  // pixels of a block of gather_block
   int thread_count = 1;
   SampleTable dome_directions, bounced_points, occlusion_directions, gather_places;
   SampleTable mesh_points;  // of the first mesh light, and after its mesh_count those of the next

@@ -39,7 +39,8 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       catches_(scene.features & GLINT_FEATURE_SHADOW_CATCHER),
       program_slots_(size_t(scene.programs.most_slots) * kBlock) {}
 
-Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool gathers) {
+Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool gathers,
+                   bool shared) {
   Queue queue(visibility);
   if (!spare_.empty()) {
     queue = std::move(spare_.back());
@@ -49,6 +50,7 @@ Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool 
   queue.reflections = reflections;
   queue.glossy = glossy;
   queue.gathers = gathers;
+  queue.shared = shared;
   return queue;
 }
 
@@ -174,9 +176,11 @@ void Tracer::follow(uint32_t sample) {
 /// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
 void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   const bool apart = queue.visibility == kCamera || queue.glossy;  // else straight on is a mirror's
-  NextRays next{take(queue.visibility, queue.reflections, queue.glossy, queue.gathers),
-                take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
-                take(kMirror, queue.reflections + 1, true, true)};
+  const bool shares = plan_.shares_gathers && &queue == &first_;
+  NextRays next{
+      take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
+      take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
+      take(kMirror, queue.reflections + 1, true, true, shares)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));
   wait(std::move(next.straight));
@@ -212,7 +216,8 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (direct_.gathers(queue)) {
     pixels_.resize(queue.size());
     for (size_t k = 0; k < queue.size(); ++k) pixels_[k] = pixel(queue, k);
-    direct_.gather(batch_, pixels_, sample, next.gathering, counts_);
+    GatherShares* const shares = next.gathering.shared ? &shares_ : nullptr;
+    direct_.gather(batch_, pixels_, sample, next.gathering, shares, counts_);
   }
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
@@ -225,11 +230,11 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
 void Tracer::keep(const Queue& queue) {
   auto keep_part = [&](int part, double* const(&columns)[3]) {
     double* sums = paths_.sums(film_, part);
-    for (size_t c = 0; sums && columns[0] && c < 3; ++c, sums += paths_.stride()) {
-      if (&queue == &first_) stages_.add(sums, columns[c], queue.size());
-      else
-        for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += columns[c][k];
-    }
+    if (!sums || !columns[0]) return;
+    for (size_t c = 0; &queue == &first_ && c < 3; ++c, sums += paths_.stride())
+      stages_.add(sums, columns[c], queue.size());
+    for (size_t k = 0; &queue != &first_ && k < queue.size(); ++k)
+      add_to_paths(queue, k, columns, sums);
   };
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);

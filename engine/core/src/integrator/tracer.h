@@ -67,6 +67,21 @@ class Tracer {
   void widen(const Queue& queue);
   void make_diffuse(const Queue& queue);
   void keep_gathered(const Queue& queue);
+  /// add(path, share) for each path that gets something of what ray k brings.
+  template <class Add>
+  void to_paths(const Queue& queue, size_t k, Add add) const {
+    const uint32_t slot = queue.slot(k);
+    if (!queue.shared) return add(slot, Vec3d{1, 1, 1});
+    if (!batch_.missed(k))
+      shares_.give(slot, row(batch_.points.x, k), row(batch_.points.g, k), add);
+  }
+  /// The columns c of ray k to sums of paths, `stride()` apart.
+  void add_to_paths(const Queue& queue, size_t k, const double* const (&columns)[3], double* sums) {
+    to_paths(queue, k, [&](uint32_t path, Vec3d share) {
+      for (size_t c = 0; c < 3; ++c)
+        sums[c * paths_.stride() + path] += share[int(c)] * columns[c][k];
+    });
+  }
   void find_hits(const Queue& queue);
   void dim(Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
@@ -105,7 +120,7 @@ class Tracer {
   void keep(const Queue& queue);
   void wait(Queue queue);
   Queue take(uint32_t visibility, uint32_t reflections = 0, bool glossy = false,
-             bool gathers = false);
+             bool gathers = false, bool shared = false);
   void give(Queue queue);
   uint32_t pixel(const Queue& queue, size_t k) const {
     return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());
@@ -121,6 +136,7 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
+  GatherShares shares_;           // of the gather rays from where camera rays meet something first
   std::vector<uint32_t> pixels_;  // of the region, of each point that gather rays start from
   SceneQueries queries_;
   MediaSpans media_;

@@ -32,8 +32,8 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
       plan_(settings, scene),
-      film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
-            plan_.crypto_ids, scene.aov_count, scene.light_group_count),
+      film_(plan_.region, plan_.traced, plan_.shown, plan_.passes, plan_.error_threshold,
+            plan_.light_samples, plan_.crypto_ids, scene.aov_count, scene.light_group_count),
       thread_([this] { work(); }) {}
 
 Job::~Job() {

@@ -114,6 +114,10 @@ inline Doubles fan(Doubles turned, Doubles q, Doubles behind) {
   return choose(q > 0, root(kCircle * (2 * q + 0.5) / 8) * where(u > 0, power), splat(1));
 }
 
+/// The square of the sine by which fibres catch light that others scattered, where it comes along
+/// them.
+constexpr double kScattered = 0.25;
+
 /// What a FIBRE lobe gives (SEMANTICS.md); cosine: n.l.
 inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, const Three& l,
                      Doubles cosine) {
@@ -129,15 +133,16 @@ inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, co
                 across = (across_l + across_v) - tilt * (to_l + to_v),
                 widest = larger(larger(across_l, across_v), splat(0.125));
   const Mask behind = kind == SpecularTerm::kFibreTransmission;
+  const Doubles q = load(column + SpecularTerm::kFresnel * s.stride), along2 = to_l * to_l,
+                caught = root(larger(1 - along2 + where(q < 0, kScattered * along2), splat(0)));
   const Doubles both = across_l * across_v,
                 turned = where(both > 0, (-dot(l, load3(s.d, k)) - to_l * to_v) / both),
-                fanned = fan(turned, load(column + SpecularTerm::kFresnel * s.stride),
-                             choose(behind, splat(-1), splat(1)));
+                fanned = fan(turned, q, choose(behind, splat(-1), splat(1)));
   const Doubles power =
                     exponential(-0.5 * p * logarithm_of_one_and(along * along, across * across)),
                 glossy =
-                    fanned * root((p + 0.5) / (8 * kCircle)) * power * across_l / (widest * widest),
-                given = choose(kind == SpecularTerm::kFibreDiffuse, (2 / kCircle) * across_l,
+                    fanned * root((p + 0.5) / (8 * kCircle)) * power * caught / (widest * widest),
+                given = choose(kind == SpecularTerm::kFibreDiffuse, (2 / kCircle) * caught,
                                where(across > 0, glossy));
   return where((behind & (cosine < 0)) | (~behind & (cosine > 0)), given);
 }

@@ -1,0 +1,56 @@
+#include "integrator/gather_shares.h"
+
+#include "film/film.h"
+#include "math/math.h"
+
+namespace glint {
+namespace {
+
+constexpr double kAlike = 0.97;  // least cosine between normals of one surface
+constexpr double kFlat = 0.04;   // of the way between its points, squared, the most along these
+
+}  // namespace
+
+void GatherShares::set(const RenderPlan& plan, const Batch& batch,
+                       const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& matt) {
+  const uint32_t width = plan.region.width(), across = Tile::kSize / plan.gather_block;
+  points_.resize(batch.size());
+  group_.resize(batch.size());
+  groups_.clear();
+  blocks_.resize(size_t(across) * across);
+  for (std::vector<uint32_t>& block : blocks_) block.clear();
+  for (uint32_t k = 0; k < batch.size(); ++k) {
+    const bool shares = any(matt[k]);
+    points_[k] = {row(batch.points.x, k), row(batch.points.n, k),
+                  shares ? matt[k] : Vec3d{1, 1, 1}};
+    const uint32_t column = (plan.region.x0 + pixels[k] % width) / plan.gather_block % across,
+                   line = (plan.region.y0 + pixels[k] / width) / plan.gather_block % across;
+    if (shares) join(k, line * across + column);
+    else {
+      group_[k] = uint32_t(groups_.size());
+      groups_.push_back({1, {k}});
+    }
+  }
+}
+
+/// Adds the point to the first group of the block whose first point is on its surface.
+void GatherShares::join(uint32_t path, size_t block) {
+  const Point& point = points_[path];
+  for (const uint32_t number : blocks_[block]) {
+    Group& group = groups_[number];
+    const Point& other = points_[group.paths[0]];
+    const Vec3d way = point.x - other.x;
+    const double along = dot(way, point.n), beside = dot(way, other.n),
+                 flat = kFlat * dot(way, way);
+    if (dot(point.n, other.n) >= kAlike && along * along <= flat && beside * beside <= flat) {
+      group.paths[group.count++] = path;
+      group_[path] = number;
+      return;
+    }
+  }
+  group_[path] = uint32_t(groups_.size());
+  blocks_[block].push_back(group_[path]);
+  groups_.push_back({1, {path}});
+}
+
+}  // namespace glint
