@@ -43,6 +43,8 @@ from .visibility import NOTHING
 
 Array = np.ndarray
 
+NEAR = 0.5
+"""Of 1 - d² / R², from where gather rays bring light: pixels wait for more light samples."""
 AT_ONCE = 1 << 13
 """Rays whose scattered light is worked out together."""
 
@@ -418,7 +420,9 @@ class Generations:
             surface, coefficients, weight, self._sample, on_reach, on_cut
         )
         if paths.gathers:
-            self._tile.near[pixel[coefficients.diffuse.any(0)]] = True
+            to = surface.x - paths.rays.lines(hit)[0]
+            is_near = 1 - dot(to, to) / stage.reach**2 >= NEAR
+            self._tile.near[pixel[is_near & coefficients.diffuse.any(0)]] = True
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)

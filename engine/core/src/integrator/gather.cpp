@@ -8,6 +8,11 @@
 #include "math/math.h"
 
 namespace glint {
+namespace {
+
+constexpr double kNear = 0.5;  // of 1 − d² / R²: pixels wait for more light samples
+
+}  // namespace
 
 /// What surfaces that mirrors show get of bounced light is told apart as well, but not what rough
 /// reflections show.
@@ -100,7 +105,7 @@ void Tracer::make_diffuse(const Queue& queue) {
         scene_.instances.geometry(scene_.instances.group(batch_.instance[k])).kind == GLINT_STRANDS;
     const Vec3d given = (is_hair ? 0 : rest * rest) * row(batch_.diffuse, k);
     set_row(batch_.diffuse, k, given);
-    if (batch_.soft_light && any(given))
+    if (batch_.soft_light && rest >= kNear && any(given))
       to_paths(queue, k,
                [&](uint32_t path, Vec3d) { batch_.soft_light[path] |= Refinement::kNear; });
   }
