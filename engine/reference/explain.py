@@ -101,10 +101,17 @@ class Explainer:
         self._shares, self._own = shares, own
         return [_one(rays, k) for rays in near for k in np.flatnonzero(np.isin(rays.pixel, alike))]
 
-    def _share(self, paths: Paths, surface: Surface) -> Array:
-        """(3, 1) what the pixel gets of what its own gather ray, or a neighbour's, finds there."""
+    def _share(self, paths: Paths, surface: Surface | None) -> Array:
+        """(3, 1) what the pixel gets of what its own gather ray, or a neighbour's, finds there; an
+        even part where that finds nothing.
+        """
         if not paths.shared:
             return np.ones((3, 1))
+        assert self._shares is not None
+        if surface is None:
+            group = self._shares.group
+            alike = (group == group[self._own]).sum() if group[self._own] >= 0 else 1
+            return self._shares.matt[:, [self._own]] / alike
         _, receiver, share = self._shares.given(paths.pixel, surface.x, surface.g)
         return share[:, receiver == self._own].sum(1, keepdims=True)
 
@@ -151,6 +158,8 @@ class Explainer:
         )
         own = sent * sum((np.array(light) for _, light in (*shapes, *media)), np.zeros(3))
         if found.primitive[0] == NOTHING:
+            even = np.array(ray.weight) * self._share(paths, None)[:, 0]
+            ray = replace(ray, weight=_numbers(even))
             own = own + paths.weight[:, 0] * np.array(ray.background)
             return replace(ray, own=_numbers(own), color=_numbers(own))
         ray = replace(ray, background=(0.0, 0.0, 0.0))

@@ -43,7 +43,7 @@ from .visibility import NOTHING
 
 Array = np.ndarray
 
-NEAR = 0.5
+NEAR_SHARE = 0.5
 """Of 1 - d² / R², from where gather rays bring light: pixels wait for more light samples."""
 AT_ONCE = 1 << 13
 """Rays whose scattered light is worked out together."""
@@ -421,7 +421,7 @@ class Generations:
         )
         if paths.gathers:
             to = surface.x - paths.rays.lines(hit)[0]
-            is_near = 1 - dot(to, to) / stage.reach**2 >= NEAR
+            is_near = 1 - dot(to, to) / stage.reach**2 >= NEAR_SHARE
             self._tile.near[pixel[is_near & coefficients.diffuse.any(0)]] = True
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)

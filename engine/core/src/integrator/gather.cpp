@@ -10,7 +10,7 @@
 namespace glint {
 namespace {
 
-constexpr double kNear = 0.5;  // of 1 − d² / R²: pixels wait for more light samples
+constexpr double kNearShare = 0.5;  // of 1 − d² / R²: pixels wait for more light samples
 
 }  // namespace
 
@@ -105,7 +105,7 @@ void Tracer::make_diffuse(const Queue& queue) {
         scene_.instances.geometry(scene_.instances.group(batch_.instance[k])).kind == GLINT_STRANDS;
     const Vec3d given = (is_hair ? 0 : rest * rest) * row(batch_.diffuse, k);
     set_row(batch_.diffuse, k, given);
-    if (batch_.soft_light && rest >= kNear && any(given))
+    if (batch_.soft_light && rest >= kNearShare && any(given))
       to_paths(queue, k,
                [&](uint32_t path, Vec3d) { batch_.soft_light[path] |= Refinement::kNear; });
   }

@@ -3,6 +3,8 @@
 // takes what the others find as if it had found it (Bekaert, Sbert, Halton 2002, Accelerating path
 // tracing by re-using paths).
 #pragma once
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "integrator/batch.h"

@@ -32,7 +32,7 @@ void Tracer::keep_lighting(const Queue& queue) {
   const auto add = [&](int pass, size_t c, size_t k, double light) {
     paths_.sums(film_, pass)[c * paths_.stride() + queue.slot(k)] += light;
   };
-  if (queue.gathers && queue.shared) {
+  if (queue.shared) {
     double* const sums = paths_.sums(film_, GLINT_PASS_DIFFUSE_INDIRECT);
     for (size_t k = 0; k < queue.size(); ++k) add_to_paths(queue, k, s.total, sums);
     return;
