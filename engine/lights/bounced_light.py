@@ -318,9 +318,7 @@ class _Walks:
                 passed[fresh] = _without(start.blockers, sets[fresh])
             k = _let_through(k, np.flatnonzero(passed))
             numbers = (steps.number + 0.5) / totals[steps.start] + number * GOLDEN
-            group = np.concatenate(
-                [start.light_group[steps.number[a:b]] for start, a, b in spans]
-            )
+            group = np.concatenate([start.light_group[steps.number[a:b]] for start, a, b in spans])
             last = steps.scattered + 1 == self._bounces
             for given, normal, own in self._sides(surface, k, numbers):
                 weight = steps.weight * np.abs(given).mean(0)

@@ -317,7 +317,8 @@ class Lighting:
                 and not (self.gathered and source.is_last(number))
             )
         ]
-        seen = source.seen_from(surface.x, surface.n, numbers, n)
+        starts = {"start": surface.start} if isinstance(source, BouncedSource) else {}
+        seen = source.seen_from(surface.x, surface.n, numbers, n, **starts)
         for number in numbers:
             point = points[number]
             yield narrow, seen(point), coefficients.diffuse

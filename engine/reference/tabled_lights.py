@@ -314,30 +314,38 @@ class BouncedSource(MeshSource):
         return BouncedSource(self.light, self._eye, self._table.first(count))
 
     def seen_from(
-        self, x: Array, n: Array, numbers: Sequence[int], count: int
+        self,
+        x: Array,
+        n: Array,
+        numbers: Sequence[int],
+        count: int,
+        start: Array | None = None,
     ) -> Callable[[MeshPoint], LightSample]:
-        """As discs."""
-        return lambda point: self.seen_disc(x, n, point.number)
+        """As discs. start: (3, k) where shadow rays begin, if that is not x."""
+        return lambda point: self.seen_disc(x, n, point.number, start)
 
-    def _disc(self, x: Array, n: Array, number: int) -> tuple[Array, Array]:
+    def _disc(self, x: Array, n: Array, number: int, start: Array | None) -> tuple[Array, Array]:
         """The way (3, k) to a point, and whether it and the points x with the normals n face each
-        other.
+        other, from where shadow rays begin too: that may be beyond a ridge.
         """
         q, m = self._placed(number)
         to, least = q - x, 4 * ROUNDED * (np.abs(q).max() + self._table.reach[number])
-        return to, (dot(to, m) < -least) & (dot(n, to) > least)
+        facing = (dot(to, m) < -least) & (dot(n, to) > least)
+        return to, facing if start is None else facing & (dot(start - q, m) > 0)
 
     def _placed(self, number: int) -> tuple[Array, Array]:
         """(3, 1) each: a point and its normal."""
         at, normal = self._table.point[number], self._table.normal[number]
         return self._axes @ at[:, None] + self.position, unit(self._axes @ normal[:, None])
 
-    def seen_disc(self, x: Array, n: Array, number: int) -> LightSample:
+    def seen_disc(
+        self, x: Array, n: Array, number: int, start: Array | None = None
+    ) -> LightSample:
         """The disc of a point as x (3, k) with the normals n (3, k) see it: by its vector form
         factor, that of a ball in its direction.
         """
         q, m = self._placed(number)
-        to, facing = self._disc(x, n, number)
+        to, facing = self._disc(x, n, number, start)
         r2 = float(merged(self._table.spread[number], self._table.each, self.merged))
         h, d2 = -dot(to, m), dot(to, to)
         outside = d2 - r2

@@ -1,5 +1,6 @@
-"""Light that surfaces let through in all directions: what is matt on their other sides (SEMANTICS.md,
-TRANSLUCENT)."""
+"""Light that surfaces let through in all directions: what is matt on their other sides
+(SEMANTICS.md, TRANSLUCENT).
+"""
 
 from __future__ import annotations
 

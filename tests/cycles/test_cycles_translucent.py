@@ -56,7 +56,12 @@ def test_leaves_against_the_light(light: str, more: dict) -> None:
     """
     scene = cycles.empty_scene(48, 48)
     add(scene, "leaf", hills(translucent(LEAF, **more)))
-    add(scene, "stem", plane(0.2, translucent((0.5, 0.5, 0.5))), looking_at((0.2, 0, -0.5), (0, 0, 9)))
+    add(
+        scene,
+        "stem",
+        plane(0.2, translucent((0.5, 0.5, 0.5))),
+        looking_at((0.2, 0, -0.5), (0, 0, 9)),
+    )
     add_camera(scene, (0, 0, 5), (0, 0, 0), type="ORTHO", ortho_scale=1.9)
     if light == "sky":
         cycles.set_world(scene, (0.8, 0.9, 1.0))

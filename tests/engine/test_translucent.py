@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine_scenes import grid_mesh
 from glint.engine import Settings, render
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
@@ -16,7 +17,6 @@ from glint.engine.program.graph import Graph
 from glint.engine.program.operations_vector import VectorOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
-from engine_scenes import grid_mesh
 from native_tools import lamp, needs_core, pixel_centers, placed, square, view_from_above
 from surface_scenes import SUN, plane
 

@@ -6,7 +6,7 @@ namespace {
 constexpr size_t kFixed = 1 + 3 + 3 + 3 + 2 + 3 + 3;  // t, x, g, offset and weights, diffuse, total
 constexpr size_t kSmooth = 3 + 3;                     // n, origin
 constexpr size_t kBumps = 3 + 1;                      // unbent, bump
-constexpr size_t kBehind = 3 + 3 + 3 + 1;  // translucent, behind, lifted, lifted_bump
+constexpr size_t kBehind = 3 + 3 + 3 + 1;             // translucent, behind, lifted, lifted_bump
 constexpr size_t kParts = 6 * 3, kSplit = 6 * 3;
 
 size_t group_columns_of(const Scene& scene, Passes passes) {
@@ -24,8 +24,8 @@ Batch::Batch(const Scene& scene, Passes passes)
                size_t(scene.materials.specular_columns * scene.materials.max_specular) +
                size_t(scene.materials.passing_columns * scene.materials.max_passing) +
                (scene.materials.shadows_bumps ? kBumps : 0) +
-               (scene.materials.has_translucent ? kBehind : 0) + kParts + (splits_ ? kSplit : 0) + 3 +
-               group_columns_of(scene, passes)),
+               (scene.materials.has_translucent ? kBehind : 0) + kParts + (splits_ ? kSplit : 0) +
+               3 + group_columns_of(scene, passes)),
       groups_(group_columns_of(scene, passes)),
       given_(groups_.size() / 3) {}
 
@@ -169,8 +169,7 @@ void Batch::set_surface(size_t k, const Surface& s) {
 void Batch::clear_specular() {
   const size_t width = size_t(scene_.materials.specular_columns);
   for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term)
-    for (size_t c = 0; c < 3; ++c)
-      std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
+    for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
 }
 
 bool Batch::turn_round() {

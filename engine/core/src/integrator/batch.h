@@ -115,11 +115,11 @@ class Batch {
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
   double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {},
          *lit_glossy_bounced[3] = {}, *lit_volume[3] = {}, *lit_volume_bounced[3] = {};
-  double* glow[3] = {};               // of surfaces; null where no light groups are asked for
-  double *diffuse[3] = {}, *translucent[3] = {};  // T k; translucent: null where nothing is
+  double* glow[3] = {};  // of surfaces; null where no light groups are asked for
+  double *diffuse[3] = {}, *translucent[3] = {};   // T k; translucent: null where nothing is
   double *lifted[3] = {}, *lifted_bump = nullptr;  // as EvaluateStage has them
-  double* specular = nullptr;         // as ShadeStage has it
-  double* passing_columns = nullptr;  // as EvaluateStage has it
+  double* specular = nullptr;                      // as ShadeStage has it
+  double* passing_columns = nullptr;               // as EvaluateStage has it
   int passing_width = PassingTerm::kPlain;
   size_t stride = 0;
   double

@@ -92,6 +92,14 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
   return (dot(at.l, splat3(s.axis)) >= 0) & (dot(at.l, load3(s.g, k)) <= 0);
 }
 
+/// Where shadow rays to a disc of bounced light begin on its side that shines: Hanika's start may
+/// be beyond a ridge from there.
+template <int Shape>
+inline Mask starts_before(const LightStage& s, size_t k) {
+  if (Shape != kBouncedSource || s.origin[0] == s.points_x[0]) return ~Mask{};
+  return dot(load3(s.origin, k) - splat3(s.end), splat3(s.axis)) > 0;
+}
+
 template <int Shape, class AnySample>
 inline Three color_of(const LightStage& s, const AnySample& at) {
   if constexpr (Shape == kOpenSky) return at.color;
@@ -130,7 +138,7 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
              side = turned    ? ~Mask{}
                     : through ? front | (cosine < 0)
                               : front,
-             met = lit & at.good & side & ~within<Shape>(s, k, at);
+             met = lit & at.good & side & ~within<Shape>(s, k, at) & starts_before<Shape>(s, k);
   if (!any(met)) return;
   const BumpShadow bump = bump_shadow<Bent>(s, k, n, at.l);
   const Mask reached = met & ~bump.hidden;
