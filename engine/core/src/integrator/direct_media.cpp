@@ -93,8 +93,7 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
                                 const Light& light, uint32_t sample, RayCounts& counts) {
   const uint32_t all = light.is_bounced() ? plan_.bounced_shadows : plan_.samples_of(light),
                  parts = light.endless() ? parts_of_light(all, plan_.volume_samples) : 1,
-                 count = all / parts,
-                 each = (plan_.volume_samples + count - 1) / count;
+                 count = all / parts, each = (plan_.volume_samples + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
     const LightPoint point = plan_.light_point(light, sample, sample % parts * count + j);
     light.set(stage_, point, all, plan_.physical());
@@ -109,8 +108,8 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
     }
     for (uint32_t i = 0; i < each; ++i)
       scatter_sample(batch, spans, clear, light,
-                     plan_.scatter_share(sample, j * each + i, count * each),
-                     double(each) / parts, counts);
+                     plan_.scatter_share(sample, j * each + i, count * each), double(each) / parts,
+                     counts);
   }
 }
 

@@ -169,8 +169,8 @@ Vec3d MediaSpans::depth_of(const Medium& medium, const Span& span, double from, 
   const Cell* cell = cells_.data() + span.first_cell;
   if (summed_ && span.cells > 0 && from <= cell->from) {
     const Cell* const first = cell;
-    cell = std::partition_point(first, first + span.cells,
-                                [&](const Cell& c) { return c.from < to; });
+    cell =
+        std::partition_point(first, first + span.cells, [&](const Cell& c) { return c.from < to; });
     if (cell == first) return sum;
     --cell;
     const double way = std::min(cell->to, to) - cell->from;
