@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..accelerator import Accelerator
 from ..scene import Camera, Instances, Material, Scene
+from ..scene import Geometry as AnyGeometry
 
 if TYPE_CHECKING:
     from ..reference.geometry import Geometry
@@ -83,7 +85,13 @@ class _Surfaces:
     each block, so that no surface hides another one that lies in it.
     """
 
-    def __init__(self, geometries, instances: tuple[Instances, ...], geometry: Geometry, origin):
+    def __init__(
+        self,
+        geometries: Sequence[AnyGeometry],
+        instances: Sequence[Instances],
+        geometry: Geometry,
+        origin: Array,
+    ) -> None:
         from ..reference.cancellation import Cancellation
 
         self.geometry, self.cancellation = geometry, Cancellation(lambda: False)
