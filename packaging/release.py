@@ -92,7 +92,7 @@ def run(blender: tree.Blender, built: dict[str, Path]) -> Seen:
 
 
 def table(seen: Seen, before: str = "") -> str:
-    """A row for each platform; before: a table whose cells stay where nothing was seen this time."""
+    """A row for each platform; before: a table whose cells stay where nothing was seen now."""
     cells: Seen = {}
     for line in before.splitlines()[2:]:
         platform, *row = line.strip("| ").split(" | ")
