@@ -199,7 +199,7 @@ def test_a_furry_ball_covers_the_same_pixels():
 
 def ball_of_fur(count=6000, radius=0.006):
     """Strands that stand out of a dark ball, before a camera that looks along y."""
-    scene = cycles.empty_scene(96, 96)
+    scene = cycles.empty_scene(64, 64)
     rng = np.random.default_rng(1)
     n = rng.normal(size=(count, 3))
     n /= np.linalg.norm(n, axis=1)[:, None]
@@ -244,17 +244,17 @@ SUNS = {
 }
 
 
-def field_of(count: int, radius: float, keys: int):
+def field_of(count: int, radius: float, keys: int, side: int):
     """Strands that stand side by side, some 20 degrees from above."""
     scene, field = strand_field(count, keys, radius)
-    scene.render.resolution_x = scene.render.resolution_y = 96
+    scene.render.resolution_x = scene.render.resolution_y = side
     return scene, field
 
 
 STANDS = {
     "ball": ball_of_fur,
-    "field": lambda: field_of(3000, 0.012, 6),
-    "few": lambda: field_of(40, 0.06, 5),
+    "field": lambda: field_of(3000, 0.012, 6, 64),
+    "few": lambda: field_of(40, 0.06, 5, 96),
 }
 
 
