@@ -459,6 +459,8 @@ def test_elliptic_strands_are_as_bright_as_in_cycles_on_average(ratio):
     2.7 times as bright.
     """
     inputs = {"parametrization": "COLOR", "Color": COLORS["brown"], "model": "HUANG"}
-    truth, mine = mean_lights("ShaderNodeBsdfHairPrincipled", 8, **inputs, **{"Aspect Ratio": ratio})
+    truth, mine = mean_lights(
+        "ShaderNodeBsdfHairPrincipled", 8, **inputs, **{"Aspect Ratio": ratio}
+    )
     assert (np.abs(mine - truth) <= 0.2 * truth + 0.15 * truth.max(0)).all()
     assert np.abs(mine - truth).mean() <= 0.25 * truth.mean()

@@ -222,9 +222,7 @@ def _principled_hair(view: NodeView) -> Closure:
         lobe("TRANSMISSION", straight, model.wide, model.leans[1], masking=model.fan),
         lobe("SPECULAR", reflected, 4.0, model.leans[2], even=0.77, masking=_WITHIN_FAN),
         _fibre(view, "DIFFUSE", multiply(trt, scale(within, returns * model.matt))),
-        _fibre(
-            view, "TRANSMISSION", scale(passes, model.behind), even=0.53, exponent=_TAIL
-        ),
+        _fibre(view, "TRANSMISSION", scale(passes, model.behind), even=0.53, exponent=_TAIL),
         _of_others(_fibre(view, "DIFFUSE", multiply(of_mass(*model.back, returns), come_back))),
         _of_others(
             _fibre(
