@@ -9,7 +9,8 @@
     SHA256SUMS              of all of these
 
 Each core is looked at (binaries.py) and, where this machine can, run (foreign.py). The same sources
-give the same bits: --twice builds a copy of them elsewhere and compares.
+give the same bits: --twice builds a copy of them elsewhere and compares. --note writes what was
+seen into the table of docs/releases.md.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import json
 import re
 import shutil
 import subprocess
+from datetime import UTC, datetime
 from pathlib import Path
 
 import bill_of_materials
@@ -32,10 +34,10 @@ RELEASE = tree.DIST / "release"
 REPOSITORY = RELEASE / "repository"
 SUMS = RELEASE / "SHA256SUMS"
 TEMPLATE = Path(__file__).with_name("repository.html")
-_HEAD = (
-    "| platform | built | looked at | the core's tests | reference renders |",
-    "|---|---|---|---|---|",
-)
+TABLE = tree.ROOT / "docs" / "releases.md"
+COLUMNS = ("built", "linked", "built twice", "run", "the core's tests", "reference renders")
+Seen = dict[str, dict[str, str]]
+"""Platform → column → what was seen there."""
 
 
 def make(blender: tree.Blender, platforms: list[str]) -> dict[str, Path]:
@@ -72,10 +74,10 @@ def _sorted_rows(rows: re.Match[str]) -> str:
     return "".join(sorted(re.findall(r"  <tr>.*?</tr>\n", rows[1], re.DOTALL)))
 
 
-def run(blender: tree.Blender, built: dict[str, Path]) -> list[str]:
-    """The rows of the table; what cannot be run here says so."""
+def run(blender: tree.Blender, built: dict[str, Path]) -> Seen:
+    """What was run; what cannot be run here says so."""
     foreign.record(blender)
-    rows = []
+    seen = {}
     for platform, wheel in built.items():
         try:
             ran = (
@@ -83,10 +85,30 @@ def run(blender: tree.Blender, built: dict[str, Path]) -> list[str]:
                 f"the same bits with {foreign.play(blender, platform, wheel)}",
             )
         except foreign.CannotRun as reason:
-            ran = (f"not run: {reason}", "not run")
-        rows.append(f"| {platform} | yes | nothing amiss | {' | '.join(ran)} |")
-        print(f"glint: {rows[-1]}", flush=True)
-    return rows
+            ran = (f"not run: {reason}", "no")
+        seen[platform] = dict(zip(COLUMNS[-2:], ran, strict=True))
+        print(f"glint: {platform}: {'; '.join(ran)}", flush=True)
+    return seen
+
+
+def table(seen: Seen, before: str = "") -> str:
+    """A row for each platform; before: a table whose cells stay where nothing was seen now."""
+    cells: Seen = {}
+    for line in before.splitlines()[2:]:
+        platform, *row = line.strip("| ").split(" | ")
+        cells[platform] = dict(zip(COLUMNS, row, strict=True))
+    for platform, found in seen.items():
+        cells[platform] = dict.fromkeys(COLUMNS, "no") | cells.get(platform, {}) | found
+    rows = [f"| {' | '.join((p, *(row[name] for name in COLUMNS)))} |" for p, row in cells.items()]
+    head = [f"| {' | '.join(('platform', *COLUMNS))} |", "|" + "---|" * (1 + len(COLUMNS))]
+    return "\n".join([*head, *rows, ""])
+
+
+def note(seen: Seen, page: Path = TABLE) -> None:
+    """Put what was seen into the table of the page on releases."""
+    text = page.read_text(encoding="utf-8")
+    before = re.search(r"^\| platform \|.*\n(?:\|.*\n)+", text, re.MULTILINE)[0]
+    page.write_text(text.replace(before, table(seen, before)), encoding="utf-8")
 
 
 def add_up() -> str:
@@ -127,11 +149,14 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", choices=sorted(wheels.PLATFORMS), default=[])
     parser.add_argument("--build", action="store_true", help="run nothing")
     parser.add_argument("--twice", action="store_true", help="build a copy elsewhere and compare")
+    parser.add_argument("--note", action="store_true", help="write the table of docs/releases.md")
     options = parser.parse_args()
     blender = environment.prepare(options.bpy)
     wheels.install_tools(blender)
     platforms = options.only or list(wheels.PLATFORMS)
     built = make(blender, platforms)
+    day = f"{datetime.now(UTC):%Y-%m-%d}"
+    seen = {platform: {"built": day, "linked": "as promised"} for platform in platforms}
     before = add_up()
     if options.twice:
         with tree.step("building a copy of the sources elsewhere"):
@@ -140,10 +165,16 @@ def main() -> int:
         if other:
             raise tree.SetupError("\n".join(["building twice gives other bits:", *other]))
         print(f"glint: {len(before.splitlines())} files have the same bits when built twice")
+        for row in seen.values():
+            row["built twice"] = "the same bits"
     if not options.build:
-        rows = run(blender, built)
-        (RELEASE / "platforms.txt").write_text("\n".join([*_HEAD, *rows]) + "\n")
+        for platform, row in run(blender, built).items():
+            ran = "no" if row[COLUMNS[-1]] == "no" else day
+            seen[platform] |= {"run": ran} | row
+        (RELEASE / "platforms.txt").write_text(table(seen))
         add_up()
+    if options.note:
+        note(seen)
     print(f"glint: {RELEASE.relative_to(tree.ROOT)} is ready")
     return 0
 

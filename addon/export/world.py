@@ -185,7 +185,7 @@ def _medium(world: Any, images: Images, report: Report) -> Medium | None:
     """What is everywhere."""
     read = read_tree(world)
     tree = read.tree
-    output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
+    output = output_of(tree) if tree is not None else None
     socket = socket_named(output.inputs, "Volume") if output else None
     if socket is None or not socket.is_linked:
         return None

@@ -5,10 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bl_ui.properties_object import OBJECT_PT_visibility
+from bl_ui.properties_world import EEVEE_WORLD_PT_mist
+from bpy.app.translations import contexts
 from bpy_extras.node_utils import find_node_input
 
 from ..export.geometry.volumes import openvdb
 from ..export.materials.graph import node_tree, output_of
+from .node_menu import draw_button
 from .panel import EnginePanel, draw_if_known, draw_reason, draw_wide
 
 _DEFORMS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
@@ -154,10 +158,22 @@ class GLINT_VOLUME_PT_render(EnginePanel, bpy.types.Panel):
             column.prop(context.volume.render, name)
 
 
+class GLINT_OBJECT_PT_visibility(EnginePanel, bpy.types.Panel):
+    bl_label = "Visibility"
+    bl_context = "object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.object
+
+    draw = OBJECT_PT_visibility.draw
+
+
 class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
     bl_label = "Ray Visibility"
     bl_context = "object"
-    bl_parent_id = "OBJECT_PT_visibility"
+    bl_parent_id = "GLINT_OBJECT_PT_visibility"
 
     def draw(self, context):
         column = self.animated_column
@@ -195,27 +211,97 @@ class GLINT_OBJECT_PT_motion_blur(EnginePanel, bpy.types.Panel):
             column.prop(settings, "use_deform_motion", text="Deformation")
 
 
-class GLINT_LIGHT_PT_nodes(EnginePanel, bpy.types.Panel):
-    bl_label = "Nodes"
-    bl_context = "data"
+class _NodesPanel(EnginePanel):
+    """What is linked to an input of the output node that Glint reads. Blender's own panels show
+    that of Eevee's output, and stand before all of ours.
+    """
+
+    socket = bl_label = "Surface"
+    without: tuple[str, ...] = ()
+    """What is drawn without nodes."""
 
     @classmethod
     def poll(cls, context):
-        return super().poll(context) and context.light
+        owner = cls.owner(context)
+        is_paint = getattr(owner, "grease_pencil", None)
+        return super().poll(context) and owner is not None and not is_paint
+
+    @classmethod
+    def owner(cls, context):
+        return getattr(context, "light" if cls.bl_context == "data" else cls.bl_context)
 
     def draw(self, context):
-        layout, light = self.layout, context.light
-        tree = node_tree(light)
+        layout, owner = self.layout, self.owner(context)
+        tree = node_tree(owner)
         if tree is None:
-            layout.prop(light, "use_nodes", icon="NODETREE")
-            return
+            layout.prop(owner, "use_nodes", icon="NODETREE")
         layout.use_property_split = True
+        if tree is None:
+            for name in self.without:
+                layout.prop(owner, name)
+            return
         output = output_of(tree)
-        socket = find_node_input(output, "Surface") if output is not None else None
+        socket = find_node_input(output, self.socket) if output is not None else None
         if socket is None:
             layout.label(text="No output node")
         else:
             layout.template_node_view(tree, output, socket)
+
+
+class _MoreNodesPanel(_NodesPanel):
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and node_tree(cls.owner(context)) is not None
+
+
+class GLINT_LIGHT_PT_nodes(_NodesPanel, bpy.types.Panel):
+    bl_label = "Nodes"
+    bl_context = "data"
+
+
+class GLINT_MATERIAL_PT_surface(_NodesPanel, bpy.types.Panel):
+    bl_context = "material"
+    without = ("diffuse_color", "metallic", "roughness")
+
+    def draw(self, context):
+        draw_button(self.layout, context.material)
+        _NodesPanel.draw(self, context)
+
+
+class GLINT_MATERIAL_PT_volume(_MoreNodesPanel, bpy.types.Panel):
+    socket = bl_label = "Volume"
+    bl_translation_context = contexts.id_id  # no sound's
+    bl_context = "material"
+
+
+class GLINT_MATERIAL_PT_displacement(_MoreNodesPanel, bpy.types.Panel):
+    socket = bl_label = "Displacement"
+    bl_context = "material"
+
+
+class GLINT_WORLD_PT_surface(_NodesPanel, bpy.types.Panel):
+    bl_context = "world"
+    without = ("color",)
+
+
+class GLINT_WORLD_PT_volume(_MoreNodesPanel, bpy.types.Panel):
+    socket = bl_label = "Volume"
+    bl_translation_context = contexts.id_id  # no sound's
+    bl_context = "world"
+
+
+class GLINT_WORLD_PT_mist(EnginePanel, bpy.types.Panel):
+    bl_label = "Mist Pass"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.world
+
+    draw = EEVEE_WORLD_PT_mist.draw
 
 
 class GLINT_MATERIAL_PT_settings(EnginePanel, bpy.types.Panel):
@@ -252,6 +338,7 @@ class _VolumePanel(EnginePanel):
     """How far apart rays look at a volume that varies, as Cycles keeps it."""
 
     bl_label = "Volume"
+    bl_translation_context = contexts.id_id
 
     @classmethod
     def poll(cls, context):
@@ -363,16 +450,25 @@ CLASSES = (
     GLINT_LIGHT_PT_light,
     GLINT_LIGHT_PT_beam_shape,
     GLINT_LIGHT_PT_nodes,
+    GLINT_MATERIAL_PT_surface,
+    GLINT_MATERIAL_PT_volume,
+    GLINT_MATERIAL_PT_displacement,
     GLINT_MATERIAL_PT_settings,
     GLINT_MATERIAL_PT_settings_surface,
     GLINT_MATERIAL_PT_settings_volume,
     GLINT_OBJECT_PT_light_group,
-    GLINT_OBJECT_PT_ray_visibility,
     GLINT_OBJECT_PT_motion_blur,
+    GLINT_OBJECT_PT_visibility,
+    GLINT_OBJECT_PT_ray_visibility,
     GLINT_WORLD_PT_preview,
+    GLINT_WORLD_PT_surface,
+    GLINT_WORLD_PT_volume,
+    GLINT_WORLD_PT_mist,
     GLINT_WORLD_PT_ray_visibility,
     GLINT_WORLD_PT_settings,
     GLINT_WORLD_PT_settings_volume,
     GLINT_WORLD_PT_light_group,
 )
-"""In the order of Cycles'."""
+"""In the order of Cycles': what draws as Blender's own panels is here as those come before all of
+ours.
+"""

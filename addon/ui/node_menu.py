@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..export.materials.graph import BLINN_PHONG, is_blinn_phong, kind_of, node_tree
+from ..export.materials.graph import BLINN_PHONG, is_blinn_phong, kind_of, node_tree, output_of
 from .nodes import NAME, OUTPUT, WIDTH, add_blinn_phong, blinn_phong_group
 
 _COLORS = ("Base Color", "Color", "Diffuse")
@@ -77,7 +77,7 @@ def use_blinn_phong(material: bpy.types.Material) -> bpy.types.Node:
     if node_tree(material) is None:
         material.use_nodes = True
     tree = material.node_tree
-    output = tree.get_output_node("ALL") or tree.nodes.new("ShaderNodeOutputMaterial")
+    output = output_of(tree) or tree.nodes.new("ShaderNodeOutputMaterial")
     before = _shader_behind(output)
     node = add_blinn_phong(tree)
     if before is None:
@@ -96,7 +96,7 @@ def _shader_behind(output: bpy.types.Node) -> bpy.types.Node | None:
 
 def _wears_it(material: bpy.types.Material) -> bool:
     tree = node_tree(material)
-    output = tree.get_output_node("ALL") if tree is not None else None
+    output = output_of(tree) if tree is not None else None
     before = _shader_behind(output) if output is not None else None
     return before is not None and kind_of(before) == BLINN_PHONG
 
@@ -122,13 +122,10 @@ def _draw_menu_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
         self.layout.operator(GLINT_OT_add_blinn_phong.bl_idname, text=NAME)
 
 
-def _draw_button(self: bpy.types.Panel, context: bpy.types.Context) -> None:
-    if (
-        context.engine == "GLINT"
-        and context.material is not None
-        and not _wears_it(context.material)
-    ):
-        self.layout.operator(GLINT_OT_use_blinn_phong.bl_idname, icon="MATERIAL")
+def draw_button(layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
+    """In the panel of a material's surface."""
+    if not _wears_it(material):
+        layout.operator(GLINT_OT_use_blinn_phong.bl_idname, icon="MATERIAL")
 
 
 _CLASSES = (GLINT_OT_add_blinn_phong, GLINT_OT_use_blinn_phong)
@@ -138,11 +135,9 @@ def register() -> None:
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.NODE_MT_category_shader_shader.append(_draw_menu_entry)
-    bpy.types.EEVEE_MATERIAL_PT_surface.prepend(_draw_button)
 
 
 def unregister() -> None:
-    bpy.types.EEVEE_MATERIAL_PT_surface.remove(_draw_button)
     bpy.types.NODE_MT_category_shader_shader.remove(_draw_menu_entry)
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

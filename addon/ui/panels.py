@@ -4,8 +4,7 @@ visibility and statistics.
 Blender marks the panels that any renderer needs (output, dimensions, camera, scene, view layers,
 colour management, …) with the engine BLENDER_RENDER; we join those, as Blender's own engine add-ons
 do, except the ones that we replace or that would change nothing. From Eevee we borrow the material
-slots, the node views of material and world, the preview, depth of field and mist: they show data
-that Glint reads too.
+slots and their preview and depth of field: they show data that Glint reads too.
 """
 
 from __future__ import annotations
@@ -33,6 +32,7 @@ _REPLACED_OR_WITHOUT_EFFECT = {
     "DATA_PT_volume_render",
     "NODE_DATA_PT_light",
     "NODE_DATA_PT_spot",
+    "OBJECT_PT_visibility",
     "RENDER_PT_simplify",
     "RENDER_PT_simplify_greasepencil",
     "RENDER_PT_simplify_render",
@@ -44,13 +44,6 @@ _BORROWED_FROM_EEVEE = {
     "DATA_PT_camera_dof",
     "DATA_PT_camera_dof_aperture",
     "EEVEE_MATERIAL_PT_context_material",
-    "EEVEE_MATERIAL_PT_displacement",
-    "EEVEE_MATERIAL_PT_surface",
-    "EEVEE_MATERIAL_PT_volume",
-    "EEVEE_WORLD_PT_mist",
-    "EEVEE_NEXT_MATERIAL_PT_displacement",
-    "EEVEE_WORLD_PT_surface",
-    "EEVEE_WORLD_PT_volume",
     "MATERIAL_PT_preview",
 }
 

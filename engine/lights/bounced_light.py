@@ -20,6 +20,7 @@ from ..scene import EVERYTHING, Bounces, Light, Scene
 from .mesh_lights import MeshTable, along_a_curve
 from .met_surfaces import joined, met_surfaces
 from .same import Same
+from .walk_media import walk_media
 from .walk_starts import FEWEST, ROUNDED, Start, cosine_around, starts
 
 if TYPE_CHECKING:
@@ -68,7 +69,8 @@ def bounced_light(scene: Scene, bounces: int) -> Light | None:
     if not (bounces and scene.instances and scene.lights):
         return None
     surfaces = (*scene.geometries, *scene.instances, *scene.materials, *scene.textures)
-    return _light(Same(scene, *surfaces, *scene.lights), bounces)
+    media = (scene.world.medium, *scene.world.textures) if scene.world.medium else (None,)
+    return _light(Same(scene, *surfaces, *scene.lights, *media), bounces)
 
 
 @functools.lru_cache(maxsize=2)
@@ -237,6 +239,7 @@ class _Walks:
         self._scene, self._origin, self._bounces = scene, origin, bounces
         self._joined = replace(scene, instances=joined(scene.instances))
         self._count = max(POINTS // bounces, FEWEST)
+        self._media = walk_media(self._joined, origin)
 
     def found(self) -> Bounces | None:
         scene = self._joined
@@ -304,7 +307,7 @@ class _Walks:
             hit, surface, k, sets, caught = self._met(surfaces, steps)
             if not len(hit):
                 return
-            steps = steps.take(hit)
+            steps = self._dimmed(steps.take(hit), surface, begun, number)
             white = steps.carried.copy()
             passed = np.zeros(len(hit), bool)
             ends = np.searchsorted(steps.start, np.arange(len(begun) + 1))
@@ -341,6 +344,17 @@ class _Walks:
         origins = (steps.o + self._origin[:, None]).T
         hits = surfaces.closest(origins, steps.d.T, visibility="shadow")
         return met_surfaces(self._joined, self._origin, steps.o, steps.d, hits)
+
+    def _dimmed(self, steps: _Steps, surface: Surface, begun: list[Start], number: int) -> _Steps:
+        """After media on their way to a surface."""
+        if self._media is None:
+            return steps
+        to = surface.x - steps.o
+        way = np.sqrt((to * to).sum(0))
+        if number == 0:
+            way[np.array([start.endless for start in begun], bool)[steps.start]] = np.inf
+        passed = self._media.passed(surface.x, steps.d, way)
+        return replace(steps, carried=steps.carried * passed, weight=steps.weight * passed.mean(0))
 
     def _clear(self, surface: Surface) -> Array:
         """How far from the surface walks go on: the queries' is that of single precision."""

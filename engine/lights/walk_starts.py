@@ -49,6 +49,7 @@ class Start:
     light_group: Array
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
+    endless: bool = False
 
 
 def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[Start]:
@@ -67,7 +68,12 @@ def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[S
                 round(count * float(power / powers.max() / (powers / powers.max()).sum())), least
             )
             for start in _start(light, origin, far, n):
-                yield replace(start, receivers=light.receivers, blockers=light.blockers)
+                yield replace(
+                    start,
+                    receivers=light.receivers,
+                    blockers=light.blockers,
+                    endless=light.kind in ("SUN", "DOME"),
+                )
 
 
 def _color(light: Light) -> Array:

@@ -11,7 +11,6 @@ Guaranteed:
 
 from __future__ import annotations
 
-import functools
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from .operations import Operation, Reference
+from .operations import Operation, Reference, numbers_of
 
 Fold = Callable[[Operation, Sequence[np.ndarray], Mapping[str, Any]], Sequence[np.ndarray]]
 """fold(operation, arguments, settings) gives the outputs' values. Arrays have the shape (1,) for a
@@ -163,7 +162,7 @@ class Graph:
     def _number(self, choices: Any, given: Any) -> int:
         if isinstance(choices, Reference):
             return self._things[choices].setdefault(given, len(self._things[choices]))
-        if int(given) not in _numbers(choices):
+        if int(given) not in numbers_of(choices):
             raise ValueError(f"{given!r} is not one of {choices}")
         return int(given)
 
@@ -179,12 +178,6 @@ def needed(values: Sequence[Value]) -> list[Call]:
         found[call.order] = call
         waiting += [value.call for value in call.arguments if value.call is not None]
     return [found[order] for order in sorted(found)]
-
-
-@functools.cache
-def _numbers(choices: Any) -> range | frozenset[int]:
-    """What a setting may be."""
-    return choices if isinstance(choices, range) else frozenset(map(int, choices))
 
 
 def _column(value: Value) -> np.ndarray:

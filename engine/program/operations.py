@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from functools import cached_property
+from functools import cache, cached_property
 
 
 class Kind(IntEnum):
@@ -25,6 +25,14 @@ class Reference(Enum):
 
 
 Choices = type[IntEnum] | range | Reference
+
+
+@cache
+def numbers_of(choices: type[IntEnum] | range) -> range | frozenset[int]:
+    """What a setting may be. To look into a range takes no walk through it, as some have thousands
+    of numbers.
+    """
+    return choices if isinstance(choices, range) else frozenset(map(int, choices))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..scene.checks import Found, handle
-from .operations import Reference
+from .operations import Reference, numbers_of
 from .program import Instruction, Program, instructions
 
 
@@ -37,5 +37,5 @@ def _is_sound(step: Instruction, program: Program) -> bool:
         if isinstance(choices, Reference):
             sound = sound and setting in range(len(getattr(program, choices.value)))
         else:
-            sound = sound and setting in list(choices)
+            sound = sound and setting in numbers_of(choices)
     return sound

@@ -7,18 +7,19 @@ from __future__ import annotations
 import copy
 from collections import Counter
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from ..scene import EVERYTHING, Mesh, Polygons, Scene, Spheres, Strands
 from .attributes import Attributes
+from .cancellation import Cancellation
 from .geometry import Geometry
 from .lights import Source
 from .march import Marching, Matter
 from .rays import Rays
 from .surface import surface_at
 from .vectors import dot, length, pick
-from .visibility import Visibility
 
 Array = np.ndarray
 
@@ -144,12 +145,24 @@ class Moment:
     sample: int = 0
 
 
+class Surfaces(Protocol):
+    """What `Visibility` tells of the surfaces that enclose media."""
+
+    @property
+    def geometry(self) -> Geometry: ...
+
+    @property
+    def cancellation(self) -> Cancellation: ...
+
+    def crossings(self, rays: Rays, seen: Array) -> tuple[Array, Array, Array]: ...
+
+
 class Media:
     """The media of a scene, as rays meet them. moment: what those have in common that are made of
     one.
     """
 
-    def __init__(self, scene: Scene, attributes: Attributes, visibility: Visibility):
+    def __init__(self, scene: Scene, attributes: Attributes, visibility: Surfaces):
         self.moment = Moment()
         self._attributes, self._visibility = attributes, visibility
         self._geometry = visibility.geometry

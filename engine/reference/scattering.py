@@ -212,16 +212,29 @@ def scattered(stage, rays: Rays, spans: Spans, far: Array, sample: int) -> Itera
             yield Scattered(source, ray, pick(light, lit), shadow, group)
 
 
-def _points(stage, source: Source, sample: int) -> Iterator[tuple[LightPoint, float, int, int]]:
-    """Points of a light, shares of the light along rays, points in all and shares for each."""
+def _points(stage, source: Source, sample: int) -> Iterator[tuple[LightPoint, float, int, float]]:
+    """Points of a light, shares of the light along rays, points in all and shares for each, less
+    than one where these points stand for others as well.
+    """
     n = source.sample_count(stage.settings.light_samples)
-    each = -(-stage.settings.volume_samples // n)
+    endless = source.light.kind in ("SUN", "DOME")
+    parts = parts_of_light(n, stage.settings.volume_samples) if endless else 1
+    count = n // parts
+    each = -(-stage.settings.volume_samples // count)
     points = stage.lighting.points if source.points is None else source.points
     single = n == 1 and source.points is None
-    for j, number in enumerate([0] if single else source.numbers(sample, n)):
+    numbers = [0] if single else source.numbers(sample, n)[sample % parts * count :][:count]
+    for j, number in enumerate(numbers):
         for k in range(j * each, (j + 1) * each):
-            share = scatter_share(stage.scatter_offsets, sample, k, n * each)
-            yield CENTER if single else points[number], share, n, each
+            share = scatter_share(stage.scatter_offsets, sample, k, count * each)
+            yield CENTER if single else points[number], share, n, each / parts
+
+
+def parts_of_light(samples: int, least: int) -> int:
+    """In how many parts the samples of what is endlessly far are taken, one by each pixel sample in
+    turn: as many as leave `least` in each.
+    """
+    return next(k for k in range(max(samples // least, 1), 0, -1) if samples % k == 0)
 
 
 def _some(seen: LightSample, index: Array) -> LightSample:

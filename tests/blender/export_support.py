@@ -19,7 +19,7 @@ from glint.engine.scene import Input, Lobe
 @pytest.fixture
 def scene():
     """An empty scene with a camera at (0, -6, 0) that looks along +y."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.camera = link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
     scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (np.pi / 2, 0, 0)

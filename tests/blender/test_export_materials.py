@@ -308,6 +308,18 @@ def test_the_bounds_of_a_volume_are_not_seen(scene):  # noqa: F811
     np.testing.assert_allclose(total(lobes, "TRANSPARENT"), 1)
 
 
+@pytest.mark.parametrize(
+    ("target", "is_drawn"), [("CYCLES", True), ("EEVEE", False), ("ALL", False)]
+)
+def test_an_output_of_cycles_comes_before_one_for_all(scene, target, is_drawn):  # noqa: F811
+    """As in Cycles, whichever is active."""
+    shader = Shader()
+    other = shader.node("ShaderNodeOutputMaterial", target=target)
+    shader.link(shader.node("ShaderNodeEmission"), 0, other, "Surface")
+    shader.output.is_active_output = True
+    assert ("EMISSION" in kinds(shader.export()[1])) == is_drawn
+
+
 def test_no_output_is_black(scene):  # noqa: F811
     shader = Shader()
     shader.tree.nodes.remove(shader.output)

@@ -232,7 +232,7 @@ def test_missing_linked_data_are_named(scene, tmp_path):  # noqa: F811
     shader = Shader("Linked")
     shader.quad.data.name = "Shape"
     bpy.ops.wm.save_as_mainfile(filepath=str(library))
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
         wanted.meshes, wanted.materials = ["Shape"], ["Linked"]
     camera = link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))

@@ -41,9 +41,10 @@ ALIKE = {"Cubic", "Smart"}
 def _computes(name: str) -> bool:
     if not name.startswith("ShaderNode") or name.startswith(CLOSURES) or name in NO_NODES:
         return False
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    outputs = bpy.data.node_groups.new("G", "ShaderNodeTree").nodes.new(name).outputs
-    return any(socket.type in NUMBERS for socket in outputs)
+    tree = bpy.data.node_groups.new("G", "ShaderNodeTree")
+    computes = any(socket.type in NUMBERS for socket in tree.nodes.new(name).outputs)
+    bpy.data.node_groups.remove(tree)
+    return computes
 
 
 KINDS = [name for name in sorted(dir(bpy.types)) if _computes(name)]

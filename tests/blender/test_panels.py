@@ -14,6 +14,8 @@ PROGRAM = (
 from types import SimpleNamespace
 
 import blf
+import bl_ui
+from cycles import ui as cycles_ui
 from glint.addon.ui import panel as panel_base, panels
 from glint.addon.ui.panel import _NAMES
 
@@ -73,12 +75,31 @@ def offered(panel, context):
     drawer.draw(context)
     return drawer.layout.drawn
 
-def roots(tab):
-    ours = [panel for panel in panels._CLASSES if getattr(panel, "bl_context", "") == tab]
-    blenders = [panel for panel in panels._blender_panels() if getattr(panel, "bl_context", "") == tab]
-    # as registered
-    found = [panel for panel in (*blenders, *ours) if not getattr(panel, "bl_parent_id", "")]
+class Shown(SimpleNamespace):
+    \"\"\"What a tab shows: nothing but what is named.\"\"\"
+    def __getattr__(self, name):
+        return None
+
+def order(tab, engine, classes, **shown):
+    \"\"\"Labels of the panels with headers, as Blender has them: by their order, then as registered.\"\"\"
+    every = [panel for module in bl_ui._modules_loaded for panel in module.classes]
+    context = Shown(engine=engine, scene=scene, view_layer=bpy.context.view_layer, **shown)
+    found = [
+        panel for panel in (*every, *classes)
+        if issubclass(panel, bpy.types.Panel) and getattr(panel, "bl_space_type", "") == "PROPERTIES"
+        and getattr(panel, "bl_context", "") == tab and not getattr(panel, "bl_parent_id", "")
+        and not hasattr(panel, "_property_type")  # of custom properties
+        and "HIDE_HEADER" not in getattr(panel, "bl_options", ())
+        and engine in getattr(panel, "COMPAT_ENGINES", {engine})
+        and getattr(panel, "poll", bool)(context)
+    ]
     return [panel.bl_label for panel in sorted(found, key=lambda panel: getattr(panel, "bl_order", 0))]
+
+eevee = "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
+engines = {"GLINT": panels._CLASSES, "CYCLES": cycles_ui.classes, eevee: ()}
+
+def orders(tab, **shown):
+    return [order(tab, engine, classes, **shown) for engine, classes in engines.items()]
 
 def all_of(tab):
     # children too
@@ -139,8 +160,16 @@ for kind in ("SUN", "SPOT", "AREA", "POINT"):
 answer({
     "panoramas": panoramas, "spherical": scene.render.use_spherical_stereo, "cut": cut, "drawn": sorted(drawn_panels),
     "why": why,
-    "render": roots("render"),
-    "view layer": roots("view_layer"),
+    "orders": {
+        "render": orders("render"),
+        "view layer": orders("view_layer"),
+        "object": orders("object", object=bpy.data.objects["Cube"]),
+        "material": orders("material", material=bpy.data.materials["Material"], object=bpy.data.objects["Cube"]),
+        "world": orders("world", world=scene.world),
+        "light": orders("data", light=light, object=bpy.data.objects["Light"]),
+        "camera": orders("data", camera=camera, object=scene.camera),
+        "mesh": orders("data", mesh=bpy.data.meshes["Cube"], object=bpy.data.objects["Cube"]),
+    },
     "override": offered(panels.view_layer_panels.GLINT_VIEWLAYER_PT_override, context),
     "simplify": offered(panels.GLINT_RENDER_PT_simplify_render, context),
     "light": offered(panels.data_panels.GLINT_LIGHT_PT_light, context),
@@ -172,19 +201,28 @@ def told(tmp_path_factory):
 
 
 def test_panels_stand_in_the_order_of_cycles(told):
-    own = ["Sampling", "Light Paths", "Volumes", "Curves", "Simplify", "Motion Blur", "Film"]
-    own += ["Performance", "Statistics"]
-    assert told["render"] == [*own, "Grease Pencil", "Freestyle", "Color Management"]
-    assert [
+    """In every tab; where Blender's own stand as in Eevee, in the order of that: Override of view
+    layers, Depth of Field.
+    """
+    for tab, (ours, cycles, eevee) in told["orders"].items():
+        other = eevee if tab in ("view layer", "camera") else cycles
+        shared = [label for label in ours if label in other]
+        assert shared == [label for label in other if label in ours], tab
+    assert told["orders"]["world"][0][:3] == ["Preview", "Surface", "Volume"]
+    assert "Statistics" in told["orders"]["render"][0]
+
+
+def test_no_panel_of_cycles_is_missing(told):
+    """But for those of what Glint has not, a light's Settings, which stand with it as they did
+    before Blender 5.0, and an object's Shading, of which 4.2 has but the light group with Glint.
+    """
+    missing = {
         label
-        for label in told["view layer"]
-        if label in ("View Layer", "Passes", "Filter", "Override")
-    ] == [
-        "View Layer",
-        "Passes",
-        "Filter",
-        "Override",
-    ]
+        for ours, cycles, _ in told["orders"].values()
+        for label in cycles
+        if label not in ours
+    }
+    assert missing <= {"Subdivision", "Bake", "Settings", "Shading"}
 
 
 def test_what_works_is_offered(told):

@@ -49,7 +49,7 @@ class Tree:
 
 @pytest.fixture
 def tree():
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     return Tree()
 
 

@@ -21,7 +21,7 @@ def blenders_camera(**settings):
     """A camera object with these settings of its data, and Blender's own projection of it,
     float32.
     """
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     data = bpy.data.cameras.new("Camera")
     for name, value in settings.items():
         setattr(data, name, value)

@@ -31,7 +31,7 @@ PASSES = ("Combined", "Depth", "Position", "Normal")
 
 def empty_scene(width: int = 128, height: int = 128):
     """A new factory file without objects and with a black world; returns its scene."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = width, height
     scene.render.resolution_percentage = 100

@@ -23,6 +23,7 @@ from small_scenes import (
     new_material,
     plane,
 )
+from test_cycles_media import linked
 
 WHITE = (0.75, 0.75, 0.75)
 
@@ -68,6 +69,15 @@ def spotted():
     return scene
 
 
+def smoky():
+    """The same, full of what absorbs light."""
+    scene = spotted()
+    material, _, output = new_material("smoke")
+    linked("ShaderNodeVolumeAbsorption", output, Density=0.7, Color=(0.2, 0.5, 0.8, 1))
+    add(scene, "smoke", cube(material), moved(0, 0, 1, 0.98, 0.98, 0.98))
+    return scene
+
+
 def pair(scene, bounces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
     options = {"samples": samples, "light_samples": 2, "filter_width": 0.01, "max_bounces": 0}
     film = render_glint(scene, "NATIVE", diffuse_bounces=bounces, **options)
@@ -78,7 +88,7 @@ def pair(scene, bounces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("bounces", [1, 4])
-@pytest.mark.parametrize("make", [box, yard, spotted])
+@pytest.mark.parametrize("make", [box, yard, spotted, smoky])
 def test_rooms_are_as_bright_as_in_cycles(make: Callable, bounces: int) -> None:
     glint, reference = pair(make(), bounces, 256)
     mean = glint.mean((0, 1)) / reference.mean((0, 1))

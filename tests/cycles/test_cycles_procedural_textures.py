@@ -453,7 +453,7 @@ def test_program_of_the_node_is_the_function(node):
     """Nodes are read with every setting and socket in its place."""
     positions = np.random.default_rng(5).uniform(-3, 3, (40, 3))
     points = SimpleNamespace(position=lambda shift: positions.T)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     for case in all_cases():
         if case.node != node:
             continue

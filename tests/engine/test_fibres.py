@@ -88,7 +88,7 @@ def test_matt_fibres_give_back_all_of_a_uniform_world(height: float) -> None:
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.3])
 def test_highlights_give_back_no_more_than_comes(exponent, height, fan, behind, tilt) -> None:
     """At most 1; of a narrow lobe all but what the larger of two sines takes over its width."""
-    l, size, turn = sphere(4000)  # noqa: E741
+    l, size, turn = sphere(1000)  # noqa: E741
     t = np.broadcast_to(np.array([[1.0], [0.0], [0.0]]), l.shape)
     v = np.broadcast_to(np.array([[np.sin(height)], [0.0], [np.cos(height)]]), l.shape)
     given = fibre_highlight(5 * t, v, l, exponent, fan, behind, tilt) * seen_share(turn, behind)

@@ -4,6 +4,7 @@ programs are well-formed.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations import Operation
 from glint.engine.program.operations_math import MathOperation as M
+from glint.engine.program.problems import program_problems
 from glint.engine.program.program import UNREAD, Program, compile_program, instructions
 from glint.engine.program.table import BY_NAME
 from glint.engine.reference.program import apply, run
@@ -225,6 +227,16 @@ def test_five_thousand_nodes_that_read_values_from_far_back():
 
     assert len(list(instructions(program))) == 5001
     assert problems(program) == []
+
+
+def test_a_thousand_reads_beside_the_point_are_checked_at_once():
+    """Bumps read each coordinate at three points, and each read's shift is one of 400 000."""
+    graph, uv = Graph(apply), BY_NAME["uv"]
+    reads = [graph.apply(uv, attribute="", shift=4 * k)[0] for k in range(1000)]
+    program = compile_program(graph, reads)
+    start = time.process_time()
+    assert list(program_problems(program, 0)) == []
+    assert time.process_time() - start < 1.0
 
 
 def test_what_nothing_reads_is_left_out():

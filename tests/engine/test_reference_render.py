@@ -45,7 +45,7 @@ def test_regions_tiles_and_repeats_have_the_same_bits(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = SCENES[name]()
-    nx, ny = (side // 2 for side in scene.camera.resolution)
+    nx, ny = (side // 3 for side in scene.camera.resolution)
     scene = replace(scene, camera=replace(scene.camera, resolution=(nx, ny)))
     whole = engine.render(scene, SETTINGS)
     monkeypatch.setattr(trace, "TILE", 5 * nx)

@@ -131,3 +131,20 @@ def test_the_list_of_parts_is_of_the_files_alone(wheels, zips, tmp_path, monkeyp
     files[0].write_bytes(files[0].read_bytes() + b" ")
     after = bill_of_materials.cyclonedx(blender(), files, wheels)
     assert after["serialNumber"] != told["serialNumber"]
+
+
+def test_the_table_of_the_page_is_what_releases_saw(tmp_path):
+    """A release of some platforms changes their rows, and keeps what it did not look at."""
+    text = release.TABLE.read_text(encoding="utf-8")
+    page = tmp_path / "releases.md"
+    page.write_text(text, encoding="utf-8")
+    release.note({}, page)
+    assert page.read_text(encoding="utf-8") == text
+    release.note({"macos-x64": {"built": "1999-12-31", "built twice": "the same bits"}}, page)
+    old, new = (t.splitlines() for t in (text, page.read_text(encoding="utf-8")))
+    changed = [(a, b) for a, b in zip(old, new, strict=True) if a != b]
+    assert [b for _, b in changed] == [
+        "| macos-x64 | 1999-12-31 | as promised | the same bits | no | no | no |"
+    ]
+    rows = [line.split(" | ")[0] for line in text.splitlines() if line.startswith("| ")]
+    assert {f"| {platform}" for platform in release.wheels.PLATFORMS} <= set(rows)

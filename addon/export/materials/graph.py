@@ -48,9 +48,10 @@ def node_tree(block: Any) -> Any:
 
 
 def output_of(tree: Any) -> Any:
-    """The output node that a tree shows, or None: Cycles' own, else Eevee's."""
-    found = (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))
-    return next(filter(None, found), None)
+    """The output node that a tree shows, or None: as Cycles has it, one of its own before one for
+    all engines, else Eevee's.
+    """
+    return tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
 
 
 INLINED = frozenset(

@@ -1,4 +1,6 @@
 // Light that reaches the eye from media: what they scatter of the lights, once, and what they give.
+#include <algorithm>
+
 #include "integrator/direct.h"
 #include "math/math.h"
 
@@ -26,6 +28,14 @@ Vec3d glow_of(const std::vector<MediaSpans::Piece>& pieces) {
     }
   }
   return sum;
+}
+
+/// In how many parts the samples of what is endlessly far are taken, one by each pixel sample in
+/// turn: as many as leave `least` in each.
+uint32_t parts_of_light(uint32_t samples, uint32_t least) {
+  uint32_t parts = std::max(samples / std::max(least, 1u), 1u);
+  while (samples % parts != 0) --parts;
+  return parts;
 }
 
 }  // namespace
@@ -81,11 +91,12 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
 
 void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                                 const Light& light, uint32_t sample, RayCounts& counts) {
-  const uint32_t count = light.is_bounced() ? plan_.bounced_shadows : plan_.samples_of(light),
-                 each = (plan_.volume_samples + count - 1) / count;
+  const uint32_t all = light.is_bounced() ? plan_.bounced_shadows : plan_.samples_of(light),
+                 parts = light.endless() ? parts_of_light(all, plan_.volume_samples) : 1,
+                 count = all / parts, each = (plan_.volume_samples + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
-    const LightPoint point = plan_.light_point(light, sample, j);
-    light.set(stage_, point, count, plan_.physical());
+    const LightPoint point = plan_.light_point(light, sample, sample % parts * count + j);
+    light.set(stage_, point, all, plan_.physical());
     group_ = point.group;
     stage_.casts_shadow = true;  // so that the ways to it are known
     stage_.draws = false;
@@ -97,11 +108,12 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
     }
     for (uint32_t i = 0; i < each; ++i)
       scatter_sample(batch, spans, clear, light,
-                     plan_.scatter_share(sample, j * each + i, count * each), each, counts);
+                     plan_.scatter_share(sample, j * each + i, count * each), double(each) / parts,
+                     counts);
   }
 }
 
-/// One point on each ray, in the light of the stage's sample. count: of points for it.
+/// One point on each ray, in the light of the stage's sample. count: of points that it is for.
 void DirectLight::scatter_sample(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                                  const Light& light, double share, double count,
                                  RayCounts& counts) {

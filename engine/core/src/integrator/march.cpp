@@ -33,6 +33,7 @@ double shift_of(uint32_t sample) {
 void MediaSpans::march(const Rays& rays, const double* ends, uint32_t sample, RayKind kind,
                        RayCounts& counts, bool to_end) {
   cells_.clear();
+  summed_ = false;
   if (!scene_.media.varies) return;
   const double shift = shift_of(sample), coarse = kind == RayKind::kShadow ? kShadowSteps : 1;
   everywhere_.assign(rays.count, {0, -kInfinity, kInfinity});

@@ -167,11 +167,34 @@ Vec3d MediaSpans::depth_of(const Medium& medium, const Span& span, double from, 
   }
   Vec3d sum;
   const Cell* cell = cells_.data() + span.first_cell;
+  if (summed_ && span.cells > 0 && from <= cell->from) {
+    const Cell* const first = cell;
+    cell =
+        std::partition_point(first, first + span.cells, [&](const Cell& c) { return c.from < to; });
+    if (cell == first) return sum;
+    --cell;
+    const double way = std::min(cell->to, to) - cell->from;
+    return way > 0 ? cell->before + times(cell->matter.extinction, way) : cell->before;
+  }
   for (const Cell* const end = cell + span.cells; cell != end && cell->from < to; ++cell) {
     const double way = std::min(cell->to, to) - std::max(cell->from, from);
     if (way > 0) sum += times(cell->matter.extinction, way);
   }
   return sum;
+}
+
+void MediaSpans::sum_depths() {
+  const auto sum = [&](const Span& span) {
+    Vec3d before;
+    for (size_t i = span.first_cell; i < size_t(span.first_cell) + span.cells; ++i) {
+      Cell& cell = cells_[i];
+      cell.before = before;
+      before += times(cell.matter.extinction, cell.to - cell.from);
+    }
+  };
+  std::for_each(spans_.begin(), spans_.end(), sum);
+  std::for_each(everywhere_.begin(), everywhere_.end(), sum);
+  summed_ = true;
 }
 
 /// What there is at a place in a span; null where that is not known.
@@ -202,7 +225,10 @@ Vec3d MediaSpans::depth(size_t k, double from, double to, uint64_t passed_sets,
 Vec3d MediaSpans::passed(size_t k, double from, double to, uint64_t passed_sets,
                          bool catchers_alone) const {
   const Vec3d tau = depth(k, from, to, passed_sets, catchers_alone);
-  return {exponential(-tau.x), exponential(-tau.y), exponential(-tau.z)};
+  Vec3d left{exponential(-tau.x), 0, 0};
+  left.y = tau.y == tau.x ? left.x : exponential(-tau.y);
+  left.z = tau.z == tau.y ? left.y : exponential(-tau.z);
+  return left;
 }
 
 /// Where a span of a ray begins and ends, and its cells do, between two places.

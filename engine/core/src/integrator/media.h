@@ -23,6 +23,8 @@ class MediaSpans {
   /// to_end: they are.
   void march(const Rays& rays, const double* ends, uint32_t sample, RayKind kind, RayCounts& counts,
              bool to_end = false);
+  /// Makes `depth` fast for many places of a ray, after `march`; the same bits.
+  void sum_depths();
   /// The optical depth of ray k from one place to another one. passed_sets: of a light's shadow
   /// rays, see GlintLight. catchers_alone: of what catchers of shadows enclose, and the world.
   Vec3d depth(size_t k, double from, double to, uint64_t passed_sets = 0,
@@ -67,6 +69,7 @@ class MediaSpans {
     double from, to, at;  // at: where the program runs
     uint32_t medium, instance;
     Matter matter;
+    Vec3d before{};  // the optical depth of the span's cells before it, once summed
   };
   /// A place where a program is to run.
   struct Asked {
@@ -125,6 +128,7 @@ class MediaSpans {
   std::vector<Going> going_;
   std::vector<uint32_t> order_;  // of cells along each ray
   std::vector<double> slots_;
+  bool summed_ = false;  // the optical depths before cells
   mutable std::vector<double> breaks_;
 };
 

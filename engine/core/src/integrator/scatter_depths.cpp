@@ -116,23 +116,30 @@ void ScatterDepths::aim_at(size_t k, const Light& light, const LightPlace& place
     D = std::max({D, kLeast * std::max(std::fabs(from), std::fabs(last)), place.nearness});
   }
   nearest_[k] = {t, D};
-  double total = 0;
+  double total = 0, last_at = -kInfinity, last_to = 0;
   for (uint32_t i = first; i < end; ++i) {
     const Rung& rung = rungs_[i];
     Aimed a{};
     a.from = clipped(rung.from);
     a.to = clipped(rung.to);
     const auto put = [&](double at, double& to, double& weight) {
-      const double s = at - t;
-      to = endless_ ? at : s / (D + std::sqrt(D * D + s * s));
+      if (at != last_at) {  // where the rung before ends, most often
+        const double s = at - t;
+        last_at = at;
+        last_to = endless_ ? at : s / (D + std::sqrt(D * D + s * s));
+      }
+      to = last_to;
       const double along = (at - rung.from) / (rung.to - rung.from),
                    density = rung.first + (rung.last - rung.first) * along;
       weight = endless_ ? density : density * 2 / (1 + to * to);
     };
-    put(a.from, a.first, a.low);
-    put(a.to, a.last, a.high);
-    const double weight = 0.5 * (a.low + a.high) * (a.last - a.first);
-    a.total = total += weight > 0 ? weight : 0;
+    if (a.from < a.to) {
+      put(a.from, a.first, a.low);
+      put(a.to, a.last, a.high);
+      const double weight = 0.5 * (a.low + a.high) * (a.last - a.first);
+      total += weight > 0 ? weight : 0;
+    }
+    a.total = total;
     aimed_[i] = a;
   }
 }

@@ -124,6 +124,7 @@ void Tracer::dim(Queue& queue) {
   for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? far : batch_.t[k];
   media_.march(rays, ends_.data(), sample_,
                queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced, counts_);
+  if (scene_.media.scatters) media_.sum_depths();
   for (size_t k = 0; k < queue.size(); ++k) {
     clear_[k] = queue.path(k).T;
     const Vec3d T = media_.passed(k, rays.t_min[k], ends_[k]) * clear_[k];
