@@ -317,8 +317,9 @@ class Lighting:
                 and not (self.gathered and source.is_last(number))
             )
         ]
-        starts = {"start": surface.start} if isinstance(source, BouncedSource) else {}
-        seen = source.seen_from(surface.x, surface.n, numbers, n, **starts)
+        is_bounced = isinstance(source, BouncedSource)
+        more = {"sides": (surface.start, surface.g)} if is_bounced else {}
+        seen = source.seen_from(surface.x, surface.n, numbers, n, **more)
         for number in numbers:
             point = points[number]
             yield narrow, seen(point), coefficients.diffuse

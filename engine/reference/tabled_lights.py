@@ -319,19 +319,31 @@ class BouncedSource(MeshSource):
         n: Array,
         numbers: Sequence[int],
         count: int,
-        start: Array | None = None,
+        sides: tuple[Array, Array] | None = None,
     ) -> Callable[[MeshPoint], LightSample]:
-        """As discs. start: (3, k) where shadow rays begin, if that is not x."""
-        return lambda point: self.seen_disc(x, n, point.number, start)
+        """As discs. sides: (3, k) each, where shadow rays begin, if that is not x, and normals of
+        faces, if these are not n.
+        """
+        return lambda point: self.seen_disc(x, n, point.number, sides)
 
-    def _disc(self, x: Array, n: Array, number: int, start: Array | None) -> tuple[Array, Array]:
+    def _radius2(self, number: int) -> float:
+        return float(merged(self._table.spread[number], self._table.each, self.merged))
+
+    def _disc(
+        self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None
+    ) -> tuple[Array, Array]:
         """The way (3, k) to a point, and whether it and the points x with the normals n face each
-        other, from where shadow rays begin too: that may be beyond a ridge.
+        other, from where shadow rays begin too, which may be beyond a ridge; the surface that is
+        near round x shines to its own side alone.
         """
         q, m = self._placed(number)
         to, least = q - x, 4 * ROUNDED * (np.abs(q).max() + self._table.reach[number])
         facing = (dot(to, m) < -least) & (dot(n, to) > least)
-        return to, facing if start is None else facing & (dot(start - q, m) > 0)
+        if sides is None:
+            return to, facing
+        start, g = sides
+        is_before = (dot(to, g) > 0) | (dot(to, to) >= 4 * self._radius2(number))
+        return to, facing & (dot(start - q, m) > 0) & is_before
 
     def _placed(self, number: int) -> tuple[Array, Array]:
         """(3, 1) each: a point and its normal."""
@@ -339,14 +351,14 @@ class BouncedSource(MeshSource):
         return self._axes @ at[:, None] + self.position, unit(self._axes @ normal[:, None])
 
     def seen_disc(
-        self, x: Array, n: Array, number: int, start: Array | None = None
+        self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None = None
     ) -> LightSample:
         """The disc of a point as x (3, k) with the normals n (3, k) see it: by its vector form
         factor, that of a ball in its direction.
         """
         q, m = self._placed(number)
-        to, facing = self._disc(x, n, number, start)
-        r2 = float(merged(self._table.spread[number], self._table.each, self.merged))
+        to, facing = self._disc(x, n, number, sides)
+        r2 = self._radius2(number)
         h, d2 = -dot(to, m), dot(to, to)
         outside = d2 - r2
         apart = np.hypot(outside, 2 * np.sqrt(r2) * h)

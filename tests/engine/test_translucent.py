@@ -144,6 +144,19 @@ def test_it_throws_light_on_behind(high: float, backend: str) -> None:
     assert np.sqrt(((found - truth) ** 2).mean() / (truth**2).mean()) < 0.04
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("cells", [4, 9])
+def test_an_arch_shows_nothing_above_of_the_light_below(cells: int, backend: str) -> None:
+    """Nothing of it sees its upper side, whatever the normals and the shadow rays' starts of coarse
+    smooth meshes are; facets, which its discs stick out of, saw up to a quarter of the light.
+    """
+    arch = grid_mesh(cells, 1.0, lambda x, y: -0.5 * x * x, smooth=True)
+    sun = lamp("SUN", axes=UPWARDS, strength=np.pi)
+    scene = plane(MATT, lights=(sun,), mesh=arch)
+    assert picture(scene, backend, samples=8, diffuse_bounces=1).max() < 1e-3
+    assert picture(from_below(scene), backend, diffuse_bounces=1).max() > 0.5
+
+
 def room() -> s.Scene:
     """A box that a sheet parts, half glossy and half matt, with lamps in both parts."""
     leaf = s.Material(

@@ -92,12 +92,15 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
   return (dot(at.l, splat3(s.axis)) >= 0) & (dot(at.l, load3(s.g, k)) <= 0);
 }
 
-/// Where shadow rays to a disc of bounced light begin on its side that shines: Hanika's start may
-/// be beyond a ridge from there.
+/// Which points may see a disc of bounced light, on smooth meshes: shadow rays begin on its side
+/// that shines, as Hanika's start may be beyond a ridge, and the surface that is near round a point
+/// shines to its own side alone.
 template <int Shape>
-inline Mask starts_before(const LightStage& s, size_t k) {
+inline Mask may_see(const LightStage& s, size_t k, const Three& x) {
   if (Shape != kBouncedSource || s.origin[0] == s.points_x[0]) return ~Mask{};
-  return dot(load3(s.origin, k) - splat3(s.end), splat3(s.axis)) > 0;
+  const Three q = splat3(s.end), to = q - x;
+  return (dot(load3(s.origin, k) - q, splat3(s.axis)) > 0) &
+         ((dot(to, load3(s.g, k)) > 0) | (dot(to, to) >= 4 * s.near2));
 }
 
 template <int Shape, class AnySample>
@@ -138,7 +141,7 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
              side = turned    ? ~Mask{}
                     : through ? front | (cosine < 0)
                               : front,
-             met = lit & at.good & side & ~within<Shape>(s, k, at) & starts_before<Shape>(s, k);
+             met = lit & at.good & side & ~within<Shape>(s, k, at) & may_see<Shape>(s, k, x);
   if (!any(met)) return;
   const BumpShadow bump = bump_shadow<Bent>(s, k, n, at.l);
   const Mask reached = met & ~bump.hidden;
