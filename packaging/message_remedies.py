@@ -31,6 +31,7 @@ REMEDIES: dict[str, str] = {
     "… of … is not rendered: … go without it": "Nothing, where the picture is right; else use another input of the shader",
     "The … of … is not rendered: … go without it": "Nothing, where the picture is right; else use a texture for its look",
     "… of … is not supported: … take a constant": "Use another output, or bake it to an image",
+    "'Aspect Ratio' of Principled Hair: … has the light of all turns of its strands' ellipses, whichever way these lie": "Choose the model Chiang, or set Aspect Ratio to 0.85",
     "… of hair varies in …: it counts as …": "Link a constant",
     "Light from strand to strand is not traced: in … it goes straight on through strands, and lobes that the strands round each point make stronger stand for the rest": "Nothing, where the picture is right; else make the colour lighter",
     "Hair shaders are matt under a highlight on what is no strand: … shows no light that passes through": "Use Principled BSDF there, or leave it as it is",

@@ -441,3 +441,26 @@ def test_highlights_are_off_as_scales_tilt(shader, offset):
     truth, mine = (found @ np.array(ELEVATIONS) / found.sum() for found in (truth, mine))
     assert abs(mine - truth) <= 0.01
     assert abs(truth) < 1e-3 if offset == 0 else abs(truth) > 0.03
+
+
+@pytest.mark.parametrize("coat", [0.0, 0.5, 0.9])
+def test_a_coat_makes_reflections_narrower_along_the_strand(coat):
+    """Of a black strand, as Cycles' in suns from below to above; the less there is, the more."""
+    inputs = {"Roughness": 0.6, "Coat": coat, "parametrization": "COLOR", "Color": (0, 0, 0, 1)}
+    truth, mine = brightness("ShaderNodeBsdfHairPrincipled", **inputs)
+    assert np.abs(mine - truth).max() <= 0.2
+    assert np.abs(mine - truth)[[1, 3]].max() <= 0.07
+    assert (truth[0] < 0.01) == (mine[0] < 0.01) == (coat == 0.9)
+
+
+@pytest.mark.parametrize("ratio", [0.2, 1.0])
+def test_elliptic_strands_are_as_bright_as_in_cycles_on_average(ratio):
+    """A ball of fur, within a fifth and a seventh of the brightest; round or as usual it is up to
+    2.7 times as bright.
+    """
+    inputs = {"parametrization": "COLOR", "Color": COLORS["brown"], "model": "HUANG"}
+    truth, mine = mean_lights(
+        "ShaderNodeBsdfHairPrincipled", 8, **inputs, **{"Aspect Ratio": ratio}
+    )
+    assert (np.abs(mine - truth) <= 0.2 * truth + 0.15 * truth.max(0)).all()
+    assert np.abs(mine - truth).mean() <= 0.25 * truth.mean()

@@ -34,6 +34,16 @@ def straight_strands():
     return data
 
 
+def bent_strands(amplitude: float):
+    """The same in waves, so strong that each is cut to several segments between two keys."""
+    data = straight_strands()
+    places = np.empty(90, np.float32)
+    data.attributes["position"].data.foreach_get("vector", places)
+    places[0::3] += amplitude * np.sin(3 * places[2::3])
+    data.attributes["position"].data.foreach_set("vector", places)
+    return data
+
+
 def swept(make, first: str, position: str, steps: int):
     """What leans over while the shutter is open, in a sun, before a wall that it throws shadows
     on.
@@ -59,6 +69,11 @@ def test_strands(position, steps):
     error, glint, truth = compare(swept(straight_strands, "", position, steps))
     assert error <= 0.02
     assert glint.std() > 0.1 * glint.mean() and truth.mean() > 0.05
+
+
+@pytest.mark.parametrize("amplitude", [0.1, 0.3])
+def test_bent_strands(amplitude):
+    assert compare(swept(lambda: bent_strands(amplitude), "", "CENTER", 1))[0] <= 0.02
 
 
 def test_points():

@@ -117,8 +117,18 @@ exponents of two powers of a cosine and the share of the second that are nearest
 root mean square of the square roots: within 15 % below 0.05, 9 % above.
 """
 
-_UNUSED = {"Coat": 0.0, "Aspect Ratio": 0.85}
-"""Inputs of Principled Hair that have no effect, and what they are where nobody set them."""
+_USUAL_ASPECT = 0.85
+_FLAT = (
+    (0.2, 0.33, 0.43),
+    (0.4, 0.41, 0.54),
+    (0.6, 0.65, 0.75),
+    (_USUAL_ASPECT, 1.0, 1.0),
+    (1.0, 1.22, 1.06),
+)
+"""Ratios of the axes of Huang's elliptic strands; of light that was within them, what comes back
+and what goes on, of what does with the usual one, over all turns of the ellipse (Cycles' means of
+few strands and of balls of fur).
+"""
 
 
 def _note_unused(view: NodeView, usual: dict[str, float]) -> None:
@@ -164,13 +174,16 @@ def _principled_hair(view: NodeView) -> Closure:
     unused = {"Radial Roughness": 0.3} if how == "COLOR" else {}
     if how in ("COLOR", "ABSORPTION"):  # that tell all of it
         unused |= {"Random": 0.0, "Random Color": 0.0}
-    _note_unused(view, _UNUSED | unused)
+    _note_unused(view, unused)
     view.note(
         "Light from strand to strand is not traced: in {} it goes straight on through strands, and "
         "lobes that the strands round each point make stronger stand for the rest"
     )
     model = _MODELS.get(view.node.model, _MODELS["CHIANG"])
     roughness = _roughness(view)
+    coat = view.constant("Coat", 0.0) if view.node.model == "CHIANG" else 0.0
+    smoother = 1 - min(max(coat, 0.0), 1.0)
+    returns, goes_on = _of_ellipse(view)
     tilt = min(max(view.constant("Offset", 2 * math.pi / 180), -_STEEPEST), _STEEPEST)
     edge = mean_across_fibre(max(view.constant("IOR", 1.55), 1.0))
     enters = (1 - edge) ** 2
@@ -181,32 +194,36 @@ def _principled_hair(view: NodeView) -> Closure:
         for name in ("R lobe", "TT lobe", "TRT lobe")
     )
 
-    def lobe(kind: str, weight: Sum, times: float, leans: float, **more) -> Closure:
-        """times: its variance, of the reflection's.  leans: as far as scales, so many times."""
+    def lobe(
+        kind: str, weight: Sum, times: float, leans: float, coat: float = 1.0, **more
+    ) -> Closure:
+        """times: its variance, of the reflection's.  leans: as far as scales, so many times.
+        coat: of the roughness, what one leaves.
+        """
         more |= {"ior": Lobe.leaning(math.tan(leans * tilt))}
 
         def exponent(x: float) -> float:
-            return 4 / (times * _variance(x))
+            return 4 / (times * _variance(coat * x))
 
         usually = _given(exponent(_USUAL_ROUGHNESS))
         lost = roughness.number(lambda x: usually / _given(exponent(x)))
         return _fibre(view, kind, multiply(weight, lost), **roughness.exponent(exponent), **more)
 
-    def of_mass(share: float, radii: float) -> Sum:
-        return multiply(tt, scale(hair.dimmed(radii), share * usual**2))
+    def of_mass(share: float, radii: float, times: float = 1.0) -> Sum:
+        return multiply(tt, scale(hair.dimmed(radii), times * share * usual**2))
 
     passes, within = (hair.dimmed(radii) for radii in (_ACROSS, 2 * _ACROSS))
     passes = multiply(tt, scale(passes, enters))
-    straight = add(scale(passes, model.straight), scale(r, _FORWARD * edge))
-    reflected = multiply(trt, scale(within, model.within * edge * usual))
+    straight = add(scale(passes, goes_on * model.straight), scale(r, _FORWARD * edge))
+    reflected = multiply(trt, scale(within, returns * model.within * edge * usual))
     come_back, left_behind = _enclosed(view)
     return add_closures(
-        lobe("SPECULAR", scale(r, model.before * edge), 1.0, model.leans[0]),
+        lobe("SPECULAR", scale(r, model.before * edge), 1.0, model.leans[0], smoother),
         lobe("TRANSMISSION", straight, model.wide, model.leans[1], masking=model.fan),
         lobe("SPECULAR", reflected, 4.0, model.leans[2], even=0.77, masking=_WITHIN_FAN),
-        _fibre(view, "DIFFUSE", multiply(trt, scale(within, model.matt))),
+        _fibre(view, "DIFFUSE", multiply(trt, scale(within, returns * model.matt))),
         _fibre(view, "TRANSMISSION", scale(passes, model.behind), even=0.53, exponent=_TAIL),
-        _of_others(_fibre(view, "DIFFUSE", multiply(of_mass(*model.back), come_back))),
+        _of_others(_fibre(view, "DIFFUSE", multiply(of_mass(*model.back, returns), come_back))),
         _of_others(
             _fibre(
                 view,
@@ -217,6 +234,22 @@ def _principled_hair(view: NodeView) -> Closure:
         ),
         {LobeKey(PASSED): _on_strands(view, of_mass(*model.onward))},
     )
+
+
+def _of_ellipse(view: NodeView) -> tuple[float, float]:
+    """Of light that was within elliptic strands what comes back and what goes on, of what does with
+    the usual axes.
+    """
+    if view.node.model != "HUANG" or not view.input("Aspect Ratio"):
+        return 1.0, 1.0
+    ratio = view.constant("Aspect Ratio", _USUAL_ASPECT)
+    if abs(ratio - _USUAL_ASPECT) > 1e-4:
+        view.note(
+            "'Aspect Ratio' of Principled Hair: {} has the light of all turns of its strands' "
+            "ellipses, whichever way these lie"
+        )
+    ratios, returns, goes_on = zip(*_FLAT, strict=True)
+    return float(np.interp(ratio, ratios, returns)), float(np.interp(ratio, ratios, goes_on))
 
 
 def _enclosed(view: NodeView) -> tuple[Sum, Sum]:
