@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -317,7 +318,7 @@ class Lighting:
                 and not (self.gathered and source.is_last(number))
             )
         ]
-        seen = source.seen_from(surface.x, surface.n, numbers, n)
+        seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
         if isinstance(source, BouncedSource) and coefficients.fibres:
             seen = source.seen_through(surface.x, surface.n, coefficients.lets_through())
         for number in numbers:
