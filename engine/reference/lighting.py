@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -317,9 +318,12 @@ class Lighting:
                 and not (self.gathered and source.is_last(number))
             )
         ]
-        is_bounced = isinstance(source, BouncedSource)
-        more = {"sides": (surface.start, surface.g)} if is_bounced else {}
-        seen = source.seen_from(surface.x, surface.n, numbers, n, **more)
+        seen: Callable[[Any], LightSample]
+        if isinstance(source, BouncedSource):
+            through = coefficients.lets_through() if coefficients.fibres else None
+            seen = source.discs_from(surface, through)
+        else:
+            seen = source.seen_from(surface.x, surface.n, numbers, n)
         for number in numbers:
             point = points[number]
             yield narrow, seen(point), coefficients.diffuse
@@ -397,7 +401,8 @@ class Lighting:
         cosine = sample.cosine(surface.n)
         is_drawn = diffuse is not coefficients.diffuse
         glossy = source.has_highlights
-        through = coefficients.lets_through() if glossy and not is_drawn else False
+        passing = (glossy or bool(coefficients.fibres)) and not is_drawn
+        through = coefficients.lets_through() if passing else False
         leaves = through is not False
         if glossy:
             through = through | coefficients.turned_to(sample.direction)
@@ -421,14 +426,14 @@ class Lighting:
         )
         gloss = pick(self.even_gloss(source, surface, coefficients), seen)
         specular = specular + gloss * light * np.where(front, cosine[seen], 0.0) * far
-        if glossy and not is_drawn and coefficients.fibres:
+        if not is_drawn and coefficients.fibres:
             shine = fibres(surface, coefficients.fibres, seen, chosen.direction, matt=False)
             specular = specular + shine * light
 
         def open_(places: Array) -> Array:
             shadows = self.shadows_of(source)
             some, at = seen[places], chosen.taken(places)
-            through = ways_through(surface, coefficients.fibres, some, at) if glossy else None
+            through = ways_through(surface, coefficients.fibres, some, at)
             return shadows.towards(surface, some, at, through).T
 
         return Given(seen, diffuse, specular, open_, np.ones(len(seen)), chosen.group_of(source))

@@ -237,7 +237,7 @@ class Picture:
         """Direct and indirect light over its colour, which is 1 where it is 0 and there is
         light.
         """
-        found = {}
+        found: dict[str, Array] = {}
         is_known = VOLUME[0] in self._parts
         for k in range(0, len(BY_SURFACE) if is_known else 0, 3):
             direct, indirect, color = (self._parts[name] for name in BY_SURFACE[k : k + 3])

@@ -17,6 +17,7 @@ from ..lights.mesh_lights import MERGED, MeshTable, merged
 from ..lights.openings import density, opening_table, points_on
 from ..scene import Light, Openings
 from .lights import HUGE, LightSample, Source
+from .surface import Surface
 from .vectors import cross, dot, length, unit
 
 Array = np.ndarray
@@ -314,17 +315,29 @@ class BouncedSource(MeshSource):
         return BouncedSource(self.light, self._eye, self._table.first(count))
 
     def seen_from(
-        self,
-        x: Array,
-        n: Array,
-        numbers: Sequence[int],
-        count: int,
-        sides: tuple[Array, Array] | None = None,
+        self, x: Array, n: Array, numbers: Sequence[int], count: int
     ) -> Callable[[MeshPoint], LightSample]:
-        """As discs. sides: (3, k) each, where shadow rays begin, if that is not x, and normals of
-        faces, if these are not n.
+        """As discs."""
+        return lambda point: self.seen_disc(x, n, point.number)
+
+    def discs_from(
+        self, surface: Surface, through: Array | None = None
+    ) -> Callable[[MeshPoint], LightSample]:
+        """The same from points of a surface; through: (k,) bool, those that are seen from behind
+        too.
         """
-        return lambda point: self.seen_disc(x, n, point.number, sides)
+        x, n, sides = surface.x, surface.n, (surface.start, surface.g)
+
+        def seen(point: MeshPoint) -> LightSample:
+            if through is None:
+                return self.seen_disc(x, n, point.number, sides)
+            behind = through & (dot(n, self._placed(point.number)[0] - x) < 0)
+            side = np.where(behind, -1.0, 1.0)
+            turned = sides[0], side * sides[1]
+            found = self.seen_disc(x, side * n, point.number, turned)
+            return replace(found, behind=behind)
+
+        return seen
 
     def _radius2(self, number: int) -> float:
         return float(merged(self._table.spread[number], self._table.each, self.merged))
@@ -354,7 +367,8 @@ class BouncedSource(MeshSource):
         self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None = None
     ) -> LightSample:
         """The disc of a point as x (3, k) with the normals n (3, k) see it: by its vector form
-        factor, that of a ball in its direction.
+        factor, that of a ball in its direction. sides: (3, k) each, where shadow rays begin and the
+        normals of faces, where these are not x and n.
         """
         q, m = self._placed(number)
         to, facing = self._disc(x, n, number, sides)

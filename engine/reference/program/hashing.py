@@ -6,6 +6,7 @@ Words are uint32 arrays of any one shape; sums and differences wrap modulo 2^32.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 _SEED = 0xDEADBEEF + 13
 
@@ -50,7 +51,7 @@ def hash_integers(*values: np.ndarray) -> np.ndarray:
     return hash_words(*(np.asarray(v).astype(np.int64).astype(np.uint32) for v in values))
 
 
-def hash_numbers(*values: np.ndarray) -> np.ndarray:
+def hash_numbers(*values: ArrayLike) -> np.ndarray:
     """Hash in [0, 1] (float64) of one to four numbers, by their bits as float32."""
     words = [
         np.ascontiguousarray(v, np.float32).view(np.uint32) for v in np.broadcast_arrays(*values)
