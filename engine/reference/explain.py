@@ -349,7 +349,7 @@ class Explainer:
         n_dot_l = float(sample.cosine(surface.n)[0])
         intensity = sample.light_of(source)[:, 0]
         glossy = source.has_highlights
-        through = coefficients.lets_through() if glossy else False
+        through = coefficients.lets_through() if glossy or coefficients.fibres else False
         sample = replace(sample, leaves=through is not False)
         if glossy:
             through = through | coefficients.turned_to(sample.direction)
@@ -366,7 +366,7 @@ class Explainer:
         )
         seen = np.zeros(1, np.intp)
         specular = specular * balance(narrow, seen, sample)
-        if glossy and coefficients.fibres:
+        if coefficients.fibres:
             all_ = fibres(surface, coefficients.fibres, seen, sample.direction, matt=False)
             specular = specular + all_[:, 0]
         even = lighting.even_gloss(source, surface, coefficients)[:, 0]
@@ -376,7 +376,7 @@ class Explainer:
         diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) * far + matt[:, 0]
         diffuse = share * diffuse
         shadow, blocker, distance = (
-            self._shadow(surface, source, sample, coefficients.fibres if glossy else [])
+            self._shadow(surface, source, sample, coefficients.fibres)
             if lit
             else (np.ones(3), "", np.inf)
         )

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -317,7 +318,9 @@ class Lighting:
                 and not (self.gathered and source.is_last(number))
             )
         ]
-        seen = source.seen_from(surface.x, surface.n, numbers, n)
+        seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
+        if isinstance(source, BouncedSource) and coefficients.fibres:
+            seen = source.seen_through(surface.x, surface.n, coefficients.lets_through())
         for number in numbers:
             point = points[number]
             yield narrow, seen(point), coefficients.diffuse
@@ -395,7 +398,8 @@ class Lighting:
         cosine = sample.cosine(surface.n)
         is_drawn = diffuse is not coefficients.diffuse
         glossy = source.has_highlights
-        through = coefficients.lets_through() if glossy and not is_drawn else False
+        passing = (glossy or bool(coefficients.fibres)) and not is_drawn
+        through = coefficients.lets_through() if passing else False
         leaves = through is not False
         if glossy:
             through = through | coefficients.turned_to(sample.direction)
@@ -419,14 +423,14 @@ class Lighting:
         )
         gloss = pick(self.even_gloss(source, surface, coefficients), seen)
         specular = specular + gloss * light * np.where(front, cosine[seen], 0.0) * far
-        if glossy and not is_drawn and coefficients.fibres:
+        if not is_drawn and coefficients.fibres:
             shine = fibres(surface, coefficients.fibres, seen, chosen.direction, matt=False)
             specular = specular + shine * light
 
         def open_(places: Array) -> Array:
             shadows = self.shadows_of(source)
             some, at = seen[places], chosen.taken(places)
-            through = ways_through(surface, coefficients.fibres, some, at) if glossy else None
+            through = ways_through(surface, coefficients.fibres, some, at)
             return shadows.towards(surface, some, at, through).T
 
         return Given(seen, diffuse, specular, open_, np.ones(len(seen)), chosen.group_of(source))

@@ -54,8 +54,9 @@ class LightSample:
     end's coordinates the segments are shorter, for what the light is part of.  round: (n,) of what
     the horizon may cut in part, sin² of the half angle of a ball that gives as much light.  group:
     (1,) or (n,) light groups instead of the light's, None for that.  counts: whether it tells how
-    much of a sky is hidden.  leaves: whether points may lie on what segments leave on the other
-    side, so that these begin there and not at the light.
+    much of a sky is hidden.  behind: (n,) bool, points that it does not light from before, whatever
+    its direction says, None for none.  leaves: whether points may lie on what segments leave on the
+    other side, so that these begin there and not at the light.
     """
 
     direction: Array
@@ -68,6 +69,7 @@ class LightSample:
     round: Array | None = None
     group: Array | None = None
     counts: bool = True
+    behind: Array | None = None
     leaves: bool = False
 
     def cosine(self, n: Array) -> Array:
@@ -75,14 +77,19 @@ class LightSample:
         light they get, over what they would get from straight above.
         """
         cosine = dot(n, self.direction)
-        return cosine if self.round is None else above_horizon(cosine, self.round)
+        if self.round is not None:
+            cosine = above_horizon(cosine, self.round)
+        return (
+            cosine if self.behind is None else np.where(self.behind, np.minimum(cosine, 0), cosine)
+        )
 
     def reaches(self, g: Array, n: Array, through: Array | bool = False) -> Array:
         """(k,) bool: points with the normals g, n (3, k), whatever stands between. through: (k,)
         bool, those that light from behind reaches too.
         """
         cosine = self.cosine(n)
-        reached = ((cosine > 0) | (through & (cosine < 0))) & (self.intensity != 0)
+        behind = through & (dot(n, self.direction) < 0) if through is not False else False
+        reached = ((cosine > 0) | behind) & (self.intensity != 0)
         return (
             reached
             if self.inner is None
@@ -104,6 +111,7 @@ class LightSample:
             color=some(self.color),
             inner=None if self.inner is None else self.inner[index],
             round=None if self.round is None else self.round[index],
+            behind=None if self.behind is None else self.behind[index],
             group=some(self.group),
         )
 

@@ -319,6 +319,18 @@ class BouncedSource(MeshSource):
         """As discs."""
         return lambda point: self.seen_disc(x, n, point.number)
 
+    def seen_through(
+        self, x: Array, n: Array, through: Array
+    ) -> Callable[[MeshPoint], LightSample]:
+        """The same where points `through` (k,) bool are seen from behind too."""
+
+        def seen(point: MeshPoint) -> LightSample:
+            behind = through & (dot(n, self._placed(point.number)[0] - x) < 0)
+            found = self.seen_disc(x, np.where(behind, -1.0, 1.0) * n, point.number)
+            return replace(found, behind=behind)
+
+        return seen
+
     def _disc(self, x: Array, n: Array, number: int) -> tuple[Array, Array]:
         """The way (3, k) to a point, and whether it and the points x with the normals n face each
         other.

@@ -328,6 +328,31 @@ def test_principled_hair_without_bounces_beside_direct_light(stand, model, color
     assert truth[mine[:, 0].argmax(), 0] >= 0.75 * truth[:, 0].max()
 
 
+def test_what_a_bright_skin_throws_onto_fur():
+    """Of a ball of fur in the sun, what a bright skin below adds to the mean beside Cycles' with 8
+    bounces.
+    """
+    truth, mine = [], []
+    for color in (0.02, 0.8):
+        scene, fur = ball_of_fur(1500)
+        scene.render.resolution_x = scene.render.resolution_y = 48
+        skin = next(o for o in scene.objects if o.type == "MESH").data.materials[0].node_tree
+        skin.nodes["Diffuse BSDF"].inputs["Color"].default_value = (color, color, color, 1)
+        node = _worn(fur, "ShaderNodeBsdfHairPrincipled")
+        node.parametrization, node.inputs["Color"].default_value = "COLOR", COLORS["brown"]
+        lamp = bpy.data.lights.new("Sun", "SUN")
+        lamp.angle, lamp.energy = 0.05, 3.0
+        sun = bpy.data.objects.new("Sun", lamp)
+        sun.rotation_euler = SUNS["front"]
+        scene.collection.objects.link(sun)
+        cycles.make_exact(scene, 64, 0, 8)
+        scene.cycles.transmission_bounces = scene.cycles.diffuse_bounces = 8
+        truth.append(cycles.render_passes(scene)["Combined"][..., :3].mean((0, 1)))
+        film = render_glint(scene, "NATIVE", samples=8, diffuse_bounces=4)
+        mine.append(film.combined[..., :3].mean((0, 1)))
+    np.testing.assert_allclose(mine[1] - mine[0], truth[1] - truth[0], rtol=0.2)
+
+
 def test_random_color_dyes_each_strand_as_in_cycles():
     """Blue over red of the light that passes, strand beside strand; without it all are alike."""
     scene, field = strand_field(14, 5, 0.06, seed=5)

@@ -322,6 +322,42 @@ def test_light_between_fibres_is_there_where_light_bounces() -> None:
         np.testing.assert_allclose(film[..., 0], expected[..., 0], rtol=1e-6)
 
 
+@needs_core
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+@pytest.mark.parametrize("kind", ["DIFFUSE", "SPECULAR", "TRANSMISSION"])
+def test_what_a_floor_throws_on_lights_fibres_as_if_it_glowed(backend, kind) -> None:
+    """A strand over a floor in the sun, which neither reaches the strand nor meets it, and over a
+    floor that gives as much by itself.
+    """
+    paint = s.Material("floor", (s.Lobe("DIFFUSE", (s.Input((0.8, 0.8, 0.8)),)),))
+    sun = replace(
+        SUN, receivers=2, blockers=2, world_from_light=_towards(np.array([0.0, 0.0, 1.0]))
+    )
+    corners = 4.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
+    floor = s.Mesh("floor", corners - np.float32([0, 0, 2]), np.uint32([[0, 1, 2], [0, 2, 3]]))
+    hair = strand(a=(-1.0, 0.0, 0.0), b=(1.0, 0.0, 0.0))
+    bare = scene(lobe(kind, exponent=2.0), lights=(sun,), geometry=hair)
+    below = replace(placed(), geometry=1, materials=(1,), light_set=1)
+    lit = replace(
+        bare,
+        geometries=(hair, floor),
+        instances=(*bare.instances, below),
+        materials=(*bare.materials, paint),
+    )
+    plan = Settings(samples=64, diffuse_bounces=1, backend=backend, filter_width=0.0)
+    picture = render(lit, plan).combined
+    alone = render(replace(lit, instances=(below,), lights=(sun,)), plan).combined
+    given = float(alone[..., 0].max())
+    glow = s.Material("floor", (s.Lobe("EMISSION", (s.Input((given,) * 3),)),))
+    glows = replace(lit, materials=(bare.materials[0], glow), lights=())
+    shining = render(glows, plan).combined
+    on_strand = np.abs(picture - given)[..., 2] > 1e-3
+    assert on_strand.sum() > 20
+    mine, other = (p[on_strand][:, :3].mean(0) for p in (picture, shining))
+    assert other[0] > 0.01 * given
+    np.testing.assert_allclose(mine, other, rtol=0.05)
+
+
 def behind_fibres(count: int, radius: float = 1.5) -> s.Scene:
     """A strand in a sun that comes by way of others, each of which lets 0.4 of it through."""
     ends, radii = [[-3, 0, 0], [3, 0, 0]], [0.5, 0.5]

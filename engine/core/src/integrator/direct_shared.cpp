@@ -276,8 +276,8 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   }
   stage_.first = first / kPad * kPad;
   stage_.count = last + 1;
-  if (!drawn) {  // what it gives is known: the rays alone are wanted
-    stage_.max_specular = 0;
+  if (!drawn) {  // what it gives is known: the rays alone are wanted, which pass fibres
+    if (!stage_.has_fibre) stage_.max_specular = 0;
     stage_.gloss[0] = nullptr;
     stage_.draws = false;
     for (const double*& column : stage_.diffuse) column = shared.ones;

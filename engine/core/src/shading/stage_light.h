@@ -51,7 +51,7 @@ __attribute__((always_inline)) inline void shadow_ray(const LightStage& s, size_
   // whatever stands on the surface.
   Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
             offset * load3(s.d, k);
-  if (s.has_fibre && Shape != kBouncedSource) {
+  if (s.has_fibre) {
     // Behind a fibre that it passes: neighbours of its segment are no fibres of their own.
     const Doubles through = way_through(s, k, sample.l);
     o = o + (endless ? through : smaller(through, 0.5 * length(towards))) * sample.l;
@@ -119,16 +119,20 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   const Mask lit = load(s.lit + k);
   if (!any(lit)) return;
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
-  const auto at = sample<Shape>(s, x, n);
+  // Discs are seen by what faces them, and by fibres from behind.
+  const bool turns = Shape == kBouncedSource && s.has_fibre;
+  const Mask behind = turns ? dot(n, splat3(s.end) - x) < 0 : Mask{};
+  const auto at = sample<Shape>(s, x, turns ? choose(behind, splat(-1), splat(1)) * n : n);
   const Doubles middle = dot(n, at.l),
-                cosine = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle;
-  // Light from behind passes through fibres, but for what comes from matt surfaces.
-  const bool through = s.has_fibre && Shape != kBouncedSource;
+                above = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle,
+                cosine = turns ? choose(behind, smaller(above, splat(0)), above) : above;
+  // Light from behind passes through fibres.
+  const bool through = s.has_fibre;
   // Nor do the sides of the point's normal bind lobes with normals of their own.
   const bool turned = Bent && s.turns_lobes && Shape != kBouncedSource;
   const Mask front = cosine > 0,
              side = turned    ? ~Mask{}
-                    : through ? front | (cosine < 0)
+                    : through ? front | (middle < 0)
                               : front,
              met = lit & at.good & side & ~within<Shape>(s, k, at);
   if (!any(met)) return;
