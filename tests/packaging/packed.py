@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import sys
 from pathlib import Path
 
@@ -44,9 +45,12 @@ sys.path[:] = [path for path in sys.path if str(FOLDER) in path or not (pathlib.
 
 
 def pack(edition: str) -> Path:
-    """The zip of an edition in dist/, made when out of date."""
+    """The zip of an edition in dist/, made when out of date, by one process at a time."""
     make = {"full": extension_zips.full_zip, "python": extension_zips.python_zip}[edition]
-    return make(blender())
+    tree.BUILD.mkdir(exist_ok=True)
+    with (tree.BUILD / "pack.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        return make(blender())
 
 
 def make_repository(folder: Path) -> None:

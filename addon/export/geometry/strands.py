@@ -92,12 +92,12 @@ class Cut(NamedTuple):
         return (at + self.outward(keys, b)).astype(np.float32)
 
     def outward(self, keys: Keys, b: list[np.ndarray]) -> np.ndarray:
-        """(v, 4) by how much vertices between the ends of curves lie beside these, so that chords
+        """(v, 4) by how much vertices of parts that are cut lie beside the curves, so that chords
         are half outside: a chord of a n-th is off by 2/3 of |p''| / 8 n² in the mean. b: the
         control points at each vertex.
         """
         by = np.zeros((len(self.key), 4))
-        if keys.is_linear or len(by) < 3:
+        if keys.is_linear or (self.step == 1).all():
             return by
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             t = self.share[:, None].astype(np.float64)
@@ -113,7 +113,8 @@ class Cut(NamedTuple):
             bend = (before * last * last + after * step * step)[:, :3] / 2
             along = tangent[:, :3] / np.sqrt((tangent[:, :3] ** 2).sum(1))[:, None]
             by[:, :3] = -(bend - (bend * along).sum(1)[:, None] * along) / 12
-        by[self.ends] = 0.0
+        # between parts that are one chord each keys stay as they are
+        by[self.ends | (np.minimum(last, step)[:, 0] == 1)] = 0.0
         by[~np.isfinite(by).all(1)] = 0.0
         return by
 
@@ -283,6 +284,8 @@ def cut(keys: Keys) -> Cut | None:
     parts = [_smooth(keys, block) for block in blocks]
     found = Cut(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     for first in range(0, len(found.key), _BLOCK):
+        if (found.step[max(first - 1, 0) : first + _BLOCK] == 1).all():
+            continue
         found.at[first : first + _BLOCK] += _outward(keys, found, first)
     return found
 
