@@ -318,12 +318,10 @@ class Lighting:
                 and not (self.gathered and source.is_last(number))
             )
         ]
-        seen: Callable[[Any], LightSample]
+        seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
         if isinstance(source, BouncedSource):
             through = coefficients.lets_through() if coefficients.fibres else None
             seen = source.discs_from(surface, through)
-        else:
-            seen = source.seen_from(surface.x, surface.n, numbers, n)
         for number in numbers:
             point = points[number]
             yield narrow, seen(point), coefficients.diffuse
