@@ -23,7 +23,8 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfRefraction": "blurred as Glass",
     "ShaderNodeBsdfSheen": "Microfiber within 5 % of its brightest point, Ashikhmin on average "
     "within a tenth of it",
-    "ShaderNodeBsdfTranslucent": "as diffuse",
+    "ShaderNodeBsdfTranslucent": "under a sky steep bumps darken it up to 8 % more, as much as "
+    "under lamps",
     "ShaderNodeSubsurfaceScattering": "as diffuse",
     "ShaderNodeBsdfToon": "as diffuse",
     "ShaderNodeBsdfVelvet": "as diffuse",

@@ -102,7 +102,8 @@ def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:
         yield f"the glow of '{ray.hit.thing}'" + way, _luminance(weight, ray.hit.emission)
         for term in ray.hit.lights:
             for part in (term.diffuse, term.specular):
-                yield term.light + way, _luminance(weight, part, term.shadow)
+                side = " (from behind)" if term.behind else ""
+                yield term.light + side + way, _luminance(weight, part, term.shadow)
     for after in ray.follow:
         yield from _contributions(after, way or _WAYS.get(after.kind, ""))
 
@@ -217,6 +218,7 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
 
 def _light_lines(term: LightTerm) -> Iterator[str]:
     number = f" (sample {term.sample + 1})" if term.sample else ""
+    number += " on the other side" if term.behind else ""
     cosines = f"n·l = {term.n_dot_l:.6g}, n·h = {term.n_dot_h:.6g}"
     group = f" in the light group '{term.group}'" if term.group else ""
     yield (

@@ -320,14 +320,22 @@ class _Walks:
                 white[:, fresh[_without(start.receivers, sets[fresh])]] = 0.0
                 passed[fresh] = _without(start.blockers, sets[fresh])
             k = _let_through(k, np.flatnonzero(passed))
-            power = white * k.diffuse
-            weight = steps.weight * np.abs(k.diffuse).mean(0)
             numbers = (steps.number + 0.5) / totals[steps.start] + number * GOLDEN
-            parts = surface.x.T, surface.g.T, power.T, weight, surface.offset, numbers % 1.0
-            group = [start.light_group[steps.number[a:b]] for start, a, b in spans]
+            group = np.concatenate([start.light_group[steps.number[a:b]] for start, a, b in spans])
             last = steps.scattered + 1 == self._bounces
-            yield (*parts, caught, np.concatenate(group), last)
-            steps = self._onward(steps, surface, k, power, weight, number)
+            for given, normal, own in self._sides(surface, k, numbers):
+                weight = steps.weight * np.abs(given).mean(0)
+                parts = surface.x.T, normal.T, (white * given).T, weight, surface.offset, own % 1.0
+                yield (*parts, caught, group, last)
+            steps = self._onward(steps, surface, k, white, number)
+
+    def _sides(
+        self, surface: Surface, k: Coefficients, numbers: Array
+    ) -> Iterator[tuple[Array, Array, Array]]:
+        """What of light each side throws on, (3, m), its normals and the numbers of its points."""
+        yield k.diffuse, surface.g, numbers
+        if k.translucent.any():
+            yield k.translucent, -surface.g, numbers + 0.5
 
     def _met(
         self, surfaces: Accelerator, steps: _Steps
@@ -357,28 +365,32 @@ class _Walks:
         steps: _Steps,
         surface: Surface,
         k: Coefficients,
-        power: Array,
-        weight: Array,
+        white: Array,
         number: int,
     ) -> _Steps:
-        """Each walk goes straight on through what is transparent or is scattered, by chance in
-        proportion to how much does; those end that have no bounce left.
+        """Each walk goes straight on through what is transparent or is scattered, to this side or
+        the other, by chance in proportion to how much does; those end that have no bounce left.
+        white: (3, n) what surfaces get of the light.
         """
         passing = np.clip(k.transparent, 0.0, 1.0)
         straight, scattering = passing.max(0), np.abs(k.diffuse).max(0)
-        total = straight + scattering
+        through = np.abs(k.translucent).max(0)
+        total = straight + scattering + through
         u, v = walk_points(self._count, 2 + number)[steps.number % self._count].T
-        passes = walk_points(self._count, 128 + number)[steps.number % self._count, 0] * total < (
-            straight
-        )
-        share = total / np.where(passes, straight, np.where(scattering > 0, scattering, 1.0))
+        at = walk_points(self._count, 128 + number)[steps.number % self._count, 0] * total
+        passes, behind = at < straight, at >= straight + scattering
+        behind &= through > 0
+        chosen = np.where(passes, straight, np.where(behind, through, scattering))
+        share = total / np.where(chosen > 0, chosen, 1.0)
+        given = np.where(behind, k.translucent, k.diffuse)
+        side = np.where(behind, -1.0, 1.0)
         next_ones = _Steps(
             steps.start,
             steps.number,
-            surface.x + np.where(passes, -1.0, 1.0) * self._clear(surface) * surface.g,
-            np.where(passes, steps.d, cosine_around(surface.g, u, v)),
-            share * np.where(passes, steps.carried * passing, power),
-            share * np.where(passes, steps.weight * passing.mean(0), weight),
+            surface.x + np.where(passes, -1.0, side) * self._clear(surface) * surface.g,
+            np.where(passes, steps.d, cosine_around(side * surface.g, u, v)),
+            share * np.where(passes, steps.carried * passing, white * given),
+            share * (steps.weight * np.where(passes, passing.mean(0), np.abs(given).mean(0))),
             steps.scattered + ~passes,
         )
         go = (total > 0) & (next_ones.scattered < self._bounces) & (next_ones.weight > 0)
@@ -396,6 +408,8 @@ def _let_through(k: Coefficients, points: Array) -> Coefficients:
     """The same where light passes some points as if nothing were there."""
     if not len(points):
         return k
-    diffuse, transparent = k.diffuse.copy(), k.transparent.copy()
-    diffuse[:, points], transparent[:, points] = 0.0, 1.0
-    return replace(k, diffuse=diffuse, transparent=transparent)
+    diffuse, translucent, transparent = (
+        sum_.copy() for sum_ in (k.diffuse, k.translucent, k.transparent)
+    )
+    diffuse[:, points], translucent[:, points], transparent[:, points] = 0.0, 0.0, 1.0
+    return replace(k, diffuse=diffuse, translucent=translucent, transparent=transparent)

@@ -115,9 +115,15 @@ def met_surfaces(
         lobes = replace(lobes, transparent=towards_light.transparent)
     hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
     # strands stand closer together than points can tell apart: they would be specks
-    given = np.where(_is_varnished(some, surface), lobes.ambient, lobes.diffuse)
-    dark = np.where(np.array(hair, bool)[block], 0.0, given)
-    return hit[seen], surface, replace(lobes, diffuse=dark), sets, caught
+    varnished = np.maximum(lobes.ambient - lobes.translucent, 0.0)
+    given = np.where(_is_varnished(some, surface), varnished, lobes.diffuse)
+    is_hair = np.array(hair, bool)[block]
+    lobes = replace(
+        lobes,
+        diffuse=np.where(is_hair, 0.0, given),
+        translucent=np.where(is_hair, 0.0, lobes.translucent),
+    )
+    return hit[seen], surface, lobes, sets, caught
 
 
 def _is_varnished(scene: Scene, surface: Surface) -> Array:

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 49
+ABI_VERSION = 50
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -76,9 +76,10 @@ class LobeKind(IntEnum):
     TRANSPARENT = 5
     EMISSION = 6
     SHEEN = 7
-    FIBRE_DIFFUSE = 8
-    FIBRE_SPECULAR = 9
-    FIBRE_TRANSMISSION = 10
+    TRANSLUCENT = 8
+    FIBRE_DIFFUSE = 9
+    FIBRE_SPECULAR = 10
+    FIBRE_TRANSMISSION = 11
 
 
 class Fresnel(IntEnum):

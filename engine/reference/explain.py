@@ -34,6 +34,7 @@ from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
 from .tabled_lights import Dome
+from .translucent import other_side
 from .vectors import dot, length, unit
 from .visibility import NOTHING
 
@@ -184,6 +185,9 @@ class Explainer:
         if near is None:
             near = gathering(stage, paths, hit, surface, coefficients, 0, self._places)[0]
         after = self._next(sent, hit, surface, coefficients, depth)
+        if about.caught is None and coefficients.translucent.any():
+            behind = other_side(stage, paths, hit, depth, surface, coefficients)
+            near = [*near, *gathering(stage, paths, *behind, 0, self._places)[0]]
         follow = (*(self.follow(one, "gather") for one in near), *after)
         _, d = paths.rays.lines(hit)
         if about.caught is None:
@@ -270,7 +274,10 @@ class Explainer:
             geometric_normal=_numbers(surface.g[:, 0]),
             ambient=_numbers(coefficients.ambient[:, 0] * stage.ambient[:, 0]),
             emission=_numbers(coefficients.emission[:, 0]),
-            lights=tuple(self._lights(surface, coefficients, paths)),
+            lights=(
+                *self._lights(surface, coefficients, paths),
+                *self._lights_behind(surface, coefficients, depth, paths),
+            ),
             holdout=instances.holdout,
             caught=self._caught(surface, coefficients, paths),
             moved=_numbers(motion_vectors(stage, surface)[:, 0])
@@ -309,6 +316,17 @@ class Explainer:
                     yield term
             if isinstance(source, Dome) and margin >= 0:
                 yield self._rest(surface, coefficients, source, j + 1)
+
+    def _lights_behind(
+        self, surface: Surface, coefficients: Coefficients, depth: Array, paths: Paths
+    ) -> Iterator[LightTerm]:
+        """On the other side, where that is seen."""
+        if not coefficients.translucent.any():
+            return
+        hit = np.zeros(1, np.intp)
+        _, other, matt = other_side(self.stage, paths, hit, depth, surface, coefficients)
+        for term in self._lights(other, matt, paths):
+            yield replace(term, behind=True)
 
     def _rest(
         self, surface: Surface, coefficients: Coefficients, source: Dome, j: int

@@ -17,7 +17,7 @@ class LightTerm:
     before the shadow. Directions drawn from narrow highlights are samples too, without diffuse
     light; both kinds have a share of the highlight. group: name of its light group, "" for none.
     bump_shadow: the share that matt lobes get for the bumps that the normal is of; 0 where these
-    hide all.
+    hide all.  behind: it lights the other side of the surface, which lets it through.
     """
 
     light: str
@@ -34,6 +34,7 @@ class LightTerm:
     specular: Numbers
     group: str = ""
     bump_shadow: float = 1.0
+    behind: bool = False
 
 
 @dataclass(frozen=True)

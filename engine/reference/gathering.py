@@ -180,6 +180,7 @@ def _as_diffuse(
         coefficients,
         ambient=none,
         diffuse=near * (coefficients.diffuse + gloss),
+        translucent=near * coefficients.translucent,
         emission=none,
         highlights=[],
         mirrors=[],

@@ -38,6 +38,7 @@ from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
+from .translucent import other_side
 from .vectors import dot, length, pick
 from .visibility import NOTHING
 
@@ -152,15 +153,16 @@ class Generations:
         hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
         self._add_openness(paths, hit, surface, coefficients)
         coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
-        if paths.shared:
-            self._share(paths, hit, surface, coefficients)
-        else:
-            self._shade(paths, hit, surface, coefficients)
+        self._light(paths, hit, surface, coefficients)
         near, shares = gathering(
             stage, paths, hit, surface, coefficients, self._sample, self._places, blocks
         )
         self._shares = shares or self._shares
         deeper += near
+        if coefficients.translucent.any():
+            behind = other_side(stage, paths, hit, hits.depth[hit], surface, coefficients)
+            self._light(paths, *behind)
+            deeper += gathering(stage, paths, *behind, self._sample, self._places)[0]
         if paths.depth < stage.settings.max_bounces and not paths.gathers:
             point = stage.lobe_point(self._sample, paths.depth)
             deeper += bounced(
@@ -393,6 +395,11 @@ class Generations:
         self._tile.data["Gap"][0, paths.pixel[hit[found]]] = (
             again.depth[found] - depth[found]
         ) * length(d)
+
+    def _light(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
+    ) -> None:
+        (self._share if paths.shared else self._shade)(paths, hit, surface, coefficients)
 
     def _shade(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients

@@ -319,8 +319,9 @@ class Lighting:
             )
         ]
         seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
-        if isinstance(source, BouncedSource) and coefficients.fibres:
-            seen = source.seen_through(surface.x, surface.n, coefficients.lets_through())
+        if isinstance(source, BouncedSource):
+            through = coefficients.lets_through() if coefficients.fibres else None
+            seen = source.discs_from(surface, through)
         for number in numbers:
             point = points[number]
             yield narrow, seen(point), coefficients.diffuse

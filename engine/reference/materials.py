@@ -32,6 +32,7 @@ DEFAULT = Material("default", (Lobe("DIFFUSE", _WHITE), Lobe("AMBIENT", _WHITE))
 _SUMMED = {
     "AMBIENT": "ambient",
     "DIFFUSE": "diffuse",
+    "TRANSLUCENT": "translucent",
     "EMISSION": "emission",
     "TRANSPARENT": "transparent",
 }
@@ -68,6 +69,7 @@ class Coefficients:
 
     ambient: Array
     diffuse: Array
+    translucent: Array
     emission: Array
     transparent: Array
     highlights: list[Term]
@@ -117,7 +119,7 @@ class Coefficients:
         """(3, n): about what of even light the points give back; mirrors and glass without what
         Fresnel says.
         """
-        total = self.diffuse + self.glossy()
+        total = self.diffuse + self.translucent + self.glossy()
         matt = [term for term in self.fibres if term.lobe.kind == "FIBRE_DIFFUSE"]
         for term in (*self.mirrors, *self.refractions, *self.sheens, *matt):
             add_at(total, term.index, term.k)
@@ -253,6 +255,20 @@ class Shader:
             unbent[:, index] = np.where(is_bent, base, 0.0)
             bump[index] = bump_of(material.bump_shadowing, dot(base, here))
         return replace(surface, n=n, unbent=unbent, bump=bump)
+
+    def lifted(self, surface: Surface) -> tuple[Array, Array]:
+        """(3, n) normals of TRANSLUCENT lobes, and (n,) `Surface.bump` of these."""
+        n, bump = surface.n.copy(), surface.bump.copy()
+        for material, index in self._by_material(surface):
+            index = index[surface.primitive[index] < self._first_rod]
+            is_lifted = material.program and material.bump_shadowing in ("CHIANG", "GGX")
+            if not (is_lifted and len(index)):
+                continue
+            m, g, v = (pick(x, index) for x in (surface.unbent, surface.g, surface.v))
+            n[:, index] = lifted(pick(n, index), g, v)
+            bent = np.where(m.any(0), bump_of(material.bump_shadowing, dot(m, n[:, index])), 0.0)
+            bump[index] = bent
+        return n, bump
 
     def _turned(
         self, lobe: Lobe, surface: Surface, index: Array, k: Array, outputs: list[Array]

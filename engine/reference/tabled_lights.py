@@ -17,6 +17,7 @@ from ..lights.mesh_lights import MERGED, MeshTable, merged
 from ..lights.openings import density, opening_table, points_on
 from ..scene import Light, Openings
 from .lights import HUGE, LightSample, Source
+from .surface import Surface
 from .vectors import cross, dot, length, unit
 
 Array = np.ndarray
@@ -319,38 +320,59 @@ class BouncedSource(MeshSource):
         """As discs."""
         return lambda point: self.seen_disc(x, n, point.number)
 
-    def seen_through(
-        self, x: Array, n: Array, through: Array
+    def discs_from(
+        self, surface: Surface, through: Array | None = None
     ) -> Callable[[MeshPoint], LightSample]:
-        """The same where points `through` (k,) bool are seen from behind too."""
+        """The same from points of a surface; through: (k,) bool, those that are seen from behind
+        too.
+        """
+        x, n, sides = surface.x, surface.n, (surface.start, surface.g)
 
         def seen(point: MeshPoint) -> LightSample:
+            if through is None:
+                return self.seen_disc(x, n, point.number, sides)
             behind = through & (dot(n, self._placed(point.number)[0] - x) < 0)
-            found = self.seen_disc(x, np.where(behind, -1.0, 1.0) * n, point.number)
+            side = np.where(behind, -1.0, 1.0)
+            turned = sides[0], side * sides[1]
+            found = self.seen_disc(x, side * n, point.number, turned)
             return replace(found, behind=behind)
 
         return seen
 
-    def _disc(self, x: Array, n: Array, number: int) -> tuple[Array, Array]:
+    def _radius2(self, number: int) -> float:
+        return float(merged(self._table.spread[number], self._table.each, self.merged))
+
+    def _disc(
+        self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None
+    ) -> tuple[Array, Array]:
         """The way (3, k) to a point, and whether it and the points x with the normals n face each
-        other.
+        other, from where shadow rays begin too, which may be beyond a ridge; the surface that is
+        near round x shines to its own side alone.
         """
         q, m = self._placed(number)
         to, least = q - x, 4 * ROUNDED * (np.abs(q).max() + self._table.reach[number])
-        return to, (dot(to, m) < -least) & (dot(n, to) > least)
+        facing = (dot(to, m) < -least) & (dot(n, to) > least)
+        if sides is None:
+            return to, facing
+        start, g = sides
+        is_before = (dot(to, g) > 0) | (dot(to, to) >= 4 * self._radius2(number))
+        return to, facing & (dot(start - q, m) > 0) & is_before
 
     def _placed(self, number: int) -> tuple[Array, Array]:
         """(3, 1) each: a point and its normal."""
         at, normal = self._table.point[number], self._table.normal[number]
         return self._axes @ at[:, None] + self.position, unit(self._axes @ normal[:, None])
 
-    def seen_disc(self, x: Array, n: Array, number: int) -> LightSample:
+    def seen_disc(
+        self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None = None
+    ) -> LightSample:
         """The disc of a point as x (3, k) with the normals n (3, k) see it: by its vector form
-        factor, that of a ball in its direction.
+        factor, that of a ball in its direction. sides: (3, k) each, where shadow rays begin and the
+        normals of faces, where these are not x and n.
         """
         q, m = self._placed(number)
-        to, facing = self._disc(x, n, number)
-        r2 = float(merged(self._table.spread[number], self._table.each, self.merged))
+        to, facing = self._disc(x, n, number, sides)
+        r2 = self._radius2(number)
         h, d2 = -dot(to, m), dot(to, to)
         outside = d2 - r2
         apart = np.hypot(outside, 2 * np.sqrt(r2) * h)

@@ -151,12 +151,22 @@ def test_emission_counts_only_with_colour_and_strength(scene):  # noqa: F811
     assert result.notes == ()
 
 
-def test_translucent_is_noted(scene):  # noqa: F811
+def test_translucent(scene):  # noqa: F811
     shader = Shader(shader="ShaderNodeBsdfTranslucent")
     set_inputs(shader.shader, Color=RED)
     result, lobes = shader.export()
+    assert kinds(lobes) == {"TRANSLUCENT", "AMBIENT"}
+    for kind in kinds(lobes):
+        np.testing.assert_allclose(total(lobes, kind), RED[:3])
+    assert not result.notes
+
+
+def test_subsurface_is_noted(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeSubsurfaceScattering")
+    set_inputs(shader.shader, Color=RED)
+    result, lobes = shader.export()
     np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3])
-    assert any("Translucent" in note and "'Material'" in note for note in result.notes)
+    assert any("Subsurface" in note and "'Material'" in note for note in result.notes)
 
 
 def test_principled_plastic(scene):  # noqa: F811

@@ -48,9 +48,9 @@ SHINING = frozenset(
 MOST_TERMS = 16
 """Terms of one sum; longer ones become a program's value."""
 SMALLEST_IOR = 1e-3
-_TURNED = frozenset(("DIFFUSE", "SPECULAR", "SHEEN", "MIRROR", "REFRACTION"))
+_TURNED = frozenset(("DIFFUSE", "TRANSLUCENT", "SPECULAR", "SHEEN", "MIRROR", "REFRACTION"))
 """Kinds of lobes to which the shading normal matters."""
-_MATT = frozenset(("DIFFUSE", "SHEEN"))
+_MATT = frozenset(("DIFFUSE", "TRANSLUCENT", "SHEEN"))
 """Those of them that have the material's; the others may have their own."""
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"

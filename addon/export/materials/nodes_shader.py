@@ -286,6 +286,13 @@ def _diffuse(view: NodeView) -> Closure:
     return diffuse_closure(view.reflectance("Color"))
 
 
+def _translucent(view: NodeView) -> Closure:
+    """What Lambert's lobe throws back to all sides, thrown on behind the surface."""
+    bend(view)
+    color = view.reflectance("Color")
+    return {LobeKey("TRANSLUCENT"): color, LobeKey("AMBIENT"): color}
+
+
 def _as_diffuse(view: NodeView) -> Closure:
     view.note(f"The {view.node.bl_label} shader is rendered as diffuse in {{}}")
     return _diffuse(view)
@@ -432,7 +439,7 @@ CLOSURE_NODES.update(
         "unknown": _unknown,
         "ShaderNodeGroup": _empty_group,
         "ShaderNodeBsdfDiffuse": _diffuse,
-        "ShaderNodeBsdfTranslucent": _as_diffuse,
+        "ShaderNodeBsdfTranslucent": _translucent,
         "ShaderNodeSubsurfaceScattering": _as_diffuse,
         "ShaderNodeBsdfVelvet": _as_diffuse,
         "ShaderNodeBsdfToon": _as_diffuse,

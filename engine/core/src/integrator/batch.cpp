@@ -6,6 +6,7 @@ namespace {
 constexpr size_t kFixed = 1 + 3 + 3 + 3 + 2 + 3 + 3;  // t, x, g, offset and weights, diffuse, total
 constexpr size_t kSmooth = 3 + 3;                     // n, origin
 constexpr size_t kBumps = 3 + 1;                      // unbent, bump
+constexpr size_t kBehind = 3 + 3 + 3 + 1;             // translucent, behind, lifted, lifted_bump
 constexpr size_t kParts = 6 * 3, kSplit = 6 * 3;
 
 size_t group_columns_of(const Scene& scene, Passes passes) {
@@ -22,8 +23,9 @@ Batch::Batch(const Scene& scene, Passes passes)
       columns_(kFixed + (smooth_ ? kSmooth : 0) +
                size_t(scene.materials.specular_columns * scene.materials.max_specular) +
                size_t(scene.materials.passing_columns * scene.materials.max_passing) +
-               (scene.materials.shadows_bumps ? kBumps : 0) + kParts + (splits_ ? kSplit : 0) + 3 +
-               group_columns_of(scene, passes)),
+               (scene.materials.shadows_bumps ? kBumps : 0) +
+               (scene.materials.has_translucent ? kBehind : 0) + kParts + (splits_ ? kSplit : 0) +
+               3 + group_columns_of(scene, passes)),
       groups_(group_columns_of(scene, passes)),
       given_(groups_.size() / 3) {}
 
@@ -31,8 +33,8 @@ void Batch::begin(const Queue& rays) {
   queue = &rays;
   count_ = rays.size();
   if (count_ > columns_.rows() || !t) reserve(count_);
-  for (double* column : {unbent[0], unbent[1], unbent[2]})
-    if (column) std::fill_n(column, count_, 0.0);
+  for (double* const* columns : {unbent, translucent})
+    for (size_t c = 0; columns[0] && c < 3; ++c) std::fill_n(columns[c], count_, 0.0);
   bool primary = rays.visibility == kCamera;
   SumColumns only_total{};
   for (int c = 0; c < 3; ++c) {
@@ -100,6 +102,14 @@ void Batch::place_columns() {
     three(unbent);
     bump = one();
   }
+  if (scene_.materials.has_translucent) {
+    three(translucent);
+    if (smooth_) three(points.behind);
+    if (scene_.materials.shadows_bumps) {
+      three(lifted);
+      lifted_bump = one();
+    }
+  }
   points.outside = outside.data();
   points.material = material.data();
   three(diffuse);
@@ -152,7 +162,38 @@ void Batch::set_surface(size_t k, const Surface& s) {
   if (smooth_) {
     set_row(points.n, k, s.n);
     set_row(points.origin, k, s.x);
+    if (points.behind[0]) set_row(points.behind, k, s.x);
   }
+}
+
+void Batch::clear_specular() {
+  const size_t width = size_t(scene_.materials.specular_columns);
+  for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term)
+    for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
+}
+
+bool Batch::turn_round() {
+  bool some = false;
+  for (size_t k = 0; k < count_; ++k) {
+    lit[k] = any(row(translucent, k)) ? -1 : 0;
+    some |= lit[k] != 0;
+  }
+  if (!some) return false;
+  if (lifted[0])
+    for (size_t k = 0; k < count_; ++k) {
+      if (!lit[k]) continue;
+      set_row(points.n, k, row(lifted, k));
+      bump[k] = lifted_bump[k];
+    }
+  for (double* const* columns : {points.g, smooth_ ? points.n : nullptr, unbent})
+    for (size_t c = 0; columns && columns[0] && c < 3; ++c)
+      for (size_t k = 0; k < count_; ++k) columns[c][k] = -columns[c][k];
+  for (size_t c = 0; c < 3; ++c) {
+    if (smooth_) std::copy_n(points.behind[c], count_, points.origin[c]);
+    std::copy_n(translucent[c], count_, diffuse[c]);
+  }
+  clear_specular();
+  return true;
 }
 
 }  // namespace glint

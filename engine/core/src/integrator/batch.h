@@ -33,6 +33,11 @@ class Batch {
   bool missed(size_t k) const { return instance[k] == Hit::kNone; }
   Surface surface(size_t k) const;
   void set_surface(size_t k, const Surface& s);
+  /// Highlights show nothing.
+  void clear_specular();
+  /// The points become those of their other sides, where TRANSLUCENT lobes are DIFFUSE ones and all
+  /// there is. False where none has any, and nothing has changed.
+  bool turn_round();
 
   /// Adds to Combined, and to a part (of `sums`) where it is kept.
   void add(size_t k, double* const (&part)[3], Vec3d c) {
@@ -110,10 +115,11 @@ class Batch {
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
   double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {},
          *lit_glossy_bounced[3] = {}, *lit_volume[3] = {}, *lit_volume_bounced[3] = {};
-  double* glow[3] = {};               // of surfaces; null where no light groups are asked for
-  double* diffuse[3] = {};            // T k
-  double* specular = nullptr;         // as ShadeStage has it
-  double* passing_columns = nullptr;  // as EvaluateStage has it
+  double* glow[3] = {};  // of surfaces; null where no light groups are asked for
+  double *diffuse[3] = {}, *translucent[3] = {};   // T k; translucent: null where nothing is
+  double *lifted[3] = {}, *lifted_bump = nullptr;  // as EvaluateStage has them
+  double* specular = nullptr;                      // as ShadeStage has it
+  double* passing_columns = nullptr;               // as EvaluateStage has it
   int passing_width = PassingTerm::kPlain;
   size_t stride = 0;
   double

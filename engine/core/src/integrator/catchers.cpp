@@ -39,6 +39,7 @@ void Tracer::set_aside_caught(const Queue& queue) {
     const Vec3d all = take_sums(k);
     see_lights(k);
     caught_.push_back({k, all - take_sums(k), {}});
+    if (batch_.translucent[0]) set_row(batch_.translucent, k, {});
   }
 }
 

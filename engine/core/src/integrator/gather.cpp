@@ -82,11 +82,7 @@ void DirectLight::make_diffuse(Batch& batch) {
     stage_.gathers_gloss = true;
     stages_.make_diffuse(stage_, batch.diffuse);
   }
-  for (int term = 0; term < scene_.materials.max_specular; ++term)
-    for (size_t c = 0; c < 3; ++c)
-      std::fill_n(
-          batch.specular + (size_t(scene_.materials.specular_columns * term) + c) * batch.stride,
-          batch.size(), 0.0);
+  batch.clear_specular();
 }
 
 /// They show what lights throw on surfaces, and nothing that these give of themselves: as much of
@@ -96,16 +92,19 @@ void Tracer::make_diffuse(const Queue& queue) {
        {batch_.sums.total, batch_.sums.ambient, batch_.sums.emission, batch_.sums.environment})
     for (size_t c = 0; sums[0] && c < 3; ++c) std::fill_n(sums[c], queue.size(), 0.0);
   direct_.make_diffuse(batch_);
-  const double share = 1 / (direct_.reach() * direct_.reach());
+  const double per_square = 1 / (direct_.reach() * direct_.reach());
   for (size_t k = 0; k < queue.size(); ++k) {
-    if (!batch_.lit[k]) continue;
+    const bool behind = batch_.translucent[0] && any(row(batch_.translucent, k));
+    if (!batch_.lit[k] && !behind) continue;
     const Vec3d to = row(batch_.points.x, k) - queue.ray(k).o;
-    const double rest = 1 - std::min(share * dot(to, to), 1.0);
+    const double rest = 1 - std::min(per_square * dot(to, to), 1.0);
     const bool is_hair =
         scene_.instances.geometry(scene_.instances.group(batch_.instance[k])).kind == GLINT_STRANDS;
-    const Vec3d given = (is_hair ? 0 : rest * rest) * row(batch_.diffuse, k);
-    set_row(batch_.diffuse, k, given);
-    if (batch_.soft_light && rest >= kNearShare && any(given))
+    const double share = is_hair ? 0 : rest * rest;
+    bool gives = false;
+    for (double* const* columns : {batch_.diffuse, batch_.translucent})
+      for (size_t c = 0; columns[0] && c < 3; ++c) gives |= (columns[c][k] *= share) != 0;
+    if (batch_.soft_light && rest >= kNearShare && gives)
       to_paths(queue, k,
                [&](uint32_t path, Vec3d) { batch_.soft_light[path] |= Refinement::kNear; });
   }

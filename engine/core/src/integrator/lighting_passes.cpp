@@ -20,6 +20,7 @@ void Tracer::note_colors(const Queue& queue) {
       add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.diffuse, k) + given.matt);
       glossy += given.glossy;
     }
+    if (batch_.translucent[0]) add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.translucent, k));
     add(GLINT_PASS_GLOSSY_COLOR, k, glossy);
     add(GLINT_PASS_TRANSMISSION_COLOR, k, T * gives.refracted);
   }

@@ -67,6 +67,7 @@ Vec3d Tracer::albedo(size_t k) const {
     i += (1u << lobe->kind & kPassing) != 0;
   }
   sum = batch_.queue->path(k).T * sum;
+  if (batch_.translucent[0]) sum += row(batch_.translucent, k);
   if (!batch_.lit[k]) return sum;
   const Highlights given = highlights(k);
   return sum + row(batch_.diffuse, k) + given.glossy + given.matt;

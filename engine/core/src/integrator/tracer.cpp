@@ -180,9 +180,11 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   NextRays next{
       take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
       take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
-      take(kMirror, queue.reflections + 1, true, true, shares)};
+      take(kMirror, queue.reflections + 1, true, true, shares),
+      take(kMirror, queue.reflections + 1, true, true)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));
+  wait(std::move(next.behind));
   wait(std::move(next.straight));
   wait(std::move(next.bounced));
   wait(std::move(next.glossy));
@@ -213,17 +215,36 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   direct_.illuminate(batch_, sample, counts_);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   if (!queue.gathers) direct_.reflect(batch_, sample, next.glossy, counts_);
-  if (direct_.gathers(queue)) {
-    pixels_.resize(queue.size());
-    for (size_t k = 0; k < queue.size(); ++k) pixels_[k] = pixel(queue, k);
-    GatherShares* const shares = next.gathering.shared ? &shares_ : nullptr;
-    direct_.gather(batch_, pixels_, sample, next.gathering, shares, counts_);
-  }
+  if (direct_.gathers(queue)) gather(queue, sample, next.gathering);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
   if (scene_.features & GLINT_FEATURE_MEDIA && !queue.gathers)
     direct_.scatter(batch_, media_, clear_.data(), sample, counts_);
+  if (scene_.materials.has_translucent) light_behind(queue, sample, next.behind);
   keep(queue);
+}
+
+void Tracer::gather(const Queue& queue, uint32_t sample, Queue& gathering) {
+  pixels_.resize(queue.size());
+  for (size_t k = 0; k < queue.size(); ++k) pixels_[k] = pixel(queue, k);
+  direct_.gather(batch_, pixels_, sample, gathering, gathering.shared ? &shares_ : nullptr,
+                 counts_);
+}
+
+/// Adds what TRANSLUCENT lobes let through of the light on the other side: there they are DIFFUSE
+/// ones, of points that a ray meets which comes the other way.
+void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
+  if (!batch_.turn_round()) return;
+  const auto turn = [&] {
+    for (size_t c = 0; c < 3; ++c)
+      for (size_t k = 0; k < queue.size(); ++k)
+        queue.column(Queue::kD + c)[k] = -queue.column(Queue::kD + c)[k];
+  };
+  turn();
+  batch_.first_hits = nullptr;  // which knows the shadows of this side
+  direct_.illuminate(batch_, sample, counts_);
+  if (direct_.gathers(queue)) gather(queue, sample, gathering);
+  turn();
 }
 
 /// The batch's sums to those of the paths.

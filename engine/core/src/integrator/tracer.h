@@ -59,13 +59,15 @@ class Tracer {
   void follow(uint32_t sample);
   /// Rays that leave the surfaces of a queue.
   struct NextRays {
-    Queue straight, bounced, glossy, gathering;
+    Queue straight, bounced, glossy, gathering, behind;  // behind: gather rays of other sides
   };
   void follow_queue(Queue& queue, uint32_t sample);
   void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
   void make_diffuse(const Queue& queue);
+  void gather(const Queue& queue, uint32_t sample, Queue& gathering);
+  void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
   void keep_gathered(const Queue& queue);
   /// add(path, share) for each path that gets something of what ray k brings.
   template <class Add>

@@ -78,6 +78,8 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     if (batch_.has_groups()) stage.sums.emission[c] = batch_.glow[c];
     stage.T[c] = queue.column(Queue::kT + c);
     stage.diffuse[c] = batch_.diffuse[c];
+    stage.translucent[c] = material.has(GLINT_TRANSLUCENT) ? batch_.translucent[c] : nullptr;
+    stage.lifted[c] = batch_.lifted[c];
     stage.ambient[c] = scene_.world.ambient[int(c)];
     stage.n[c] = batch_.points.n[c];
     stage.d[c] = queue.column(Queue::kD + c);
@@ -94,6 +96,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.bump_shadowing = material.bump_shadowing;
     stage.base_normal = material.base_normal;
     stage.bump = batch_.bump;
+    stage.lifted_bump = batch_.lifted_bump;
     stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;

@@ -124,6 +124,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
     t.has_sheen = t.has_sheen || sheen || fibre;
     if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_FIBRE_SPECULAR)
       t.most_exponent = std::max(t.most_exponent, lobe.exponent);
+    t.has_translucent = t.has_translucent || lobe.kind == GLINT_TRANSLUCENT;
     material.view_count += depends_on_view(lobe);
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;

@@ -68,7 +68,8 @@ struct MaterialTable {
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false;
   bool has_rough_glass = false, has_fibre = false,
-       has_sheen = false;    // SHEEN or FIBRE lobes
+       has_sheen = false;  // SHEEN or FIBRE lobes
+  bool has_translucent = false;
   int specular_columns = 4;  // numbers of each as the stages read them
   int max_view = 0;          // lobes of a material that depend on the view, at most
   int max_passing = 0;       // Material::passing, at most

@@ -29,7 +29,7 @@ constexpr double kMostStretch = 128;
 
 /// What the lobes come to without light, and what lights need of them.
 struct Lobes {
-  Three glow, diffuse;
+  Three glow, diffuse, translucent;
   Mask lit = {}, passes = {};
   int specular_count = 0, passing_count = 0;
 };
@@ -195,6 +195,7 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   const bool ambient = lobe.kind == GLINT_AMBIENT;
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
+  if (lobe.kind == GLINT_TRANSLUCENT) return void(sum.translucent = sum.translucent + k);
   if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, p, lobe, k, sum);
   if (!ambient && s.dark) return;
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
@@ -253,12 +254,22 @@ inline void run_block(const EvaluateStage& s, size_t first, size_t count) {
   if (s.normal > 0) bend_normals(s, first, count);
 }
 
+/// The normal of TRANSLUCENT lobes, and what LightStage::bump holds of it.
+inline void lift_normal(const EvaluateStage& s, const Chosen& at) {
+  const Three bent = gather3(s.n, at), m = gather3(s.unbent, at);
+  Three n = bent;
+  if (s.bump_shadowing >= GLINT_BUMP_CHIANG)
+    n = choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), -gather3(s.d, at)));
+  scatter3(s.lifted, at, n);
+  scatter(s.lifted_bump, at, where(nonzero(m), bump_of(s.bump_shadowing, dot(m, n))));
+}
+
 /// Which lanes send rays on. slots: as OnMesh has them.
 inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const double* slots) {
   OnMesh p = on_mesh(s, at);
   p.slots = slots;
   const Three T = gather3(s.T, at);
-  Lobes sum{gather3(s.sums.total, at), {}};
+  Lobes sum{gather3(s.sums.total, at), {}, {}};
   Three k{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
@@ -268,6 +279,8 @@ inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const doubl
   scatter3(s.sums.total, at, sum.glow);
   const Three Tk = T * sum.diffuse;
   scatter3(s.diffuse, at, Tk);
+  if (s.translucent[0]) scatter3(s.translucent, at, T * sum.translucent);
+  if (s.translucent[0] && s.lifted[0]) lift_normal(s, at);
   sum.lit |= nonzero(Tk);
   for (size_t lane = 0; lane < at.count; ++lane) s.lit[at.row[lane]] = sum.lit[lane];
   return bits(sum.passes) & lanes_of(at);

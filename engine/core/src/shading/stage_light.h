@@ -92,6 +92,17 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
   return (dot(at.l, splat3(s.axis)) >= 0) & (dot(at.l, load3(s.g, k)) <= 0);
 }
 
+/// Which points may see a disc of bounced light, on smooth meshes: shadow rays begin on its side
+/// that shines, as Hanika's start may be beyond a ridge, and the surface that is near round a point
+/// shines to its own side alone.
+template <int Shape>
+inline Mask may_see(const LightStage& s, size_t k, const Three& x, Mask behind) {
+  if (Shape != kBouncedSource || s.origin[0] == s.points_x[0]) return ~Mask{};
+  const Three q = splat3(s.end), to = q - x;
+  return (dot(load3(s.origin, k) - q, splat3(s.axis)) > 0) &
+         ((dot(to, load3(s.g, k)) > 0) | behind | (dot(to, to) >= 4 * s.near2));
+}
+
 template <int Shape, class AnySample>
 inline Three color_of(const LightStage& s, const AnySample& at) {
   if constexpr (Shape == kOpenSky) return at.color;
@@ -134,7 +145,8 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
              side = turned    ? ~Mask{}
                     : through ? front | (middle < 0)
                               : front,
-             met = lit & at.good & side & ~within<Shape>(s, k, at);
+             met =
+                 lit & at.good & side & ~within<Shape>(s, k, at) & may_see<Shape>(s, k, x, behind);
   if (!any(met)) return;
   const BumpShadow bump = bump_shadow<Bent>(s, k, n, at.l);
   const Mask reached = met & ~bump.hidden;

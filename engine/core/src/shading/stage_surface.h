@@ -204,9 +204,11 @@ inline void place_group(const SurfaceStage& s, size_t k, const Face& face) {
     const Three blended = unit(face.normal * blend(b, face.normals));
     store3(p.n, k, choose(nonzero(blended), side * blended, g));
     store3(p.origin, k, shadow_origin(x, g, face, b, side));
+    if (p.behind[0]) store3(p.behind, k, shadow_origin(x, -g, face, b, -side));
   } else if (p.n[0] != p.g[0]) {
     store3(p.n, k, g);
     store3(p.origin, k, x);
+    if (p.behind[0]) store3(p.behind, k, x);
   }
   store(p.offset + k, face.offset);
   store(p.weights[0] + k, b.b);

@@ -29,7 +29,8 @@ struct CameraStage {
 /// Points of surfaces in anchored space, as surface.h has them one by one. Masks are 0 or -1.
 struct PointColumns {
   double *x[3], *g[3], *n[3],
-      *origin[3];  // origin: of shadow rays. n may be g, and origin x, where no mesh is smooth
+      *origin[3];     // origin: of shadow rays. n may be g, and origin x, where no mesh is smooth
+  double* behind[3];  // origins on the other side; null where nobody asks
   double *offset, *weights[2];  // weights: of the second and third vertex
   int64_t* outside;
   uint32_t* material;
@@ -116,6 +117,8 @@ struct EvaluateStage {
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];
+  double* translucent[3];           // T k; null where the material has no such lobes
+  double *lifted[3], *lifted_bump;  // n and bump as these have it; null where no bumps hide light
   double* specular;
   int specular_columns;
   double* passing;  // PassingTerm's columns for each lobe that sends rays on
