@@ -112,6 +112,16 @@ def test_it_shows_what_a_matt_one_shows_from_the_other_side(
     assert found.max() > 0.05
 
 
+@needs_core
+def test_a_plain_one_stands_beside_what_is_bumped() -> None:
+    """Materials without a program have no bumps, where others have."""
+    scene = sheet(MATT, replace(LIGHTS["area"], cast_shadow=False), bumps=True)
+    scene = replace(scene, materials=(scene.materials[0], s.Material("leaf", (LEAF,))))
+    found, expected = (picture(scene, backend, samples=4) for backend in BACKENDS)
+    assert np.isclose(found, expected, rtol=1e-4, atol=2e-5).mean() > 0.99
+    assert found[8, 8].max() > 0.1
+
+
 def under_a_sheet(high: float) -> s.Scene:
     """A floor that a sheet hides from a sun, and from nothing else."""
     floor = s.Material("floor", (s.Lobe("DIFFUSE", (s.Input((0.6,) * 3),)),))

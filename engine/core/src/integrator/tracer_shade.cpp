@@ -90,13 +90,13 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.unbent[c] = batch_.unbent[c];
     stage.start[c] = queue.column(Queue::kStart + c);
   }
+  stage.lifted_bump = batch_.lifted_bump;
   if (material.program > 0) {
     stage.program = scene_.programs.of(material.program);
     stage.normal = material.normal;
     stage.bump_shadowing = material.bump_shadowing;
     stage.base_normal = material.base_normal;
     stage.bump = batch_.bump;
-    stage.lifted_bump = batch_.lifted_bump;
     stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;
