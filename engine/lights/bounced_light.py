@@ -408,8 +408,7 @@ def _let_through(k: Coefficients, points: Array) -> Coefficients:
     """The same where light passes some points as if nothing were there."""
     if not len(points):
         return k
-    diffuse, translucent, transparent = (
-        sum_.copy() for sum_ in (k.diffuse, k.translucent, k.transparent)
-    )
+    lobes = (k.diffuse, k.translucent, k.transparent)
+    diffuse, translucent, transparent = (total.copy() for total in lobes)
     diffuse[:, points], translucent[:, points], transparent[:, points] = 0.0, 0.0, 1.0
     return replace(k, diffuse=diffuse, translucent=translucent, transparent=transparent)

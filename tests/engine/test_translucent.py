@@ -45,7 +45,7 @@ def test_a_sun_from_behind_shines_by_its_cosine_and_one_before_not(
 
 
 def sheet(lobe: s.Lobe, light: s.Light, bumps: bool = False) -> s.Scene:
-    """A smooth hilly sheet over a plate with a hole's worth of shadow."""
+    """A smooth hilly sheet between two small plates."""
     hills = grid_mesh(12, 2.0, lambda x, y: 0.2 * np.sin(2 * x) * np.cos(3 * y), smooth=True)
     look = s.Material("sheet", (lobe,))
     if bumps:
@@ -110,6 +110,34 @@ def test_it_shows_what_a_matt_one_shows_from_the_other_side(
     found[plate, plate] = expected[plate, plate] = 0
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
     assert found.max() > 0.05
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_so_it_does_with_what_a_wall_throws_on(backend: str) -> None:
+    """A wall that stands at it, beside which gather rays find most of that."""
+
+    def at_a_wall(lobe: s.Lobe) -> s.Scene:
+        matt = s.Material("wall", (s.Lobe("DIFFUSE", (s.Input((0.8,) * 3),)),))
+        upright = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+        wall = placed(1, (1,), z=-0.6, linear=upright, visible_camera=False)
+        scene = plane(lobe, lights=(lamp("POINT", (0.5, 0.2, -0.4), strength=30.0),))
+        return replace(
+            scene,
+            geometries=(*scene.geometries, square(0.6)),
+            instances=(*scene.instances, wall),
+            materials=(*scene.materials, matt),
+        )
+
+    through, matt = at_a_wall(LEAF), from_below(at_a_wall(MATT))
+    beside = [
+        (
+            picture(scene, backend, samples=16, diffuse_bounces=1)
+            - picture(scene, backend, samples=16)
+        )[:, 8:10].mean((0, 1))
+        for scene in (through, matt)
+    ]
+    np.testing.assert_allclose(*beside, rtol=0.01)
+    assert beside[0][0] > 0.1
 
 
 @needs_core

@@ -116,7 +116,7 @@ class Batch {
   double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {},
          *lit_glossy_bounced[3] = {}, *lit_volume[3] = {}, *lit_volume_bounced[3] = {};
   double* glow[3] = {};  // of surfaces; null where no light groups are asked for
-  double *diffuse[3] = {}, *translucent[3] = {};   // T k; translucent: null where nothing is
+  double *diffuse[3] = {}, *translucent[3] = {};   // T k; translucent: null without such lobes
   double *lifted[3] = {}, *lifted_bump = nullptr;  // as EvaluateStage has them
   double* specular = nullptr;                      // as ShadeStage has it
   double* passing_columns = nullptr;               // as EvaluateStage has it
