@@ -85,7 +85,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   prepare(batch);
   size_t number = 0;
   for (const Light& light : scene_.lights) {
-    const uint32_t parts = plan_.parts_of(light, batch.queue->gathers),
+    const uint32_t parts = plan_.parts_of(light, batch.queue->sees_blurred()),
                    count = plan_.samples_of(light) / parts;
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),

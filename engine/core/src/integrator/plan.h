@@ -94,11 +94,11 @@ struct RenderPlan : GlintRenderSettings {
   }
 
   /// In how many parts a light's samples are taken, one by each pixel sample in turn: what gather
-  /// rays meet is seen from afar, and asks for a part of the sky alone.
-  uint32_t parts_of(const Light& light, bool gathered) const {
+  /// rays and reflections of rough surfaces meet is seen blurred, and asks for a part of the sky.
+  uint32_t parts_of(const Light& light, bool blurred) const {
     constexpr uint32_t parts = 2;
     const bool whole = dome_directions.each % parts != 0 || opening_samples_of(light) % parts != 0;
-    return gathered && light.is_dome() && !whole ? parts : 1;
+    return blurred && light.is_dome() && !whole ? parts : 1;
   }
 
   /// Point j on the openings of a dome for pixel sample `sample`.
