@@ -117,8 +117,8 @@ def matched_scene(name: str, side: int):
     """Opens the scene with a camera and lamps, black world, diffuse everywhere."""
     import bpy
 
-    import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint import addon
     from glint.operators.compare_cycles import limit_size
 
@@ -311,7 +311,7 @@ def row_of(result: dict) -> str:
 
 def write_all(results: list[dict], out: Path) -> None:
     """fronts.md and fronts.png."""
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint.engine.analysis import plot, trade_plot
 
     at = ", ".join(f"{error:.1%}".replace(".0%", "%") for error in LEVELS)

@@ -97,8 +97,8 @@ def row_of(name: str, source: str, options: argparse.Namespace) -> dict | None:
 
 def measure_scene(options: argparse.Namespace) -> dict:
     sys.path[:0] = [str(HERE.parent), str(HERE.parent / "cycles")]
-    import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint import addon
     from glint.engine.analysis import flip
 

@@ -96,7 +96,7 @@ def rendered(scene, engine: str, samples: int):
 
 def choose(scene, engine: str, samples: int) -> None:
     """Through the pixels' centres, without bounces."""
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from cycles_reference import bpy, make_exact
     from glint import addon
 

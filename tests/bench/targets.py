@@ -111,8 +111,8 @@ def sources_of_all() -> dict[str, str]:
 def measure_scene(name: str, options: argparse.Namespace) -> int:
     import bpy
 
-    import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint import addon
     from glint.addon.render.aim import display_of
     from glint.operators.compare_cycles import limit_size

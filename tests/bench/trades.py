@@ -118,8 +118,8 @@ def measure_scene(options: argparse.Namespace) -> int:
     import bpy
     import numpy as np
 
-    import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint import addon, engine
     from glint.engine.analysis import metrics, trade
     from glint.operators.compare_cycles import limit_size

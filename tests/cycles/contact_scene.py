@@ -75,7 +75,7 @@ def set_glint(scene, bounces: int) -> None:
 
 
 def main() -> None:
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
 
     source, stem, engine, bounces = sys.argv[1:]
     scene = prepare(source)

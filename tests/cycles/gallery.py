@@ -25,8 +25,8 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
-import conftest  # noqa: E402, F401  (makes the package importable as glint)
 import contact_scene  # noqa: E402
+import glint_tree  # noqa: E402, F401  (makes the package importable as glint)
 
 ROOT = HERE.parents[1]
 SCENES = ROOT.parent / "shared" / "scenes"

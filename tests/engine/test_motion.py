@@ -464,7 +464,7 @@ def test_what_keeps_scenes_draws_the_same():
 _HASH = """
 import hashlib, sys
 sys.path[:0] = [{tests!r}, {engine!r}]
-import conftest
+import glint_tree
 from test_motion import everything
 from glint.engine import Settings, render
 film = render(everything(), Settings(samples=5, max_bounces=2))
