@@ -17,6 +17,7 @@ from pathlib import Path
 import bpy
 
 from ..addon.ui.lines import draw_text
+from ..addon.ui.panel import EnginePanel
 from ..engine import SceneError
 from ..engine.analysis.plot import png_bytes
 from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, measure
@@ -321,17 +322,9 @@ def use(scene: bpy.types.Scene, chosen: Row) -> None:
         _measured[scene.name] = replace(trade, rows=rows)
 
 
-class GLINT_RENDER_PT_trade(bpy.types.Panel):
+class GLINT_RENDER_PT_trade(EnginePanel, bpy.types.Panel):
     bl_label = "Time and Error"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "render"
     bl_options = {"DEFAULT_CLOSED"}
-    COMPAT_ENGINES = {"GLINT"}
-
-    @classmethod
-    def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES
 
     def draw(self, context):
         column = self.layout.column()
@@ -472,11 +465,4 @@ def change_text(trade: Trade, row: Row) -> str:
 _CLASSES = (GLINT_OT_measure_scene, GLINT_OT_use_measured, GLINT_RENDER_PT_trade)
 
 
-def register() -> None:
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

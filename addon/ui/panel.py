@@ -21,10 +21,13 @@ class EnginePanel:
     bl_region_type = "WINDOW"
     bl_context = "render"
     COMPAT_ENGINES = {ENGINE}
+    about = ""
+    """What of the context the panel shows, such as "light"; without it there is no panel."""
 
     @classmethod
     def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES
+        is_there = not cls.about or getattr(context, cls.about) is not None
+        return context.engine in cls.COMPAT_ENGINES and is_there
 
     @property
     def column(self) -> bpy.types.UILayout:
@@ -37,6 +40,20 @@ class EnginePanel:
         """The same with a dot for keyframes beside each value."""
         self.layout.use_property_split = True
         return self.layout.column()
+
+
+class SettingPanel(EnginePanel):
+    """One setting, which is called so here."""
+
+    name = called = ""
+
+    @classmethod
+    def owner(cls, context):
+        """What has the setting."""
+        return context.scene.render
+
+    def draw(self, context):
+        self.column.prop(self.owner(context), self.name, text=self.called)
 
 
 def draw_if_known(

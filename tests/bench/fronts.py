@@ -118,8 +118,8 @@ def matched_scene(name: str, side: int):
     import bpy
 
     import contact_scene
+    import glint
     import glint_tree  # noqa: F401  (makes the package importable as glint)
-    from glint import addon
     from glint.operators.compare_cycles import limit_size
 
     name, _, wish = name.partition(":")
@@ -128,7 +128,7 @@ def matched_scene(name: str, side: int):
         path for kind in ("*.blend", "*.glb", "*.gltf") for path in sorted(folder.glob(kind))
     )
     scene = contact_scene.prepare(str(source))
-    addon.register()
+    glint.register()
     if wish == "hard":
         harden(bpy.data.lights)
     scene.world = bpy.data.worlds.new("Black")

@@ -157,10 +157,10 @@ def choose_engine(scene, engine: str, samples: int = 1) -> None:
     """`samples` per pixel and light, no bounces of any kind."""
     scene.render.image_settings.file_format = "OPEN_EXR"
     if engine != "CYCLES":
+        import glint
         import glint_tree  # noqa: F401  (makes the package importable as glint)
-        from glint import addon
 
-        addon.register()
+        glint.register()
         scene.render.engine = "GLINT"
     choose_samples(scene, engine, samples)
 

@@ -119,19 +119,20 @@ def measure_scene(options: argparse.Namespace) -> int:
     import numpy as np
 
     import contact_scene
+    import glint
     import glint_tree  # noqa: F401  (makes the package importable as glint)
-    from glint import addon, engine
+    from glint import engine
     from glint.engine.analysis import metrics, trade
     from glint.operators.compare_cycles import limit_size
     from glint.operators.scene_copy import read_job
 
     if options.inside == CUBE:
         bpy.ops.wm.read_homefile(use_factory_startup=True)
-        addon.register()
+        glint.register()
         scene = bpy.context.scene
     else:
         scene = contact_scene.prepare(options.inside)
-        addon.register()
+        glint.register()
     scene.render.engine = "GLINT"
     limit_size(scene, options.side)
     job = read_job(scene, bpy.context.view_layer.name)

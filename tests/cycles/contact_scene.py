@@ -65,9 +65,9 @@ def set_cycles(scene, bounces: int) -> None:
 
 
 def set_glint(scene, bounces: int) -> None:
-    from glint import addon
+    import glint
 
-    addon.register()
+    glint.register()
     scene.render.engine = "GLINT"
     settings = scene.glint.final
     settings.samples, settings.light_samples, settings.error_threshold = 16, 4, 0.0

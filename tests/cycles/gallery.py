@@ -147,12 +147,12 @@ def work(source: str, stem: str, engine: str) -> int:
     """One picture, in linear float32."""
     contact_scene.LONG_SIDE = SIDE
     scene = contact_scene.prepare(source)
-    from glint import addon
+    import glint
     from glint.engine.settings import OFFERED
     from glint.operators.compare_cycles import match_cycles
 
     if engine == "GLINT":
-        addon.register()
+        glint.register()
         scene.render.engine = "GLINT"
     else:
         match_cycles(scene, OFFERED.samples, BOUNCES, diffuse=DIFFUSE)
