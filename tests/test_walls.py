@@ -25,7 +25,7 @@ BLENDER = {
     "aud",
     "freestyle",
 }
-ENGINES_DOOR = {
+ENGINES_API = {
     "engine",
     "engine.displacement",
     "engine.lights.dome",
@@ -55,11 +55,11 @@ MEASURES = {
     "engine.analysis.plot",
     "engine.analysis.trade",
     "engine.analysis.trade_crops",
-    "engine.analysis.trade_knobs",
+    "engine.analysis.trade_tunables",
     "engine.analysis.trade_plot",
     "engine.analysis.trade_rows",
 }
-ADDONS_DOOR = {
+ADDONS_API = {
     "addon.render.final",
     "addon.render.interrupts",
     "addon.render.result",
@@ -78,13 +78,13 @@ STDLIB = set(sys.stdlib_module_names)
 
 
 def _inside_addon(name: str) -> bool:
-    return name.startswith("addon") or name in ENGINES_DOOR
+    return name.startswith("addon") or name in ENGINES_API
 
 
 def _inside_operators(name: str) -> bool:
     return (
         name.startswith(("operators", "addon.export"))
-        or name in ENGINES_DOOR | MEASURES | ADDONS_DOOR
+        or name in ENGINES_API | MEASURES | ADDONS_API
     )
 
 

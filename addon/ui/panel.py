@@ -5,13 +5,17 @@ from __future__ import annotations
 import bpy
 
 from ..render.render_engine import GlintRenderEngine
-from .lines import draw_text
+from .lines import draw_text, inner_width
 
 ENGINE = GlintRenderEngine.bl_idname
 
 
-_NAMES = 0.53
-"""Share of a panel's width that names have which do not fit into Blender's own two fifths."""
+NUMBERS, CHOICES = 90, 68
+"""Pixels of the names beside numbers, which need little room themselves, and beside menus, in an
+editor that is too narrow for Blender's own two fifths.
+"""
+_LETTER = 5.5
+"""Pixels of a letter of a name, rather many."""
 
 
 class EnginePanel:
@@ -67,16 +71,27 @@ def draw_if_known(
 
 
 def draw_wide(
-    column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str, text: str = ""
+    column: bpy.types.UILayout,
+    owner: bpy.types.bpy_struct,
+    name: str,
+    text: str = "",
+    pixels: int = NUMBERS,
 ) -> None:
-    """A setting with a long name, which Blender would cut where the editor is as wide as it is to
-    begin with.
+    """A setting whose name Blender would cut in a narrow editor: it gets as many pixels as it
+    needs, if values have room beside it, else a line of its own.
     """
-    row = column.split(factor=_NAMES)
+    text = text or owner.bl_rna.properties[name].name
+    width = max(inner_width(bpy.context.region), 1.0)
+    share = min(max(pixels / width, 0.4), 0.66)
+    if len(text) * _LETTER > share * width:
+        column.label(text=text)
+        column.prop(owner, name, text="")
+        return
+    row = column.split(factor=share)
     row.use_property_split = False
     label = row.row()
     label.alignment = "RIGHT"
-    label.label(text=text or owner.bl_rna.properties[name].name)
+    label.label(text=text)
     row.prop(owner, name, text="")
 
 

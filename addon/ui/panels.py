@@ -18,7 +18,7 @@ from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
 from ..render import statistics
 from . import data_panels, view_layer_panels
 from .lines import draw_text
-from .panel import ENGINE, EnginePanel, SettingPanel, draw_if_known, draw_reason, draw_wide
+from .panel import CHOICES, ENGINE, EnginePanel, SettingPanel, draw_if_known, draw_reason, draw_wide
 from .properties import LIGHT_GROUP, OF_RAYS, OF_SAMPLES
 
 _REPLACED_OR_WITHOUT_EFFECT = {
@@ -67,15 +67,16 @@ class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
     def draw(self, context):
         column = self.column
         settings = context.scene.glint
-        column.prop(settings.final, "illumination")
+        draw_wide(column, settings.final, "illumination", pixels=CHOICES)
         physical = column.column()
         physical.active = settings.final.illumination == "PHYSICAL"
         draw_reason(column, not physical.active, "Classic illumination has none of these")
-        physical.prop(settings.final, "world_light")
-        physical.prop(settings.final, "mesh_light")
-        column.prop(settings, "target")
+        draw_wide(physical, settings.final, "world_light", pixels=CHOICES)
+        draw_wide(physical, settings.final, "mesh_light", pixels=CHOICES)
+        draw_wide(column, settings, "target", pixels=CHOICES)
         if settings.target != "NONE":
-            column.prop(settings, "target_levels" if settings.target == "LEVELS" else "target_rmse")
+            error = "target_levels" if settings.target == "LEVELS" else "target_rmse"
+            draw_wide(column, settings, error, pixels=CHOICES)
 
 
 class _SamplingPanel(EnginePanel):
@@ -124,7 +125,7 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         draw_wide(physical, final, "diffuse_bounces")
         reflections = physical.column()
         reflections.active = bounces > 0
-        draw_wide(reflections, final, "reflections")
+        draw_wide(reflections, final, "reflections", pixels=CHOICES)
         reason = "Rough Reflections need Bounces of Render"
         draw_reason(column, is_physical and bounces == 0, reason)
 

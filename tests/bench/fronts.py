@@ -169,7 +169,7 @@ def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
     from glint.engine import Settings
     from glint.engine.analysis import metrics
     from glint.engine.analysis.trade_crops import CropRenderer
-    from glint.engine.analysis.trade_knobs import has_soft_lights
+    from glint.engine.analysis.trade_tunables import has_soft_lights
     from glint.operators.scene_copy import read_job
 
     job = read_job(scene, bpy.context.view_layer.name)

@@ -523,7 +523,7 @@ def test_a_pixel_is_explained_as_its_first_sample():
     assert told.color == still.color and any(told.color)
 
 
-# --- at the door
+# --- at the API boundary
 
 
 def test_bad_motion_is_refused_by_name():
