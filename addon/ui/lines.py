@@ -21,11 +21,6 @@ _FEWEST = 16
 """Letters of a line, however narrow the panel and deep the text."""
 
 
-def inner_width(region: bpy.types.Region) -> float:
-    """Pixels that a panel has for what is in it, on a screen of scale 1."""
-    return region.width / bpy.context.preferences.system.ui_scale - _MARGIN
-
-
 def draw_text(
     column: bpy.types.UILayout,
     lines: Iterable[str],
@@ -37,7 +32,7 @@ def draw_text(
     """Draw lines, broken to the width of the region less the pixels that something takes `beside`
     them. They are set in by four spaces and their own, or by an icon before the first.
     """
-    width = inner_width(region) - beside
+    width = region.width / bpy.context.preferences.system.ui_scale - _MARGIN - beside
     below, hang = ("NONE", "   ") if icon == "NONE" else ("BLANK1", "")
     if icon != "NONE":
         width -= _ICON

@@ -5,17 +5,19 @@ from __future__ import annotations
 import bpy
 
 from ..render.render_engine import GlintRenderEngine
-from .lines import draw_text, inner_width
+from .lines import draw_text
 
 ENGINE = GlintRenderEngine.bl_idname
 
 
-NUMBERS, CHOICES = 90, 68
+NUMBERS, CHOICES = 97, 74
 """Pixels of the names beside numbers, which need little room themselves, and beside menus, in an
 editor that is too narrow for Blender's own two fifths.
 """
-_LETTER = 5.5
+_LETTER = 6.2
 """Pixels of a letter of a name, rather many."""
+_EDGES = 28
+"""Pixels left and right of a panel's rows."""
 
 
 class EnginePanel:
@@ -70,6 +72,11 @@ def draw_if_known(
         column.prop(owner, name, **look)
 
 
+def row_width(region: bpy.types.Region) -> float:
+    """Pixels of a row in a panel, on a screen of scale 1."""
+    return max(region.width / bpy.context.preferences.system.ui_scale - _EDGES, 1.0)
+
+
 def draw_wide(
     column: bpy.types.UILayout,
     owner: bpy.types.bpy_struct,
@@ -78,12 +85,12 @@ def draw_wide(
     pixels: int = NUMBERS,
 ) -> None:
     """A setting whose name Blender would cut in a narrow editor: it gets as many pixels as it
-    needs, if values have room beside it, else a line of its own.
+    needs, or a line of its own where the value would have too little room.
     """
     text = text or owner.bl_rna.properties[name].name
-    width = max(inner_width(bpy.context.region), 1.0)
-    share = min(max(pixels / width, 0.4), 0.66)
-    if len(text) * _LETTER > share * width:
+    width = row_width(bpy.context.region)
+    share = max(0.4, pixels / width, len(text) * _LETTER / width)
+    if share > (0.66 if pixels == NUMBERS else 0.52):
         column.label(text=text)
         column.prop(owner, name, text="")
         return
