@@ -45,7 +45,6 @@ inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSp
     earliest = smaller(t_max, earliest);
     latest = larger(t_min, latest);
   }
-  beam.skew = s.mixed ? 5 : 1;
   span = {least_of(shortest), most_of(longest), least_of(earliest), most_of(latest)};
   return span.shortest > 0x1p-60 && span.longest < 0x1p60;
 }
@@ -79,7 +78,6 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
     if (any(Longs(other != Longs{}))) return false;
   }
   beam.apex = origin_at({*s.o[0], *s.o[1], *s.o[2]}, *beam.order);
-  beam.room *= beam.skew;
   beam.reach = beam.off = beam.past = 0;
   beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
   const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
@@ -161,7 +159,7 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
   beam.reach = float(reach);
   beam.off = float(miss);
   beam.past = float(behind);
-  beam.room = beam.room * beam.skew + 2 * beam.off + 8 * beam.past;
+  beam.room += 2 * beam.off + 8 * beam.past;
   beam.begin = float((1 - 0x1p-19) / (most_of(end) + tiny));
   beam.apex = origin_at(apex, order);
   return true;
