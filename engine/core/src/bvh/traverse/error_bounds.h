@@ -43,8 +43,9 @@ constexpr double kBoxMargin = 0x1.4p-20;
 constexpr double kInstanceMargin = 0x1p12;
 
 /// What a corner seen in float is off by, as part of its depth and of its place across: 6.5 u and
-/// 3.5 u, and u more for the products of edge functions. Its difference to the origin is off by 2 u, which are 2 u (x + z) in the ray's order; the
-/// slope by u, its product with the depth by 2 u more of that and u of its own, the sum by u.
+/// 3.5 u, and u more for the products of edge functions. Its difference to the origin is off by 2
+/// u, which are 2 u (x + z) in the ray's order; the slope by u, its product with the depth by 2 u
+/// more of that and u of its own, the sum by u.
 constexpr float kSeenAlong = 0x1.ap-22f, kSeenAcross = 0x1.2p-22f;
 /// What two products lose below the smallest normal float.
 constexpr float kLeastProduct = 0x1p-140f;

@@ -64,14 +64,13 @@ struct Beam {
   Origin apex;
   float middle[2], width[2];  // slopes of the ray with place 0; no place is more
   float slope;                // no slope is more
-  float reach;                // from the apex to where rays begin, in depth, where they end there
   float off;                  // what rays miss the apex by
   float past;                 // how far behind the apex rays end, in depth
   float room;                 // of boxes
-  float begin;       // surely in front of hits beyond all t_min: 1 / depth
-  float last_end;    // the least `end`
-  float last_depth;  // coordinate beyond which no box is of use
-  double close;      // as Tile::close
+  float begin;                // surely in front of hits beyond all t_min: 1 / depth
+  float last_end;             // the least `end`
+  float last_depth;           // coordinate beyond which no box is of use
+  double close;               // as Tile::close
 };
 
 /// The triangles [first, first + kFloats) of a leaf, seen from a beam's apex. Edge functions k + x
@@ -81,10 +80,10 @@ struct Beam {
 /// Bounds. With s the largest slope, z no less than any corner is along and m than any is across as
 /// one of the beam's rays sees it, corners are off by at most d = 10 u s z + 5 u m across: by u
 /// (8 s z + 4 m) for the difference to the apex, the place and the shear. The edge functions are
-/// those of the displaced corners: a ray that hits the triangle passes within d of theirs, where they
-/// are -2 E d at least, E the longest edge; and one that is inside by 2 E d is as far as the corners
-/// may move from every edge, and stays inside. What the products here round is less than 9 u m^2.
-/// Of another axis class rays see the same triangle across another axis.
+/// those of the displaced corners: a ray that hits the triangle passes within d of theirs, where
+/// they are -2 E d at least, E the longest edge; and one that is inside by 2 E d is as far as the
+/// corners may move from every edge, and stays inside. What the products here round is less than 9
+/// u m^2. Of another axis class rays see the same triangle across another axis.
 ///
 /// Depths. A hit that is surely inside lies on the triangle, and moves with its displaced corners:
 /// by d across and 4 u z along, as parts of the plane's distance det / |n|. The normal's products

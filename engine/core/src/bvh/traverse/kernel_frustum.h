@@ -213,21 +213,6 @@ inline void set_group(const Tile& tile, Packets& b, int g) {
   }
 }
 
-/// The packet of a group whose rays begin at one point, before `first`.
-inline void set_common_group(const Tile& tile, Packets& b, int g) {
-  const int k = g * kFloats;
-  b.groups.first[g] = smallest(load(b.rays.first + k));
-  b.groups.last[g] = largest(load(b.rays.last + k));
-  for (int a = 0; a < 2; ++a) {
-    const Floats m = load(tile.slope[a] + k);
-    const float low = smallest(m), high = largest(m), o = tile.of[a][k], start = tile.start[k];
-    b.groups.m[2 * a][g] = low;
-    b.groups.c[2 * a][g] = o - low * start - tile.margin;
-    b.groups.m[2 * a + 1][g] = high;
-    b.groups.c[2 * a + 1][g] = o - high * start + tile.margin;
-  }
-}
-
 inline void empty_group(Packets& b, int g) {
   b.groups.first[g] = kFar;
   b.groups.last[g] = -kFar;

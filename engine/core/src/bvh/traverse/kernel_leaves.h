@@ -46,8 +46,7 @@ struct TriangleTest {
   /// weights put the point by three times that and the depth's extent over the area. NaN where
   /// numbers are too large for it, wide where they are too small.
   __attribute__((always_inline)) void depth(const Tile& tile, Floats& lo, Floats& hi) const {
-    const Floats inverse = 1 / (a + b + c),
-                 at = fused(a, z[0], fused(b, z[1], c * z[2])) * inverse;
+    const Floats inverse = 1 / (a + b + c), at = fused(a, z[0], fused(b, z[1], c * z[2])) * inverse;
     const Floats front = this->front(), rear = this->rear(), most = larger(rear, -front),
                  error = magnitude(fused(3 * margin, rear - front, splat(kUnderflow)) * inverse),
                  room = fused(most, splat(kSumMargin),
@@ -57,7 +56,8 @@ struct TriangleTest {
   }
   /// The largest coordinate of any corner across.
   Floats extent() const {
-    const Floats ab = largest_magnitude(largest_magnitude(x[0], x[1]), largest_magnitude(y[0], y[1]));
+    const Floats ab =
+        largest_magnitude(largest_magnitude(x[0], x[1]), largest_magnitude(y[0], y[1]));
     return largest_magnitude(ab, largest_magnitude(x[2], y[2]));
   }
   Floats front() const { return smaller(z[0], smaller(z[1], z[2])); }
@@ -159,6 +159,7 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
   FloatMask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
   if (tile.answers->opacity) {
+    mask &= living(tile, k);
     const uint32_t hit = mask & bits(sure);
     mask = stopped(w, k, hit | hit_lanes(w, k, mask & ~hit, leaf, place), leaf, place);
     nearer = nearer & lanes(mask);
@@ -168,8 +169,7 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   // Lanes of `nearer` outside of `mask` are missed: `sure` is false there.
   if (certain) take_certain(w, k, certain, nearer, lo, hi, leaf, place);
   mask &= ~certain;
-  if (mask)
-    decide_rays(w, k, mask, mask & bits(sure & at_most(lo, begin_hi)), order, leaf, place);
+  if (mask) decide_rays(w, k, mask, mask & bits(sure & at_most(lo, begin_hi)), order, leaf, place);
 }
 
 /// What Corners subtract: where all rays begin, if that is one point.

@@ -160,7 +160,7 @@ struct TileLevel {
   const Order& order;
   bool common;
   WideFrustum whole;
-  StartRange starts;  // of all rays, where they do not begin at one point
+  StartRange starts;         // of all rays, where they do not begin at one point
   int tests = 0, found = 0;  // groups tested against triangles, and those with a hit
   TileLevel(Walk<Any>& walk, const Order& o, bool one)
       : w(walk), order(o), common(one), whole(walk.packets.all) {

@@ -3,9 +3,10 @@
 // along which its direction is longest; `depth` counts along that one, in the ray's sense.
 //
 // A ray hits a triangle when no two of its edge functions have different signs, and not all are 0.
-// They are those of corners seen along the ray, from its origin, in double: what rounding makes of a
-// corner depends on nothing but the corner and the ray, and the signs are exact. So of the triangles
-// round an edge or a corner that a ray meets, one at least is hit, on the side where it is.
+// They are those of corners seen along the ray, from its origin, in double: what rounding makes of
+// a corner depends on nothing but the corner and the ray, and the signs are exact. So of the
+// triangles round an edge or a corner that a ray meets, one at least is hit, on the side where it
+// is.
 #pragma once
 #include "bvh/accel.h"
 #include "bvh/bvh.h"
@@ -111,8 +112,8 @@ struct Exact {
   }
 };
 
-/// Seen nearly edge-on those weights mean little: then the point of the three edges that is nearest to the
-/// ray.
+/// Seen nearly edge-on those weights mean little: then the point of the three edges that is nearest
+/// to the ray.
 inline void weigh_edges(Exact<double>& e) {
   double nearest = kInf;
   for (int j = 0; j < 3; ++j) {
