@@ -160,12 +160,10 @@ struct TileLevel {
   const Order& order;
   bool common;
   WideFrustum whole;
-  StartRange starts;         // of all rays, where they do not begin at one point
+  StartRange starts{1, 0};   // of all rays, once triangles ask for it
   int tests = 0, found = 0;  // groups tested against triangles, and those with a hit
   TileLevel(Walk<Any>& walk, const Order& o, bool one)
-      : w(walk), order(o), common(one), whole(walk.packets.all) {
-    if (!common) starts = starts_of(w.tile, 0, w.tile.count);
-  }
+      : w(walk), order(o), common(one), whole(walk.packets.all) {}
 
   uint32_t met(const Boxes& box) const { return units_met(w.packets.groups, 0, kGroups, box); }
   uint32_t still(uint32_t groups, float distance) const {
@@ -244,6 +242,7 @@ struct TileLevel {
   }
   template <bool Common>
   void triangles(ChildRef child, uint32_t groups) {
+    if (!Common && starts.last < starts.first) starts = starts_of(w.tile, 0, w.tile.count);
     const Triangles leaf_triangles(w.tree, child);
     for (int first = 0; first < leaf_triangles.n; first += kFloats) {
       const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
