@@ -65,7 +65,7 @@ APPROXIMATED: dict[str, str] = {
 
 def approximated_nodes(block: Any) -> dict[str, str]:
     """Name of a node's type -> how it is drawn, of the nodes that a material, world or light shows
-    and that are drawn but nearly as in Cycles.
+    and that are drawn nearly, not exactly, as in Cycles.
     """
     tree = node_tree(block)
     output = output_of(tree) if tree is not None else None
