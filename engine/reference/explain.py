@@ -297,7 +297,7 @@ class Explainer:
     def _lights(
         self, surface: Surface, coefficients: Coefficients, paths: Paths
     ) -> Iterator[LightTerm]:
-        lighting, weight = self.stage.lighting_of(paths), paths.weight
+        lighting, weight = self._lighting(surface, paths), paths.weight
         for source in lighting.sources:
             margin, j = 0, 0
             hidden = source.hidden_counts if isinstance(source, Dome) else 1
@@ -317,6 +317,10 @@ class Explainer:
                     yield term
             if isinstance(source, Dome) and margin >= 0:
                 yield self._rest(surface, coefficients, source, j + 1)
+
+    def _lighting(self, surface: Surface, paths: Paths) -> Lighting:
+        lighting = self.stage.lighting_of(paths)
+        return lighting.of_strands if surface.primitive[0] >= lighting.first_rod else lighting
 
     def _lights_behind(
         self, surface: Surface, coefficients: Coefficients, depth: Array, paths: Paths
