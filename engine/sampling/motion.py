@@ -232,8 +232,8 @@ class _Way:
         straight = self._a + share * (self._b - self._a)
         if not len(self._rows):
             return straight
-        first, second = self._stretches
-        turned = _matrices(_slerp(*self._turns, share))
+        (first, second), (from_, to) = self._stretches, self._turns
+        turned = _matrices(_slerp(from_, to, share))
         straight[self._rows, :, :3] = _product(turned, first + share * (second - first))
         return straight
 
