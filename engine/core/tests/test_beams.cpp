@@ -1,5 +1,5 @@
-// Beams (kernel_beam.h) against the same rays one by one: the same bits, however near a ray comes
-// to an edge or two surfaces to each other.
+// Beams (kernel_beam.h) and packets against the same rays one by one, with every instruction set:
+// the same bits, however near a ray comes to an edge or two surfaces to each other.
 #include <cmath>
 #include <cstdlib>
 
@@ -100,8 +100,9 @@ void add_rounded_beam(std::vector<Ray>& rays, Vec3d from, Vec3d light, double st
 }
 
 /// Rays that get another answer in a beam than alone, or are blocked without a hit or hit without
-/// being blocked.
-int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t visibility) {
+/// being blocked. found: the hits, where they are none of these.
+int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t visibility,
+                   std::vector<Hit>* found = nullptr) {
   std::vector<double> columns[8], t(rays.size());
   std::vector<uint32_t> instance(rays.size()), primitive(rays.size());
   std::vector<float> u(rays.size()), v(rays.size());
@@ -132,7 +133,27 @@ int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t vi
     accel.occluded(&alone, &stopped, 1, scratch);
     count += !same(hit, {t[k], instance[k], primitive[k], u[k], v[k]}) || stopped != blocked[k] ||
              (hit.instance != Hit::kNone) != (stopped != 0);
+    if (found) found->push_back(hit);
   }
+  return count;
+}
+
+/// The same in tiles of 64, and with every instruction set; and rays that these answer in other
+/// ways.
+int wrong_in_any_width(const Mesh& mesh, const std::vector<Ray>& rays) {
+  std::vector<Hit> first;
+  int count = 0;
+  for (const char* isa : {"sse42", "avx2", "avx512"}) {
+    ask_for_isa(isa);
+    const auto accel = build(mesh);
+    std::vector<Hit> hits;
+    count += wrong_in_beams(*accel, rays, kCamera, &hits);
+    for (size_t k = 0; k + 64 <= rays.size(); k += 256)
+      count += differences(*accel, {rays.begin() + long(k), rays.begin() + long(k + 64)}, kCamera);
+    if (first.empty()) first = hits;
+    for (size_t k = 0; k < rays.size(); ++k) count += !same(hits[k], first[k]);
+  }
+  ask_for_isa(nullptr);
   return count;
 }
 
@@ -154,7 +175,7 @@ int differences_about(const Mesh& mesh, double scale, Vec3d center, uint64_t see
       add_shadow_beam(rays, *accel, eye, center + scale * random.in_box(0.7), light, scale * step,
                       off, random);
   }
-  return wrong_in_beams(*accel, rays, kCamera);
+  return wrong_in_any_width(mesh, rays);
 }
 
 }  // namespace

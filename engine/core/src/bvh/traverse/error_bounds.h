@@ -42,10 +42,13 @@ constexpr double kBoxMargin = 0x1.4p-20;
 /// hard to invert.
 constexpr double kInstanceMargin = 0x1p12;
 
-/// Where wrong weights put a depth, as part of the corners' coordinates. Sheared corners are off by
-/// u (4 z + 2 x), edge functions by 6 x times that, weighted depths by 72 times that: 288 u is less
-/// than 2^-15.
-constexpr float kWeightMargin = 0x1p-15f;
+/// What a corner seen in float is off by, as part of its depth and of its place across: 6.5 u and
+/// 3.5 u, and u more for the products of edge functions. Its difference to the origin is off by 2
+/// u, which are 2 u (x + z) in the ray's order; the slope by u, its product with the depth by 2 u
+/// more of that and u of its own, the sum by u.
+constexpr float kSeenAlong = 0x1.ap-22f, kSeenAcross = 0x1.2p-22f;
+/// What two products lose below the smallest normal float.
+constexpr float kLeastProduct = 0x1p-140f;
 /// What the sum of weighted depths rounds, as part of the largest: 16 u.
 constexpr float kSumMargin = 0x1p-20f;
 

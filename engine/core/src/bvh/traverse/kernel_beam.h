@@ -16,8 +16,8 @@ template <int Count>
 __attribute__((noinline)) void finish_at_edge(const Beam<Count>& beam, const TreeView& tree,
                                               const Answers& answers, int r) {
   const BeamRay ray(beam.source, r);
-  const Exact<double> e =
-      ray.hit(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]), beam.close);
+  Exact<double> e = ray.see(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]));
+  weigh(e, beam.close);
   answers.t[r] = e.depth / ray.along;
   answers.u[r] = float(e.u);
   answers.v[r] = float(e.v);

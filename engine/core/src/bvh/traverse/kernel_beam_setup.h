@@ -45,7 +45,6 @@ inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSp
     earliest = smaller(t_max, earliest);
     latest = larger(t_min, latest);
   }
-  beam.skew = s.mixed ? 5 : 1;
   span = {least_of(shortest), most_of(longest), least_of(earliest), most_of(latest)};
   return span.shortest > 0x1p-60 && span.longest < 0x1p60;
 }
@@ -79,8 +78,7 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
     if (any(Longs(other != Longs{}))) return false;
   }
   beam.apex = origin_at({*s.o[0], *s.o[1], *s.o[2]}, *beam.order);
-  beam.room *= beam.skew;
-  beam.reach = beam.off = beam.past = 0;
+  beam.off = beam.past = 0;
   beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
   const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
   for (int k = 0; k < Count; k += kLanes) {
@@ -158,10 +156,9 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
   if (!set_room(beam, tree, most_of(square)) || !(reach < 16 * size) || !(miss < 0x1p-20 * reach) ||
       !(least_of(nearest) > 0x1p-16 * size) || !(behind < 0x1p-18 * reach))
     return false;
-  beam.reach = float(reach);
   beam.off = float(miss);
   beam.past = float(behind);
-  beam.room = beam.room * beam.skew + 2 * beam.off + 8 * beam.past;
+  beam.room += 2 * beam.off + 8 * beam.past;
   beam.begin = float((1 - 0x1p-19) / (most_of(end) + tiny));
   beam.apex = origin_at(apex, order);
   return true;

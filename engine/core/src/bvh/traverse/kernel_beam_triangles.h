@@ -44,8 +44,8 @@ struct BeamRay {
     const double inverse = 1 / along;
     for (int a = 0; a < 2; ++a) shear[a] = s.xyz_d[order.axes[a]][r] * inverse;
   }
-  Exact<double> hit(const Triangles& leaf, int place, double close) const {
-    return exact_hit(leaf, place, order, o, shear, close);
+  Exact<double> see(const Triangles& leaf, int place) const {
+    return seen(leaf, place, order, o, shear);
   }
 };
 
@@ -64,15 +64,13 @@ struct Beam {
   Origin apex;
   float middle[2], width[2];  // slopes of the ray with place 0; no place is more
   float slope;                // no slope is more
-  float reach;                // from the apex to where rays begin, in depth, where they end there
   float off;                  // what rays miss the apex by
   float past;                 // how far behind the apex rays end, in depth
   float room;                 // of boxes
-  float skew;        // by how much more corners are displaced: not 1 where axis classes are mixed
-  float begin;       // surely in front of hits beyond all t_min: 1 / depth
-  float last_end;    // the least `end`
-  float last_depth;  // coordinate beyond which no box is of use
-  double close;      // as Tile::close
+  float begin;                // surely in front of hits beyond all t_min: 1 / depth
+  float last_end;             // the least `end`
+  float last_depth;           // coordinate beyond which no box is of use
+  double close;               // as Tile::close
 };
 
 /// The triangles [first, first + kFloats) of a leaf, seen from a beam's apex. Edge functions k + x
@@ -80,17 +78,12 @@ struct Beam {
 /// less than plane_off.
 ///
 /// Bounds. With s the largest slope, z no less than any corner is along and m than any is across as
-/// one of the beam's rays sees it, corners are off by at most d = 2^-20 s z + 2^-21 m across: those
-/// of single rays' test (hit_group) by u (5 s z + 3 m), those here by u (6 s z + 3 m) for the
-/// difference to the apex, the place and the shear. Either test sees the triangle through its
-/// displaced corners: so a ray that it takes for one inside passes within d of the triangle, where
-/// edge functions change by at most 2 E d, E the longest edge; and one that is inside by 4 E d is
-/// farther than sqrt 2 d from every edge and stays inside. What the products here round is less
-/// than 9 u m^2. Signs of the single rays' test are exact (exactly_hit).
-///
-/// Rays of another axis class, with slopes up to 2 here, are tested across their own axis: there
-/// corners are at most 2 z + m along, and 2 m across, so that u (10 z + 11 m) displace them, and
-/// three times that as seen here. With s of at least 1 where there are such rays, 5 d is enough.
+/// one of the beam's rays sees it, corners are off by at most d = 10 u s z + 5 u m across: by u
+/// (8 s z + 4 m) for the difference to the apex, the place and the shear. The edge functions are
+/// those of the displaced corners: a ray that hits the triangle passes within d of theirs, where
+/// they are -2 E d at least, E the longest edge; and one that is inside by 2 E d is as far as the
+/// corners may move from every edge, and stays inside. What the products here round is less than 9
+/// u m^2. Of another axis class rays see the same triangle across another axis.
 ///
 /// Depths. A hit that is surely inside lies on the triangle, and moves with its displaced corners:
 /// by d across and 4 u z along, as parts of the plane's distance det / |n|. The normal's products
@@ -143,11 +136,10 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
   t.plane = nz * inverse;
   t.plane_x = nx * inverse;
   t.plane_y = ny * inverse;
-  const float tilt = 0x1p-20f * beam.skew * beam.slope;
-  Floats off = fused(splat(tilt), deepest, splat(0x1p-21f * beam.skew) * across);
-  if (Any) off += splat(tilt * beam.reach + 1.25f * beam.off);
+  Floats off = fused(splat(0x1.4p-21f * beam.slope), deepest, splat(0x1.4p-22f) * across);
+  if (Any) off += splat(1.25f * beam.off);
   t.margin =
-      fused(splat(4.0f) * longest, off, fused(splat(0x1p-20f) * across, across, splat(kUnderflow)));
+      fused(splat(2.0f) * longest, off, fused(splat(0x1p-20f) * across, across, splat(kUnderflow)));
   const Floats terms =
       fused(magnitude(t.plane_x), w0, fused(magnitude(t.plane_y), w1, magnitude(t.plane)));
   const Floats bent =

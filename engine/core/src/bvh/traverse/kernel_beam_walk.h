@@ -13,27 +13,8 @@ struct BeamWalk {
   Beam<Count>& beam;
   Answers& answers;
 
-  /// Whether a single ray's float test finds a triangle hit.
-  static bool hit(const BeamRay& ray, const Triangles& leaf, int place) {
-    const Order& order = ray.order;
-    const double sign = double(order.sign);
-    const float slope[2] = {float(flip(ray.shear[0], sign)), float(flip(ray.shear[1], sign))};
-    const Origin from = origin_at(ray.o, order);
-    float x[3], y[3];
-    for (int j = 0; j < 3; ++j) {
-      const auto at = [&](int a) { return leaf.at(j, order.axes[a])[place]; };
-      const float z = at(2) * order.sign - from.o[2] - from.low_part[2];
-      x[j] = at(0) - from.o[0] - from.low_part[0] - slope[0] * z;
-      y[j] = at(1) - from.o[1] - from.low_part[1] - slope[1] * z;
-    }
-    const float a = x[2] * y[1] - y[2] * x[1], b = x[0] * y[2] - y[0] * x[2],
-                c = x[1] * y[0] - y[1] * x[0];
-    const float low = smaller(a, smaller(b, c)), high = larger(a, larger(b, c));
-    if (low < 0 && high > 0) return false;
-    return low > 0 || high < 0 || exactly_hit(x, y);
-  }
-  Hit exact(const BeamRay& ray, ChildRef leaf, int place) const {
-    const Exact<double> e = ray.hit(Triangles(tree, leaf), place, beam.close);
+  Hit exact(const BeamRay& ray, Exact<double>&& e, ChildRef leaf, int place) const {
+    weigh(e, beam.close);
     const PrimitiveId id = tree.ids[leaf_first(leaf) + uint32_t(place)];
     return {e.depth / ray.along, id.instance, id.primitive, float(e.u), float(e.v)};
   }
@@ -43,16 +24,18 @@ struct BeamWalk {
     answers.count_fallback(r);
     const BeamSource& s = beam.source;
     const BeamRay ray(s, r);
-    if (!hit(ray, Triangles(tree, leaf), place)) return;
-    const Hit found = exact(ray, leaf, place);
+    Exact<double> e = ray.see(Triangles(tree, leaf), place);
+    if (!e.hit()) return;
+    const Hit found = exact(ray, static_cast<Exact<double>&&>(e), leaf, place);
     if (!(found.t > s.t_min[r] && found.t < s.t_max[r])) return;
     if (Any) {
       beam.farthest[r] = beam.nearest[r] = __builtin_inff();
       return;
     }
-    if (beam.pending[r] != kNothing &&
-        !Answers::nearer(found, exact(ray, beam.pending[r], int(beam.leaf_at[r]))))
-      return;
+    if (const ChildRef best = beam.pending[r]; best != kNothing) {
+      const int at = int(beam.leaf_at[r]);
+      if (!Answers::nearer(found, exact(ray, ray.see(Triangles(tree, best), at), best, at))) return;
+    }
     const double inverse_depth = 1 / magnitude(found.t * s.d[2][r]);
     beam.pending[r] = leaf;
     beam.leaf_at[r] = uint32_t(place);

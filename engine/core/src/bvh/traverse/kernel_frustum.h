@@ -122,12 +122,26 @@ __attribute__((always_inline)) inline Boxes child_box(const Node& n, int child,
           splat(p[order.rear] * order.sign)};
 }
 
+/// Between which coordinates of the depth axis rays begin.
+struct StartRange {
+  float first, last;
+};
+inline StartRange starts_of(const Tile& tile, int k, int end) {
+  Floats first = load(tile.start + k), last = first;
+  for (k += kFloats; k < end; k += kFloats) {
+    first = smaller(load(tile.start + k), first);
+    last = larger(load(tile.start + k), last);
+  }
+  return {smallest(first), largest(last)};
+}
+
 /// All packets of a tile whose rays are of one axis class: rays, groups of kFloats, all.
 struct Packets {
   Frusta<kTile> rays;
   Frusta<(kGroups < kFloats ? kFloats : kGroups)> groups;
   Frustum all;
-  uint32_t lines = 0;  // groups whose rays have their lines
+  StartRange starts[kGroups];
+  uint32_t lines = 0;  // groups whose rays have their lines and `starts`
 };
 
 /// The lines through two planes' values.
@@ -178,6 +192,7 @@ inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
     store(b.rays.c[2 * a] + k, c - margin);
     store(b.rays.c[2 * a + 1] + k, c + margin);
   }
+  b.starts[k / kFloats] = starts_of(tile, k, k + kFloats);
   b.lines |= 1u << k / kFloats;
 }
 
@@ -195,21 +210,6 @@ inline void set_group(const Tile& tile, Packets& b, int g) {
                  b.groups.c[low][g], b.groups.m[low][g]);
     line_through(largest(at_first), largest(at_last), first, last, 2 * tile.margin,
                  b.groups.c[high][g], b.groups.m[high][g]);
-  }
-}
-
-/// The packet of a group whose rays begin at one point, before `first`.
-inline void set_common_group(const Tile& tile, Packets& b, int g) {
-  const int k = g * kFloats;
-  b.groups.first[g] = smallest(load(b.rays.first + k));
-  b.groups.last[g] = largest(load(b.rays.last + k));
-  for (int a = 0; a < 2; ++a) {
-    const Floats m = load(tile.slope[a] + k);
-    const float low = smallest(m), high = largest(m), o = tile.of[a][k], start = tile.start[k];
-    b.groups.m[2 * a][g] = low;
-    b.groups.c[2 * a][g] = o - low * start - tile.margin;
-    b.groups.m[2 * a + 1][g] = high;
-    b.groups.c[2 * a + 1][g] = o - high * start + tile.margin;
   }
 }
 

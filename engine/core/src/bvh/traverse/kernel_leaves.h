@@ -1,57 +1,67 @@
-// Rays against the triangles of a leaf. A hit's depth is first known as an interval; double
-// precision is asked only when intervals overlap, and once for the nearest hit of each ray in the
-// end (kernel_resolve.h).
+// Rays against the triangles of a leaf. Float says which are certainly hit or missed, and bounds a
+// hit's depth; the rule in double is asked only where that is not enough, and once for the nearest
+// hit of each ray in the end (kernel_resolve.h).
 #pragma once
 #include "bvh/traverse/kernel_opacity.h"
 #include "bvh/traverse/kernel_shapes.h"
+#include "simd/broad.h"
 
 namespace glint {
 namespace {
 
-/// Triangles, or one triangle in all lanes, against rays, or one ray in all lanes.
+inline Floats largest_magnitude(Floats a, Floats b) {
+#if defined(__AVX512DQ__)
+  return Floats(_mm256_range_ps(__m256(a), __m256(b), 0xb));
+#else
+  return larger(magnitude(a), magnitude(b));
+#endif
+}
+
+/// What the edge functions of corners seen in float differ by from those of the rule, where a ray
+/// hits in either. `extent`: the corners are no farther away across, `deepest`: along; `off`:
+/// Tile::off. A corner seen in float is off by at most u (6.1 deepest + 3.1 extent) + off across; d
+/// has as much again as 4 u extent^2, what the products round, are part of 4 d extent.
+__attribute__((always_inline)) inline Floats edge_margin(Floats extent, Floats deepest, float off) {
+  const Floats d = fused(splat(kSeenAlong), deepest, fused(splat(kSeenAcross), extent, splat(off)));
+  return fused(fused(splat(4.0f), d, extent), 4 * d, splat(kLeastProduct));
+}
+
+/// Triangles, or one triangle in all lanes, against rays, or one ray in all lanes, in float: what
+/// is certain.
 struct TriangleTest {
-  Floats x[3], y[3], z[3], a, b, c, low, high;
+  Floats x[3], y[3], z[3], a, b, c, low, high, margin;
 
   void edges() {
-    a = x[2] * y[1] - y[2] * x[1];
-    b = x[0] * y[2] - y[0] * x[2];
-    c = x[1] * y[0] - y[1] * x[0];
+    a = fused(x[2], y[1], -(y[2] * x[1]));
+    b = fused(x[0], y[2], -(y[0] * x[2]));
+    c = fused(x[1], y[0], -(y[1] * x[0]));
     low = smaller(a, smaller(b, c));
     high = larger(a, larger(b, c));
   }
-  uint32_t conflict() const { return bits(less(low, Floats{}) & less(Floats{}, high)); }
-  /// All edge functions of one sign, 0 excluded: no doubt that the ray hits.
-  FloatMask sure() const { return less(Floats{}, low) | less(high, Floats{}); }
-  /// Whether a candidate is hit indeed. (Beyond 1e19 edge functions may be infinity less infinity.)
-  bool hit(int lane, bool sure) const {
-    const float sum = a[lane] + b[lane] + c[lane];
-    if (sure && sum == sum) return true;
-    const float px[3] = {x[0][lane], x[1][lane], x[2][lane]},
-                py[3] = {y[0][lane], y[1][lane], y[2][lane]};
-    return exactly_hit(px, py);
-  }
-  /// Bounds of the depth. The sheared corners are off by up to 2^-24 (4 z + 2 x) + far, the edge
-  /// functions by 6 x times that, and where such weights put the point by 72 times that and the
-  /// depth's extent over the area. x: `extent`, no corner is farther away across. NaN where numbers
-  /// are too large for it, wide where they are too small.
-  __attribute__((always_inline)) void depth(Floats extent, float far, Floats& lo,
-                                            Floats& hi) const {
-    const Floats inverse = 1 / (a + b + c), at = (a * z[0] + b * z[1] + c * z[2]) * inverse;
-    const Floats front = smaller(z[0], smaller(z[1], z[2])),
-                 rear = larger(z[0], larger(z[1], z[2]));
-    const Floats most = larger(rear, -front), apart = splat(2 * kFarTie * far);
-    const Floats off = splat(kWeightMargin) * (most + extent) + apart;
-    const Floats error = magnitude((extent * (rear - front) * off + splat(kUnderflow)) * inverse);
-    const Floats margin = most * splat(kSumMargin) + apart;
-    lo = larger(front, at - error) - margin;
-    hi = smaller(rear, at + error) + margin;
+  /// No doubt that the ray does not hit.
+  uint32_t missed() const { return bits(less(low, -margin) & less(margin, high)); }
+  /// No doubt that it does.
+  FloatMask sure() const { return less(margin, low) | less(high, -margin); }
+  /// Bounds of the depth of a sure hit: its edge functions are off by `margin` each, and where such
+  /// weights put the point by three times that and the depth's extent over the area. NaN where
+  /// numbers are too large for it, wide where they are too small.
+  __attribute__((always_inline)) void depth(const Tile& tile, Floats& lo, Floats& hi) const {
+    const Floats inverse = 1 / (a + b + c), at = fused(a, z[0], fused(b, z[1], c * z[2])) * inverse;
+    const Floats front = this->front(), rear = this->rear(), most = larger(rear, -front),
+                 error = magnitude(fused(3 * margin, rear - front, splat(kUnderflow)) * inverse),
+                 room = fused(most, splat(kSumMargin),
+                              splat(2 * kFarTie * tile.far_margin + tile.off));
+    lo = larger(front, at - error) - room;
+    hi = smaller(rear, at + error) + room;
   }
   /// The largest coordinate of any corner across.
   Floats extent() const {
     const Floats ab =
-        larger(larger(magnitude(x[0]), magnitude(x[1])), larger(magnitude(y[0]), magnitude(y[1])));
-    return larger(ab, larger(magnitude(x[2]), magnitude(y[2])));
+        largest_magnitude(largest_magnitude(x[0], x[1]), largest_magnitude(y[0], y[1]));
+    return largest_magnitude(ab, largest_magnitude(x[2], y[2]));
   }
+  Floats front() const { return smaller(z[0], smaller(z[1], z[2])); }
+  Floats rear() const { return larger(z[0], larger(z[1], z[2])); }
 };
 
 /// What a ray that hits has no corner beyond, across.
@@ -89,19 +99,15 @@ __attribute__((noinline)) inline uint32_t behind(const Tile& tile, int k, const 
 /// of a surface that they leave.
 template <bool Any>
 __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, uint32_t starting,
-                                           const TriangleTest& t, const Order& order, ChildRef leaf,
-                                           int place) {
+                                           const Order& order, ChildRef leaf, int place) {
   if (starting & (starting - 1))
     mask &= ~(starting & behind(w.tile, k, Triangles(w.tree, leaf), place, order));
-  const uint32_t sure = bits(t.sure());
   for (; mask; mask &= mask - 1) {
-    const int lane = __builtin_ctz(mask), r = k + lane;
+    const int r = k + __builtin_ctz(mask);
     if (!alive(w.tile, r)) continue;
     w.tile.answers->count_fallback(w.tile.slot[r]);
-    if (t.hit(lane, sure >> lane & 1)) {
-      w.decide(r, leaf, place);
-      w.trim(r);
-    }
+    w.decide(r, leaf, place);
+    w.trim(r);
   }
 }
 
@@ -128,12 +134,12 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
   store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.margin)));
 }
 
-/// Which candidates are hit indeed.
-inline uint32_t hit_lanes(const TriangleTest& t, uint32_t mask) {
-  const Floats sum = t.a + t.b + t.c;
-  uint32_t hit = mask & bits(t.sure() & at_most(sum, sum));
-  for (uint32_t m = mask & ~hit; m; m &= m - 1)
-    if (t.hit(__builtin_ctz(m), false)) hit |= m & -m;
+/// Those of some rays from k on that hit a triangle.
+template <bool Any>
+inline uint32_t hit_lanes(const Walk<Any>& w, int k, uint32_t rays, ChildRef leaf, int place) {
+  uint32_t hit = 0;
+  for (; rays; rays &= rays - 1)
+    if (w.seen(k + __builtin_ctz(rays), leaf, place).hit()) hit |= rays & -rays;
   return hit;
 }
 
@@ -141,11 +147,11 @@ inline uint32_t hit_lanes(const TriangleTest& t, uint32_t mask) {
 /// others.
 template <bool Any>
 __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32_t mask,
-                                                     const TriangleTest& t, float extent,
-                                                     const Order& order, ChildRef leaf, int place) {
+                                                     const TriangleTest& t, const Order& order,
+                                                     ChildRef leaf, int place) {
   Tile& tile = w.tile;
   Floats lo, hi;
-  t.depth(splat(extent), tile.far_margin, lo, hi);
+  t.depth(tile, lo, hi);
   const Floats best_lo = load(tile.lo + k), best_hi = load(tile.hi + k),
                begin_hi = load(tile.begin_hi + k);
   const FloatMask sure = t.sure();
@@ -153,17 +159,17 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
   FloatMask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
   if (tile.answers->opacity) {
-    if (Any) mask &= hit_lanes(t, mask);
-    mask = stopped(w, k, mask, leaf, place);
+    mask &= living(tile, k);
+    const uint32_t hit = mask & bits(sure);
+    mask = stopped(w, k, hit | hit_lanes(w, k, mask & ~hit, leaf, place), leaf, place);
     nearer = nearer & lanes(mask);
     if (!mask) return;
   }
   const uint32_t certain = bits(nearer) & mask;
-  // Lanes of `nearer` outside of `mask` are in conflict: `sure` is false there.
+  // Lanes of `nearer` outside of `mask` are missed: `sure` is false there.
   if (certain) take_certain(w, k, certain, nearer, lo, hi, leaf, place);
   mask &= ~certain;
-  if (mask)
-    decide_rays(w, k, mask, mask & bits(sure & at_most(lo, begin_hi)), t, order, leaf, place);
+  if (mask) decide_rays(w, k, mask, mask & bits(sure & at_most(lo, begin_hi)), order, leaf, place);
 }
 
 /// What Corners subtract: where all rays begin, if that is one point.
@@ -175,14 +181,19 @@ inline Origin origin(const Tile& tile, int k) {
 }
 
 /// Corners of the triangles [first, first + kFloats) of a leaf, coordinates in the rays' order and
-/// sense; from the rays' origin if that is one point.
+/// sense, from the rays' origin if that is one point; and margins of their edge functions.
 template <bool Common>
 struct Corners {
-  alignas(64) float p[9][kFloats];
-  Corners(const Triangles& leaf, int first, const Order& order, const Origin& from) {
+  alignas(64) float p[9][kFloats], margin[kFloats];
+  Corners(const Triangles& leaf, int first, const Order& order, const Tile& tile, int k,
+          const Boxes& boxes, const StartRange& starts) {
     Floats v[9];
-    corners_from(from, leaf, first, order, v);
+    corners_from(origin<Common>(tile, k), leaf, first, order, v);
     for (int j = 0; j < 9; ++j) store(p[j], v[j]);
+    const Floats deepest =
+        Common ? largest_magnitude(v[2], largest_magnitude(v[5], v[8]))
+               : larger(boxes.rear - splat(starts.first), splat(starts.last) - boxes.front);
+    store(margin, edge_margin(extent_of(boxes), deepest, tile.off));
   }
 };
 
@@ -191,8 +202,7 @@ struct Corners {
 template <bool Any, bool Common>
 __attribute__((always_inline)) inline bool hit_group(Walk<Any>& w, int k,
                                                      const Corners<Common>& corners, int first,
-                                                     int lane, const Order& order, float extent,
-                                                     ChildRef ref) {
+                                                     int lane, const Order& order, ChildRef ref) {
   const Tile& tile = w.tile;
   TriangleTest t;
   const Floats sx = load(tile.slope[0] + k), sy = load(tile.slope[1] + k);
@@ -204,14 +214,15 @@ __attribute__((always_inline)) inline bool hit_group(Walk<Any>& w, int k,
       y = y - load(tile.of[1] + k) - load(tile.low_part[1] + k);
       z = z - load(tile.start + k) - load(tile.low_part[2] + k);
     }
-    t.x[j] = x - sx * z;
-    t.y[j] = y - sy * z;
+    t.x[j] = fused(-sx, z, x);
+    t.y[j] = fused(-sy, z, y);
     t.z[j] = z;
   }
   t.edges();
-  const uint32_t mask = ~t.conflict() & ((1u << kFloats) - 1);
+  t.margin = splat(corners.margin[lane]);
+  const uint32_t mask = ~t.missed() & ((1u << kFloats) - 1);
   if (!mask) return false;
-  take_rays(w, k, mask, t, extent, order, ref, first + lane);
+  take_rays(w, k, mask, t, order, ref, first + lane);
   return true;
 }
 

@@ -52,7 +52,8 @@ __attribute__((noinline)) uint32_t stopped_each(const Walk<Any>& w, int k, uint3
       hit.u = met.u[lane];
       hit.v = met.v[lane];
     } else {
-      const Exact<double> e = w.exact(r, leaf, place);
+      Exact<double> e = w.seen(r, leaf, place);
+      weigh(e, tile.close);
       hit = {e.depth / tile.along[r], id.instance, id.primitive, float(e.u), float(e.v)};
       if (kind[lane] == Opacity::kMapped)
         kind[lane] = opacity.at(opacity.maps, id.instance, id.primitive, e.u, e.v);

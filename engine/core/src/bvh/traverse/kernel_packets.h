@@ -90,7 +90,6 @@ struct GroupLevel {
   template <bool Common>
   void triangles(ChildRef child) {
     const Triangles leaf_triangles(w.tree, child);
-    alignas(64) float extent[kFloats];
     for (int first = 0; first < leaf_triangles.n; first += kFloats) {
       const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
       const int rest = leaf_triangles.n - first < kFloats ? leaf_triangles.n - first : kFloats;
@@ -99,12 +98,10 @@ struct GroupLevel {
       if (w.apex_packet.exists && __builtin_popcount(mask) > kFewTriangles)
         mask = apex_triangles(child, leaf_triangles, first, mask);
       if (!mask) continue;
-      store(extent, extent_of(boxes));
-      const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, k));
-      for (; mask; mask &= mask - 1) {
-        const int lane = __builtin_ctz(mask);
-        hit_group<Any, Common>(w, k, corners, first, lane, order, extent[lane], child);
-      }
+      const Corners<Common> corners(leaf_triangles, first, order, w.tile, k, boxes,
+                                    w.packets.starts[g]);
+      for (; mask; mask &= mask - 1)
+        hit_group<Any, Common>(w, k, corners, first, __builtin_ctz(mask), order, child);
     }
   }
   /// Returns the triangles that their edges leave in doubt.
@@ -163,6 +160,7 @@ struct TileLevel {
   const Order& order;
   bool common;
   WideFrustum whole;
+  StartRange starts{1, 0};   // of all rays, once triangles ask for it
   int tests = 0, found = 0;  // groups tested against triangles, and those with a hit
   TileLevel(Walk<Any>& walk, const Order& o, bool one)
       : w(walk), order(o), common(one), whole(walk.packets.all) {}
@@ -244,6 +242,7 @@ struct TileLevel {
   }
   template <bool Common>
   void triangles(ChildRef child, uint32_t groups) {
+    if (!Common && starts.last < starts.first) starts = starts_of(w.tile, 0, w.tile.count);
     const Triangles leaf_triangles(w.tree, child);
     for (int first = 0; first < leaf_triangles.n; first += kFloats) {
       const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
@@ -265,8 +264,7 @@ struct TileLevel {
     mask &= ~bits(lines.beside(w.apex_packet.all));
     if (!mask) return;
     const EdgeTable edges(lines);
-    alignas(64) float extent[kFloats], front[kFloats], rear[kFloats];
-    store(extent, extent_of(boxes));
+    alignas(64) float front[kFloats], rear[kFloats];
     store(front, boxes.front);
     store(rear, boxes.rear);
     for (; mask; mask &= mask - 1) {
@@ -280,8 +278,8 @@ struct TileLevel {
                << g;
       }
       if (const uint32_t undecided = hit_apex_packets(met & groups, one, child, first + lane))
-        hit_groups(undecided, Corners<Common>(triangles, first, order, origin<Common>(w.tile, 0)),
-                   first, lane, extent[lane], child);
+        hit_groups(undecided, Corners<Common>(triangles, first, order, w.tile, 0, boxes, starts),
+                   first, lane, child);
     }
   }
   /// One triangle. Returns the groups that its edges leave in doubt.
@@ -302,31 +300,29 @@ struct TileLevel {
   template <bool Common>
   void parted_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask,
                         const Boxes& boxes, uint32_t groups) {
-    alignas(64) float extent[kFloats], box[6][kFloats];
-    store(extent, extent_of(boxes));
+    alignas(64) float box[6][kFloats];
     store(box[0], boxes.low_x);
     store(box[1], boxes.high_x);
     store(box[2], boxes.low_y);
     store(box[3], boxes.high_y);
     store(box[4], boxes.front);
     store(box[5], boxes.rear);
-    const Corners<Common> corners(triangles, first, order,
-                                  origin<Common>(w.tile, __builtin_ctz(groups) * kFloats));
+    const Corners<Common> corners(triangles, first, order, w.tile, __builtin_ctz(groups) * kFloats,
+                                  boxes, starts);
     for (; mask; mask &= mask - 1) {
       const int lane = __builtin_ctz(mask);
       const Boxes one{splat(box[0][lane]), splat(box[1][lane]), splat(box[2][lane]),
                       splat(box[3][lane]), splat(box[4][lane]), splat(box[5][lane])};
-      hit_groups(met(one) & groups, corners, first, lane, extent[lane], child);
+      hit_groups(met(one) & groups, corners, first, lane, child);
     }
   }
   template <bool Common>
   void hit_groups(uint32_t groups, const Corners<Common>& corners, int first, int lane,
-                  float extent, ChildRef child) {
+                  ChildRef child) {
     tests += __builtin_popcount(groups);
-    for (; groups; groups &= groups - 1) {
+    for (; groups; groups &= groups - 1)
       found += hit_group<Any, Common>(w, __builtin_ctz(groups) * kFloats, corners, first, lane,
-                                      order, extent, child);
-    }
+                                      order, child);
   }
 };
 

@@ -1,6 +1,12 @@
-// What a hit is: the rules that every traversal must come to. Letters: o origin, d direction, t ray
-// parameter. Axes of a ray are numbered in its own order: two across, then the one along which its
-// direction is longest; `depth` counts along that one, in the ray's sense.
+// What a hit is: the rule, in double, that every traversal must come to. Letters: o origin, d
+// direction, t ray parameter. Axes of a ray are numbered in its own order: two across, then the one
+// along which its direction is longest; `depth` counts along that one, in the ray's sense.
+//
+// A ray hits a triangle when no two of its edge functions have different signs, and not all are 0.
+// They are those of corners seen along the ray, from its origin, in double: what rounding makes of
+// a corner depends on nothing but the corner and the ray, and the signs are exact. So of the
+// triangles round an edge or a corner that a ray meets, one at least is hit, on the side where it
+// is.
 #pragma once
 #include "bvh/accel.h"
 #include "bvh/bvh.h"
@@ -33,6 +39,18 @@ inline double key_of(double t) {
   return t;
 }
 
+/// What a product lost by rounding to p.
+inline double lost(double a, double b, double p) {
+#if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
+  return __builtin_fma(a, b, -p);
+#else
+  // Dekker 1971: halves of 26 digits, whose products are exact.
+  const double s = a * 0x1.0000002p27, t = b * 0x1.0000002p27;
+  const double ah = s - (s - a), al = a - ah, bh = t - (t - b), bl = b - bh;
+  return ((ah * bh - p) + ah * bl + al * bh) + al * bl;
+#endif
+}
+
 /// 2^k <= a < 2^(k+1) as 2^k; 0 when a is not a normal finite number.
 inline double power_below(double a) {
   uint64_t bits;
@@ -43,20 +61,11 @@ inline double power_below(double a) {
   return a;
 }
 
-/// Edge functions of a triangle seen along the ray: twice the areas opposite to a, b, c.
-struct Edges {
-  double a, b, c;
-  double sum() const { return a + b + c; }
-  bool conflict() const { return (a < 0 || b < 0 || c < 0) && (a > 0 || b > 0 || c > 0); }
-};
-
-/// Whether a triangle is hit whose float edge functions are not all of one sign (Woop, Benthin,
-/// Wald 2013, section 3.2). Sheared corners in double from float numbers: the products are then
-/// exact, and so are the signs of the differences.
-inline bool exactly_hit(const float (&x)[3], const float (&y)[3]) {
-  const double ax = x[0], ay = y[0], bx = x[1], by = y[1], cx = x[2], cy = y[2];
-  const Edges e{cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax};
-  return !e.conflict() && magnitude(e.sum()) > 0;
+/// A number with the sign of a b - c d, exactly. (Rounding keeps order: only where the products
+/// round to one number, what they lost decides.)
+inline double difference_of_products(double a, double b, double c, double d) {
+  const double p = a * b, q = c * d;
+  return p != q ? p - q : lost(a, b, p) - lost(c, d, q);
 }
 
 /// A ray (V: double) or several against a triangle each, in double: depth of the hit as a multiple
@@ -75,16 +84,19 @@ struct Exact {
       y[j] = corner[j][1] - o[1] - shear[1] * z[j];
     }
   }
-  /// The float test has decided that the ray hits: where the exact ray passes just outside, weights
-  /// below 0 become 0.
+  /// Whether the ray hits.
+  bool hit() const {
+    const auto side = [this](int j, int k) {
+      return difference_of_products(x[k], y[j], y[k], x[j]);
+    };
+    const double a = side(1, 2), b = side(2, 0), c = side(0, 1);
+    const bool one_sign = (a >= 0 && b >= 0 && c >= 0) || (a <= 0 && b <= 0 && c <= 0);
+    return one_sign && (a != 0 || b != 0 || c != 0);
+  }
+  /// Of a ray that hits.
   void weigh() {
-    const V zero{};
-    V a = x[2] * y[1] - y[2] * x[1], b = x[0] * y[2] - y[0] * x[2], c = x[1] * y[0] - y[1] * x[0];
-    const V sum = a + b + c;
-    a = larger(flip(a, sum), zero);
-    b = larger(flip(b, sum), zero);
-    c = larger(flip(c, sum), zero);
-    const V inverse = 1 / (a + b + c);
+    const V a = x[2] * y[1] - y[2] * x[1], b = x[0] * y[2] - y[0] * x[2],
+            c = x[1] * y[0] - y[1] * x[0], inverse = 1 / (a + b + c);
     set(a * inverse, b * inverse, c * inverse);
   }
   /// The point with these weights. A corner far away gets a small one: taken from there, the depth
@@ -100,8 +112,8 @@ struct Exact {
   }
 };
 
-/// Seen edge-on those weights mean little: then the point of the three edges that is nearest to the
-/// ray.
+/// Seen nearly edge-on those weights mean little: then the point of the three edges that is nearest
+/// to the ray.
 inline void weigh_edges(Exact<double>& e) {
   double nearest = kInf;
   for (int j = 0; j < 3; ++j) {

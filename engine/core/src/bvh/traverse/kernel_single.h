@@ -10,10 +10,8 @@ namespace {
 /// `sure`: hit without doubt.
 template <bool Any>
 __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref, int first,
-                                              uint32_t mask, const TriangleTest& t, Floats lo,
-                                              Floats hi) {
+                                              uint32_t mask, uint32_t sure, Floats lo, Floats hi) {
   Tile& tile = w.tile;
-  const uint32_t sure = bits(t.sure());
   alignas(64) float nearest[kFloats], farthest[kFloats];
   store(nearest, lo);
   store(farthest, hi);
@@ -22,7 +20,8 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
     const bool hit = sure >> lane & 1;
     if (hit && nearest[lane] > tile.hi[r]) continue;
     if (!visible(tile, leaf_first(ref) + uint32_t(place))) continue;
-    if (tile.answers->opacity && ((Any && !t.hit(lane, hit)) || !stopped(w, r, 1, ref, place)))
+    if (tile.answers->opacity &&
+        !((hit || w.seen(r, ref, place).hit()) && stopped(w, r, 1, ref, place)))
       continue;
     if (hit && farthest[lane] < tile.lo[r] && nearest[lane] > tile.begin_hi[r]) {
       if (Any) return w.block(r);
@@ -33,7 +32,6 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
       continue;
     }
     tile.answers->count_fallback(tile.slot[r]);
-    if (!t.hit(lane, hit)) continue;
     w.decide(r, ref, place);
     if (Any && !alive(tile, r)) return;
   }
@@ -50,24 +48,30 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
   const size_t corner = 3 * size_t(n);
   const Floats ox = splat(tile.of[0][r]), oy = splat(tile.of[1][r]), oz = splat(tile.start[r]),
                sign = splat(order.sign);
-  const Floats rx = splat(tile.low_part[0][r]), ry = splat(tile.low_part[1][r]),
-               rz = splat(tile.low_part[2][r]);
-  const Floats sx = splat(tile.slope[0][r]), sy = splat(tile.slope[1][r]);
+  const Floats sx = splat(-tile.slope[0][r]), sy = splat(-tile.slope[1][r]);
+  // What is missing to the origin, of corners seen along the ray; of depths in the end.
+  const float low = tile.low_part[2][r];
+  const Floats rx = splat(tile.low_part[0][r] - tile.slope[0][r] * low),
+               ry = splat(tile.low_part[1][r] - tile.slope[1][r] * low), rz = splat(low);
   for (int first = 0; first < n; first += kFloats) {
     TriangleTest t;
     for (size_t j = 0; j < 3; ++j) {
-      t.z[j] = load(pz + j * corner + first) * sign - oz - rz;
-      t.x[j] = load(px + j * corner + first) - ox - rx - sx * t.z[j];
-      t.y[j] = load(py + j * corner + first) - oy - ry - sy * t.z[j];
+      t.z[j] = fused(load(pz + j * corner + first), sign, -oz);
+      t.x[j] = fused(sx, t.z[j], load(px + j * corner + first) - ox) - rx;
+      t.y[j] = fused(sy, t.z[j], load(py + j * corner + first) - oy) - ry;
     }
     t.edges();
+    t.margin = edge_margin(t.extent(), larger(t.rear(), -t.front()), tile.off);
     const int rest = n - first < kFloats ? n - first : kFloats;
-    uint32_t mask = ~t.conflict() & ((1u << rest) - 1);
+    uint32_t mask = ~t.missed() & ((1u << rest) - 1);
     if (!mask) continue;
     Floats lo, hi;
-    t.depth(t.extent(), tile.far_margin, lo, hi);
-    mask &= ~bits(t.sure() & (less(splat(tile.hi[r]), lo) | less(hi, splat(tile.begin_lo[r]))));
-    if (mask) take_triangles(w, r, ref, first, mask, t, lo, hi);
+    t.depth(tile, lo, hi);
+    lo -= rz;
+    hi -= rz;
+    const uint32_t sure = bits(t.sure());
+    mask &= ~(sure & bits(less(splat(tile.hi[r]), lo) | less(hi, splat(tile.begin_lo[r]))));
+    if (mask) take_triangles(w, r, ref, first, mask, sure, lo, hi);
   }
 }
 

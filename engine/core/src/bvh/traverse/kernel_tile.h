@@ -111,6 +111,7 @@ struct Tile {
   float margin;           // bound of the rounding of float coordinates, for boxes
   float far_margin;  // of that, the rounding of double for rays from far away; infinite where rays
                      // go one by one
+  float off;         // bound of what the float rays miss the exact ones by, across
   double close;      // exact rays pass triangles that they hit within this
   const uint32_t*
       instances;  // by way of which each ray came, or null in world space: the leaves know
@@ -289,6 +290,7 @@ inline void set_margin(Tile& tile, Doubles square, double farthest) {
   const double bent = tile.tree->kind == kInstanceLeaf ? kInstanceMargin : 1;
   tile.margin = float(kBoxMargin * reach + bent * farthest);
   tile.far_margin = float(size < kWide && farthest < 1e30 ? farthest : kInf);
+  tile.off = 8 * (float(kFarRounding * reach) + tile.far_margin);
   tile.close = 0x1p-21 * (size - 4 * tile.tree->radius);
 }
 

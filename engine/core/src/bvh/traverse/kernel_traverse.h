@@ -7,15 +7,6 @@
 namespace glint {
 namespace {
 
-/// Whether the rays [k, k + kFloats) begin where ray `head` does.
-inline bool at_one_point(const Tile& tile, int k, int head) {
-  Ints other = (load(tile.of[0] + k) != splat(tile.of[0][head])) |
-               (load(tile.of[1] + k) != splat(tile.of[1][head]));
-  other |= load(tile.start + k) != splat(tile.start[head]);
-  for (int a = 0; a < 3; ++a) other |= load(tile.low_part[a] + k) != splat(tile.low_part[a][head]);
-  return !bits(other);
-}
-
 /// Groups of a coherent tile with a ray alive.
 inline uint32_t living_groups(const Tile& tile) {
   uint32_t groups = 0;
@@ -40,7 +31,7 @@ inline void walk_tile(Walk<Any>& w) {
     return;
   }
   uint32_t alive_groups = 0, even = 0;
-  bool one_axis_class = true, one_point = true;
+  bool one_axis_class = true;
   int head = -1;
   for (int g = 0; g < kGroups && g * kFloats < tile.count; ++g) {
     const int k = g * kFloats;
@@ -56,18 +47,11 @@ inline void walk_tile(Walk<Any>& w) {
   for (uint32_t m = even; m; m &= m - 1) {
     const int g = __builtin_ctz(m), k = g * kFloats;
     set_ray_depths(tile, w.packets, k, DepthRange(tile, order_of(tile, k)));
-    const bool one = at_one_point(tile, k, head);
-    const bool ahead =
-        smallest(load(w.packets.rays.first + k)) >= tile.start[head] - 3 * tile.margin;
-    one_point &= one;
-    if (one && ahead) set_common_group(tile, w.packets, g);
-    else {
-      set_ray_lines(tile, w.packets, k);
-      set_group(tile, w.packets, g);
-    }
+    set_ray_lines(tile, w.packets, k);
+    set_group(tile, w.packets, g);
   }
   if (one_axis_class && (alive_groups & (alive_groups - 1)))
-    return walk_together(w, alive_groups, one_point);
+    return walk_together(w, alive_groups, false);
   for (uint32_t m = alive_groups; m; m &= m - 1) {
     const int g = __builtin_ctz(m);
     if (even >> g & 1) walk_group(w, g, false);

@@ -18,20 +18,21 @@ inline bool visible(const Tile& tile, uint32_t ordinal) {
          (a.masks[tile.tree->ids[ordinal].instance] & a.visibility) != 0;
 }
 
-/// The exact hit of one triangle, in double. o, shear: of a ray, in its order; close: Tile::close.
-__attribute__((always_inline)) inline Exact<double> exact_hit(const Triangles& triangles, int place,
-                                                              const Order& order,
-                                                              const double (&o)[3],
-                                                              const double (&shear)[2],
-                                                              double close) {
+/// One triangle as a ray sees it. o, shear: of the ray, in its order.
+__attribute__((always_inline)) inline Exact<double> seen(const Triangles& triangles, int place,
+                                                         const Order& order, const double (&o)[3],
+                                                         const double (&shear)[2]) {
   double corner[3][3];
   for (int j = 0; j < 3; ++j)
     for (int k = 0; k < 3; ++k) corner[j][k] = double(triangles.at(j, order.axes[k])[place]);
   Exact<double> e;
   e.see(corner, o, shear);
+  return e;
+}
+/// The hit of one that a ray hits. close: Tile::close.
+inline void weigh(Exact<double>& e, double close) {
   e.weigh();
   if (!(magnitude(e.off_x) <= close && magnitude(e.off_y) <= close)) weigh_edges(e);
-  return e;
 }
 
 /// A tile on its way through a tree.
@@ -59,19 +60,21 @@ struct Walk {
     packets.rays.last[r] = smaller(packets.rays.last[r], tile.start[r] + tile.hi[r] + tile.margin);
   }
 
-  Exact<double> exact(int r, ChildRef leaf, int place) const {
-    return exact_hit(Triangles(tree, leaf), place, order_of(tile, r),
-                     {tile.o[0][r], tile.o[1][r], tile.o[2][r]},
-                     {tile.shear[0][r], tile.shear[1][r]}, tile.close);
+  Exact<double> seen(int r, ChildRef leaf, int place) const {
+    return glint::seen(Triangles(tree, leaf), place, order_of(tile, r),
+                       {tile.o[0][r], tile.o[1][r], tile.o[2][r]},
+                       {tile.shear[0][r], tile.shear[1][r]});
   }
   void take(int r, ChildRef leaf, int place) {
-    const Exact<double> e = exact(r, leaf, place);
+    Exact<double> e = seen(r, leaf, place);
+    if (!e.hit()) return;
+    weigh(e, tile.close);
     const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
     if (tile.answers->template accept<Any>(tile.slot[r], e.depth / tile.along[r], e.u, e.v, id) &&
         Any)
       block(r);
   }
-  /// Decides in double between a triangle and the best hit so far.
+  /// Decides in double whether a ray hits a triangle, and nearer than its best hit so far.
   __attribute__((noinline)) void decide(int r, ChildRef leaf, int place) {
     if (tile.pending[r] != kNothing) take(r, tile.pending[r], int(tile.place[r]));
     tile.pending[r] = kNothing;
