@@ -58,14 +58,14 @@ _REFLECTIONS = (
     (
         "ALL",
         "All",
-        "For most pictures: every rough surface reflects what surrounds it, plastic, wood and stone "
-        "too. Takes up to twice as long",
+        "For most pictures: every rough surface reflects what surrounds it, plastic, wood and "
+        "stone too. Takes up to twice as long",
     ),
     (
         "OFF",
         "Off",
-        "For the quickest pictures: rough surfaces reflect lights and the sky, and of bounced light "
-        "an even sheen. Costs nothing",
+        "For the quickest pictures: rough surfaces reflect lights and the sky, and of bounced "
+        "light an even sheen. Costs nothing",
     ),
 )
 _BACKENDS = (
