@@ -189,9 +189,10 @@ class Lighting:
                 surface, coefficients, weight, source, sample
             ):
                 self.cancellation.check()
-                seen, dimmed = self._add(
-                    surface, coefficients, lit, source, narrow, light_sample, diffuse, total
+                brought = self._given(
+                    surface, coefficients, lit, source, narrow, light_sample, diffuse
                 )
+                seen, dimmed = self._add(source, brought, total)
                 on_reach(source, seen, source.is_soft(self.light_samples))
                 if diffuse is coefficients.diffuse and light_sample.counts:
                     hidden = source.hidden_counts if isinstance(source, Dome) else 1
@@ -365,21 +366,10 @@ class Lighting:
                     np.zeros_like(coefficients.diffuse),
                 )
 
-    def _add(
-        self,
-        surface: Surface,
-        coefficients: Coefficients,
-        lit: Array,
-        source: Source,
-        narrow: Narrow | None,
-        sample: LightSample,
-        diffuse: Array,
-        total: DirectLight,
-    ) -> tuple[Array, Array]:
-        """One sample of one light; the points that it reaches, whatever stands between, and (m,)
-        bool which of them something hides it from or dims it for.
+    def _add(self, source: Source, given: Given, total: DirectLight) -> tuple[Array, Array]:
+        """Takes in what one sample of a light gives; the points that it reaches, whatever stands
+        between, and (m,) bool which of them something hides it from or dims it for.
         """
-        given = self._given(surface, coefficients, lit, source, narrow, sample, diffuse)
         seen = given.seen
         if not len(seen):
             return seen, np.zeros(0, bool)

@@ -471,7 +471,7 @@ def test_what_keeps_scenes_draws_the_same():
 _HASH = """
 import hashlib, sys
 sys.path[:0] = [{tests!r}, {engine!r}]
-import conftest
+import glint_tree
 from test_motion import everything
 from glint.engine import Settings, render
 film = render(everything(), Settings(samples=5, max_bounces=2))
@@ -530,7 +530,7 @@ def test_a_pixel_is_explained_as_its_first_sample():
     assert told.color == still.color and any(told.color)
 
 
-# --- at the door
+# --- at the API boundary
 
 
 def test_bad_motion_is_refused_by_name():
