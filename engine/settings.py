@@ -52,20 +52,20 @@ _REFLECTIONS = (
     (
         "METALS",
         "Metals",
-        "For most pictures: rough metals reflect what surrounds them. Takes about as long again "
-        "where they are seen",
+        "For quick pictures: rough metals reflect what surrounds them, and others of bounced light "
+        "an even sheen. Takes about as long again where metals are seen",
     ),
     (
         "ALL",
         "All",
-        "For glossy plastic, wood and stone close to each other: every rough surface does. Takes "
-        "up to three times as long",
+        "For most pictures: every rough surface reflects what surrounds it, plastic, wood and "
+        "stone too. Takes up to twice as long",
     ),
     (
         "OFF",
         "Off",
-        "For quick pictures: rough surfaces reflect lights and the sky, and of bounced light an "
-        "even sheen. Costs nothing",
+        "For the quickest pictures: rough surfaces reflect lights and the sky, and of bounced "
+        "light an even sheen. Costs nothing",
     ),
 )
 _BACKENDS = (
@@ -415,9 +415,11 @@ OFFERED = Settings(
     max_bounces=12,
     cutoff=0.001,
     diffuse_bounces=4,
+    reflections="ALL",
 )
 """What a user gets who chooses nothing: on the front of time against error of the scenes that were
-measured (docs/decisions/0012-defaults.md), and Blender's own number of bounces
-(docs/decisions/0024-bounced-light.md). `Settings()` itself stops no pixel early, so that a
+measured (docs/decisions/0012-defaults.md), Blender's own number of bounces
+(docs/decisions/0024-bounced-light.md), and reflections in all that is rough
+(docs/decisions/0022-rough-reflections.md). `Settings()` itself stops no pixel early, so that a
 picture's samples are those that were asked for, and has direct light alone.
 """

@@ -156,10 +156,6 @@ def _unlike_eevees_objects(scene: bpy.types.Scene) -> Iterator[tuple[str, tuple[
         yield "Light probes have no effect: reflections and bounced light are traced", probes
 
 
-def _is_rough(material: Any) -> bool:
-    return any(lobe.is_glossy and not lobe.is_metallic for lobe in material.lobes)
-
-
 def _is_glass(material: Any) -> bool:
     return any(lobe.kind == "REFRACTION" for lobe in material.lobes)
 
@@ -169,11 +165,6 @@ def _scatters(material: Any) -> bool:
 
 
 _MEANINGS: tuple[tuple[str, Callable[[Any], bool]], ...] = (
-    (
-        "Rough surfaces other than metals reflect lights and the sky, and of their surroundings an "
-        "even sheen: choose Light Paths → Rough Reflections → All where these count",
-        _is_rough,
-    ),
     (
         "Glass throws no caustics: light passes it straight on; put a light where one is missed",
         _is_glass,

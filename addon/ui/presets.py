@@ -20,6 +20,7 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
         {
             "samples": 8,
             "error_threshold": 8.0,
+            "reflections": "METALS",
             "diffuse_bounces": 0,
             "max_bounces": 4,
             "cutoff": 0.01,
@@ -37,7 +38,6 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
             "light_samples": 4,
             "lamp_shadows": 0,
             "volume_samples": 16,
-            "reflections": "ALL",
             "diffuse_bounces": 8,
             "max_bounces": 32,
             "cutoff": 0.0,

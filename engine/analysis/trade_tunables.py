@@ -57,10 +57,12 @@ def has_soft_lights(scene: Scene, settings: Settings) -> bool:
 
 
 def has_bounces(scene: Scene, settings: Settings) -> bool:
-    """Whether a material reflects or refracts rays, as metals do where they may."""
+    """Whether a material reflects or refracts rays, as rough ones do where they may."""
+    which = settings.reflections
     return any(
         lobe.kind in ("MIRROR", "REFRACTION")
-        or (lobe.is_metallic and settings.reflections != "OFF")
+        or (lobe.is_metallic and which != "OFF")
+        or (lobe.is_glossy and which == "ALL")
         for material in scene.materials
         for lobe in material.lobes
     )

@@ -87,7 +87,8 @@ class Stage:
         self.reach = 0.0 if self.catches or not near else near[0]
         self._lighting_of_far = replace(self.lighting, reach=self.reach)
         parts = (s.in_parts(SKY_PARTS) if isinstance(s, Dome) else s for s in self.sources)
-        self._lighting_of_near = replace(self.lighting, sources=tuple(parts), gathered=True)
+        self._lighting_of_blurred = replace(self.lighting, sources=tuple(parts))
+        self._lighting_of_near = replace(self._lighting_of_blurred, gathered=True)
         self._lobe_points = lobe_points(settings.samples)
         self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
         self.asks_rays = scene.most_asked > 0
@@ -125,7 +126,9 @@ class Stage:
         """Of what the paths meet."""
         if self.gathers(paths):
             return self._lighting_of_far
-        return self._lighting_of_near if paths.gathers else self.lighting
+        if paths.gathers:
+            return self._lighting_of_near
+        return self._lighting_of_blurred if paths.reflections else self.lighting
 
     def lobe_point(self, sample: int, reflections: int) -> LightPoint:
         """Where in the lobes of rough surfaces a sample is reflected that was so often before."""

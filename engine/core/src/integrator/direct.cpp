@@ -114,7 +114,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   stage_.lit = batch.lit.data();
   size_t number = 0;
   for (const Light& light : scene_.lights) {
-    const uint32_t parts = plan_.parts_of(light, batch.queue->gathers, on_strands_),
+    const uint32_t parts = plan_.parts_of(light, batch.queue->sees_blurred(), on_strands_),
                    count = plan_.samples_of(light) / parts;
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),

@@ -79,7 +79,8 @@ class Queue : public RayLayout {
   uint32_t reflections = 0;
   bool glossy = false;
   bool gathers = false;  // they look for surfaces that throw light on: DirectLight::reach
-  bool shared = false;   // what they find goes to the paths that GatherShares has for theirs
+  bool sees_blurred() const { return gathers || reflections > 0; }
+  bool shared = false;  // what they find goes to the paths that GatherShares has for theirs
   /// The largest exponent of highlights that ray k meets: that of the widest lobe on its way, a
   /// power of two.
   double widest(size_t k) const {
