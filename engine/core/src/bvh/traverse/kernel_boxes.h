@@ -23,8 +23,8 @@ struct BoxRays {
         ready |= 1u << g;
       }
   }
-  /// Across, the origin, the slope, its inverse and what the slabs round are 12 u of what the margin
-  /// has 20 u of. Rays along a slab have a slope that takes 2^60 depths to get out of it.
+  /// Across, the origin, the slope, its inverse and what the slabs round are 12 u of what the
+  /// margin has 20 u of. Rays along a slab get a slope of 2^-60, which leads out of none.
   void set(const Tile& tile, int k) {
     const Ints kind = load(tile.axis_class + k), back = kind & 4;
     for (int a = 0; a < 2; ++a) {
