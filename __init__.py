@@ -3,15 +3,24 @@
 
 def register() -> None:
     """Called by Blender when the extension is enabled."""
-    from . import addon, operators
-
-    addon.register()
-    operators.register()
+    for module in _modules():
+        module.register()
 
 
 def unregister() -> None:
     """Called by Blender when the extension is disabled."""
+    for module in reversed(_modules()):
+        module.unregister()
+
+
+def _modules() -> list:
+    """All that have something to make known to Blender."""
+    from importlib import import_module
+
     from . import addon, operators
 
-    operators.unregister()
-    addon.unregister()
+    return [
+        import_module(f"{package.__name__}.{name}")
+        for package in (addon, operators)
+        for name in package.MODULES
+    ]

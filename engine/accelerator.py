@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from types import TracebackType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from .errors import SceneError
 from .scene import Camera, Geometry, Instances, Mesh, Scene
 from .scene.problems import scene_problems
+from .scene.ray_batch import RayBatch
 from .settings import BACKENDS
 
 Array = np.ndarray
@@ -47,47 +48,17 @@ class Hits:
         return len(self.t)
 
 
-class Rays(NamedTuple):
-    """Checked rays of one dtype, float32 or float64, C-contiguous. origins, directions: (n, 3), or
-    (1, 3) for all n.  t_min, t_max: (n,), or (1,) for all.  size: n.  visibility: one of KINDS, or
-    None for whatever any kind of ray sees.
-    """
-
-    origins: Array
-    directions: Array
-    t_min: Array
-    t_max: Array
-    size: int
-    visibility: str | None
-
-
 class Tracer(Protocol):
-    """What a backend offers: `engine.native.queries` and `engine.reference.queries`. Arguments are
-    the fields of `Rays`.
-    """
+    """What a backend offers: `engine.native.queries` and `engine.reference.queries`."""
 
     bounds: Array
     stats: dict[str, float]
 
-    def closest(
-        self,
-        origins: Array,
-        directions: Array,
-        t_min: Array,
-        t_max: Array,
-        size: int,
-        visibility: str | None,
-    ) -> tuple[Array, Array, Array, Array, Array]: ...
+    def closest(self, rays: RayBatch) -> tuple[Array, Array, Array, Array, Array]:
+        """t, instance, primitive, u, v of `Hits`."""
 
-    def occluded(
-        self,
-        origins: Array,
-        directions: Array,
-        t_min: Array,
-        t_max: Array,
-        size: int,
-        visibility: str | None,
-    ) -> Array: ...
+    def occluded(self, rays: RayBatch) -> Array:
+        """(size,) bool."""
 
 
 class Accelerator:
@@ -165,7 +136,7 @@ class Accelerator:
         that do not fit and on a closed accelerator, MemoryError.
         """
         tracer = self._open()
-        return Hits(*tracer.closest(*_rays(origins, directions, t_min, t_max, visibility)))
+        return Hits(*tracer.closest(_batch(origins, directions, t_min, t_max, visibility)))
 
     def occluded(
         self,
@@ -180,7 +151,7 @@ class Accelerator:
         as `closest`; faster.
         """
         tracer = self._open()
-        return tracer.occluded(*_rays(origins, directions, t_min, t_max, visibility))
+        return tracer.occluded(_batch(origins, directions, t_min, t_max, visibility))
 
     @property
     def bounds(self) -> Array:
@@ -281,7 +252,9 @@ def _numbers(name: str, values: Any, columns: int | None) -> Array:
     return array
 
 
-def _rays(origins: Any, directions: Any, t_min: Any, t_max: Any, visibility: str | None) -> Rays:
+def _batch(
+    origins: Any, directions: Any, t_min: Any, t_max: Any, visibility: str | None
+) -> RayBatch:
     if visibility is not None and visibility not in KINDS:
         raise ValueError(f"visibility is {visibility!r}: use one of {', '.join(KINDS)}, or None")
     single = {
@@ -297,7 +270,7 @@ def _rays(origins: Any, directions: Any, t_min: Any, t_max: Any, visibility: str
     count = _common_count(given)
     with np.errstate(over="ignore"):  # float64 bounds beyond float32 read as infinite
         ready = {name: np.ascontiguousarray(array, dtype) for name, array in given.items()}
-    return Rays(**ready, size=count, visibility=visibility)
+    return RayBatch(**ready, size=count, visibility=visibility)
 
 
 def _common_count(arrays: dict[str, Array]) -> int:

@@ -98,12 +98,12 @@ def _of_eevee(scene: Any) -> Iterator[Carried]:
     eevee = scene.eevee
     for group, name in zip(_GROUPS, ("taa_render_samples", "taa_samples"), strict=True):
         samples = getattr(eevee, name)
-        chosen = min(_MOST, samples) if samples > 0 else OFFERED.samples  # 0: no end
+        chosen = min(_MOST, samples) if samples > 0 else OFFERED.samples  # 0: no limit
         yield Carried(group, "samples", chosen, f"Samples {samples}")
 
 
 def samples_for(samples: int) -> int:
-    """Samples without noise for a number of Cycles', 0 for no end: the power of two at or above
+    """Samples without noise for a number of Cycles', 0 for no limit: the power of two at or above
     the root, as noise falls with the root of their number and what shared points miss with the
     number itself.
     """

@@ -17,7 +17,7 @@ import bpy
 from .. import engine
 from ..addon.render.stamp import manifest
 from ..engine.analysis.trade import SIDE, SQUARES
-from ..engine.analysis.trade_knobs import KNOBS
+from ..engine.analysis.trade_tunables import TUNABLES
 from .tiles import Grid
 
 _INTERRUPTED = 130
@@ -117,10 +117,14 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
     parser.add_argument("--json", type=Path, help="file for the whole table")
     parser.add_argument("--plot", type=Path, help="PNG file for time against error")
-    for knob in KNOBS:
-        option = f"--{knob.name.replace('_', '-')}"
+    for tunable in TUNABLES:
+        option = f"--{tunable.name.replace('_', '-')}"
         parser.add_argument(
-            option, type=knob.kind, nargs="+", metavar="N", help=f"values of {knob.name} to try"
+            option,
+            type=tunable.kind,
+            nargs="+",
+            metavar="N",
+            help=f"values of {tunable.name} to try",
         )
     parser.add_argument("--reference-samples", type=_count, default=1024, metavar="N")
     parser.add_argument(
@@ -242,7 +246,9 @@ def _measure(options: argparse.Namespace) -> int:
 
     scene, view_layer = _open(options.file)
     values = {
-        knob.name: getattr(options, knob.name) for knob in KNOBS if getattr(options, knob.name)
+        tunable.name: getattr(options, tunable.name)
+        for tunable in TUNABLES
+        if getattr(options, tunable.name)
     }
     settings = measure_scene.Options(
         values,

@@ -132,32 +132,30 @@ class GLINT_OT_explain_pixel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class GLINT_OT_copy_explanation(bpy.types.Operator):
+class _OfExplanation:
+    @classmethod
+    def poll(cls, context):
+        return bool(_explained)
+
+
+class GLINT_OT_copy_explanation(_OfExplanation, bpy.types.Operator):
     """Copy the explanation of the last pixel to the clipboard"""
 
     bl_idname = "glint.copy_explanation"
     bl_label = "Copy to Clipboard"
-
-    @classmethod
-    def poll(cls, context):
-        return bool(_explained)
 
     def execute(self, context):
         context.window_manager.clipboard = "\n".join(_explained)
         return {"FINISHED"}
 
 
-class GLINT_OT_explanation_as_text(bpy.types.Operator):
+class GLINT_OT_explanation_as_text(_OfExplanation, bpy.types.Operator):
     """Put the explanation of the last pixel into a text block, and that into a text editor: the one
     that is open, or a new window
     """
 
     bl_idname = "glint.explanation_as_text"
     bl_label = "Open as Text"
-
-    @classmethod
-    def poll(cls, context):
-        return bool(_explained)
 
     def execute(self, context):
         text = bpy.data.texts.get(TEXT) or bpy.data.texts.new(TEXT)

@@ -39,7 +39,7 @@ function compileJob(job) {
         const merge = ["merge", settings.blendfile, chunk, ...grid];
         done.push(add(job, `merge frames ${chunk}`, merge, parts));
     }
-    const all = settings.frames.replaceAll("..", "-").replaceAll(/\s/g, "");
+    const all = settings.frames.replace(/\.\./g, "-").replace(/\s/g, "");
     add(job, "check", ["frames", settings.blendfile, all, "--check"], done);
 }
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import bpy
 
 from ..addon.ui.lines import draw_text
+from ..addon.ui.panel import EnginePanel
 from ..engine import SceneError
 from ..engine.analysis.plot import png_bytes
 from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, measure
@@ -35,7 +36,7 @@ _measured: dict[str, Trade] = {}
 
 @dataclass(frozen=True)
 class Options:
-    """values: knob → values to try instead of the usual ones.  reference_samples: per pixel.
+    """values: tunable → values to try instead of the usual ones.  reference_samples: per pixel.
     reference_seconds: how long the float64 tracer may take for the reference.  repeats: renders per
     setting.  squares, side: how many of how many pixels across.
     """
@@ -74,14 +75,14 @@ def table(trade: Trade, only_front: bool = False) -> list[str]:
     square met an error.
     """
     rows = trade.front if only_front else trade.rows
-    heads = list(rows[0].knobs) if rows else []
+    heads = list(rows[0].tunables) if rows else []
     lines = [
         "  ".join(
             [*heads, "  seconds", "rel. RMSE", "   ±", "levels", "  PSNR", "  FLIP", "wrong %"]
         )
     ]
     for row in rows:
-        knobs = "  ".join(f"{value!s:>{len(name)}}" for name, value in row.knobs.items())
+        tunables = "  ".join(f"{value!s:>{len(name)}}" for name, value in row.tunables.items())
         error = f"< {row.bound:.1e}" if row.bound else f"{row.relative_rmse:.2e}"
         numbers = (
             f"{row.frame_seconds:9.3f}  {error:>9}  {row.spread:3.0%}  "
@@ -89,7 +90,7 @@ def table(trade: Trade, only_front: bool = False) -> list[str]:
         )
         numbers += f"  {row.flip_mean:6.4f}  {100 * row.wrong:7.2f}"
         lines.append(
-            f"{knobs}  {numbers} {'*' if row.on_front else ' '}{' <-' if row.current else ''}"
+            f"{tunables}  {numbers} {'*' if row.on_front else ' '}{' <-' if row.current else ''}"
         )
     return [*lines, advice(trade), f"Errors against {trade.reference}"]
 
@@ -312,26 +313,18 @@ class GLINT_OT_use_measured(bpy.types.Operator):
 
 
 def use(scene: bpy.types.Scene, chosen: Row) -> None:
-    """Give a scene's final render the knobs of a row; the row becomes the current one."""
-    for name, value in chosen.knobs.items():
+    """Give a scene's final render the tunables of a row; the row becomes the current one."""
+    for name, value in chosen.tunables.items():
         setattr(scene.glint.final, name, value)
     trade = _measured.get(scene.name)
     if trade is not None:
-        rows = tuple(replace(row, current=row.knobs == chosen.knobs) for row in trade.rows)
+        rows = tuple(replace(row, current=row.tunables == chosen.tunables) for row in trade.rows)
         _measured[scene.name] = replace(trade, rows=rows)
 
 
-class GLINT_RENDER_PT_trade(bpy.types.Panel):
+class GLINT_RENDER_PT_trade(EnginePanel, bpy.types.Panel):
     bl_label = "Time and Error"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "render"
     bl_options = {"DEFAULT_CLOSED"}
-    COMPAT_ENGINES = {"GLINT"}
-
-    @classmethod
-    def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES
 
     def draw(self, context):
         column = self.layout.column()
@@ -414,7 +407,7 @@ _NAMES = {
     "volume_samples": ("volume sample", "volume samples"),
     "diffuse_bounces": ("diffuse bounce", "diffuse bounces"),
 }
-"""Knob → what stands behind its value, one and more; or before it."""
+"""Tunable → what stands behind its value, one and more; or before it."""
 _SEEN = (
     (1.0, "not visible"),
     (3.0, "hardly visible"),
@@ -438,7 +431,7 @@ def error_text(row: Row) -> str:
     return f"{row.levels:.2g} levels, {row.relative_rmse:.2%}: {words}"
 
 
-def knob_text(name: str, value: float) -> str:
+def tunable_text(name: str, value: float) -> str:
     """16 samples; threshold 4."""
     names = _NAMES[name]
     return f"{names[0]} {value:g}" if len(names) == 1 else f"{value:g} {names[value != 1]}"
@@ -448,10 +441,10 @@ def settings_text(trade: Trade, row: Row) -> str:
     """The samples, and what else the rows differ in."""
     different = [
         name
-        for name in row.knobs
-        if name == "samples" or len({other.knobs[name] for other in trade.shown}) > 1
+        for name in row.tunables
+        if name == "samples" or len({other.tunables[name] for other in trade.shown}) > 1
     ]
-    return ", ".join(knob_text(name, row.knobs[name]) for name in different)
+    return ", ".join(tunable_text(name, row.tunables[name]) for name in different)
 
 
 def change_text(trade: Trade, row: Row) -> str:
@@ -472,11 +465,4 @@ def change_text(trade: Trade, row: Row) -> str:
 _CLASSES = (GLINT_OT_measure_scene, GLINT_OT_use_measured, GLINT_RENDER_PT_trade)
 
 
-def register() -> None:
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

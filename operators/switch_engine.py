@@ -16,6 +16,7 @@ from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProp
 
 from ..addon.export.approximations import approximated_nodes
 from ..addon.ui.lines import draw_text
+from ..addon.ui.panel import EnginePanel
 from .after_previews import AfterPreviews
 from .carried_settings import NAMES, carried, without_counterpart
 from .scene_copy import read_job
@@ -235,16 +236,21 @@ class GLINT_OT_switch_to_glint(AfterPreviews, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class GLINT_OT_switch_back(AfterPreviews, bpy.types.Operator):
-    """Render this scene with the engine that it came from, whose settings are as they were"""
+class _Switched(AfterPreviews):
+    """Of a scene that came from another engine."""
 
-    bl_idname = "glint.switch_back"
-    bl_label = "Switch Back"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.scene is not None and context.scene.glint_switch.engine != ""
+
+
+class GLINT_OT_switch_back(_Switched, bpy.types.Operator):
+    """Render this scene with the engine that it came from, whose settings are as they were"""
+
+    bl_idname = "glint.switch_back"
+    bl_label = "Switch Back"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         wanted = context.scene.glint_switch.engine
@@ -256,18 +262,13 @@ class GLINT_OT_switch_back(AfterPreviews, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class GLINT_OT_list_changed(AfterPreviews, bpy.types.Operator):
+class GLINT_OT_list_changed(_Switched, bpy.types.Operator):
     """Make the list for the scene as it is now: what edits made look different since is added, what
     they mended is left out
     """
 
     bl_idname = "glint.list_changed"
     bl_label = "List Again"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return context.scene is not None and context.scene.glint_switch.engine != ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         list_differences(context.scene, context.view_layer.name)
@@ -306,16 +307,12 @@ class GLINT_OT_select_changed(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class GLINT_RENDER_PT_switched(bpy.types.Panel):
+class GLINT_RENDER_PT_switched(EnginePanel, bpy.types.Panel):
     bl_label = "What Changes"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "render"
-    COMPAT_ENGINES = {"GLINT"}
 
     @classmethod
     def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES and context.scene.glint_switch.engine != ""
+        return super().poll(context) and context.scene.glint_switch.engine != ""
 
     def draw(self, context):
         column, state = self.layout.column(), context.scene.glint_switch
@@ -365,9 +362,11 @@ _CLASSES = (
 )
 
 
+_register, _unregister = bpy.utils.register_classes_factory(_CLASSES)
+
+
 def register() -> None:
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
+    _register()
     bpy.types.Scene.glint_switch = PointerProperty(name="Glint Switch", type=GlintSwitch)
     bpy.types.RENDER_PT_context.append(_draw_switch)
 
@@ -375,5 +374,4 @@ def register() -> None:
 def unregister() -> None:
     bpy.types.RENDER_PT_context.remove(_draw_switch)
     del bpy.types.Scene.glint_switch
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister()

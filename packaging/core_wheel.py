@@ -41,17 +41,8 @@ def install(blender: tree.Blender) -> Path:
     wheel = build(blender)
     stamp = blender.venv / "glint-core-stamp"
     if not tree.is_current(stamp, _mark()):
-        command = [
-            blender.interpreter,
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            "--no-deps",
-            "--force-reinstall",
-        ]
-        tree.call([*command, wheel], "Remove the environment and call make again.")
+        words = ["--no-deps", "--force-reinstall", wheel]
+        environment.pip_install(blender, words, "Remove the environment and call make again.")
         tree.write_stamp(stamp, _mark())
     return wheel
 

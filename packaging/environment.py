@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import tree
@@ -129,20 +130,17 @@ def _install(blender: tree.Blender, requirements: list[str]) -> None:
         f"installing bpy {blender.version} and the tools of pyproject.toml (the first time "
         "downloads about 500 MB)"
     ):
-        command = [
-            blender.interpreter,
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            *requirements,
-        ]
-        tree.call(
-            command,
+        remedy = (
             f"The package registry must have bpy {blender.version} for {platform.system()} "
-            f"{platform.machine()}.",
+            f"{platform.machine()}."
         )
+        pip_install(blender, requirements, remedy)
+
+
+def pip_install(blender: tree.Blender, words: Sequence[str | Path], remedy: str) -> None:
+    """Install packages, or files with options, into the environment."""
+    command = [blender.interpreter, "-m", "pip", "install", "--quiet"]
+    tree.call([*command, "--disable-pip-version-check", *words], remedy)
 
 
 def check_libraries(blender: tree.Blender) -> None:

@@ -94,7 +94,7 @@ REMEDIES: dict[str, str] = {
     "… is not one of …": "Use one of those",
     "… is … but the scene has …: …": "Do what stands behind the colon",
     "mist falloff … is not one of …": "Use one of those",
-    "no such knob: …; there are …": "Use one of those",
+    "no such tunable: …; there are …": "Use one of those",
     "no such pass: …": "Use names of engine.PASSES",
     "the accelerator is closed": "Ask it inside its `with`",
     "the native core is not where it should be: …": "Install Glint anew",

@@ -6,8 +6,11 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import core_wheel
 import environment
@@ -33,10 +36,14 @@ def run(wanted: str, pytest_arguments: list[str]) -> int:
     blender = environment.prepare(wanted)
     core_wheel.install(blender)
     blender.bare_resources.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.gettempdir())  # add-ons that tests installed
+    shutil.rmtree(
+        tree.BUILD / "bytecode" / temporary.relative_to(temporary.anchor), ignore_errors=True
+    )
     variables = {
         **os.environ,
         "BLENDER_USER_RESOURCES": str(blender.bare_resources),
-        "PYTHONDONTWRITEBYTECODE": "1",
+        **tree.bytecode_variables(),
         # NumPy's threads for matrices of 3 by 3 spin for longer than these take.
         "OPENBLAS_NUM_THREADS": "1",
     }

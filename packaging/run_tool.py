@@ -20,7 +20,11 @@ def main() -> int:
     blender = environment.prepare(options.bpy)
     core_wheel.install(blender)
     blender.bare_resources.mkdir(parents=True, exist_ok=True)
-    variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.bare_resources)}
+    variables = {
+        **os.environ,
+        **tree.bytecode_variables(),
+        "BLENDER_USER_RESOURCES": str(blender.bare_resources),
+    }
     command = [str(blender.interpreter), str(tree.ROOT / options.script), *options.arguments]
     return subprocess.run(command, cwd=tree.ROOT, env=variables).returncode
 

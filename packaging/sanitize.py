@@ -1,4 +1,4 @@
-"""`make sanitize`: the core's own tests, and a longer run of the fuzzer of the C door, under
+"""`make sanitize`: the core's own tests, and a longer run of the fuzzer of the C API, under
 AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer. What failed is named
 once more at the end.
 """

@@ -60,6 +60,11 @@ class Blender:
         return self.venv / "lib" / f"python{self.python}" / "site-packages" / "bpy"
 
 
+def bytecode_variables() -> dict[str, str]:
+    """For a Python that runs the tree: it is compiled once, and its folders stay clean."""
+    return {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(BUILD / "bytecode")}
+
+
 def settings() -> dict:
     """pyproject.toml."""
     return tomllib.loads((ROOT / "pyproject.toml").read_text())

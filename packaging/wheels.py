@@ -61,16 +61,8 @@ def install_tools(blender: tree.Blender) -> None:
     requirements = tree.settings()["dependency-groups"]["wheels"]
     stamp = blender.venv / "glint-wheels-stamp"
     if not tree.is_current(stamp, "\n".join(requirements)):
-        command = [
-            blender.interpreter,
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            *requirements,
-        ]
-        tree.call(command, "The package registry must have these packages for this machine.")
+        remedy = "The package registry must have these packages for this machine."
+        environment.pip_install(blender, requirements, remedy)
         tree.write_stamp(stamp, "\n".join(requirements))
 
 

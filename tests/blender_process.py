@@ -16,15 +16,15 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from glint_tree import BYTECODE, ROOT
 
-# Makes the tree importable as `glint`, as tests/conftest.py does. The process then leaves without
+# Makes the tree importable as `glint`, as tests/glint_tree.py does. The process then leaves without
 # Blender's own clean-up: bpy 4.2 crashes there once a property with an update function was
 # registered outside an add-on (it frees panels after Python has gone).
 REGISTER_TREE = f"""
 import atexit, os, sys, traceback
 sys.path.insert(0, {str(ROOT / "tests")!r})
-import conftest
+import glint_tree
 import glint
 
 exit_code = 0
@@ -102,7 +102,7 @@ class Blender:
         variables = {
             **os.environ,
             "BLENDER_USER_RESOURCES": self.inside(resources),
-            "PYTHONDONTWRITEBYTECODE": "1",
+            **BYTECODE,
         }
         return subprocess.Popen(
             command,

@@ -21,7 +21,8 @@ def panel_labels(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ClassDef) and "_PT_" in node.name:
             for line in node.body:
-                if isinstance(line, ast.Assign) and line.targets[0].id == "bl_label":
+                names = line.targets if isinstance(line, ast.Assign) else ()
+                if any(getattr(name, "id", "") == "bl_label" for name in names):
                     yield line.value.value
 
 

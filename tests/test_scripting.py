@@ -45,7 +45,7 @@ def test_a_target_is_met(names):
 
 
 def test_more_samples_take_longer_and_are_better(names):
-    rows = {row.knobs["samples"]: row for row in names["trade"].rows if row.levels}
+    rows = {row.tunables["samples"]: row for row in names["trade"].rows if row.levels}
     assert rows[64].levels < rows[4].levels
     assert names["said"][2].count(" levels") >= len(names["trade"].front)
 

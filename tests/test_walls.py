@@ -25,7 +25,7 @@ BLENDER = {
     "aud",
     "freestyle",
 }
-ENGINES_DOOR = {
+ENGINES_API = {
     "engine",
     "engine.displacement",
     "engine.lights.dome",
@@ -55,21 +55,22 @@ MEASURES = {
     "engine.analysis.plot",
     "engine.analysis.trade",
     "engine.analysis.trade_crops",
-    "engine.analysis.trade_knobs",
+    "engine.analysis.trade_tunables",
     "engine.analysis.trade_plot",
     "engine.analysis.trade_rows",
 }
-ADDONS_DOOR = {
+ADDONS_API = {
     "addon.render.final",
     "addon.render.interrupts",
     "addon.render.result",
     "addon.ui.lines",
+    "addon.ui.panel",
     "addon.render.stamp",
     "addon.render.statistics",
     "addon.viewport",
 }
-"""What operators need of a final render: what it reads, what it stamps, what it took; and how text
-is drawn in panels.
+"""What operators need of a final render: what it reads, what it stamps, what it took; and what
+panels share.
 """
 
 # Room → what it may import from other packages, and a test for what it may import from this one.
@@ -77,13 +78,13 @@ STDLIB = set(sys.stdlib_module_names)
 
 
 def _inside_addon(name: str) -> bool:
-    return name.startswith("addon") or name in ENGINES_DOOR
+    return name.startswith("addon") or name in ENGINES_API
 
 
 def _inside_operators(name: str) -> bool:
     return (
         name.startswith(("operators", "addon.export"))
-        or name in ENGINES_DOOR | MEASURES | ADDONS_DOOR
+        or name in ENGINES_API | MEASURES | ADDONS_API
     )
 
 
@@ -92,7 +93,7 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    shared = "cryptomatte", "scene", "scene.panorama", "film", "settings"
+    shared = "cryptomatte", "scene", "scene.panorama", "scene.ray_batch", "film", "settings"
     values = {f"engine.{name}" for name in shared}
     packages = "reference", "linear", "program", "sampling", "lights"
     return name in values or name.startswith(tuple(f"engine.{package}" for package in packages))
@@ -104,7 +105,7 @@ def _only(*packages: str) -> Callable[[str], bool]:
 
 
 WALLS = {
-    "__init__.py": (set(), lambda name: False),
+    "__init__.py": ({"importlib"}, lambda name: False),
     "addon": (BLENDER | {"numpy", "OpenImageIO", "openvdb"} | STDLIB, _inside_addon),
     "operators": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_operators),
     "engine/reference": ({"numpy"} | STDLIB, _inside_reference),

@@ -1,4 +1,4 @@
-"""Blender's evaluated depsgraph to `engine.Scene`. `export_scene` is the one door; nothing of
+"""Blender's evaluated depsgraph to `engine.Scene`. `export_scene` is the one way in; nothing of
 Blender outlives the call.
 """
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .materials.graph import is_blinn_phong, node_tree, output_of
+from .materials.graph import is_blinn_phong, node_tree, output_of, reached
 
 LOBES = "GGX is drawn as Blinn-Phong lobes"
 LEFT_OUT = f"{LOBES}; thin film is left out"
@@ -65,7 +65,7 @@ APPROXIMATED: dict[str, str] = {
 
 def approximated_nodes(block: Any) -> dict[str, str]:
     """Name of a node's type -> how it is drawn, of the nodes that a material, world or light shows
-    and that are drawn but nearly as in Cycles.
+    and that are drawn nearly, not exactly, as in Cycles.
     """
     tree = node_tree(block)
     output = output_of(tree) if tree is not None else None
@@ -79,14 +79,10 @@ def approximated_nodes(block: Any) -> dict[str, str]:
 
 def _behind(output: Any) -> Iterator[Any]:
     """The nodes that feed an output, and all nodes of the groups among them."""
-    waiting, met = [output], set()
-    while waiting:
-        node = waiting.pop()
-        if node.as_pointer() in met:
-            continue
-        met.add(node.as_pointer())
-        yield node
+
+    def next_to(node: Any) -> list[Any]:
         inner = getattr(node, "node_tree", None)
-        if inner is not None and not is_blinn_phong(inner):
-            waiting += inner.nodes
-        waiting += [link.from_node for socket in node.inputs for link in socket.links]
+        inside = inner.nodes if inner is not None and not is_blinn_phong(inner) else ()
+        return [*inside, *(link.from_node for socket in node.inputs for link in socket.links)]
+
+    return reached(output, next_to)

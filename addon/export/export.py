@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.scene import Geometry, Scene, SceneDelta, Strands
+from ...engine.scene import Camera, Geometry, Scene, SceneDelta, Strands
 from .cache import ExportCache
-from .camera import border, export_camera, resolution
+from .camera import Region, border, export_camera, resolution
 from .collector import Collector, evaluated
 from .geometry.displacing import Displaced
 from .images.decoded import Decoded
@@ -88,10 +88,7 @@ def export_scene(
     """
     start = time.perf_counter()
     scene, report = depsgraph.scene_eval, Report()
-    size = resolution(scene.render, width, height)
-    region = border(scene.render, size)
-    through = evaluated(scene.camera, depsgraph) if looker is None else looker.camera
-    camera = export_camera(through, scene.render, size, report, looker)
+    region, through, camera = seen_through(depsgraph, looker, report, width, height)
     groups = LightGroups.of(depsgraph.view_layer, report) if has_light_groups else LightGroups()
     required = RequiredAttributes(frozenset({""}) if "UV" in passes else frozenset())
     cache = ExportCache()
@@ -117,6 +114,22 @@ def export_scene(
         **counts(exported),
     }
     return Export(exported, report.notes(), stats, region, collector.displaced)
+
+
+def seen_through(
+    depsgraph: Any,
+    looker: Looker | None,
+    report: Report,
+    width: int | None = None,
+    height: int | None = None,
+) -> tuple[Region | None, Any, Camera]:
+    """The region of the frame that is drawn; and its camera, Blender's object and as exported."""
+    render = depsgraph.scene_eval.render
+    size = resolution(render, width, height)
+    scene_camera = depsgraph.scene_eval.camera
+    through = evaluated(scene_camera, depsgraph) if looker is None else looker.camera
+    camera = export_camera(through, render, size, report, looker)
+    return border(render, size), through, camera
 
 
 def _walked(

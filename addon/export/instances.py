@@ -76,8 +76,8 @@ def walk(
 
     make: given the first instance of each and its flags, while Blender keeps them valid; None
     leaves the thing out.  make_hair: the same of its particle hair.  shown: asked of every object
-    that stands or instances in the scene itself whether its things are there. visited: hears of
-    every thing, also of those left out.
+    that stands or instances in the scene itself whether its things are there. visited: takes in
+    every thing, also those that are left out.
     """
     links = LightLinks(depsgraph.view_layer.objects, report)
     cut = collections_cut(depsgraph.view_layer.layer_collection)

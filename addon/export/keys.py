@@ -16,6 +16,7 @@ from .geometry.shapes import export_points, marked_sphere
 from .geometry.strands import Keys, curve_keys, cut, fibre_values, hair_keys
 from .instances import ExportedObject, Flags, walk
 from .lights import light_frame
+from .placing import are_surfaces
 from .report import Report
 from .shader_nodes.reader import FIBRE
 
@@ -204,9 +205,9 @@ def moved(
     matcher = _Matcher(frame, keys, report, sentences)
     geometries = list(scene.geometries)
     instances = list(scene.instances)
-    for number, thing in _exported(scene, frame):
+    for number, thing, rows in _exported(scene, frame):
         block = instances[number]
-        instances[number] = replace(block, motion=matcher.placements(thing))
+        instances[number] = replace(block, motion=matcher.placements(thing, rows))
         geometry = geometries[block.geometry]
         if getattr(geometry, "motion", None) is None and thing.content.shape is not None:
             how = displaced.get(block.geometry)
@@ -237,9 +238,9 @@ def _at(geometry: Geometry, k: int) -> Geometry:
     return replace(still, **{"centers" if isinstance(still, Spheres) else "vertices": keys[k]})
 
 
-def _exported(scene: Scene, frame: Pose) -> Iterator[tuple[int, ExportedObject]]:
-    """Numbers of blocks with the things that they were made from: both are in one order, in which
-    blocks may be missing, and some may have rows of a thing alone.
+def _exported(scene: Scene, frame: Pose) -> Iterator[tuple[int, ExportedObject, Array]]:
+    """Numbers of blocks with the things that they were made from, and which rows of these they
+    have: both are in one order, in which blocks and rows may be missing.
     """
     ahead = [thing for thing in frame.things if not thing.content.is_light]
     first = 0
@@ -247,12 +248,13 @@ def _exported(scene: Scene, frame: Pose) -> Iterator[tuple[int, ExportedObject]]
         geometry = scene.geometries[block.geometry]
         for place in range(first, len(ahead)):
             thing = ahead[place]
-            if (
-                thing.name == block.name
-                and np.array_equal(thing.matrices, block.world_from_object)
-                and _is_of(geometry, frame.shapes.get(thing.content.shape))
+            if thing.name != block.name:
+                continue
+            rows = are_surfaces(thing.matrices)
+            if np.array_equal(thing.matrices[rows], block.world_from_object) and _is_of(
+                geometry, frame.shapes.get(thing.content.shape)
             ):
-                yield number, thing
+                yield number, thing, rows
                 first = place + 1
                 break
 
@@ -279,16 +281,16 @@ class _Matcher:
         """Which of the poses a thing of so many keys takes."""
         return list(range(0, len(self._keys), max((len(self._keys) - 1) // (keys - 1), 1)))
 
-    def placements(self, thing: ExportedObject) -> Array | None:
-        """(keys, k, 3, 4) of a thing that moves."""
+    def placements(self, thing: ExportedObject, rows: Array) -> Array | None:
+        """(keys, k, 3, 4) of a thing that moves, in some of its rows."""
         if thing.content.keys == 1:
             return None
         found = [self._rows(thing, k) for k in self._times(thing.content.keys)]
-        if any(rows is None for rows in found):
+        if any(one is None for one in found):
             self._report.note(self._sentences.gone, thing.name)
             return None
-        keys = np.stack(found)
-        return None if (keys == thing.matrices).all() else keys
+        keys = np.stack([one[rows] for one in found])
+        return None if (keys == thing.matrices[rows]).all() else keys
 
     def _rows(self, thing: ExportedObject, k: int) -> Array | None:
         """(k, 3, 4) of the thing's instances at a key, by their persistent ids."""

@@ -24,8 +24,8 @@ def blockers_of(light: Any) -> Any:
 
 
 class LightLinks:
-    """Of the objects of a view layer. Those that the same lights reach, and that shade the same
-    ones, are one set.
+    """The sets of objects of a view layer. Objects that the same lights reach, and that shade the
+    same ones, are one set.
     """
 
     def __init__(self, objects: Iterable[Any], report: Report) -> None:

@@ -42,7 +42,7 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
     """
     kept = []
     matrices = [block.world_from_object for block in instances]
-    surfaces = _ranks(np.concatenate([np.zeros((0, 3, 4)), *matrices])[:, :, :3]) >= 2
+    surfaces = are_surfaces(np.concatenate([np.zeros((0, 3, 4)), *matrices]))
     if surfaces.all():
         return instances
     ends = np.cumsum([len(rows) for rows in matrices], dtype=np.intp)
@@ -61,6 +61,11 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
         if surface.any():
             kept.append(block)
     return tuple(kept)
+
+
+def are_surfaces(matrices: np.ndarray) -> np.ndarray:
+    """(n,) bool: which of these placements (n, 3, 4) `without_collapsed` leaves."""
+    return _ranks(matrices[:, :, :3]) >= 2
 
 
 def without_unplaced(

@@ -55,7 +55,7 @@ def _of_texture_space(data: Any) -> tuple[Value, Value]:
 
 
 def _owners(instance: Any, of_instancer: bool) -> Iterator[Any]:
-    """Who is asked for a property, in Blender's order."""
+    """What may have a property, in the order in which Blender looks."""
     if of_instancer and instance.is_instance:
         if instance.particle_system is not None:
             yield instance.particle_system.settings
@@ -64,7 +64,7 @@ def _owners(instance: Any, of_instancer: bool) -> Iterator[Any]:
 
 
 def _found(owners: Iterable[Any], name: str) -> Value:
-    """The first number or colour of that name; zeros where nobody has one."""
+    """The first number or colour of that name; zeros where none has it."""
     for owner in owners:
         value = _as_value(_read(owner, name)) if owner is not None else None
         if value is not None:

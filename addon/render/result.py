@@ -135,7 +135,7 @@ def channel_names(name: str, count: int) -> list[str]:
     groups keep their films' names.
     """
     if name in engine.CRYPTOMATTES:
-        return [f"{_crypto_name(name, k // 4)}.{'RGBA'[k % 4]}" for k in range(count)]
+        return [f"{_crypto_name(name, k // 4)}.{'rgba'[k % 4]}" for k in range(count)]
     letters = _CHANNELS.get(name, {1: "X", 3: "RGB", 4: "RGBA"}[count])
     return [f"{name}.{letter}" for letter in letters]
 
@@ -149,7 +149,7 @@ def register_passes(
         if name in engine.CRYPTOMATTES and name in wanted:
             for number in range(crypto_ids(view_layer) // 2):
                 render_engine.register_pass(
-                    scene, view_layer, _crypto_name(name, number), 4, "RGBA", "COLOR"
+                    scene, view_layer, _crypto_name(name, number), 4, "rgba", "COLOR"
                 )
         elif name in wanted:
             channels = _CHANNELS.get(name, "RGB")

@@ -13,7 +13,7 @@ from bpy_extras.node_utils import find_node_input
 from ..export.geometry.volumes import openvdb
 from ..export.materials.graph import node_tree, output_of
 from .node_menu import draw_button
-from .panel import EnginePanel, draw_if_known, draw_reason, draw_wide
+from .panel import EnginePanel, SettingPanel, draw_if_known, draw_reason, draw_wide
 
 _DEFORMS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 _MOVES = {*_DEFORMS, "EMPTY", "LIGHT", "POINTCLOUD"}
@@ -23,10 +23,7 @@ _MOVES = {*_DEFORMS, "EMPTY", "LIGHT", "POINTCLOUD"}
 class GLINT_LIGHT_PT_light(EnginePanel, bpy.types.Panel):
     bl_label = "Light"
     bl_context = "data"
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.light
+    about = "light"
 
     def draw(self, context):
         light = context.light
@@ -75,10 +72,11 @@ class GLINT_LIGHT_PT_beam_shape(EnginePanel, bpy.types.Panel):
     bl_label = "Beam Shape"
     bl_parent_id = "GLINT_LIGHT_PT_light"
     bl_context = "data"
+    about = "light"
 
     @classmethod
     def poll(cls, context):
-        return super().poll(context) and context.light and context.light.type in {"SPOT", "AREA"}
+        return super().poll(context) and context.light.type in {"SPOT", "AREA"}
 
     def draw(self, context):
         column, light = self.animated_column, context.light
@@ -122,11 +120,11 @@ class GLINT_CAMERA_PT_panorama(EnginePanel, bpy.types.Panel):
     bl_label = "Panorama"
     bl_parent_id = "DATA_PT_lens"
     bl_context = "data"
+    about = "camera"
 
     @classmethod
     def poll(cls, context):
-        camera = context.camera
-        return super().poll(context) and camera is not None and camera.type == "PANO"
+        return super().poll(context) and context.camera.type == "PANO"
 
     def draw(self, context):
         column, camera = self.column, context.camera
@@ -144,10 +142,7 @@ class GLINT_VOLUME_PT_render(EnginePanel, bpy.types.Panel):
     bl_label = "Render"
     bl_context = "data"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.volume is not None
+    about = "volume"
 
     def draw(self, context):
         is_read = openvdb() is not None
@@ -162,10 +157,7 @@ class GLINT_OBJECT_PT_visibility(EnginePanel, bpy.types.Panel):
     bl_label = "Visibility"
     bl_context = "object"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.object
+    about = "object"
 
     draw = OBJECT_PT_visibility.draw
 
@@ -296,10 +288,7 @@ class GLINT_WORLD_PT_mist(EnginePanel, bpy.types.Panel):
     bl_label = "Mist Pass"
     bl_context = "world"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.world
+    about = "world"
 
     draw = EEVEE_WORLD_PT_mist.draw
 
@@ -308,11 +297,11 @@ class GLINT_MATERIAL_PT_settings(EnginePanel, bpy.types.Panel):
     bl_label = "Settings"
     bl_context = "material"
     bl_options = {"DEFAULT_CLOSED"}
+    about = "material"
 
     @classmethod
     def poll(cls, context):
-        material = context.material
-        return super().poll(context) and material and not material.grease_pencil
+        return super().poll(context) and not context.material.grease_pencil
 
     def draw(self, context):
         self.column.prop(context.material, "pass_index")
@@ -334,37 +323,32 @@ class GLINT_MATERIAL_PT_settings_surface(EnginePanel, bpy.types.Panel):
             bumps.prop(material.cycles, "use_bump_map_correction", text="Correction")
 
 
-class _VolumePanel(EnginePanel):
+class _VolumePanel(SettingPanel):
     """How far apart rays look at a volume that varies, as Cycles keeps it."""
 
     bl_label = "Volume"
     bl_translation_context = contexts.id_id
 
     @classmethod
-    def poll(cls, context):
-        owner = getattr(context, cls.bl_context)
-        return super().poll(context) and hasattr(getattr(owner, "cycles", None), cls.name)
+    def owner(cls, context):
+        return getattr(getattr(context, cls.bl_context), "cycles", None)
 
-    def draw(self, context):
-        owner = getattr(context, self.bl_context)
-        self.column.prop(owner.cycles, self.name, text=self.called)
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and hasattr(cls.owner(context), cls.name)
 
 
 class GLINT_MATERIAL_PT_settings_volume(_VolumePanel, bpy.types.Panel):
     bl_context = "material"
     bl_parent_id = "GLINT_MATERIAL_PT_settings"
-    name = "volume_step_rate"
-    called = "Step Rate"
+    name, called = "volume_step_rate", "Step Rate"
 
 
 class GLINT_WORLD_PT_preview(EnginePanel, bpy.types.Panel):
     bl_label = "Preview"
     bl_context = "world"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.world
+    about = "world"
 
     def draw(self, context):
         self.layout.template_preview(context.world)
@@ -374,10 +358,7 @@ class GLINT_WORLD_PT_settings(EnginePanel, bpy.types.Panel):
     bl_label = "Settings"
     bl_context = "world"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.world
+    about = "world"
 
     def draw(self, context):
         pass
@@ -386,8 +367,7 @@ class GLINT_WORLD_PT_settings(EnginePanel, bpy.types.Panel):
 class GLINT_WORLD_PT_settings_volume(_VolumePanel, bpy.types.Panel):
     bl_context = "world"
     bl_parent_id = "GLINT_WORLD_PT_settings"
-    name = "volume_step_size"
-    called = "Step Size"
+    name, called = "volume_step_size", "Step Size"
 
 
 class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):

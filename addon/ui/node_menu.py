@@ -131,13 +131,14 @@ def draw_button(layout: bpy.types.UILayout, material: bpy.types.Material) -> Non
 _CLASSES = (GLINT_OT_add_blinn_phong, GLINT_OT_use_blinn_phong)
 
 
+_register, _unregister = bpy.utils.register_classes_factory(_CLASSES)
+
+
 def register() -> None:
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
+    _register()
     bpy.types.NODE_MT_category_shader_shader.append(_draw_menu_entry)
 
 
 def unregister() -> None:
     bpy.types.NODE_MT_category_shader_shader.remove(_draw_menu_entry)
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister()

@@ -132,31 +132,32 @@ def _set(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, value: object) 
 def _math(
     tree: bpy.types.NodeTree, operation: str, a: object, b: object, clamp: bool = False
 ) -> bpy.types.NodeSocket:
-    node = tree.nodes.new("ShaderNodeMath")
-    node.operation, node.use_clamp = operation, clamp
-    _set(tree, node.inputs[0], a)
-    _set(tree, node.inputs[1], b)
-    return node.outputs[0]
+    result = _computed(tree, "ShaderNodeMath", operation, {0: a, 1: b})
+    result.node.use_clamp = clamp
+    return result
 
 
 def _scaled(
     tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, factor: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
-    node = tree.nodes.new("ShaderNodeVectorMath")
-    node.operation = "SCALE"
-    _set(tree, node.inputs[0], color)
-    _set(tree, node.inputs["Scale"], factor)
-    return node.outputs[0]
+    return _computed(tree, "ShaderNodeVectorMath", "SCALE", {0: color, "Scale": factor})
 
 
 def _plus_nothing(
     tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, other: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
     """0 · other + color"""
-    node = tree.nodes.new("ShaderNodeVectorMath")
-    node.operation = "MULTIPLY_ADD"
-    for socket, value in zip(node.inputs, (other, (0.0, 0.0, 0.0), color), strict=False):
-        _set(tree, socket, value)
+    inputs = {0: other, 1: (0.0, 0.0, 0.0), 2: color}
+    return _computed(tree, "ShaderNodeVectorMath", "MULTIPLY_ADD", inputs)
+
+
+def _computed(
+    tree: bpy.types.NodeTree, kind: str, operation: str, inputs: dict[int | str, object]
+) -> bpy.types.NodeSocket:
+    node = tree.nodes.new(kind)
+    node.operation = operation
+    for name, value in inputs.items():
+        _set(tree, node.inputs[name], value)
     return node.outputs[0]
 
 

@@ -10,8 +10,14 @@ from .lines import draw_text
 ENGINE = GlintRenderEngine.bl_idname
 
 
-_NAMES = 0.53
-"""Share of a panel's width that names have which do not fit into Blender's own two fifths."""
+NUMBERS, CHOICES = 97, 74
+"""Pixels of the names beside numbers, which need little room themselves, and beside menus, in an
+editor that is too narrow for Blender's own two fifths.
+"""
+_LETTER = 6.2
+"""Pixels of a letter of a name, rather many."""
+_EDGES = 28
+"""Pixels left and right of a panel's rows."""
 
 
 class EnginePanel:
@@ -21,10 +27,13 @@ class EnginePanel:
     bl_region_type = "WINDOW"
     bl_context = "render"
     COMPAT_ENGINES = {ENGINE}
+    about = ""
+    """What of the context the panel shows, such as "light"; without it there is no panel."""
 
     @classmethod
     def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES
+        is_there = not cls.about or getattr(context, cls.about) is not None
+        return context.engine in cls.COMPAT_ENGINES and is_there
 
     @property
     def column(self) -> bpy.types.UILayout:
@@ -39,6 +48,20 @@ class EnginePanel:
         return self.layout.column()
 
 
+class SettingPanel(EnginePanel):
+    """One setting, which is called so here."""
+
+    name = called = ""
+
+    @classmethod
+    def owner(cls, context):
+        """What has the setting."""
+        return context.scene.render
+
+    def draw(self, context):
+        self.column.prop(self.owner(context), self.name, text=self.called)
+
+
 def draw_if_known(
     column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str, **look: str
 ) -> None:
@@ -49,17 +72,33 @@ def draw_if_known(
         column.prop(owner, name, **look)
 
 
+def row_width(region: bpy.types.Region) -> float:
+    """Pixels of a row in a panel, on a screen of scale 1."""
+    return max(region.width / bpy.context.preferences.system.ui_scale - _EDGES, 1.0)
+
+
 def draw_wide(
-    column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str, text: str = ""
+    column: bpy.types.UILayout,
+    owner: bpy.types.bpy_struct,
+    name: str,
+    text: str = "",
+    pixels: int = NUMBERS,
 ) -> None:
-    """A setting with a long name, which Blender would cut where the editor is as wide as it is to
-    begin with.
+    """A setting whose name Blender would cut in a narrow editor: it gets as many pixels as it
+    needs, or a line of its own where the value would have too little room.
     """
-    row = column.split(factor=_NAMES)
+    text = text or owner.bl_rna.properties[name].name
+    width = row_width(bpy.context.region)
+    share = max(0.4, pixels / width, len(text) * _LETTER / width)
+    if share > (0.66 if pixels == NUMBERS else 0.52):
+        column.label(text=text)
+        column.prop(owner, name, text="")
+        return
+    row = column.split(factor=share)
     row.use_property_split = False
     label = row.row()
     label.alignment = "RIGHT"
-    label.label(text=text or owner.bl_rna.properties[name].name)
+    label.label(text=text)
     row.prop(owner, name, text="")
 
 

@@ -18,7 +18,7 @@ from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
 from ..render import statistics
 from . import data_panels, view_layer_panels
 from .lines import draw_text
-from .panel import ENGINE, EnginePanel, draw_if_known, draw_reason, draw_wide
+from .panel import CHOICES, ENGINE, EnginePanel, SettingPanel, draw_if_known, draw_reason, draw_wide
 from .properties import LIGHT_GROUP, OF_RAYS, OF_SAMPLES
 
 _REPLACED_OR_WITHOUT_EFFECT = {
@@ -67,15 +67,16 @@ class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
     def draw(self, context):
         column = self.column
         settings = context.scene.glint
-        column.prop(settings.final, "illumination")
+        draw_wide(column, settings.final, "illumination", pixels=CHOICES)
         physical = column.column()
         physical.active = settings.final.illumination == "PHYSICAL"
         draw_reason(column, not physical.active, "Classic illumination has none of these")
-        physical.prop(settings.final, "world_light")
-        physical.prop(settings.final, "mesh_light")
-        column.prop(settings, "target")
+        draw_wide(physical, settings.final, "world_light", pixels=CHOICES)
+        draw_wide(physical, settings.final, "mesh_light", pixels=CHOICES)
+        draw_wide(column, settings, "target", pixels=CHOICES)
         if settings.target != "NONE":
-            column.prop(settings, "target_levels" if settings.target == "LEVELS" else "target_rmse")
+            error = "target_levels" if settings.target == "LEVELS" else "target_rmse"
+            draw_wide(column, settings, error, pixels=CHOICES)
 
 
 class _SamplingPanel(EnginePanel):
@@ -124,7 +125,7 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         draw_wide(physical, final, "diffuse_bounces")
         reflections = physical.column()
         reflections.active = bounces > 0
-        draw_wide(reflections, final, "reflections")
+        draw_wide(reflections, final, "reflections", pixels=CHOICES)
         reason = "Rough Reflections need Bounces of Render"
         draw_reason(column, is_physical and bounces == 0, reason)
 
@@ -168,12 +169,18 @@ class GLINT_RENDER_PT_curves(_CyclesPanel, bpy.types.Panel):
         self.column.prop(context.scene.cycles_curves, "shape", text="Shape")
 
 
-class GLINT_RENDER_PT_simplify(EnginePanel, bpy.types.Panel):
-    bl_label = "Simplify"
+class _SwitchedPanel(EnginePanel):
+    """With a setting of the render in its head that turns it on."""
+
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context):
-        self.layout.prop(context.scene.render, "use_simplify", text="")
+        self.layout.prop(context.scene.render, self.switch, text="")
+
+
+class GLINT_RENDER_PT_simplify(_SwitchedPanel, bpy.types.Panel):
+    bl_label = "Simplify"
+    switch = "use_simplify"
 
     def draw(self, context):
         pass
@@ -208,12 +215,9 @@ class GLINT_RENDER_PT_simplify_grease_pencil(
     bl_options = {"DEFAULT_CLOSED"}
 
 
-class GLINT_RENDER_PT_motion_blur(EnginePanel, bpy.types.Panel):
+class GLINT_RENDER_PT_motion_blur(_SwitchedPanel, bpy.types.Panel):
     bl_label = "Motion Blur"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw_header(self, context):
-        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+    switch = "use_motion_blur"
 
     def draw(self, context):
         render, column = context.scene.render, self.animated_column
@@ -254,23 +258,16 @@ class GLINT_RENDER_PT_performance(EnginePanel, bpy.types.Panel):
         native.prop(group, "threads")
 
 
-class _PerformancePanel(EnginePanel):
-    bl_parent_id = "GLINT_RENDER_PT_performance"
-
-    def draw(self, context):
-        self.column.prop(context.scene.render, self.name, text=self.called)
-
-
-class GLINT_RENDER_PT_performance_final(_PerformancePanel, bpy.types.Panel):
+class GLINT_RENDER_PT_performance_final(SettingPanel, bpy.types.Panel):
     bl_label = "Final Render"
-    name = "use_persistent_data"
-    called = "Persistent Data"
+    bl_parent_id = "GLINT_RENDER_PT_performance"
+    name, called = "use_persistent_data", "Persistent Data"
 
 
-class GLINT_RENDER_PT_performance_viewport(_PerformancePanel, bpy.types.Panel):
+class GLINT_RENDER_PT_performance_viewport(SettingPanel, bpy.types.Panel):
     bl_label = "Viewport"
-    name = "preview_pixel_size"
-    called = "Pixel Size"
+    bl_parent_id = "GLINT_RENDER_PT_performance"
+    name, called = "preview_pixel_size", "Pixel Size"
 
 
 class GLINT_RENDER_PT_statistics(EnginePanel, bpy.types.Panel):
@@ -390,11 +387,13 @@ def _redraw_statistics(*_: Any) -> None:
 _ENDS = (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel)
 
 
+_register, _unregister = bpy.utils.register_classes_factory(_CLASSES)
+
+
 def register() -> None:
     for handlers in _ENDS:
         handlers.append(_redraw_statistics)
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
+    _register()
     for panel in _blender_panels():
         panel.COMPAT_ENGINES.add(ENGINE)
 
@@ -404,5 +403,4 @@ def unregister() -> None:
         handlers.remove(_redraw_statistics)
     for panel in _blender_panels():
         panel.COMPAT_ENGINES.discard(ENGINE)
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister()

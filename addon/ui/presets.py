@@ -107,11 +107,4 @@ class GLINT_MT_presets(bpy.types.Menu):
 _CLASSES = (GLINT_OT_preset, GLINT_MT_presets)
 
 
-def register() -> None:
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

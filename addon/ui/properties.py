@@ -242,9 +242,11 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
 _CLASSES = (GlintRenderSettings, GlintSceneSettings, GlintViewLayerSettings)
 
 
+_register, _unregister = bpy.utils.register_classes_factory(_CLASSES)
+
+
 def register() -> None:
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
+    _register()
     bpy.types.Scene.glint = PointerProperty(name="Glint", type=GlintSceneSettings)
     bpy.types.ViewLayer.glint = PointerProperty(name="Glint", type=GlintViewLayerSettings)
 
@@ -252,5 +254,4 @@ def register() -> None:
 def unregister() -> None:
     del bpy.types.ViewLayer.glint
     del bpy.types.Scene.glint
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister()

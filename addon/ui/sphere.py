@@ -7,6 +7,7 @@ from __future__ import annotations
 import bpy
 
 from ..export.geometry.shapes import SPHERE_MARK, mark_sphere
+from .panel import EnginePanel
 
 
 class GLINT_OT_add_sphere(bpy.types.Operator):
@@ -30,15 +31,10 @@ class GLINT_OT_add_sphere(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class GLINT_MESH_PT_sphere(bpy.types.Panel):
+class GLINT_MESH_PT_sphere(EnginePanel, bpy.types.Panel):
     bl_label = "Glint"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
     bl_context = "data"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return context.engine == "GLINT" and context.mesh is not None
+    about = "mesh"
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.enabled = not context.mesh.is_editmode
@@ -53,9 +49,11 @@ def _draw_menu_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 _CLASSES = (GLINT_OT_add_sphere, GLINT_MESH_PT_sphere)
 
 
+_register, _unregister = bpy.utils.register_classes_factory(_CLASSES)
+
+
 def register() -> None:
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
+    _register()
     # Kept as an attribute of the mesh, which modifiers, copies and other files keep as well.
     bpy.types.Mesh.glint_sphere = bpy.props.BoolProperty(
         name="True Sphere",
@@ -70,5 +68,4 @@ def register() -> None:
 def unregister() -> None:
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw_menu_entry)
     del bpy.types.Mesh.glint_sphere
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister()

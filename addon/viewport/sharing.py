@@ -27,7 +27,7 @@ class SharedExport:
         if viewer in self._told or self._evaluation != timer.evaluation():
             self._told.clear()
             self._evaluation = timer.evaluation()
-            self._export.hear(depsgraph)
+            self._export.apply_updates(depsgraph)
         self._told.add(viewer)
         return self._export.scene(depsgraph, camera, **options)
 

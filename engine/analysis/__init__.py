@@ -1,3 +1,3 @@
 """What measures, compares, predicts and explains pictures; it renders through the engine's own
-door.
+API.
 """

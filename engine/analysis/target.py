@@ -23,7 +23,7 @@ from ..settings import Settings
 from .flip import displayed
 from .metrics import relative_rmse, weighted_quantile
 from .trade_crops import Crop, CropRenderer, Rendered, StoppedError, area
-from .trade_knobs import has_soft_lights
+from .trade_tunables import has_soft_lights
 
 Array = np.ndarray
 Display = Callable[[Array], Array]

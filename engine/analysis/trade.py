@@ -1,5 +1,5 @@
-"""The trade of time for accuracy, measured on one scene: crops rendered over a grid of knobs, each
-compared with a reference.
+"""The trade of time for accuracy, measured on one scene: crops rendered over a grid of tunables,
+each compared with a reference.
 
 What a setting costs and what it loses depends on the scene, so it is measured there: seconds are
 the least of several interleaved renders, errors are against a picture of many more samples.
@@ -22,10 +22,10 @@ from ..settings import Settings
 from . import metrics
 from .trade_crops import CropRenderer, Rendered, Squares, StoppedError, pick_squares
 from .trade_errors import frame_errors
-from .trade_knobs import KNOBS, has_fog, has_soft_lights, scatters, settings_grid
 from .trade_rows import Row, Trade, advice, speed, with_bounds, with_front
+from .trade_tunables import TUNABLES, has_fog, has_soft_lights, scatters, settings_grid
 
-__all__ = ["KNOBS", "Row", "Trade", "advice", "measure", "settings_grid"]
+__all__ = ["TUNABLES", "Row", "Trade", "advice", "measure", "settings_grid"]
 
 Array = np.ndarray
 
@@ -66,15 +66,15 @@ def measure(
     on_progress: Callable[[float], None] = lambda fraction: None,
     on_trade: Callable[[Trade], None] = lambda trade: None,
 ) -> Trade:
-    """Render squares of `scene` over the grid of knobs and compare each with a reference.
+    """Render squares of `scene` over the grid of tunables and compare each with a reference.
 
-    base: the current settings; what is no knob stays as it is there.  values: knob → values to try
-    instead of those of `KNOBS`. squares, side: how many of how many pixels across; where the frame
-    has no more, it is measured as a whole.  reference_samples: per pixel.  reference_seconds: the
-    float64 tracer makes the reference if it should take no longer than this; else the core does,
-    and `Trade.reference` says so.  should_stop: asked at least every 50 ms; the rows measured until
-    then are returned.  on_trade: told what is known, early and every now and then.  Raises
-    SceneError for a scene or settings that are not sound, MemoryError.
+    base: the current settings; what is no tunable stays as it is there.  values: tunable → values
+    to try instead of those of `TUNABLES`. squares, side: how many of how many pixels across; where
+    the frame has no more, it is measured as a whole.  reference_samples: per pixel.
+    reference_seconds: the float64 tracer makes the reference if it should take no longer than
+    this; else the core does, and `Trade.reference` says so.  should_stop: asked at least every 50
+    ms; the rows measured until then are returned.  on_trade: told what is known, early and every
+    now and then.  Raises SceneError for a scene or settings that are not sound, MemoryError.
     """
     base = replace(base or Settings(), passes=frozenset(), region=None)
     grid = sorted(
@@ -275,10 +275,10 @@ class _Work:
         rendered = self._rendered[settings]
         each = np.maximum(np.array(rendered.each) - self._overhead, 0.02 * np.array(rendered.each))
         frame_seconds = float(np.dot(each, self._squares.weights)) + self._renderer.build_seconds
-        knobs = {knob.name: getattr(settings, knob.name) for knob in KNOBS}
-        current = all(getattr(self._base, name) == value for name, value in knobs.items())
+        tunables = {tunable.name: getattr(settings, tunable.name) for tunable in TUNABLES}
+        current = all(getattr(self._base, name) == value for name, value in tunables.items())
         return Row(
-            knobs,
+            tunables,
             sum(rendered.each),
             frame_seconds,
             **errors,

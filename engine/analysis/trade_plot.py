@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from . import plot
-from .trade_knobs import KNOBS
 from .trade_rows import Row, Trade
+from .trade_tunables import TUNABLES
 
 Array = np.ndarray
 
@@ -184,18 +184,18 @@ def _overlap(a: _Box, b: _Box) -> bool:
 
 
 def _turned(trade: Trade) -> list[str]:
-    """Names of the knobs that the front's rows differ in, and of the first, which is always told;
-    in the order of `trade.KNOBS`.
+    """Names of the tunables that the front's rows differ in, and of the first, which is always
+    told; in the order of `trade.TUNABLES`.
     """
-    names = [knob.name for knob in KNOBS]
+    names = [tunable.name for tunable in TUNABLES]
     return names[:1] + [
-        name for name in names[1:] if len({row.knobs.get(name) for row in trade.front}) > 1
+        name for name in names[1:] if len({row.tunables.get(name) for row in trade.front}) > 1
     ]
 
 
 def _name(row: Row, turned: Sequence[str]) -> str:
-    """The knobs' values."""
-    return " / ".join(f"{row.knobs[name]:g}" for name in turned if name in row.knobs)
+    """The tunables' values."""
+    return " / ".join(f"{row.tunables[name]:g}" for name in turned if name in row.tunables)
 
 
 def _draw_legend(image: Array, turned: Sequence[str]) -> None:

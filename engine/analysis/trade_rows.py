@@ -18,7 +18,7 @@ _SHOWN = 6
 class Row:
     """One setting, measured.
 
-    knobs: field of Settings → value. seconds: of tracing the squares. Of the whole frame, as the
+    tunables: field of Settings → value. seconds: of tracing the squares. Of the whole frame, as the
     squares tell: frame_seconds, trees included; relative_rmse: of linear colour, over the picture's
     root mean square; levels: difference on screen, in 8-bit levels, that the share
     `trade_errors.VISIBLE` of the pixels stays within; psnr: decibels of the screen's colours;
@@ -31,7 +31,7 @@ class Row:
     current: the base settings. checked: also on squares that had no part in choosing.
     """
 
-    knobs: dict[str, Any]
+    tunables: dict[str, Any]
     seconds: float
     frame_seconds: float
     relative_rmse: float
@@ -148,8 +148,8 @@ def advice(trade: Trade) -> str:
     better = next(row for row in trade.front if row.relative_rmse <= current.relative_rmse)
     change = ", ".join(
         f"{DECLARED[name].label} {value:g}"
-        for name, value in better.knobs.items()
-        if current.knobs[name] != value
+        for name, value in better.tunables.items()
+        if current.tunables[name] != value
     )
     share = better.frame_seconds / current.frame_seconds
     return f"{change} would be as good in {share:.0%} of the time"

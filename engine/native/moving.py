@@ -10,7 +10,7 @@ from ctypes import byref
 
 from .. import native
 from ..film import Film
-from ..sampling.motion import moment, sample_times
+from ..sampling.motion import Moments, moment, sample_times
 from ..scene import Scene
 from ..scene.view_axes import ViewAxes
 from ..settings import Settings
@@ -25,7 +25,7 @@ class _Moments:
     def __init__(
         self, core: ctypes.CDLL, scene: Scene, settings: Settings, axes: ViewAxes | None
     ) -> None:
-        self._core, self._scene, self._axes = core, scene, axes
+        self._core, self._moments, self._axes = core, Moments(scene), axes
         self._times = sample_times(scene, settings.samples)[0]
         self._packer = ScenePacker()
         self._sample = 0
@@ -35,7 +35,7 @@ class _Moments:
         self.handle = native.created(core, self._packed.data)
 
     def _pack(self, sample: int) -> Packed:
-        told = moment(self._scene, self._times[sample])
+        told = self._moments.at(self._times[sample])
         return self._packer.pack(self._axes.scene(told) if self._axes else told)
 
     def give(self, job: int, plan: Packed) -> None:

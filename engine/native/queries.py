@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..scene import Scene
+from ..scene.ray_batch import RayBatch
 from . import ERROR_BYTES, library
 from .core_types import AccelData, HitsData, InstanceFlags, RaysData
 from .packer import address
@@ -53,62 +54,33 @@ class NativeQueries:
         if getattr(self, "_handle", None):
             self._core.glint_accel_destroy(self._handle)
 
-    def closest(
-        self,
-        origins: Array,
-        directions: Array,
-        t_min: Array,
-        t_max: Array,
-        size: int,
-        visibility: str | None,
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """t, instance, primitive, u, v of `accelerator.Hits`; the arguments are those of
-        `accelerator.Rays`.
-        """
-        dtypes = (origins.dtype, np.int32, np.int32, np.float32, np.float32)
-        t, instance, primitive, u, v = (np.empty(size, dtype) for dtype in dtypes)
+    def closest(self, rays: RayBatch) -> tuple[Array, Array, Array, Array, Array]:
+        """t, instance, primitive, u, v of `accelerator.Hits`."""
+        dtypes = (rays.origins.dtype, np.int32, np.int32, np.float32, np.float32)
+        t, instance, primitive, u, v = (np.empty(rays.size, dtype) for dtype in dtypes)
         hits = HitsData(*(answer.ctypes.data for answer in (t, instance, primitive, u, v)))
-        self._ask("closest", byref(hits), origins, directions, t_min, t_max, size, visibility)
+        self._ask("closest", byref(hits), rays)
         return t, instance, primitive, u, v
 
-    def occluded(
-        self,
-        origins: Array,
-        directions: Array,
-        t_min: Array,
-        t_max: Array,
-        size: int,
-        visibility: str | None,
-    ) -> Array:
+    def occluded(self, rays: RayBatch) -> Array:
         """(size,) bool."""
-        blocked = np.empty(size, bool)
-        self._ask(
-            "occluded", blocked.ctypes.data, origins, directions, t_min, t_max, size, visibility
-        )
+        blocked = np.empty(rays.size, bool)
+        self._ask("occluded", blocked.ctypes.data, rays)
         return blocked
 
-    def _ask(
-        self,
-        question: str,
-        room: Any,
-        origins: Array,
-        directions: Array,
-        t_min: Array,
-        t_max: Array,
-        size: int,
-        visibility: str | None,
-    ) -> None:
-        arrays = (origins, directions, t_min, t_max)
+    def _ask(self, question: str, room: Any, rays: RayBatch) -> None:
+        arrays = rays.origins, rays.directions, rays.t_min, rays.t_max
         strides = [
             0 if len(array) == 1 else columns
             for array, columns in zip(arrays, (3, 3, 1, 1), strict=True)
         ]
-        rays = RaysData(*map(address, arrays), size, *strides, _VISIBLE[visibility], self._threads)
-        ask = getattr(
-            self._core, f"glint_accel_{question}_{'f32' if origins.dtype == np.float32 else 'f64'}"
+        asked = RaysData(
+            *map(address, arrays), rays.size, *strides, _VISIBLE[rays.visibility], self._threads
         )
+        width = "f32" if rays.origins.dtype == np.float32 else "f64"
+        ask = getattr(self._core, f"glint_accel_{question}_{width}")
         error = ctypes.create_string_buffer(ERROR_BYTES)
-        if ask(self._handle, byref(rays), room, error, ERROR_BYTES):
+        if ask(self._handle, byref(asked), room, error, ERROR_BYTES):
             raise _refusal(error)
 
 

@@ -17,6 +17,8 @@ class NoiseType(IntEnum):
     HETERO_TERRAIN = 4
 
 
+OCTAVES = dict.fromkeys(("scale", "detail", "roughness", "lacunarity"), "number")
+"""Sockets of textures that are added up at ever smaller scales."""
 _DIMENSIONS = ("dimensions", range(1, 5))
 
 NOISES = (
@@ -33,10 +35,7 @@ NOISES = (
         sockets(
             vector="vector",
             w="number",
-            scale="number",
-            detail="number",
-            roughness="number",
-            lacunarity="number",
+            **OCTAVES,
             offset="number",
             gain="number",
             distortion="number",

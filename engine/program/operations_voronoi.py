@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from .operations import Operation, sockets
+from .operations_noise import OCTAVES
 
 
 class VoronoiFeature(IntEnum):
@@ -40,10 +41,7 @@ VORONOIS = (
         sockets(
             vector="vector",
             w="number",
-            scale="number",
-            detail="number",
-            roughness="number",
-            lacunarity="number",
+            **OCTAVES,
             smoothness="number",
             exponent="number",
             randomness="number",

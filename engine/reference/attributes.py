@@ -41,11 +41,16 @@ class Corners:
                 point.append(geometry.ends)
                 corner.append(geometry.ends)
                 count += len(geometry.starts)
-        joined = [
-            np.concatenate([np.zeros((0, 3), np.uint32), *rows]).T.astype(np.intp)
+        points, corners = (
+            np.ascontiguousarray(
+                np.concatenate([np.zeros((0, 3), np.uint32), *rows]).T.astype(np.intp)
+            )
             for rows in (point, corner)
-        ]
-        return cls(*(np.ascontiguousarray(a) for a in joined), np.array(first, np.intp))
+        )
+        return cls(points, corners, np.array(first, np.intp))
+
+
+Find = Callable[[Mesh | Strands], Attribute | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +66,11 @@ class Pool:
 
     @classmethod
     def of(
-        cls, scene: Scene, corners: Corners, find: Callable[[Mesh], Attribute | None], channels: int
+        cls,
+        scene: Scene,
+        corners: Corners,
+        find: Find,
+        channels: int,
     ) -> Pool:
         """find: picks the attribute of a mesh. It is padded with 1 (the alpha of colours) or cut to
         `channels`.
@@ -120,7 +129,11 @@ class Attributes:
         self._pools: dict[tuple[str, str], Pool] = {}
 
     def _pool(
-        self, kind: str, name: str, find: Callable[[Mesh], Attribute | None], channels: int
+        self,
+        kind: str,
+        name: str,
+        find: Find,
+        channels: int,
     ) -> Pool:
         if (kind, name) not in self._pools:
             self._pools[kind, name] = Pool.of(self._scene, self._corners, find, channels)

@@ -117,8 +117,8 @@ class CameraRays:
         u, v = self._window(x, y, offset)
         window = np.stack([np.tile(u, len(v)), np.repeat(v, len(u))])
         still = np.zeros_like(window)
-        ends = self._clipped(*((still, window) if self.frame.perspective else (window, still)))
-        coherent = CoherentRays(self.frame, *window, *ends)
+        near, far = self._clipped(*((still, window) if self.frame.perspective else (window, still)))
+        coherent = CoherentRays(self.frame, window[0], window[1], near, far)
         ascending = self.pixel[0] > 0 and self.pixel[1] > 0
         return coherent, pixel_strips(u, v) if ascending else None
 
@@ -165,6 +165,7 @@ class CameraRays:
     ) -> IncoherentRays:
         """Rays whose parameter is the distance; those that see nothing end before they begin."""
         place, (u, v) = places_in_blocks(x, y, BLOCK), self._window(x, y, offset)
+        assert self.panorama is not None
         d, seen = looks(self.panorama, np.tile(u, len(v)), np.repeat(v, len(u)))
         o = np.zeros_like(d)
         if spread.lens is not None:

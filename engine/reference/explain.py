@@ -136,7 +136,8 @@ class Explainer:
         found = stage.visibility.closest(paths.rays, paths.kind)
         spans = stage.media.spans(paths.rays, paths.kind, found.depth) if stage.media else None
         shapes = tuple(self._shapes(paths, o, d, found.depth, spans))
-        sent, passed, media = paths.weight[:, 0], np.ones((3, 1)), ()
+        sent, passed = paths.weight[:, 0], np.ones((3, 1))
+        media: tuple[tuple[str, Numbers], ...] = ()
         if spans is not None:
             passed = stage.media.passed(spans, paths.rays.near, found.depth)
             media = tuple(self._media(paths, spans, found.depth))
@@ -193,8 +194,8 @@ class Explainer:
         if about.caught is None:
             own = own + paths.weight[:, 0] * _sum(about)
         else:
-            behind = self._behind(paths, d, coefficients, np.array(about.caught))
-            own, ray = own + paths.weight[:, 0] * behind, replace(ray, background=_numbers(behind))
+            caught = self._behind(paths, d, coefficients, np.array(about.caught))
+            own, ray = own + paths.weight[:, 0] * caught, replace(ray, background=_numbers(caught))
         color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
 
@@ -296,7 +297,7 @@ class Explainer:
     def _lights(
         self, surface: Surface, coefficients: Coefficients, paths: Paths
     ) -> Iterator[LightTerm]:
-        lighting, weight = self.stage.lighting_of(paths), paths.weight
+        lighting, weight = self._lighting(surface, paths), paths.weight
         for source in lighting.sources:
             margin, j = 0, 0
             hidden = source.hidden_counts if isinstance(source, Dome) else 1
@@ -316,6 +317,10 @@ class Explainer:
                     yield term
             if isinstance(source, Dome) and margin >= 0:
                 yield self._rest(surface, coefficients, source, j + 1)
+
+    def _lighting(self, surface: Surface, paths: Paths) -> Lighting:
+        lighting = self.stage.lighting_of(paths)
+        return lighting.of_strands if surface.primitive[0] >= lighting.first_rod else lighting
 
     def _lights_behind(
         self, surface: Surface, coefficients: Coefficients, depth: Array, paths: Paths

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..film import CATCHER, OCCLUSION, VOLUME
 from . import catchers
-from .gathering import gathering, seen_lobes
+from .gathering import Shares, gathering, seen_lobes
 from .gloss import reflecting
 from .lighting import DirectLight
 from .lights import Source
@@ -85,7 +85,8 @@ class Generations:
         blocks these are, where their pixels share what gather rays find.
         """
         self._stage, self._tile, self._sample, self._places = stage, tile, sample, places
-        self._blocks, self._shares = blocks, None
+        self._blocks = blocks
+        self._shares: Shares | None = None
         stage.media.moment.sample = sample
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
@@ -433,9 +434,9 @@ class Generations:
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)
-        for group in range(len(stage.scene.light_groups)):
-            given = weight * light.groups[3 * group : 3 * group + 3]
-            self._tile.add_to_groups(group, pixel, given)
+        for number in range(len(stage.scene.light_groups)):
+            given = weight * light.groups[3 * number : 3 * number + 3]
+            self._tile.add_to_groups(number, pixel, given)
         if stage.splits and paths.depth == 0:
             self._split(pixel, weight, surface, coefficients, light)
 

@@ -24,7 +24,7 @@ from .materials import Coefficients, Term
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
 from .surface import Surface
-from .tabled_lights import BouncedSource, Dome, MeshSource, far_share
+from .tabled_lights import STRAND_PARTS, BouncedSource, Dome, MeshSource, far_share
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
@@ -69,7 +69,8 @@ class Lighting:
     shows bounced light, as no rays of its own look for surfaces.
     catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
     many light is told apart by.  reach: how far gather rays look for what bounced light has the
-    rest of; 0 where there are none.  gathered: these are surfaces that they found.
+    rest of; 0 where there are none.  gathered: these are surfaces that they found.  first_rod: the
+    first primitive that is of strands.
     """
 
     sources: tuple[Source, ...]
@@ -85,6 +86,16 @@ class Lighting:
     shows_gloss: bool = True
     reach: float = 0.0
     gathered: bool = False
+    first_rod: int = 0
+
+    @cached_property
+    def of_strands(self) -> Lighting:
+        """As strands see it."""
+        tabled = (Dome, MeshSource)
+        parts = [s.in_parts(STRAND_PARTS) if isinstance(s, tabled) else s for s in self.sources]
+        shared = [s.parts for s in parts if isinstance(s, BouncedSource)]
+        marks = max(self.bounced_marks // max(shared, default=1), 1)
+        return replace(self, sources=tuple(parts), bounced_marks=marks)
 
     @cached_property
     def _clusters(self) -> LampClusters:
@@ -147,7 +158,27 @@ class Lighting:
         given = coefficients.diffuse.any(0)
         for term in (*coefficients.highlights, *coefficients.sheens, *coefficients.fibres):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
-        for source in self.sources if given.any() else ():
+        strands = surface.primitive >= self.first_rod
+        for lighting, points in ((self, given & ~strands), (self.of_strands, given & strands)):
+            if points.any():
+                lighting._light(
+                    surface, coefficients, weight, sample, points, on_reach, on_cut, total
+                )
+        return total
+
+    def _light(
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        weight: Array,
+        sample: int,
+        given: Array,
+        on_reach: Callable[[Source, Array, bool], None],
+        on_cut: Callable[[Array], None],
+        total: DirectLight,
+    ) -> None:
+        """Adds all lights at the points `given` (n,) bool."""
+        for source in self.sources:
             lit = given & self.lights(source, surface)
             if source.sample_count(self.light_samples) > 1 and source.color.any():
                 on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
@@ -158,9 +189,10 @@ class Lighting:
                 surface, coefficients, weight, source, sample
             ):
                 self.cancellation.check()
-                seen, dimmed = self._add(
-                    surface, coefficients, lit, source, narrow, light_sample, diffuse, total
+                brought = self._given(
+                    surface, coefficients, lit, source, narrow, light_sample, diffuse
                 )
+                seen, dimmed = self._add(source, brought, total)
                 on_reach(source, seen, source.is_soft(self.light_samples))
                 if diffuse is coefficients.diffuse and light_sample.counts:
                     hidden = source.hidden_counts if isinstance(source, Dome) else 1
@@ -172,9 +204,8 @@ class Lighting:
                 add_at(total.diffuse, open_, rest)
                 add_at(total.lit_diffuse, open_, rest)
                 add_to_groups(total.groups, source.light.light_group, open_, rest)
-        for group in self._groups(surface, coefficients, given, total) if given.any() else ():
+        for group in self._groups(surface, coefficients, given, total):
             self._share(group, surface, coefficients, weight, sample, given, on_reach, total)
-        return total
 
     def _shares(self, source: Source) -> bool:
         return isinstance(source, BouncedSource) or (self.marks > 0 and may_share(source.light))
@@ -335,21 +366,10 @@ class Lighting:
                     np.zeros_like(coefficients.diffuse),
                 )
 
-    def _add(
-        self,
-        surface: Surface,
-        coefficients: Coefficients,
-        lit: Array,
-        source: Source,
-        narrow: Narrow | None,
-        sample: LightSample,
-        diffuse: Array,
-        total: DirectLight,
-    ) -> tuple[Array, Array]:
-        """One sample of one light; the points that it reaches, whatever stands between, and (m,)
-        bool which of them something hides it from or dims it for.
+    def _add(self, source: Source, given: Given, total: DirectLight) -> tuple[Array, Array]:
+        """Takes in what one sample of a light gives; the points that it reaches, whatever stands
+        between, and (m,) bool which of them something hides it from or dims it for.
         """
-        given = self._given(surface, coefficients, lit, source, narrow, sample, diffuse)
         seen = given.seen
         if not len(seen):
             return seen, np.zeros(0, bool)

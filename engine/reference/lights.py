@@ -462,6 +462,7 @@ class Source:
             even.intensity.copy(),
             even.spread.copy(),
         )
+        assert even.end is not None
         end = even.end if even.end.shape[1] > 1 else np.repeat(even.end, x.shape[1], 1)
         if not drawn:
             way = i * right + j * up - k * self.axis

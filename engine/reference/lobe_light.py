@@ -86,6 +86,7 @@ def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, m
     """The same of FIBRE_DIFFUSE lobes, or of the others."""
 
     def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
+        assert term.fibre is not None
         cosine, t, scattered = dot(n, l), pick(term.fibre, chosen), term.lobe.between_fibres
         if matt:
             return np.where(cosine > 0, fibre_diffuse(t, l, scattered), 0.0)

@@ -102,7 +102,7 @@ def _pixels(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
     frame = np.asarray(camera.world_from_camera, np.float64)
     x, y, z = c = transform(np.linalg.inv(frame[:, :3]), points - frame[:, 3:])
     seen = np.ones(len(x), bool)
-    if camera.kind == "PANORAMA":
+    if camera.panorama is not None:
         x, y = picture_points(camera.panorama, unit(c))
     elif camera.kind == "PERSPECTIVE":
         seen = z < 0
@@ -117,7 +117,7 @@ def _step(camera: Camera, a: tuple[Array, Array, Array], b: tuple[Array, Array, 
     """(2, n) from b to a, the shorter way round; 0 where either is not there."""
     with np.errstate(invalid="ignore"):
         x, y = a[0] - b[0], a[1] - b[1]
-        if camera.kind == "PANORAMA" and camera.panorama.projection in _ROUND:
+        if camera.panorama is not None and camera.panorama.projection in _ROUND:
             first, last = camera.panorama.longitude
             left, right = camera.window[:2]
             turn = 2 * np.pi / (last - first) / (right - left) * camera.resolution[0]

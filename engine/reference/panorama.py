@@ -180,6 +180,7 @@ def step_size(camera: Camera) -> float:
     left, right, bottom, top = camera.window
     middle, pixel = (left + right) / 2, (right - left) / camera.resolution[0]
     u = np.array([middle, middle + pixel])
+    assert camera.panorama is not None
     d, seen = looks(camera.panorama, u, np.full(2, (bottom + top) / 2))
     step = float(length(d[:, 1:] - d[:, :1])[0])
     return 0.1 * (step if seen.all() and step > 0 else 2 * np.pi / camera.resolution[0])

@@ -53,7 +53,10 @@ def clipped(camera: Camera, d: Array) -> Array:
 
 def light_path(kind: str, count: int) -> tuple[Array, Array, Array]:
     """Three times (count,): 1 where the rays are the camera's, shadows', bounced ones."""
-    return tuple(np.full(count, float(kind == k)) for k in ("camera", "shadow", "mirror"))
+    camera, shadow, bounced = (
+        np.full(count, float(kind == k)) for k in ("camera", "shadow", "mirror")
+    )
+    return camera, shadow, bounced
 
 
 class SurfacePoints:
@@ -216,14 +219,17 @@ class SurfacePoints:
 
     def blocked(self, asked: Asked, of: str) -> Array:
         """(m,) bool: see `SceneQueries.blocked`."""
+        assert self.queries is not None
         return self.queries.blocked(self._surface, self._index, asked, of)
 
     def nearest(self, asked: Asked, of: str) -> Met:
         """See `SceneQueries.nearest`."""
+        assert self.queries is not None
         return self.queries.nearest(self._surface, self._index, asked, of)
 
     def crossings(self, asked: Asked) -> Met:
         """See `SceneQueries.crossings`."""
+        assert self.queries is not None
         return self.queries.crossings(self._surface, self._index, asked)
 
     def attribute_on(self, surface: Surface, name: str) -> Array:
@@ -326,7 +332,7 @@ def window(camera: Camera, x: Array) -> Array:
     axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
     x, y, z = np.linalg.solve(axes, x)
     left, right, bottom, top = camera.window
-    if camera.kind == "PANORAMA":
+    if camera.panorama is not None:
         u, v = picture_points(camera.panorama, unit(np.stack([x, y, z])))
         return np.stack([(u - left) / (right - left), (v - bottom) / (top - bottom)])
     if camera.kind == "PERSPECTIVE":

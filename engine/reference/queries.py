@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from ..scene import Scene
+from ..scene.ray_batch import RayBatch
 from .cancellation import Cancellation
 from .geometry import KINDS, Geometry, gather
 from .placements import primitive_count
@@ -35,10 +36,8 @@ class ReferenceQueries:
         began = perf_counter()
         self._middle, self._scale = _anchor(gather(scene, np.zeros(3)))
         geometry = _without_giants(gather(_anchored(scene, self._middle, self._scale), np.zeros(3)))
-        flags = [geometry.visible[kind] for kind in KINDS]
-        geometry.visible[ANY] = (
-            None if any(flag is None for flag in flags) else np.logical_or.reduce(flags)
-        )
+        flags = [flag for kind in KINDS if (flag := geometry.visible[kind]) is not None]
+        geometry.visible[ANY] = np.logical_or.reduce(flags) if len(flags) == len(KINDS) else None
         self._visibility = Visibility(
             geometry, np.ones(geometry.count, bool), Cancellation(lambda: False)
         )
@@ -64,26 +63,16 @@ class ReferenceQueries:
             "build": perf_counter() - began
         }
 
-    def closest(
-        self,
-        origins: Array,
-        directions: Array,
-        t_min: Array,
-        t_max: Array,
-        size: int,
-        visibility: str | None,
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """t, instance, primitive, u, v of `accelerator.Hits`; the arguments are those of
-        `accelerator.Rays`.
-        """
+    def closest(self, batch: RayBatch) -> tuple[Array, Array, Array, Array, Array]:
+        """t, instance, primitive, u, v of `accelerator.Hits`."""
         t, instance, primitive = (
-            np.full(size, np.inf, origins.dtype),
-            np.full(size, -1, np.int32),
-            np.full(size, -1, np.int32),
+            np.full(batch.size, np.inf, batch.origins.dtype),
+            np.full(batch.size, -1, np.int32),
+            np.full(batch.size, -1, np.int32),
         )
-        u, v = np.zeros(size, np.float32), np.zeros(size, np.float32)
-        for rays, scaled, along, skipped in self._chunks(origins, directions, t_min, t_max, size):
-            found = self._visibility.closest(scaled, visibility or ANY)
+        u, v = np.zeros(batch.size, np.float32), np.zeros(batch.size, np.float32)
+        for rays, scaled, along, skipped in self._chunks(batch):
+            found = self._visibility.closest(scaled, batch.visibility or ANY)
             hit = np.flatnonzero(found.primitive != NOTHING)
             spot = spot_at(self._visibility.geometry, scaled, hit, found.primitive[hit])
             rays = rays[hit]
@@ -96,27 +85,19 @@ class ReferenceQueries:
             u[rays], v[rays] = spot.weights[1:]
         return t, instance, primitive, u, v
 
-    def occluded(
-        self,
-        origins: Array,
-        directions: Array,
-        t_min: Array,
-        t_max: Array,
-        size: int,
-        visibility: str | None,
-    ) -> Array:
+    def occluded(self, batch: RayBatch) -> Array:
         """(size,) bool."""
-        return self.closest(origins, directions, t_min, t_max, size, visibility)[1] >= 0
+        return self.closest(batch)[1] >= 0
 
-    def _chunks(self, origins: Array, directions: Array, t_min: Array, t_max: Array, size: int):
+    def _chunks(self, batch: RayBatch):
         """Rays that can hit, in chunks: their places, themselves in the tracer's units, how long
         their directions are, and how far from the origin they start.
         """
         arrays = [
-            np.broadcast_to(array, (size, *array.shape[1:]))
-            for array in (origins, directions, t_min, t_max)
+            np.broadcast_to(array, (batch.size, *array.shape[1:]))
+            for array in (batch.origins, batch.directions, batch.t_min, batch.t_max)
         ]
-        for begin in range(0, size, CHUNK):
+        for begin in range(0, batch.size, CHUNK):
             o, d, low, high = (array[begin : begin + CHUNK].astype(np.float64) for array in arrays)
             with np.errstate(invalid="ignore", over="ignore"):
                 o = ((o - self._middle) * self._scale).T

@@ -175,7 +175,7 @@ class _Outlines:
     z0: Array
 
     def take(self, index: Array) -> _Outlines:
-        u, v = (None, None) if self.u is None else (pick(self.u, index), pick(self.v, index))
+        u, v = (None if a is None else pick(a, index) for a in (self.u, self.v))
         rest = (a[index] for a in (self.u0, self.u1, self.v0, self.v1, self.z0))
         return _Outlines(self.primitive[index], u, v, *rest)
 
@@ -318,6 +318,7 @@ class _Edges:
     @classmethod
     def of(cls, outlines: _Outlines) -> _Edges:
         u, v = outlines.u, outlines.v
+        assert u is not None and v is not None
         other_u, other_v = u[[1, 2, 0]], v[[1, 2, 0]]
         up = v <= other_v
         low_u, low_v = np.where(up, u, other_u), np.where(up, v, other_v)

@@ -126,9 +126,10 @@ class CoherentRays:
         u, v = self.u[rays], self.v[rays]
         if self.frame.perspective:
             return np.repeat(self.frame.origin[:, None], len(rays), 1), transform(
-                world, (u, v, np.ones(len(rays)))
+                world, np.stack([u, v, np.ones(len(rays))])
             )
-        return transform(world, (u, v, np.zeros(len(rays)))), np.repeat(world[:, 2:], len(rays), 1)
+        start = transform(world, np.stack([u, v, np.zeros(len(rays))]))
+        return start, np.repeat(world[:, 2:], len(rays), 1)
 
     def corners(
         self, geometry: Geometry, ray: Array, triangle: Array

@@ -109,7 +109,7 @@ class Aim:
         v, off = first + inside * (last - first), self.off
         spread = np.where(good, whole / (low + inside * (high - low)), 0.0)
         spread = np.where(np.isfinite(spread), spread, 0.0)
-        if self.nearest is None:
+        if self.nearest is None or off is None:
             return v / self.ladder.speed, spread
         rest = (1 - v) * (1 + v)
         t = self.nearest + 2 * v * off / rest / self.ladder.speed

@@ -88,7 +88,8 @@ class SceneQueries:
             hits = self.visibility.layers(rays.take(mine), geometry.row == number)
             found.append((mine[hits[0]], hits[1], hits[2]))
         if not found:
-            return self._met(rays, ray, *np.zeros((2, 0), np.intp), np.zeros(0))
+            none = np.zeros(0, np.intp)
+            return self._met(rays, ray, none, none, np.zeros(0))
         return self._met(rays, ray, *map(np.concatenate, zip(*found, strict=True)))
 
     def _rays(self, index: Array, asked: Asked) -> tuple[IncoherentRays, Array]:
@@ -102,8 +103,9 @@ class SceneQueries:
         geometry = self.visibility.geometry
         if of != "own":
             kinds = list(geometry.visible.values()) if of == "any" else [geometry.visible[of]]
-            everything = any(kind is None for kind in kinds)
-            return self.visibility.closest_of(rays, None if everything else np.any(kinds, 0))
+            some = [kind for kind in kinds if kind is not None]
+            everything = len(some) < len(kinds)
+            return self.visibility.closest_of(rays, None if everything else np.any(some, 0))
         found = Hits(np.full(len(rays), NOTHING), np.full(len(rays), np.inf))
         for number in np.unique(row):
             mine = np.flatnonzero(row == number)

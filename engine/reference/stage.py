@@ -76,6 +76,7 @@ class Stage:
             asked,
             light_groups=len(scene.light_groups),
             shows_gloss=settings.reflecting != "ALL",
+            first_rod=self.geometry.first_rod,
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())

@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -25,6 +26,9 @@ Array = np.ndarray
 SKY_PARTS = 2
 """In so many parts the sky's samples are taken, one by each pixel sample in turn, by what gather
 rays meet: that is seen from afar.
+"""
+STRAND_PARTS = 4
+"""The same of all lights that have tables, by strands: each sample of a pixel meets others of them.
 """
 LEAST_WIDE = 8.0
 """Exponents from here on draw directions beside the points of lights that may be all around."""
@@ -221,17 +225,31 @@ class MeshSource(Source):
 
     def __init__(self, light: Light, eye: Array, table: MeshTable):
         super().__init__(light, eye, physical=True)
-        self._eye = eye
+        self._eye, self.parts = eye, 1
         self._table, self._emitters = table, light.emitters
         self._axes = np.asarray(light.world_from_light, np.float64)[:, :3]
         self.draws = 1 / table.each
         self.points = [MeshPoint(k, disc) for k, disc in enumerate(table.disc)]
 
+    def in_parts(self, parts: int) -> Self:
+        """As `Dome.in_parts`, of its points."""
+        if self._table.each % parts:
+            return self
+        found = copy.copy(self)
+        found.parts = parts
+        found.draws = parts / self._table.each
+        return found
+
     def sample_count(self, light_samples: int) -> int:
-        return self._table.each
+        return self._table.each // self.parts
+
+    def numbers(self, sample: int, n: int) -> range:
+        each = n * self.parts
+        first = sample % (len(self.points) // each) * each + sample % self.parts * n
+        return range(first, first + n)
 
     def drawn_at(self, number: int, point: MeshPoint) -> MeshPoint | None:
-        return point if number % self._table.each == 0 else None
+        return point if number % (self._table.each // self.parts) == 0 else None
 
     def least_exponent(self, x: Array) -> Array:
         return np.full(x.shape[1], LEAST_WIDE)
@@ -288,7 +306,7 @@ class MeshSource(Source):
             color = np.clip(light, -HUGE, HUGE)
         return LightSample(
             direction,
-            solid_angle / (np.pi * self._table.each),
+            self.parts * solid_angle / (np.pi * self._table.each),
             q,
             solid_angle,
             color,
@@ -385,7 +403,7 @@ class BouncedSource(MeshSource):
             form = (2 * r2 * h / (apart * (apart + d2 + r2))) * (to + h * m) - along * m
         form = np.where(facing, form, 0.0)
         size = length(form)
-        share = self._table.spread[number] / (np.pi * self._table.each)
+        share = self.parts * self._table.spread[number] / (np.pi * self._table.each)
         z = dot(n, m)
         more = mirrored(dot(n, to), np.sqrt(r2 * np.maximum(1 - z * z, 0.0)), size)
         more = 1 + np.clip(2 * (1 - z), 0.0, 1.0) * more

@@ -31,9 +31,8 @@ class Image:
         x, y = _finite(u) * width, _finite(v) * height
         if self._texture.interpolation == "CLOSEST":
             return self._decoded(self._texels(np.floor(x), np.floor(y)))
-        x, y = x - 0.5, y - 0.5
-        x0, y0 = np.floor(x), np.floor(y)
-        fx, fy = x - x0, y - y0
+        x0, y0 = np.floor(x - 0.5), np.floor(y - 0.5)
+        fx, fy = x - 0.5 - x0, y - 0.5 - y0
         if self._texture.interpolation == "CUBIC":
             return self._decoded(self._cubic(x0, y0, fx, fy))
         below = (1 - fx) * self._texels(x0, y0) + fx * self._texels(x0 + 1, y0)

@@ -99,8 +99,8 @@ class Tracer:
 
     def _stage_of(self, sample: int) -> Stage:
         """What stands there at the time of a sample."""
-        moves = self._times is not None
-        scene = moment(self._scene, self._times[sample]) if moves else self._scene
+        times = self._times
+        scene = self._scene if times is None else moment(self._scene, times[sample])
         stage = Stage(scene, self._settings, self._cancellation)
         if self._stage is not None:
             stage.rays.update(self._stage.rays)
@@ -142,7 +142,7 @@ class Tracer:
         return (x0 <= x) & (x < x1) & (y0 <= y) & (y < y1)
 
     def _end_wave(self, samples: int) -> None:
-        if self._estimate:
+        if self._estimate and self._refinement:
             self._estimate.end_wave(self.picture.color_and_loss(), samples, self._refinement.active)
         if self._refinement:
             self._refinement.end_wave(self.picture.color_and_loss()[:3], samples)

@@ -143,6 +143,7 @@ class Visibility:
         if isinstance(rays, IncoherentRays):
             pairs = tree_pairs(self.tree, rays, seen, limit, self.cancellation)
         else:
+            assert strips is not None
             pairs = raster_pairs(rays, strips, self.geometry, seen, limit, self.cancellation)
         for ray, primitive in pairs:
             if self.geometry.triangle_count == self.geometry.count:

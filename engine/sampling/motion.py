@@ -70,12 +70,46 @@ def moment(scene: Scene, time: float) -> Scene:
     """What stands there at one time of the shutter's, 0 to 1. The camera keeps its motion; what
     stands still is the very same value.
     """
-    return replace(
-        scene,
-        geometries=tuple(_shape(g, time) for g in scene.geometries),
-        instances=tuple(_placed(block, time) for block in scene.instances),
-        lights=tuple(_lamp(light, time) for light in scene.lights),
-    )
+    return Moments(scene).at(time)
+
+
+class Moments:
+    """A scene at many times: how matrices turn from one key to the next is found once."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._ways: dict[tuple[str, int, int], _Way] = {}
+
+    def at(self, time: float) -> Scene:
+        """As `moment`."""
+        scene = self._scene
+        return replace(
+            scene,
+            geometries=tuple(_shape(g, time) for g in scene.geometries),
+            instances=tuple(self._placed(k, time) for k in range(len(scene.instances))),
+            lights=tuple(self._lamp(k, time) for k in range(len(scene.lights))),
+        )
+
+    def _placed(self, number: int, time: float) -> Instances:
+        block = self._scene.instances[number]
+        if block.motion is None:
+            return block
+        frames = self._between("instances", number, block.motion, time)
+        return replace(block, world_from_object=frames, motion=None)
+
+    def _lamp(self, number: int, time: float) -> Light:
+        light = self._scene.lights[number]
+        if light.motion is None:
+            return light
+        frame = self._between("lights", number, light.motion[:, None], time)[0]
+        return replace(light, world_from_light=frame, motion=None)
+
+    def _between(self, kind: str, number: int, keys: Array, time: float) -> Array:
+        k, share = _key_before(keys, time)
+        way = self._ways.get((kind, number, k))
+        if way is None:
+            way = self._ways[kind, number, k] = _Way(keys[k], keys[k + 1])
+        return way.at(share)
 
 
 def camera_frames(camera: Camera, times: Array) -> Array:
@@ -150,26 +184,17 @@ def _values(attribute: Attribute, time: float) -> Attribute:
     return replace(attribute, values=values, motion=None)
 
 
-def _placed(block: Instances, time: float) -> Instances:
-    if block.motion is None:
-        return block
-    a, b, share = _keys_at(block.motion, time)
-    return replace(block, world_from_object=between_placements(a, b, share), motion=None)
-
-
-def _lamp(light: Light, time: float) -> Light:
-    if light.motion is None:
-        return light
-    a, b, share = _keys_at(light.motion, time)
-    frame = between_placements(a[None], b[None], share)[0]
-    return replace(light, world_from_light=frame, motion=None)
-
-
 def _keys_at(keys: Array, time: float) -> tuple[Array, Array, float]:
     """The keys before and after a time, and how far it is between them."""
+    k, share = _key_before(keys, time)
+    return keys[k], keys[k + 1], share
+
+
+def _key_before(keys: Array, time: float) -> tuple[int, float]:
+    """The number of the key before a time, and how far that is to the next."""
     place = time * (len(keys) - 1)
     k = min(int(place), len(keys) - 2)
-    return keys[k], keys[k + 1], place - k
+    return k, place - k
 
 
 def _on_a_line(keys: Array, time: float) -> Array:
@@ -185,20 +210,32 @@ def between_placements(a: Array, b: Array, share: float) -> Array:
     Straight all of it where one is mirrored and the other not. Rows that do not change keep their
     bits.
     """
-    straight = a + share * (b - a)
-    alike = _mirrored(a[:, :, :3]) == _mirrored(b[:, :, :3])
-    bends = alike & (a[:, :, :3] != b[:, :, :3]).any((1, 2))
-    rows = np.flatnonzero(bends & np.isfinite(straight).all((1, 2)))
-    if not len(rows):
+    return _Way(a, b).at(share)
+
+
+class _Way:
+    """From placements a to b, as `between_placements` goes."""
+
+    def __init__(self, a: Array, b: Array) -> None:
+        self._a, self._b = a, b
+        alike = _mirrored(a[:, :, :3]) == _mirrored(b[:, :, :3])
+        bends = alike & (a[:, :, :3] != b[:, :, :3]).any((1, 2))
+        self._rows = rows = np.flatnonzero(bends & np.isfinite(b - a).all((1, 2)))
+        ends = [m[rows, :, :3] for m in (a, b)]
+        turns = [_turns(m) for m in ends] if len(rows) else ends
+        self._stretches = [
+            _product(np.swapaxes(r, 1, 2), m) for r, m in zip(turns, ends, strict=True)
+        ]
+        self._turns = [_quaternions(r) for r in turns]
+
+    def at(self, share: float) -> Array:
+        straight = self._a + share * (self._b - self._a)
+        if not len(self._rows):
+            return straight
+        (first, second), (from_, to) = self._stretches, self._turns
+        turned = _matrices(_slerp(from_, to, share))
+        straight[self._rows, :, :3] = _product(turned, first + share * (second - first))
         return straight
-    ends = [m[rows, :, :3] for m in (a, b)]
-    turns = [_turns(m) for m in ends]
-    stretches = [_product(np.swapaxes(r, 1, 2), m) for r, m in zip(turns, ends, strict=True)]
-    stretch = stretches[0] + share * (stretches[1] - stretches[0])
-    first, second = (_quaternions(r) for r in turns)
-    turned = _matrices(_slerp(first, second, share))
-    straight[rows, :, :3] = _product(turned, stretch)
-    return straight
 
 
 def _product(a: Array, b: Array) -> Array:

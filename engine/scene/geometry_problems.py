@@ -121,11 +121,15 @@ def _spheres(spheres: Spheres) -> Found:
     if shapes:
         return
     count = len(spheres.centers)
-    yield from array("radii", spheres.radii, np.float32, (count,))
-    if isinstance(spheres.radii, np.ndarray) and np.any(spheres.radii < 0):
-        yield "radii has a negative value: use 0 or more"
+    yield from _radii(spheres.radii, count)
     yield from _slots(spheres.material_slots, count, "sphere")
     yield from _moving(spheres, spheres.centers.shape)
+
+
+def _radii(radii: np.ndarray, count: int) -> Found:
+    yield from array("radii", radii, np.float32, (count,))
+    if isinstance(radii, np.ndarray) and np.any(radii < 0):
+        yield "radii has a negative value: use 0 or more"
 
 
 def _strands(strands: Strands) -> Found:
@@ -137,9 +141,7 @@ def _strands(strands: Strands) -> Found:
     if shapes:
         return
     count = len(strands.vertices)
-    yield from array("radii", strands.radii, np.float32, (count,))
-    if isinstance(strands.radii, np.ndarray) and np.any(strands.radii < 0):
-        yield "radii has a negative value: use 0 or more"
+    yield from _radii(strands.radii, count)
     yield from below("starts", strands.starts, max(count - 1, 0), "vertices before the last")
     yield from _slots(strands.material_slots, len(strands.starts), "segment")
     rows = {POINT: count, FACE: len(strands.starts)}

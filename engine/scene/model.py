@@ -3,7 +3,7 @@
 Everything is a frozen dataclass of NumPy arrays and integer handles; handles index the tuples of
 `Scene`. World quantities are float64, geometry stays in object space as float32 (Blender's own
 precision). `engine/SEMANTICS.md` says which picture a scene stands for; `problems.py`
-checks a scene at the door.
+checks a scene at the API boundary.
 
 Conventions: right-handed, metres as Blender's units, angles in radians, colours scene-linear RGB. A
 matrix `target_from_source` is `(3, 4)`: columns 0-2 the linear part, column 3 the translation.

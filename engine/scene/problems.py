@@ -1,5 +1,5 @@
-"""The check at the door: what makes a scene unfit to render, one sentence each, with the thing's
-name and the remedy.
+"""The check at the API boundary: what makes a scene unfit to render, one sentence each, with
+the thing's name and the remedy.
 
 Tracers rely on it: after an empty list every array has the dtype and shape that `scene.py` says,
 every index is in range, and every number is finite except vertices, centres and radii, whose

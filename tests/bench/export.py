@@ -18,7 +18,7 @@ from pathlib import Path
 TESTS = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TESTS), str(TESTS / "blender")]
 
-import conftest  # noqa: E402, F401  (the tree as the package `glint`)
+import glint_tree  # noqa: E402, F401  (the tree as the package `glint`)
 
 
 def main() -> None:

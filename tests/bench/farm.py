@@ -5,7 +5,8 @@
 The demo scene, whose knot turns. A third of the way into the job one worker is killed as by a power
 cut (Slurm's daemon, its task, Blender) and started again; Slurm puts its task back into the queue.
 At the end every frame is verified by its stamp, and the hashes of pixels are those of the serial
-render. Needs Debian's munge, slurm-client, slurmctld, slurmd.
+render. Needs Debian's munge, slurm-client, slurmctld, slurmd, and the core (`make bench ARGS=farm`
+builds it).
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -24,9 +25,9 @@ from pathlib import Path
 TESTS = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(TESTS), str(TESTS / "blender")]
 
-import conftest  # noqa: E402, F401
 from blender_process import REGISTER_TREE  # noqa: E402
 from farm_shot import Shot  # noqa: E402
+from glint_tree import BYTECODE  # noqa: E402
 from slurm_farm import missing_programs, slurm_farm, wait_for  # noqa: E402
 
 SCENE = """
@@ -51,12 +52,14 @@ bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "shot.blend"))
 
 COUNTING = """#!/bin/bash
 here=$(dirname "$0")
+echo "begin $(date +%s.%N) ${SLURMD_NODENAME:-} ${SLURM_ARRAY_TASK_ID:-} $6" >> "$here/tasks"
 "$here/drawing" "$@"
 code=$?
+echo "end $(date +%s.%N) ${SLURMD_NODENAME:-} ${SLURM_ARRAY_TASK_ID:-} $6" >> "$here/tasks"
 times >> "$here/times"
 exit $code
 """
-"""Draws, and writes down the seconds of CPU that it took."""
+"""Draws, and writes down when it began and ended, and the seconds of CPU that it took."""
 
 
 def main() -> int:
@@ -71,6 +74,12 @@ def main() -> int:
     if missing_programs():
         print(f"farm.py: {', '.join(missing_programs())} are missing", file=sys.stderr)
         return 1
+    from glint import engine
+
+    if engine.native_error():
+        print(f"farm.py: {engine.native_error()} (make bench ARGS=farm)", file=sys.stderr)
+        return 1
+    os.environ |= BYTECODE
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:2])
     with tempfile.TemporaryDirectory() as folder:
         shot = Shot(Path(folder))
@@ -92,6 +101,7 @@ def main() -> int:
         farm_cpu = _cpu_seconds(shot) - serial_cpu + lost
         print(f"two workers, one killed: {farm:.1f} s ({farm_cpu:.1f} s of CPU)")
         print(f"the killed task had taken {lost:.1f} s of CPU")
+        print("\n".join(_timeline(shot)))
         checked = shot.frames(numbers, "--check")
         print(checked.output.splitlines()[-1])
         assert checked.returncode == 0, checked.output
@@ -122,6 +132,8 @@ def _farm(shot: Shot, numbers: str, per_task: int, of_a_frame: float) -> tuple[f
     wanted = len(list((shot.folder / "serial").iterdir()))
     with slurm_farm(2) as farm:
         farm.variables |= {"BLENDER": str(shot.program)}
+        farm.slurm("sbatch", "--wait", "--wrap=true")  # farms are up when a job comes
+        (shot.folder / "tasks").unlink()
         start = time.perf_counter()
         farm.slurm("sbatch", "--parsable", script)
         wait_for(lambda: len(shot.names) >= wanted // 3, "a third of the frames", 7200)
@@ -134,6 +146,18 @@ def _farm(shot: Shot, numbers: str, per_task: int, of_a_frame: float) -> tuple[f
         seconds = time.perf_counter() - start
         assert farm.restarts() == 1, "the killed task goes back into the queue"
     return seconds, lost
+
+
+def _timeline(shot: Shot) -> list[str]:
+    """A line for each task of the farm: seconds since the first began, worker, number, frames."""
+    rows = [line.split() for line in (shot.folder / "tasks").read_text().splitlines()]
+    first, told = float(rows[0][1]), []
+    for place, (what, begin, worker, *task) in enumerate(rows):
+        if what == "begin":
+            after = next((row for row in rows[place + 1 :] if row[2] == worker), rows[-1])
+            end = f"{float(after[1]) - first:6.1f}" if after[0] == "end" else "killed"
+            told.append(f"{float(begin) - first:7.1f} to {end}  " + "  ".join([worker, *task]))
+    return told
 
 
 def _cpu_seconds(shot: Shot) -> float:

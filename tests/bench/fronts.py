@@ -117,9 +117,9 @@ def matched_scene(name: str, side: int):
     """Opens the scene with a camera and lamps, black world, diffuse everywhere."""
     import bpy
 
-    import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
-    from glint import addon
+    import glint
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint.operators.compare_cycles import limit_size
 
     name, _, wish = name.partition(":")
@@ -128,7 +128,7 @@ def matched_scene(name: str, side: int):
         path for kind in ("*.blend", "*.glb", "*.gltf") for path in sorted(folder.glob(kind))
     )
     scene = contact_scene.prepare(str(source))
-    addon.register()
+    glint.register()
     if wish == "hard":
         harden(bpy.data.lights)
     scene.world = bpy.data.worlds.new("Black")
@@ -169,7 +169,7 @@ def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
     from glint.engine import Settings
     from glint.engine.analysis import metrics
     from glint.engine.analysis.trade_crops import CropRenderer
-    from glint.engine.analysis.trade_knobs import has_soft_lights
+    from glint.engine.analysis.trade_tunables import has_soft_lights
     from glint.operators.scene_copy import read_job
 
     job = read_job(scene, bpy.context.view_layer.name)
@@ -311,7 +311,7 @@ def row_of(result: dict) -> str:
 
 def write_all(results: list[dict], out: Path) -> None:
     """fronts.md and fronts.png."""
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint.engine.analysis import plot, trade_plot
 
     at = ", ".join(f"{error:.1%}".replace(".0%", "%") for error in LEVELS)

@@ -97,12 +97,12 @@ def row_of(name: str, source: str, options: argparse.Namespace) -> dict | None:
 
 def measure_scene(options: argparse.Namespace) -> dict:
     sys.path[:0] = [str(HERE.parent), str(HERE.parent / "cycles")]
-    import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
-    from glint import addon
+    import glint
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint.engine.analysis import flip
 
-    addon.register()
+    glint.register()
     scene = contact_scene.prepare(options.inside)
     pictures, seconds = {}, {}
     few = [timed_cycles(scene, samples)[1] for samples in (1, 9)]

@@ -96,14 +96,14 @@ def rendered(scene, engine: str, samples: int):
 
 def choose(scene, engine: str, samples: int) -> None:
     """Through the pixels' centres, without bounces."""
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from cycles_reference import bpy, make_exact
-    from glint import addon
 
     make_exact(scene, samples)
     if engine == "GLINT":
         if not hasattr(bpy.types.Scene, "glint"):
-            addon.register()
+            glint.register()
         scene.render.engine, scene.render.filter_size = "GLINT", 0.01
         stages.choose_samples(scene, engine, samples)
 

@@ -61,7 +61,7 @@ def material(add: Callable[[Any, Any], Any]) -> Any:
     """
     import bpy
 
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     made = bpy.data.materials.new("M")

@@ -57,7 +57,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def names() -> list[str]:
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     import node_scenes
 
     return [build.__name__ for build in (*node_scenes.MATERIALS, *node_scenes.GRAINY)]
@@ -73,7 +73,7 @@ def seconds(name: str, engine: str, options: argparse.Namespace) -> float:
 
 def measure(name: str, engine: str, few: int, many: int) -> dict[str, float]:
     """In this process: processor time of a render of few and of many samples."""
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     import node_scenes
 
     if engine == "GLINT":

@@ -32,7 +32,7 @@ def require_core() -> None:
     """Raise NoCoreError with the reason unless the native core is there: without it the NumPy
     tracer would be timed.
     """
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint import engine
 
     if "NATIVE" not in engine.available_backends():
@@ -157,10 +157,10 @@ def choose_engine(scene, engine: str, samples: int = 1) -> None:
     """`samples` per pixel and light, no bounces of any kind."""
     scene.render.image_settings.file_format = "OPEN_EXR"
     if engine != "CYCLES":
-        import conftest  # noqa: F401  (makes the package importable as glint)
-        from glint import addon
+        import glint
+        import glint_tree  # noqa: F401  (makes the package importable as glint)
 
-        addon.register()
+        glint.register()
         scene.render.engine = "GLINT"
     choose_samples(scene, engine, samples)
 

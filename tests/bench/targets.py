@@ -111,15 +111,15 @@ def sources_of_all() -> dict[str, str]:
 def measure_scene(name: str, options: argparse.Namespace) -> int:
     import bpy
 
-    import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
-    from glint import addon
+    import glint
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint.addon.render.aim import display_of
     from glint.operators.compare_cycles import limit_size
     from glint.operators.scene_copy import read_job
 
     scene = contact_scene.prepare(options.inside)
-    addon.register()
+    glint.register()
     limit_size(scene, options.side)
     job = read_job(scene, bpy.context.view_layer.name)
     settings = replace(job.settings, passes=frozenset())

@@ -41,7 +41,7 @@ def main() -> int:
     parser.add_argument(
         "--coarse",
         action="store_true",
-        help="every other value of each knob: the default cube takes 50 s at side 256; with all "
+        help="every other value of each tunable: the default cube takes 50 s at side 256; with all "
         "values it takes 67 s at side 168",
     )
     parser.add_argument("--inside", help=argparse.SUPPRESS)
@@ -104,11 +104,11 @@ def factor(row: dict) -> float:
 
 def line_of(name: str, rows: list[dict]) -> str:
     row = max(rows, key=factor)
-    knobs = " / ".join(f"{value:g}" for value in row["knobs"].values())
+    tunables = " / ".join(f"{value:g}" for value in row["tunables"].values())
     ratio = max(row["measured"], NOTHING) / max(row["true"], NOTHING)
     measured = f"< {row['bound']:.2e}" if row["bound"] else f"{row['measured']:.2e}"
     errors = f"{measured} | {row['true']:.2e} | {ratio:.2f} | {row['spread']:.2f}"
-    return f"| {name} | {len(rows)} | {knobs} | {errors} | {row['took']:.0f} |"
+    return f"| {name} | {len(rows)} | {tunables} | {errors} | {row['took']:.0f} |"
 
 
 def measure_scene(options: argparse.Namespace) -> int:
@@ -118,24 +118,27 @@ def measure_scene(options: argparse.Namespace) -> int:
     import bpy
     import numpy as np
 
-    import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
-    from glint import addon, engine
+    import glint
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
+    from glint import engine
     from glint.engine.analysis import metrics, trade
     from glint.operators.compare_cycles import limit_size
     from glint.operators.scene_copy import read_job
 
     if options.inside == CUBE:
         bpy.ops.wm.read_homefile(use_factory_startup=True)
-        addon.register()
+        glint.register()
         scene = bpy.context.scene
     else:
         scene = contact_scene.prepare(options.inside)
-        addon.register()
+        glint.register()
     scene.render.engine = "GLINT"
     limit_size(scene, options.side)
     job = read_job(scene, bpy.context.view_layer.name)
-    values = {knob.name: knob.values[::2] for knob in trade.KNOBS} if options.coarse else {}
+    values = (
+        {tunable.name: tunable.values[::2] for tunable in trade.TUNABLES} if options.coarse else {}
+    )
     began = time.perf_counter()
     found = trade.measure(
         job.scene,
@@ -152,11 +155,11 @@ def measure_scene(options: argparse.Namespace) -> int:
     truth = engine.render(job.scene, reference).combined[..., :3]
     rows = []
     for row in found.front:
-        picture = engine.render(job.scene, replace(plain, **row.knobs)).combined[..., :3]
+        picture = engine.render(job.scene, replace(plain, **row.tunables)).combined[..., :3]
         true = metrics.relative_rmse(picture, truth)
         rows.append(
             {
-                "knobs": row.knobs,
+                "tunables": row.tunables,
                 "measured": row.relative_rmse,
                 "true": true,
                 "spread": row.spread,

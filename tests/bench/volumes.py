@@ -40,8 +40,8 @@ def compared(scene):
     """Engine, samples, seconds of processors and error of each picture."""
     import numpy as np
 
-    import conftest  # noqa: F401
     import cycles_reference as cycles
+    import glint_tree  # noqa: F401
     from cycles_reference import bpy
     from glint.addon.export import export_scene
     from glint.engine import Settings, render

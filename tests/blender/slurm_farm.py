@@ -151,6 +151,10 @@ SchedulerParameters=sched_interval=1,sched_min_interval=0,batch_sched_delay=0
 MpiDefault=none
 ReturnToService=2
 SlurmdTimeout=10
+# a worker that starts again says which tasks it has; what it says of tasks that are younger than
+# these two is not heard, and it is asked again a minute later (machines take longer to start)
+BatchStartTimeout=1
+MessageTimeout=2
 {nodes}
 PartitionName=farm Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """

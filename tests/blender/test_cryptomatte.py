@@ -53,8 +53,8 @@ bpy.ops.render.render(write_still=True)
 def matte(channels: dict[str, np.ndarray], title: str, name: str) -> np.ndarray:
     """As the specification asks of readers: the coverage of all ranks that have the id."""
     total = np.zeros(next(iter(channels.values())).shape)
-    for key in [key for key in channels if key.startswith(title) and key[-1] in "Rr"]:
-        r, g, b, a = (channels[key[:-1] + (c.lower() if key[-1] == "r" else c)] for c in "RGBA")
+    for key in [key for key in channels if key.startswith(title) and key[-1] == "r"]:
+        r, g, b, a = (channels[key[:-1] + letter] for letter in "rgba")
         total += np.where(r == np.float32(id_of(name)), g, 0)
         total += np.where(b == np.float32(id_of(name)), a, 0)
     return total
@@ -67,6 +67,28 @@ def test_levels_and_layers(written):
     assert found == {f"ViewLayer.Crypto{kind}0{k}" for kind in kinds for k in range(2)} | {
         "Other.CryptoObject00"
     }
+
+
+def test_lossy_files_keep_the_ids(tmp_path):
+    """DWA rounds what is named R, G and B: ids are named r and b, as the specification and Cycles
+    have it.
+    """
+    blender = Blender(tmp_path)
+    run = blender.run(
+        SCENE
+        + """
+settings.exr_codec = "DWAA"
+scene.render.filepath = str(FOLDER / "lossy.exr")
+bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert oiio.ImageInput.open(str(tmp_path / "lossy.exr")).spec()["compression"][:4] == "dwaa"
+    channels = read_channels(tmp_path / "lossy.exr")
+    alpha = channels["ViewLayer.Combined.A"]
+    mattes = [matte(channels, "ViewLayer.CryptoObject", x) for x in ('the "cube"', "second")]
+    assert all(m.max() > 0.99 for m in mattes)
+    np.testing.assert_allclose(sum(mattes), alpha, atol=1e-6)
 
 
 def test_metadata_leads_from_names_to_coverage(written):

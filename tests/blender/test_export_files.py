@@ -20,7 +20,7 @@ PROGRAM = """
 import json, sys
 import bpy
 sys.path[:0] = [sys.argv[1], sys.argv[2]]
-import conftest, make_blend
+import glint_tree, make_blend
 from glint.addon.export import export_scene
 
 make_blend.load(sys.argv[3])

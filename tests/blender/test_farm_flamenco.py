@@ -15,9 +15,11 @@ from glint.operators import farm, farm_jobs
 from glint.operators.tiles import Grid
 
 # What a Manager gives to scripts, as its manual and its own tests have it: chunks are in order,
-# three frames or more in a row are a range, and there may be spaces. Jobs keep copies of tasks, as
+# three frames or more in a row are a range, and there may be spaces. Its engine (goja) was seen
+# without String.replaceAll. Jobs keep copies of tasks, as
 # Go's append of a struct does: what is added to a task later is lost.
 MANAGER = """
+delete String.prototype.replaceAll;
 const author = {
     Task(name, type) {
         if (!name || !type) throw "author.Task(name, type): both are required";
@@ -33,7 +35,7 @@ function frameChunker(range, size) {
     if (!range.trim()) throw "empty range";
     if (size < 1) throw "invalid chunk size";
     const found = new Set();
-    for (const part of range.replaceAll("..", "-").split(",")) {
+    for (const part of range.split("..").join("-").split(",")) {
         const [first, last] = part.split("-").map(Number);
         for (let frame = first; frame <= (last ?? first); frame++) found.add(frame);
     }

@@ -205,7 +205,7 @@ def test_other_programs_can_merge_tiles(tmp_path):
         found |= {name: pixels[..., k] for k, name in enumerate(spec.channelnames)}
     whole = read_planes(tmp_path / "whole" / "shot_0003.exr")
     shared = {name for name in whole if name in found}
-    assert {"ViewLayer.Combined.R", "ViewLayer.Depth.Z", "Other.CryptoObject00.A"} <= shared
+    assert {"ViewLayer.Combined.R", "ViewLayer.Depth.Z", "Other.CryptoObject00.a"} <= shared
     assert len(shared) > 80
     for name in shared:
         assert np.flipud(found[name]).tobytes() == whole[name].tobytes(), name

@@ -80,10 +80,10 @@ bpy.ops.glint.use_measured(row=0)
 answer({{
     "panel": {{width: drawn_in(width) for width in (277, 1300)}},
     "unchanged": before[:-1] == state()[:-1],
-    "front": [row.knobs for row in trade.front],
+    "front": [row.tunables for row in trade.front],
     "used": [scene.glint.final.samples, scene.glint.final.light_samples, scene.glint.final.max_bounces],
     "levels": len(set(pixels)),
-    "current": last_measurement(scene.name).current.knobs,
+    "current": last_measurement(scene.name).current.tunables,
 }})
 """  # noqa: E501 - a script for another Blender
     )

@@ -64,10 +64,10 @@ plain = replace(job.settings, passes=frozenset())
 grid = trade.settings_grid(job.scene, plain, values)
 draw = lambda settings: engine.render(job.scene, settings).combined[..., :3]
 truth = draw(trade.reference_settings(job.scene, plain, grid, 64))
-true = lambda row: metrics.relative_rmse(draw(replace(plain, **row.knobs)), truth)
+true = lambda row: metrics.relative_rmse(draw(replace(plain, **row.tunables)), truth)
 answer({{
     "lit": float(truth.mean()),
-    "front": [(row.relative_rmse, row.bound, true(row), list(row.knobs.values())) for row in found.front],
+    "front": [(row.relative_rmse, row.bound, true(row), list(row.tunables.values())) for row in found.front],
 }})
 """  # noqa: E501 - a script for another Blender
 
@@ -79,8 +79,8 @@ def test_the_measured_error_is_the_whole_frames(tmp_path, name):
     assert run.returncode == 0, run.output
     told = run.answer
     assert told["lit"] > 0.01 and len(told["front"]) >= 3
-    for measured, bound, true, knobs in told["front"]:
+    for measured, bound, true, tunables in told["front"]:
         if bound:
-            assert true <= bound, knobs
+            assert true <= bound, tunables
         else:
-            assert true / FACTOR <= measured <= true * FACTOR, knobs
+            assert true / FACTOR <= measured <= true * FACTOR, tunables

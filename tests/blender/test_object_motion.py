@@ -206,3 +206,35 @@ def test_lights_move(blurred):
     lights = {light.name: light for light in read(blurred)[0].lights}
     np.testing.assert_allclose(lights["Lamp"].motion[:, 0, 3], [3.75, 4.0, 4.25], rtol=1e-6)
     assert lights["Rest"].motion is None
+
+
+def test_instances_move_beside_one_that_is_scaled_to_nothing(blurred):
+    """By geometry nodes, the first of them by 0."""
+    carrier = quad("Carrier")
+    tree = bpy.data.node_groups.new("Row", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    line, cube, number, put, output = (
+        tree.nodes.new(kind)
+        for kind in (
+            "GeometryNodeMeshLine",
+            "GeometryNodeMeshCube",
+            "GeometryNodeInputIndex",
+            "GeometryNodeInstanceOnPoints",
+            "NodeGroupOutput",
+        )
+    )
+    line.inputs["Count"].default_value = 3
+    for start, end in (
+        (line.outputs[0], put.inputs["Points"]),
+        (cube.outputs[0], put.inputs["Instance"]),
+        (number.outputs[0], put.inputs["Scale"]),
+        (put.outputs[0], output.inputs[0]),
+    ):
+        tree.links.new(start, end)
+    carrier.modifiers.new("row", "NODES").node_group = tree
+    fly(carrier)
+    bpy.context.scene.frame_set(5)
+    found, notes = read(blurred)
+    (block,) = (one for one in found.instances if len(one.world_from_object) == 2)
+    assert notes == ()
+    np.testing.assert_allclose(block.motion[:, :, 0, 3], [[3.75] * 2, [4.0] * 2, [4.25] * 2])

@@ -17,18 +17,20 @@ import blf
 import bl_ui
 from cycles import ui as cycles_ui
 from glint.addon.ui import panel as panel_base, panels
-from glint.addon.ui.panel import _NAMES
 
-# a program without windows has no width
+# a program without windows has no width: between a panel's edges, less the margin, of an editor
+# of 275 pixels, or of one in a window of 1280
+width, narrow = 213, 157
+panel_base.row_width = lambda region: width
 panel_base.draw_text = lambda layout, lines, *rest, **look: [layout.label(text=line) for line in lines]
 blf.size(0, 12)
 cut, drawn_panels = {}, set()
 
 class Layout:
-    \"\"\"Writes down what is drawn, and what Blender would cut where the editor is 275 pixels wide.\"\"\"
+    \"\"\"Writes down what is drawn, and what Blender would cut there.\"\"\"
     use_property_decorate = True
-    def __init__(self, share=0.4):
-        self.drawn, self.share = [], share
+    def __init__(self, share=0.4, is_split=False):
+        self.drawn, self.share, self.is_split = [], share, is_split
     def prop(self, owner, name, text=None, **options):
         getattr(owner, name)
         self.drawn.append([name, self.use_property_decorate])
@@ -37,13 +39,12 @@ class Layout:
         known = owner.bl_rna.properties[name]
         self.shown(known.name if text is None else text, known.type == "BOOLEAN")
     def shown(self, text, is_switch=False):
-        # 213 pixels between a panel's edges, less the margin, a switch's box, a dot's place
-        width = 213 - (18 if self.use_property_decorate else 0)
-        room = width * (0.6 if is_switch else self.share) - (20 if is_switch else 2)
+        # less a switch's box, a dot's place
+        room = (width - (18 if self.use_property_decorate else 0)) * (0.6 if is_switch else self.share) - (20 if is_switch else 2)
         if blf.dimensions(0, text)[0] > room:
             cut[text] = [blf.dimensions(0, text)[0], room]
     def split(self, factor):
-        inner = Layout(factor)
+        inner = Layout(factor, is_split=True)
         inner.drawn, inner.use_property_decorate = self.drawn, False
         return inner
     def prop_search(self, owner, name, *rest, text="", **options):
@@ -57,7 +58,7 @@ class Layout:
     def template_node_view(self, tree, node, socket):
         self.drawn.append([socket.name, False])
     def label(self, text="", **options):
-        if self.share == _NAMES:
+        if self.is_split:
             self.shown(text)
         else:
             self.drawn.append([text, False])
@@ -157,8 +158,13 @@ for kind in ("SUN", "SPOT", "AREA", "POINT"):
             continue
         offered(panel, context)
         drawn_panels.add(panel.__name__)
+at_first, cut, width = cut, {}, narrow
+for panel in ours:
+    if panel.__name__.startswith(("GLINT_RENDER_PT_sampling", "GLINT_RENDER_PT_light_paths", "GLINT_RENDER_PT_simplify")):
+        offered(panel, context)
+in_small_window, width = cut, 213
 answer({
-    "panoramas": panoramas, "spherical": scene.render.use_spherical_stereo, "cut": cut, "drawn": sorted(drawn_panels),
+    "panoramas": panoramas, "narrow": in_small_window, "spherical": scene.render.use_spherical_stereo, "cut": at_first, "drawn": sorted(drawn_panels),
     "why": why,
     "orders": {
         "render": orders("render"),
@@ -271,6 +277,10 @@ def test_each_panorama_has_its_settings(told):
 def test_no_name_is_cut_where_the_editor_is_as_wide_as_at_first(told):
     assert len(told["drawn"]) > 30
     assert told["cut"] == {}
+
+
+def test_no_name_of_sampling_is_cut_in_a_small_window(told):
+    assert told["narrow"] == {}
 
 
 def test_volume_objects_have_their_settings(told):

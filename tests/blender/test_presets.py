@@ -23,7 +23,7 @@ from glint.operators.scene_copy import copied, rendered
 bpy.ops.wm.read_homefile(use_factory_startup=True)
 scene = bpy.context.scene
 scene.render.engine = "GLINT"
-scene.render.resolution_x = scene.render.resolution_y = 48
+scene.render.resolution_x = scene.render.resolution_y = 32
 scene.render.resolution_percentage = 100
 bpy.data.objects["Light"].data.shadow_soft_size = 1.5
 bpy.ops.mesh.primitive_plane_add(size=20, location=(0, 0, -1))

@@ -23,7 +23,7 @@ CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4))
 
 
 class Follower:
-    """A LiveExport that hears of every update of the depsgraph, as a viewport does."""
+    """A LiveExport that is told every update of the depsgraph, as in a viewport."""
 
     def __init__(self, passes=frozenset()) -> None:
         self.live, self.passes, self.scene, self.reads = LiveExport(), passes, None, 0

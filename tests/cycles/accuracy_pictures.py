@@ -18,7 +18,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
-import conftest  # noqa: E402, F401  (makes the package importable as glint)
+import glint_tree  # noqa: E402, F401  (makes the package importable as glint)
 from gallery import PICTURES, write_jpeg  # noqa: E402
 
 WIDTH, HEIGHT = 640, 360

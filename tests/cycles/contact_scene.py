@@ -65,9 +65,9 @@ def set_cycles(scene, bounces: int) -> None:
 
 
 def set_glint(scene, bounces: int) -> None:
-    from glint import addon
+    import glint
 
-    addon.register()
+    glint.register()
     scene.render.engine = "GLINT"
     settings = scene.glint.final
     settings.samples, settings.light_samples, settings.error_threshold = 16, 4, 0.0
@@ -75,7 +75,7 @@ def set_glint(scene, bounces: int) -> None:
 
 
 def main() -> None:
-    import conftest  # noqa: F401  (makes the package importable as glint)
+    import glint_tree  # noqa: F401  (makes the package importable as glint)
 
     source, stem, engine, bounces = sys.argv[1:]
     scene = prepare(source)

@@ -25,7 +25,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
-import conftest  # noqa: E402, F401  (makes the package importable as glint)
+import glint_tree  # noqa: E402, F401  (makes the package importable as glint)
 from glint.engine.analysis import comparison, metrics, plot  # noqa: E402
 from glint.engine.analysis.flip import displayed  # noqa: E402
 

@@ -23,7 +23,7 @@ oiio = __import__("pytest").importorskip(
 
 if "glint" not in sys.modules:  # a command of this folder, not pytest
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-    __import__("conftest")
+    __import__("glint_tree")
 from glint.operators.compare_cycles import direct_light_only  # noqa: E402  (after the skip without Blender)
 
 PASSES = ("Combined", "Depth", "Position", "Normal")

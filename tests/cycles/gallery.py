@@ -25,8 +25,8 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
-import conftest  # noqa: E402, F401  (makes the package importable as glint)
 import contact_scene  # noqa: E402
+import glint_tree  # noqa: E402, F401  (makes the package importable as glint)
 
 ROOT = HERE.parents[1]
 SCENES = ROOT.parent / "shared" / "scenes"
@@ -147,12 +147,12 @@ def work(source: str, stem: str, engine: str) -> int:
     """One picture, in linear float32."""
     contact_scene.LONG_SIDE = SIDE
     scene = contact_scene.prepare(source)
-    from glint import addon
+    import glint
     from glint.engine.settings import OFFERED
     from glint.operators.compare_cycles import match_cycles
 
     if engine == "GLINT":
-        addon.register()
+        glint.register()
         scene.render.engine = "GLINT"
     else:
         match_cycles(scene, OFFERED.samples, BOUNCES, diffuse=DIFFUSE)

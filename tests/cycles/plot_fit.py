@@ -16,7 +16,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
-import conftest  # noqa: E402, F401  (makes the package importable as glint)
+import glint_tree  # noqa: E402, F401  (makes the package importable as glint)
 from glint.addon.export.materials.roughness import highlights  # noqa: E402
 from glint.engine.analysis import plot  # noqa: E402
 

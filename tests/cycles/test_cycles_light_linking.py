@@ -44,7 +44,7 @@ def excluded(scene, lamp, things):
 
 
 def nested(scene, lamp, things):
-    """A collection in it, but for one of its objects."""
+    """A collection inside the linked one, without one of its objects."""
     inner = collection(scene, "inner", *things)
     outer = collection(scene, "outer", things[0])
     outer.children.link(inner)
@@ -57,7 +57,7 @@ def empty(scene, lamp, things):
 
 
 def shaded(scene, lamp, things):
-    """By one of them alone."""
+    """Only one of the objects casts shadows."""
     lamp.light_linking.blocker_collection = collection(scene, "blockers", things[0])
 
 

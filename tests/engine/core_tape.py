@@ -30,7 +30,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import conftest  # noqa: F401  (makes the tree importable as `glint`)
+import glint_tree  # noqa: F401  (makes the tree importable as `glint`)
 import reference_renders as references
 from glint.engine import native
 from glint.engine.native import core_types, packer

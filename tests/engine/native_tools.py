@@ -93,7 +93,8 @@ def hashes_with(module: str, isa: str) -> str:
     """
     folders = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
     command = (
-        f"import sys; sys.path[:0] = {folders!r}; import conftest, {module} as t; print(t.hashes())"
+        f"import sys; sys.path[:0] = {folders!r}; "
+        f"import glint_tree, {module} as t; print(t.hashes())"
     )
     done = subprocess.run(
         [sys.executable, "-c", command],

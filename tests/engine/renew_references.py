@@ -41,7 +41,7 @@ def main() -> int:
     )
     options = parser.parse_args()
     sys.path[:0] = [str(HERE.parent), str(HERE)]
-    import conftest  # noqa: F401  (makes the tree importable as `glint`)
+    import glint_tree  # noqa: F401  (makes the tree importable as `glint`)
     import reference_renders
     from glint.engine import native
 

@@ -550,7 +550,7 @@ def test_more_triangles_than_memory() -> None:
     """A tree that does not fit into what the process may have is a MemoryError."""
     program = """
 import resource, numpy as np
-import conftest
+import glint_tree
 from glint import engine
 count = 1 << 20
 triangles = np.arange(3 * count, dtype=np.uint32).reshape(-1, 3)

@@ -393,3 +393,65 @@ def test_light_ends_behind_so_many_fibres_that_little_is_left(backend) -> None:
     expected = 0.4**7 * pictures[0][lit]
     found = render(whole, settings).passes["Combined"][..., 0][lit]
     np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def glowing_and_lit() -> s.Scene:
+    """A strand between a panel that glows and a wall that throws its light on, in a sky."""
+
+    def square(name: str, x: float) -> s.Mesh:
+        corners = [(x, y, z) for y in (-2, 2) for z in (-2, 2)]
+        return s.Mesh(
+            name,
+            np.array(corners, np.float32),
+            np.array([(0, 1, 2), (2, 1, 3)], np.uint32),
+        )
+
+    given = (lobe("DIFFUSE", 0.5), lobe("TRANSMISSION", 0.4, 9.0, masking=0.3))
+    shine = s.Lobe("SPECULAR", (s.Input((0.3,) * 3),), 60.0, masking=0.2)
+    made = scene(
+        *given, shine, lights=lights()["sky"], geometry=strand((-1.0, -1.0, -1), (1.0, 1.0, 1.5))
+    )
+    glow = s.Material("glow", (s.Lobe("EMISSION", (s.Input((4.0, 2.0, 1.0)),)),))
+    matt = s.Material("matt", (s.Lobe("DIFFUSE", (s.Input((0.8,) * 3),)),))
+    here = np.eye(4)[None, :3]
+    return replace(
+        made,
+        geometries=(*made.geometries, square("panel", -2.5), square("wall", 2.5)),
+        instances=(
+            *made.instances,
+            s.Instances("panel", 1, here, (1,)),
+            s.Instances("wall", 2, here, (2,)),
+        ),
+        materials=(*made.materials, glow, matt),
+    )
+
+
+@needs_core
+def test_both_tracers_light_strands_by_the_same_parts_of_tables() -> None:
+    passes = frozenset({"Diffuse Direct", "Diffuse Indirect", "Glossy Direct", "Cost"})
+    made = glowing_and_lit()
+    films = [
+        render(made, Settings(samples=6, diffuse_bounces=2, passes=passes, backend=backend))
+        for backend in ("NATIVE", "NUMPY")
+    ]
+    assert films[0].passes["Diffuse Indirect"].max() > 0.01
+    for each in films[0].passes:
+        found, expected = (film.passes[each] for film in films)
+        np.testing.assert_allclose(found, expected, rtol=2e-4, atol=2e-5, err_msg=each)
+
+
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+@pytest.mark.parametrize(("light_samples", "rays"), [(1, 2), (2, 4)])
+def test_strands_see_a_quarter_of_the_sky_a_sample(backend, light_samples, rays) -> None:
+    """Half of which is before each point; and all of it over the samples, so that they lose nothing
+    of an even one.
+    """
+    sky = s.Light("sky", "DOME", np.eye(4)[:3], radiance=np.ones((16, 32, 3), np.float32))
+    made = scene(lobe("DIFFUSE", 1.0), lights=(sky,))
+    settings = Settings(
+        samples=64, light_samples=light_samples, passes={"Cost"}, backend=backend, filter_width=0.0
+    )
+    on = np.abs(P[..., 1]) < 0.45
+    film = render(made, settings)
+    assert (film.passes["Cost"][..., 0][on] / 64 - 1).mean() == pytest.approx(rays / 2, rel=0.1)
+    assert film.combined[..., 0][on].mean() == pytest.approx(1.0, rel=0.02)

@@ -237,7 +237,7 @@ def test_threads_and_borders_do_not_change_a_bit():
 
 def test_same_bits_from_every_instruction_set():
     program = (
-        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import conftest\n"
+        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import glint_tree\n"
         "from test_lens import KINDS, blurred, picture\n"
         "for kind in KINDS:\n"
         "    image = picture(blurred(kind))\n"

@@ -14,7 +14,14 @@ import numpy as np
 import pytest
 
 from glint.engine import PixelExplainer, Settings, render
-from glint.engine.sampling.motion import between_placements, camera_frames, moment, sample_times
+from glint.engine.sampling import motion as moving
+from glint.engine.sampling.motion import (
+    Moments,
+    between_placements,
+    camera_frames,
+    moment,
+    sample_times,
+)
 from glint.engine.scene import (
     POINT,
     Attribute,
@@ -464,7 +471,7 @@ def test_what_keeps_scenes_draws_the_same():
 _HASH = """
 import hashlib, sys
 sys.path[:0] = [{tests!r}, {engine!r}]
-import conftest
+import glint_tree
 from test_motion import everything
 from glint.engine import Settings, render
 film = render(everything(), Settings(samples=5, max_bounces=2))
@@ -523,7 +530,7 @@ def test_a_pixel_is_explained_as_its_first_sample():
     assert told.color == still.color and any(told.color)
 
 
-# --- at the door
+# --- at the API boundary
 
 
 def test_bad_motion_is_refused_by_name():
@@ -561,3 +568,24 @@ def test_bad_motion_is_refused_by_name():
     }
     for text, scene in bad.items():
         assert any(text in problem for problem in scene.problems()), (text, scene.problems())
+
+
+def test_turns_are_found_once_for_all_times(monkeypatch) -> None:
+    """And each time is as if it were the only one."""
+    found = []
+    turns = moving._turns
+    monkeypatch.setattr(moving, "_turns", lambda m: found.append(len(m)) or turns(m))
+    stretch = np.diag([1.0, 2.0, 0.5])
+    keys = np.stack([placed(k, 2, -k, about_z(1.2 * k) @ (k * stretch)) for k in (1, 2, 3)])
+    block = Instances("box", 0, keys[1:2], (), motion=keys[:, None])
+    light = Light("lamp", "SUN", keys[1], motion=keys)
+    camera = Camera("PERSPECTIVE", placed(z=5), (-1, 1, -1, 1), (4, 4))
+    scene = Scene(camera, (), (block,), (), lights=(light,))
+    moments = Moments(scene)
+    for time in (0.1, 0.4, 0.6, 0.9, 0.2):
+        once = len(found)
+        one, alone = moments.at(time), moment(scene, time)
+        assert len(found) - once == (8 if time in (0.1, 0.6) else 4)
+        frames = one.instances[0].world_from_object
+        np.testing.assert_array_equal(frames, alone.instances[0].world_from_object)
+        np.testing.assert_array_equal(one.lights[0].world_from_light, frames[0])

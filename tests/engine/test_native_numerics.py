@@ -269,7 +269,7 @@ def test_mirrored_and_scaled_cameras() -> None:
 
 
 def test_non_finite_colours_never_reach_a_pixel() -> None:
-    """Past the Python door: NaN in an input, an attribute and a float texture read as 0."""
+    """Past Python's checks: NaN in an input, an attribute and a float texture read as 0."""
     pixels = np.full((2, 2, 4), np.nan, np.float32)
     base = square(100.0)
     paint = s.Attribute("paint", s.FACE, np.full((2, 4), np.inf, np.float32))

@@ -331,7 +331,7 @@ def test_mean_of_a_million_samples_is_exact() -> None:
 
 
 def refusal(scene: s.Scene, **settings) -> str:
-    """The text with which the core itself, past the Python door, refuses a scene."""
+    """The text with which the core itself, past Python's checks, refuses a scene."""
     with pytest.raises(engine.SceneError) as error:
         native.render_native(scene, engine.Settings(samples=1, **settings))
     return str(error.value)
@@ -472,7 +472,7 @@ def test_an_instruction_set_that_is_not_to_be_had_is_said(monkeypatch: pytest.Mo
 
 
 def test_bad_instances_and_lights_are_left_out_and_counted() -> None:
-    """Past the Python door, which names them: NaN, and a matrix of rank 1."""
+    """Past Python's checks, which names them: NaN, and a matrix of rank 1."""
     matrices = np.repeat(IDENTITY[None], 3, 0)
     matrices[1, 0, 0], matrices[2, :, :3] = np.nan, np.diag([1, 0, 0])
     lights = (SOUND.lights[0], lamp("POINT", strength=np.nan))

@@ -299,7 +299,7 @@ def test_threads_and_borders_do_not_change_a_bit(name):
 
 def test_same_bits_from_every_instruction_set():
     program = (
-        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import conftest\n"
+        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import glint_tree\n"
         "from test_panorama import PANORAMAS, all_at_once, picture\n"
         "for name in PANORAMAS:\n"
         "    print(hashlib.sha256(picture(all_at_once(name)).tobytes()).hexdigest())\n"

@@ -1,5 +1,5 @@
-"""The check at the door: a sound scene passes, every single fault is named, and odd but drawable
-scenes are left alone.
+"""The check at the API boundary: a sound scene passes, every single fault is named, and odd but
+drawable scenes are left alone.
 """
 
 import dataclasses

@@ -268,7 +268,8 @@ def asking_scene() -> s.Scene:
 @needs_core
 def test_the_same_bits_with_any_instruction_set() -> None:
     code = (
-        "import hashlib, sys; sys.path[:0] = sys.argv[1:3]; import conftest, test_ray_nodes as t\n"
+        "import hashlib, sys; sys.path[:0] = sys.argv[1:3]\n"
+        "import glint_tree, test_ray_nodes as t\n"
         "bits = t.draw(t.asking_scene(), samples=2).combined.tobytes()\n"
         "print(hashlib.sha256(bits).hexdigest())"
     )

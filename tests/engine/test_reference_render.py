@@ -1,5 +1,5 @@
 """The reference as a tracer: regions, samples, waves, stopping, clipping, far scenes, precision of
-the door.
+the API boundary.
 """
 
 from __future__ import annotations

@@ -333,7 +333,7 @@ def test_same_bits_however_it_is_cut(name: str) -> None:
 
 def test_same_bits_from_every_instruction_set() -> None:
     program = (
-        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import conftest\n"
+        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import glint_tree\n"
         "from test_refinement import BITS, bigger; from glint import engine\n"
         "film = engine.render(bigger('soft_lights', (40, 30)), BITS)\n"
         "print(hashlib.sha256(b''.join(film.passes[k].tobytes() for k in "

@@ -1,5 +1,5 @@
-"""Settings at the door: the same refusals from both tracers, and numbers of any kind that are as
-good.
+"""Settings at the API boundary: the same refusals from both tracers, and numbers of any kind that
+are as good.
 """
 
 from __future__ import annotations

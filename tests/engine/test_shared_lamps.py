@@ -225,7 +225,7 @@ def test_instruction_sets_draw_the_same_clusters(isa: str, tmp_path: Path) -> No
     """
     here = Path(__file__).resolve().parent
     code = (
-        f"import sys; sys.path[:0] = [{str(here.parent)!r}, {str(here)!r}]; import conftest\n"
+        f"import sys; sys.path[:0] = [{str(here.parent)!r}, {str(here)!r}]; import glint_tree\n"
         "import numpy as np, test_shared_lamps as t\n"
         "film = t.drawn(t.SCENES['clusters and more'], samples=2, light_samples=2)\n"
         f"np.save({str(tmp_path / 'film.npy')!r}, film.combined)"

@@ -19,7 +19,7 @@ PRELUDE = f"""
 import resource, sys
 sys.path[:0] = [{str(TESTS)!r}, {str(TESTS / "engine")!r}]
 import numpy as np
-import conftest
+import glint_tree
 from engine_scenes import hard_lights
 from glint import engine
 from glint.engine import live

@@ -19,14 +19,14 @@ from glint.engine.analysis import (
     trade,
     trade_crops,
     trade_errors,
-    trade_knobs,
     trade_plot,
+    trade_tunables,
 )
 from glint.engine.analysis.trade_rows import Row, Trade, advice, with_bounds, with_front
 from glint.engine.scene import Lobe, Material, Medium, World
 
 BACKEND = available_backends()[0]
-KNOBS = {"samples": 1, "light_samples": 1, "max_bounces": 0}
+TUNABLES = {"samples": 1, "light_samples": 1, "max_bounces": 0}
 
 
 def soft_scene(**more) -> Scene:
@@ -42,7 +42,7 @@ def soft_scene(**more) -> Scene:
 
 
 def row(seconds, error, **more):
-    return Row(dict(KNOBS), seconds, seconds, error, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, **more)
+    return Row(dict(TUNABLES), seconds, seconds, error, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, **more)
 
 
 def measured(scene=None, **more):
@@ -119,8 +119,10 @@ def test_no_row_of_the_front_is_dominated_and_every_other_is():
 
 
 def test_advice_names_the_faster_setting_that_is_as_good():
-    slow = replace(row(4, 0.5, current=True), knobs={**KNOBS, "samples": 64})
-    rows = with_front([row(1, 1.0), replace(row(2, 0.5), knobs={**KNOBS, "samples": 16}), slow])
+    slow = replace(row(4, 0.5, current=True), tunables={**TUNABLES, "samples": 64})
+    rows = with_front(
+        [row(1, 1.0), replace(row(2, 0.5), tunables={**TUNABLES, "samples": 16}), slow]
+    )
     assert (
         advice(Trade(rows, "", (), (1, 1), 1, True))
         == "Samples 16 would be as good in 50% of the time"
@@ -134,7 +136,7 @@ def test_advice_names_the_faster_setting_that_is_as_good():
 # --- the grid
 
 
-def test_the_grid_holds_only_knobs_that_can_matter():
+def test_the_grid_holds_only_tunables_that_can_matter():
     hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
     mirror = replace(hard, materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
     base = Settings(samples=3, light_samples=5, max_bounces=7)
@@ -158,11 +160,11 @@ def test_the_grid_holds_only_knobs_that_can_matter():
         (hard, replace(bounced, illumination="CLASSIC"), always),
         (foggy, base, always | {"volume_samples"}),
     ):
-        grid = trade_knobs.settings_grid(scene, settings, {})
+        grid = trade_tunables.settings_grid(scene, settings, {})
         assert {
-            knob.name
-            for knob in trade_knobs.KNOBS
-            if len({getattr(s, knob.name) for s in grid}) > 1
+            tunable.name
+            for tunable in trade_tunables.TUNABLES
+            if len({getattr(s, tunable.name) for s in grid}) > 1
         } == varied
         assert settings in grid
 
@@ -170,17 +172,17 @@ def test_the_grid_holds_only_knobs_that_can_matter():
 def test_bounced_light_is_measured_against_more_of_it():
     hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
     base = Settings(samples=4, light_samples=2, diffuse_bounces=1)
-    wanted = trade.reference_settings(hard, base, trade_knobs.settings_grid(hard, base, {}), 64)
+    wanted = trade.reference_settings(hard, base, trade_tunables.settings_grid(hard, base, {}), 64)
     assert wanted.diffuse_bounces == 8
     assert wanted.light_samples > 1
     off = replace(base, diffuse_bounces=0)
-    wanted = trade.reference_settings(hard, off, trade_knobs.settings_grid(hard, off, {}), 64)
+    wanted = trade.reference_settings(hard, off, trade_tunables.settings_grid(hard, off, {}), 64)
     assert (wanted.diffuse_bounces, wanted.light_samples) == (0, 1)
 
 
-def test_each_knob_goes_from_fast_to_accurate_and_the_threshold_only_where_it_can_stop_a_pixel():
+def test_each_tunable_goes_from_fast_to_accurate_and_the_threshold_only_where_it_can_stop_a_pixel():
     hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
-    grid = trade_knobs.settings_grid(
+    grid = trade_tunables.settings_grid(
         hard, Settings(samples=16, error_threshold=4.0), {"samples": [4, 16]}
     )
     assert [(s.samples, s.error_threshold) for s in grid] == [
@@ -202,7 +204,7 @@ def test_bounces_are_combined_with_each_other_but_not_with_samples():
         "max_bounces": [0, 2],
         "cutoff": [0.01],
     }
-    grid = trade_knobs.settings_grid(mirror, base, values)
+    grid = trade_tunables.settings_grid(mirror, base, values)
     sampling, bounces = (base.max_bounces, base.cutoff), (base.samples, base.light_samples)
     assert [
         (s.samples, s.light_samples) for s in grid if (s.max_bounces, s.cutoff) == sampling
@@ -221,13 +223,13 @@ def test_an_error_threshold_saves_time_and_loses_little():
     found = measured(
         values={"samples": [64], "error_threshold": [0.0, 20.0]}, reference_seconds=0.0
     )
-    rows = {r.knobs["error_threshold"]: r for r in found.rows}
+    rows = {r.tunables["error_threshold"]: r for r in found.rows}
     assert 0 < rows[0.0].relative_rmse < rows[20.0].relative_rmse < 0.05
 
 
-def test_an_unknown_knob_is_named():
-    with pytest.raises(SceneError, match="no such knob: colour"):
-        trade_knobs.settings_grid(soft_scene(), Settings(), {"colour": [1]})
+def test_an_unknown_tunable_is_named():
+    with pytest.raises(SceneError, match="no such tunable: colour"):
+        trade_tunables.settings_grid(soft_scene(), Settings(), {"colour": [1]})
 
 
 def speckled(width, height, seed=0):
@@ -317,7 +319,7 @@ def test_the_front_tells_the_errors_of_the_whole_frame(monkeypatch, looked, side
     assert len(found.crops) == 96 and found.front[-1].relative_rmse == 0
     truth = engine.render(scene, replace(base, samples=64)).combined[..., :3]
     for row in found.front:
-        picture = engine.render(scene, replace(base, **row.knobs)).combined[..., :3]
+        picture = engine.render(scene, replace(base, **row.tunables)).combined[..., :3]
         true = metrics.relative_rmse(picture, truth)
         assert row.checked
         if row.relative_rmse == 0:
@@ -373,8 +375,12 @@ def test_the_first_answer_takes_few_samples_and_makes_way_for_the_rest():
     assert (
         first.reference.startswith("a first look") and f"{trade._GLANCE} samples" in first.reference
     )
-    knobs = {(row.knobs["error_threshold"], row.knobs["light_samples"]) for row in first.rows}
-    assert knobs == {(0.0, 2)} and [r.knobs["samples"] for r in first.rows if r.current] == [4]
+    tunables = {
+        (row.tunables["error_threshold"], row.tunables["light_samples"]) for row in first.rows
+    }
+    assert tunables == {(0.0, 2)} and [r.tunables["samples"] for r in first.rows if r.current] == [
+        4
+    ]
     assert len(first.rows) == 3 and all(len(t.rows) >= 3 for t in told)
     assert len(result.rows) > 3 and f"{samples} samples" in result.reference
 
@@ -403,7 +409,7 @@ def test_the_current_settings_are_shown_on_the_front_too(place):
 
 
 def test_more_samples_are_nearer_to_the_reference():
-    rows = {r.knobs["samples"]: r for r in measured().rows}
+    rows = {r.tunables["samples"]: r for r in measured().rows}
     assert rows.keys() == {1, 4, 16}
     assert rows[1].relative_rmse > 2 * rows[4].relative_rmse > 2 * rows[16].relative_rmse > 0
     assert (
@@ -428,7 +434,7 @@ def exact(**more):
 
 
 def test_the_reference_itself_has_no_error():
-    last = next(r for r in exact().rows if r.knobs["samples"] == 64)
+    last = next(r for r in exact().rows if r.tunables["samples"] == 64)
     assert (last.relative_rmse, last.max_error, last.levels, last.flip_mean, last.wrong) == (
         0,
         0,

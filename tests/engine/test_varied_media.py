@@ -318,7 +318,7 @@ def test_the_same_bits_on_any_instruction_set() -> None:
         env = {k: v for k, v in os.environ.items() if k != "GLINT_ISA"}
         env |= {"GLINT_ISA": isa} if isa else {}
         env["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
-        code = "import conftest\n" + _HASH
+        code = "import glint_tree\n" + _HASH
         run = subprocess.run(
             [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False
         )

@@ -272,7 +272,7 @@ def _elsewhere(instruction_set: str) -> dict | None:
     where it cannot.
     """
     program = (
-        "import sys, conftest; sys.path.append('engine'); import test_watertight; "
+        "import sys, glint_tree; sys.path.append('engine'); import test_watertight; "
         "test_watertight.report()"
     )
     variables = {**os.environ, "GLINT_ISA": instruction_set}

@@ -273,7 +273,7 @@ def test_nothing_that_shines(backend):
 
 
 def test_more_triangles_than_an_index_counts():
-    """2^40 of them, past the door that would look at each: an error, and the next picture is
+    """2^40 of them, past the checks that would look at each: an error, and the next picture is
     drawn.
     """
     scene = floor_scene()

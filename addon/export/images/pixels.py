@@ -148,7 +148,7 @@ def _packed_bytes(image: Any, path: str) -> bytes | None:
 
 
 def _from_bytes(data: bytes, path: str) -> tuple[np.ndarray, bool]:
-    """OpenImageIO's Python door reads files only, so packed bytes pass through a temporary one."""
+    """OpenImageIO's Python API reads files only, so packed bytes pass through a temporary one."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / ("packed" + _suffix(data, path))
         file.write_bytes(data)

@@ -16,7 +16,7 @@ from .required import RequiredAttributes
 
 class MaterialKey(NamedTuple):
     """Of a material, or of none. uid: its session uid, 0 for none.  volume: `Volume.key` of the
-    Volume object that wears it.
+    Volume object that uses it.
     """
 
     uid: int = 0

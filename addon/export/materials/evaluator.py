@@ -114,7 +114,7 @@ def without_normals(closure: Closure) -> Closure:
 
 
 def _with_normal(key: LobeKey, normal: Value) -> LobeKey:
-    """That of the shader which made the lobe, where there is none yet."""
+    """The lobe with the normal of the shader that made it, unless it has one."""
     if key.normal is not None or key.kind not in _TURNED or key.follows:
         return key
     return replace(key, normal=normal)
@@ -138,8 +138,8 @@ class Evaluator:
         report: Report,
         reader: Callable[[Graph, Images, Callable[[str], None]], TreeReader] = TreeReader,
     ) -> None:
-        """reader: makes that of trees, a SkyReader for those of worlds, a LampReader for those of
-        lights, a VolumeReader for those of volumes.
+        """reader: makes the reader of trees: a SkyReader for worlds, a LampReader for lights, a
+        VolumeReader for volumes.
         """
         self.name, self.images, self.report = name, images, report
         self.expressions = Expressions()

@@ -4,7 +4,7 @@ without recursion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,17 +106,20 @@ def read_tree(block: Any) -> ReadTree:
 
 def all_nodes(tree: Any) -> Iterator[Any]:
     """The nodes of a tree and of the groups in it, those of each group once."""
-    waiting, seen = [tree], set()
+    inner = lambda here: filter(None, (getattr(n, "node_tree", None) for n in here.nodes))  # noqa: E731
+    for here in reached(tree, inner):
+        yield from here.nodes
+
+
+def reached(start: Any, next_to: Callable[[Any], Iterable[Any]]) -> Iterator[Any]:
+    """A thing of Blender's and all that lies next to it, and next to that, each once."""
+    waiting, seen = [start], set()
     while waiting:
         here = waiting.pop()
-        if here.as_pointer() in seen:
-            continue
-        seen.add(here.as_pointer())
-        for node in here.nodes:
-            yield node
-            inside = getattr(node, "node_tree", None)
-            if inside is not None:
-                waiting.append(inside)
+        if here.as_pointer() not in seen:
+            seen.add(here.as_pointer())
+            yield here
+            waiting += next_to(here)
 
 
 class Links:

@@ -77,7 +77,7 @@ class Materials:
         number = self._number(MaterialKey(_uid(material), volume.key), material, volume)
         return number, self._used[number].surface
 
-    def wear(self, key: MaterialKey, material: Any) -> Compiled | None:
+    def numbered(self, key: MaterialKey, material: Any) -> Compiled | None:
         """Number a material after those before it; None where it is neither known nor given."""
         if key not in self._cache.materials.compiled and material is None:
             return None

@@ -11,7 +11,7 @@ from ....engine.program.program import Program, instructions
 @dataclass(frozen=True)
 class RequiredAttributes:
     """Names of the UV maps ("" the active one) and colour attributes that something reads.
-    objects: of what is read of objects, not of their meshes, which no truth value counts.
+    objects: what is read of objects and not of their meshes; it does not count for `bool`.
     everywhere: attributes that rays of the material read of whatever mesh they meet.
     """
 

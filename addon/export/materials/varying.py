@@ -41,11 +41,11 @@ class Roughness:
         return self.number(lambda r: float(r <= MIRROR_ROUGHNESS))
 
     def rough(self) -> Sum:
-        """1 where it is none."""
+        """1 where the surface is no mirror, else 0."""
         return self.number(lambda r: float(r > MIRROR_ROUGHNESS))
 
     def is_mirror(self) -> bool:
-        """Everywhere, for all that is known."""
+        """Whether the surface is known to be a mirror everywhere."""
         return not self.varies and self.value <= MIRROR_ROUGHNESS
 
     def number(self, of: Callable[[float], float]) -> Sum:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....engine.program.graph import Graph, Value
+from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
-from ....engine.program.table import BY_NAME
 from ....engine.scene import Texture
 from ..materials.terms import GREY
 from .bare import BareReader
@@ -40,15 +39,9 @@ class VolumeReader(BareReader):
     gives_light_alone = False
 
     def __init__(
-        self,
-        graph: Graph,
-        images: Any,
-        note: Callable[[str], None],
-        is_world: bool = False,
-        material_index: int = 0,
-        volume: Volume | None = None,
+        self, *read: Any, is_world: bool = False, volume: Volume | None = None, **more: Any
     ) -> None:
-        super().__init__(graph, images, note, BY_NAME, material_index)
+        super().__init__(*read, **more)
         self.is_world, self._volume = is_world, volume
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from ..camera import border, export_camera, resolution
-from ..collector import evaluated
-from ..export import Export, counts
+from ..export import Export, counts, seen_through
 from ..panorama import Looker
 from ..placing import note_placed
 from ..report import Report
@@ -27,11 +25,8 @@ def export_frame(
     last call with the same `live`; only that is read. Its stats tell how much was read anew.
     """
     start = time.perf_counter()
-    scene, report = depsgraph.scene_eval, Report()
-    size = resolution(scene.render, width, height)
-    region = border(scene.render, size)
-    through = evaluated(scene.camera, depsgraph) if looker is None else looker.camera
-    camera = export_camera(through, scene.render, size, report, looker)
+    report = Report()
+    region, through, camera = seen_through(depsgraph, looker, report, width, height)
     found = live.update(depsgraph, camera, passes=passes)
     note_placed(found, through.name, report)
     notes = dict.fromkeys((*report.notes(), *live.notes(passes)))

@@ -31,8 +31,8 @@ from ..report import Report
 from ..unsupported import note_scene
 from ..world import Sky, export_world, with_light_group, with_pass_settings
 from .changes import Changes
-from .moves import SceneIndex
-from .repaints import repainted
+from .material_updates import edited_materials
+from .transform_updates import SceneIndex
 
 WORK = ("walks", "meshes", "materials", "worlds")
 """What `LiveExport.work` counts."""
@@ -66,11 +66,11 @@ class LiveExport:
         passes: frozenset[str] = frozenset(),
         space: Any = None,
     ) -> Scene:
-        """The scene now: `hear` and `scene`."""
-        self.hear(depsgraph)
+        """The scene now: `apply_updates` and `scene`."""
+        self.apply_updates(depsgraph)
         return self.scene(depsgraph, camera, passes=passes, space=space)
 
-    def hear(self, depsgraph: Any) -> None:
+    def apply_updates(self, depsgraph: Any) -> None:
         """Take in `depsgraph.updates`, which must tell all that changed since the last call."""
         updates = depsgraph.updates[:]
         self._cache.work.clear()
@@ -80,12 +80,12 @@ class LiveExport:
         turns = self._turns_images(depsgraph.scene_eval)
         if turns:
             self._indices = {}
-        painted = repainted(updates)
-        if painted:
+        edited = edited_materials(updates)
+        if edited:
             self._keep(lambda index: index.stands(updates, depsgraph.view_layer))
             shading = [u for u in updates if u.id.id_type in ("MATERIAL", "NODETREE")]
             self._cache.forget(Changes.of(shading))
-            self._keep(lambda index: self._repaint(index, painted, depsgraph.scene_eval))
+            self._keep(lambda index: self._update_materials(index, edited, depsgraph.scene_eval))
         else:
             if not updates:  # as Blender 4.2 does where an image of a lamp was painted
                 self._cache.images.forget_memory()
@@ -99,13 +99,13 @@ class LiveExport:
     def _keep(self, is_wanted: Callable[[SceneIndex], bool]) -> None:
         self._indices = {asked: index for asked, index in self._indices.items() if is_wanted(index)}
 
-    def _repaint(self, index: SceneIndex, painted: dict[int, Any], scene: Any) -> bool:
+    def _update_materials(self, index: SceneIndex, edited: dict[int, Any], scene: Any) -> bool:
         """Takes edited materials, by session uid, into an index; False where they read other
         things of meshes than before.
         """
         materials = Materials(self._cache)
         for key, before in index.sources:
-            now = materials.wear(key, painted.get(key.uid) if key.volume is None else None)
+            now = materials.numbered(key, edited.get(key.uid) if key.volume is None else None)
             if now is None or not now.asks_as(before):
                 return False
         new, textures = materials.joined()
@@ -124,8 +124,8 @@ class LiveExport:
         space: Any = None,
         groups: Members = NO_MEMBERS,
     ) -> Scene:
-        """The scene as of what was heard. What several views ask for is walked over once for all
-        that see the same.
+        """The scene as of the updates that were applied. What several views ask for is walked over
+        once for all that see the same.
 
         space: the 3D view whose local view and visibility count, None for none.  passes: as for
         `export_scene`.  groups: `LightGroups.members` where light groups are shown.

@@ -1,4 +1,4 @@
-// fuzz [cases] [seconds] [first seed]: feeds the C door arbitrary sizes, indices and floats. It
+// fuzz [cases] [seconds] [first seed]: feeds the C API arbitrary sizes, indices and floats. It
 // must refuse with a text or answer soundly: finite pixels, hits that exist and lie in their
 // interval, the same verdict from closest and any hit; also where memory and threads run out, where
 // others cancel or ask at the same time, and where a scene takes over from another. Run it under

@@ -1,4 +1,4 @@
-// One case of the fuzzer each: what it gives to the C door must be refused with a text or answered
+// One case of the fuzzer each: what it gives to the C API must be refused with a text or answered
 // soundly.
 #pragma once
 #include <chrono>

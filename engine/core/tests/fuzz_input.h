@@ -1,4 +1,4 @@
-// Arbitrary input for the C door, reproducible from a seed.
+// Arbitrary input for the C API, reproducible from a seed.
 #pragma once
 #include <cstddef>
 #include <cstdint>

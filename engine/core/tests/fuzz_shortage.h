@@ -1,4 +1,4 @@
-// Memory and threads that run out, for the code behind the C door.
+// Memory and threads that run out, for the code behind the C API.
 #pragma once
 #include <cstddef>
 

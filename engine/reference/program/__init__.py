@@ -52,8 +52,17 @@ _FAMILIES: tuple[tuple[tuple[Operation, ...], ModuleType], ...] = (
     (VORONOIS, voronoi),
     (RAYS, rays),
 )
+
+
+def _function(name: str, module: ModuleType) -> Callable:
+    """Of its module, or of inputs what the points answer themselves."""
+    if module is not inputs or hasattr(module, name):
+        return getattr(module, name)
+    return lambda points, **settings: getattr(points, name)(**settings)
+
+
 _FUNCTIONS: Mapping[str, Callable] = {
-    operation.name: getattr(module, operation.name)
+    operation.name: _function(operation.name, module)
     for family, module in _FAMILIES
     for operation in family
 }

@@ -1,4 +1,4 @@
-"""Operations that read the shaded points; the first argument is `Points`."""
+"""Operations that read the shaded points, beyond asking them; the first argument is `Points`."""
 
 from __future__ import annotations
 
@@ -19,46 +19,6 @@ def uv(points, *, attribute: str, shift: int) -> np.ndarray:
     """(u, v, 0)."""
     u, v = points.uv(attribute, shift)
     return np.stack([u, v, np.zeros_like(u)])
-
-
-def position(points, *, shift: int) -> np.ndarray:
-    return points.position(shift)
-
-
-def normal(points) -> np.ndarray:
-    return points.normal()
-
-
-def face_normal(points) -> np.ndarray:
-    return points.face_normal()
-
-
-def incoming(points) -> np.ndarray:
-    return points.incoming()
-
-
-def backfacing(points) -> np.ndarray:
-    return points.backfacing()
-
-
-def object_position(points, *, shift: int) -> np.ndarray:
-    return points.object_position(shift)
-
-
-def object_normal(points) -> np.ndarray:
-    return points.object_normal()
-
-
-def object_location(points) -> np.ndarray:
-    return points.object_location()
-
-
-def barycentric(points, *, shift: int) -> np.ndarray:
-    return points.barycentric(shift)
-
-
-def edge_distance(points, *, shift: int) -> np.ndarray:
-    return points.edge_distance(shift)
 
 
 def normal_to_world(points, vector: np.ndarray) -> np.ndarray:
@@ -90,18 +50,10 @@ def instance_value(points, *, attribute: str) -> tuple[np.ndarray, np.ndarray]:
     return found[:3], found[3]
 
 
-def camera_position(points, *, shift: int) -> np.ndarray:
-    return points.camera_position(shift)
-
-
 def window(points, *, shift: int) -> np.ndarray:
     """(x, y, 0)."""
     x, y = points.window(shift)
     return np.stack([x, y, np.zeros_like(x)])
-
-
-def reflection(points) -> np.ndarray:
-    return points.reflection()
 
 
 def fresnel(points, ior: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -122,20 +74,6 @@ def layer_weight(points, blend: np.ndarray, normal: np.ndarray) -> tuple[np.ndar
 
 def _reflectance(points, normal: np.ndarray, relative: np.ndarray) -> np.ndarray:
     return dielectric(np.abs(dot(points.incoming(), normal)), relative)
-
-
-def light_path(points) -> tuple[np.ndarray, ...]:
-    """Camera, shadow, bounced."""
-    return points.light_path()
-
-
-def ray_length(points) -> np.ndarray:
-    return points.ray_length()
-
-
-def ray_depth(points) -> tuple[np.ndarray, ...]:
-    """Depth, straight, refractions, refracted."""
-    return points.ray_depth()
 
 
 def normal_map(

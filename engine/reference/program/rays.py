@@ -66,7 +66,8 @@ def bevel(points, radius: Array, *, samples: int) -> Array:
     axes = np.stack([g, *across_normals(g)])
     total = np.zeros_like(g)
     for row in queries.rows(samples):
-        a, b, axis, height = *row[2:4], int(row[4]), _height(*row[2:4])
+        (a, b), axis = row[2:4], int(row[4])
+        height = _height(a, b)
         w, u, v = (axes[(axis + k) % 3] for k in range(3))
         start = x + radius * (a * u + b * v + height * w)
         met = points.crossings(Asked(start, -w, 2 * height * radius))

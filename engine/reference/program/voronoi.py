@@ -267,7 +267,10 @@ def voronoi_texture(
             return _nearest(at, cells, feature == VoronoiFeature.F2)
         sharp, smooth = _nearest(at, cells, False), _smooth(at, cells)
         flat = cells.smoothness == 0
-        return tuple(np.where(flat, a, b) for a, b in zip(sharp, smooth, strict=True))
+        distance, color, position = (
+            np.where(flat, a, b) for a, b in zip(sharp, smooth, strict=True)
+        )
+        return distance, color, position
 
     most, (distance, color, position) = _fractal(p, octave, detail, roughness, lacunarity)
     if normalize:

@@ -1,4 +1,4 @@
-// What is checked at the door, and how it is told. Comparisons are written to fail for NaN.
+// What is checked at the API boundary, and how it is told. Comparisons are written to fail for NaN.
 #pragma once
 #include <algorithm>
 #include <cmath>

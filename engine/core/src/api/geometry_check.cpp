@@ -1,4 +1,4 @@
-// The check of geometries and placements at the door: of scenes, and of accelerators alone.
+// The check of geometries and placements at the API boundary: of scenes, and of accelerators alone.
 #include <algorithm>
 
 #include "api/checks.h"

@@ -1,4 +1,4 @@
-// Nothing is thrown through the C door: exceptions become text.
+// Nothing is thrown through the C API: exceptions become text.
 #pragma once
 #include <algorithm>
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The check of materials, node programs, media and lights at the door.
+// The check of materials, node programs, media and lights at the API boundary.
 #include <algorithm>
 #include <cstring>
 #include <string_view>

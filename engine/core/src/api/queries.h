@@ -1,4 +1,4 @@
-// Rays without a picture: the accelerator behind the C door, in world space and in the caller's
+// Rays without a picture: the accelerator behind the C API, in world space and in the caller's
 // arrays.
 #pragma once
 #include <memory>

@@ -1,4 +1,4 @@
-// The check at the door: every size, index and number that the core relies on later.
+// The check at the API boundary: every size, index and number that the core relies on later.
 #include <vector>
 
 #include "api/checks.h"

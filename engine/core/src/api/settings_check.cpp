@@ -1,4 +1,4 @@
-// The check of a render's settings at the door.
+// The check of a render's settings at the API boundary.
 #include <algorithm>
 #include <cmath>
 

@@ -160,7 +160,7 @@ void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
     if (sums(tile, pass) && (!rested || renewed_ >> pass & 1))
       publish_means(tile, pass, slots, samples, stages);
   for (int pass : {GLINT_PASS_MIST, GLINT_PASS_SHADOW_CATCHER})
-    if (wants(pass)) publish_rest(tile, pass, slots, samples);
+    if (wants(pass)) publish_seen(tile, pass, slots, samples, true);
   for (int pass = GLINT_PASS_AOV; pass <= GLINT_PASS_DENOISING_DEPTH; ++pass)
     if (wants(pass)) publish_seen(tile, pass, slots, samples);
   for (int pass : {GLINT_PASS_AMBIENT_OCCLUSION, GLINT_PASS_LIGHT_GROUPS})
@@ -193,23 +193,16 @@ void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uin
   }
 }
 
-/// Passes that are 1 less the mean of their sums.
-void Film::publish_rest(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples) {
+void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
+                        bool is_rest) {
   const double* from = sums(tile, pass);
   const size_t channels = channels_of(pass);
   for (size_t c = 0; c < channels; ++c, from += tile.stride())
-    for (size_t k = 0; k < tile.pixels(); ++k)
+    for (size_t k = 0; k < tile.pixels(); ++k) {
+      const double mean = from[k] / refinement_.taken(tile.first_row + k, samples);
       values(pass)[channels * slots.pixel(tile, k, region_.width()) + c] =
-          to_float(1 - from[k] / refinement_.taken(tile.first_row + k, samples));
-}
-
-void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples) {
-  const double* from = sums(tile, pass);
-  const size_t channels = channels_of(pass);
-  for (size_t c = 0; c < channels; ++c, from += tile.stride())
-    for (size_t k = 0; k < tile.pixels(); ++k)
-      values(pass)[channels * slots.pixel(tile, k, region_.width()) + c] =
-          to_float(from[k] / refinement_.taken(tile.first_row + k, samples));
+          to_float(is_rest ? 1 - mean : mean);
+    }
 }
 
 /// Direct and indirect light over its colour, which is 1 where it is 0 and there is light.

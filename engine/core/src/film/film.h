@@ -163,9 +163,10 @@ class Film {
   void store(int pass, uint32_t pixel, const double* from);
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                      const Stages& stages);
-  void publish_rest(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples);
   void publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples);
-  void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples);
+  /// Means of a pass's sums; is_rest: 1 less the means.
+  void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
+                    bool is_rest = false);
   void publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void cut();

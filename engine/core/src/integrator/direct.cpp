@@ -1,5 +1,7 @@
 #include "integrator/direct.h"
 
+#include <algorithm>
+
 #include "integrator/first_hit_cache.h"
 #include "math/math.h"
 #include "session/timer.h"
@@ -83,9 +85,36 @@ void DirectLight::prepare(const Batch& batch) {
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   sample_ = sample;
   prepare(batch);
+  if (!find_strands(batch)) return add_lights(batch, sample, counts);
+  whole_.assign(batch.lit.begin(), batch.lit.end());
+  for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = strands_[k] ? 0 : whole_[k];
+  add_lights(batch, sample, counts);
+  for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = strands_[k] ? whole_[k] : 0;
+  on_strands_ = true;
+  add_lights(batch, sample, counts);
+  on_strands_ = false;
+  std::copy(whole_.begin(), whole_.end(), batch.lit.begin());
+}
+
+/// Whether some of the points that lights may reach are on strands; which.
+bool DirectLight::find_strands(const Batch& batch) {
+  if (scene_.instances.only_meshes) return false;
+  strands_.resize(batch.size());
+  bool any = false;
+  for (size_t k = 0; k < batch.size(); ++k) {
+    strands_[k] =
+        batch.lit[k] &&
+        scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS;
+    any |= strands_[k] != 0;
+  }
+  return any;
+}
+
+void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
+  stage_.lit = batch.lit.data();
   size_t number = 0;
   for (const Light& light : scene_.lights) {
-    const uint32_t parts = plan_.parts_of(light, batch.queue->gathers),
+    const uint32_t parts = plan_.parts_of(light, batch.queue->gathers, on_strands_),
                    count = plan_.samples_of(light) / parts;
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),
@@ -103,12 +132,13 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
                    first_opening = plan_.samples_of(light) + sample % parts * openings;
     for (uint32_t j = 0; j < count + openings && !cancel_; ++j, ++number) {
       const uint32_t own = j < count ? first + j : first_opening + (j - count);
-      const LightPoint point = plan_.set_sample(stage_, light, sample, own);
+      LightPoint point = plan_.set_sample(stage_, light, sample, own);
       if (parts > 1) stage_.share = count;
+      if (parts > 1 && light.is_mesh()) point.draws = j == 0;
       group_ = point.group;
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
-      uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_
+      uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_ && !on_strands_
                                  ? batch.first_hits->shadows(number)
                                  : nullptr;
       const size_t reached = stages_.light(stage_);

@@ -90,6 +90,8 @@ class DirectLight {
   const Opacity* opacity(const Light& light) const {
     return alone_ ? scene_.trees.opacity_of_catchers(light) : scene_.trees.opacity(light);
   }
+  bool find_strands(const Batch& batch);
+  void add_lights(Batch& batch, uint32_t sample, RayCounts& counts);
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count, uint32_t parts);
   void add_rest(const Batch& batch, const Light& light, uint32_t sample, uint32_t parts);
@@ -126,6 +128,7 @@ class DirectLight {
   void list_samples(SharedLight& shared, const Batch& batch, uint32_t sample);
   void list_samples_of(SharedLight& shared, const Light& light, uint32_t sample, const int64_t* lit,
                        bool is_gathered);
+  uint32_t shared_parts(const SharedLight& shared) const;
   bool is_clustered(const Light& light) const;
   const int64_t* receivers(SharedLight& shared, const Batch& batch, const Light& light);
   void choose(SharedLight& shared, const Batch& batch, uint32_t sample);
@@ -141,8 +144,11 @@ class DirectLight {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   uint32_t sample_ = 0;
-  double reach_ = 0;             // as reach()
-  bool alone_ = false;           // catchers of shadows are the only things there
+  double reach_ = 0;         // as reach()
+  bool alone_ = false;       // catchers of shadows are the only things there
+  bool on_strands_ = false;  // only points on strands are lit
+  std::vector<uint8_t> strands_;
+  std::vector<int64_t> whole_;   // the batch's mask of points that lights may reach
   bool scattering_ = false;      // points are of media and not of surfaces
   const bool glassy_;            // some surface lets light through
   LightStage stage_{};           // what it writes: a row for each point that a light sample reaches

@@ -168,6 +168,15 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
   stage_ = before;
 }
 
+/// In how many parts the samples are taken.
+uint32_t DirectLight::shared_parts(const SharedLight& shared) const {
+  uint32_t parts = 1;
+  for (size_t k = 0; k < scene_.lights.size(); ++k)
+    if (shared.takes_part[k])
+      parts = std::max(parts, plan_.parts_of(scene_.lights[k], false, on_strands_));
+  return parts;
+}
+
 /// Sets the stage of each sample of each lamp, those that are seen in clusters last.
 void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t sample) {
   shared.samples.clear();
@@ -202,13 +211,15 @@ bool DirectLight::is_clustered(const Light& light) const {
 
 void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint32_t sample,
                                   const int64_t* lit, bool is_gathered) {
-  const uint32_t count = plan_.samples_of(light);
-  for (uint32_t j = 0; j < count; ++j) {
+  const uint32_t parts = plan_.parts_of(light, is_gathered, on_strands_),
+                 all = plan_.samples_of(light), count = all / parts, first = sample % parts * count;
+  for (uint32_t j = first; j < first + count; ++j) {
     const LightPoint point = plan_.light_point(light, sample, j);
     if (alone_ && light.is_bounced() && !point.on_catcher) continue;
     if (is_gathered && point.is_last) continue;
     LightStage stage = stage_;
-    light.set(stage, point, count, plan_.physical());
+    light.set(stage, point, all, plan_.physical());
+    if (parts > 1) stage.share = count;
     stage.lit = lit;
     for (const bool drawn : {false, true}) {
       if (drawn && !stage.draws) continue;
@@ -237,7 +248,7 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   stage.samples = shared.samples.data();
   stage.sample_count = shared.samples.size();
   stage.offset = mark_offset(sample);
-  stage.asked = shared.rays;
+  stage.asked = std::max(shared.rays / shared_parts(shared), 1u);
   for (int c = 0; c < 3; ++c) {
     stage.diffuse[c] = shared.diffuse[c];
     stage.specular[c] = shared.specular[c];

@@ -94,11 +94,15 @@ struct RenderPlan : GlintRenderSettings {
   }
 
   /// In how many parts a light's samples are taken, one by each pixel sample in turn: what gather
-  /// rays meet is seen from afar, and asks for a part of the sky alone.
-  uint32_t parts_of(const Light& light, bool gathered) const {
-    constexpr uint32_t parts = 2;
-    const bool whole = dome_directions.each % parts != 0 || opening_samples_of(light) % parts != 0;
-    return gathered && light.is_dome() && !whole ? parts : 1;
+  /// rays meet is seen from afar, and asks for a part of the sky alone; of strands each sample of a
+  /// pixel meets others, so that these ask for a part of all lights that have tables.
+  uint32_t parts_of(const Light& light, bool gathered, bool strands) const {
+    constexpr uint32_t gathered_parts = 2, strand_parts = 4;
+    const bool tabled = light.is_dome() || light.is_surface();
+    if (!(strands ? tabled : gathered && light.is_dome())) return 1;
+    const uint32_t parts = strands ? strand_parts : gathered_parts;
+    const bool whole = samples_of(light) % parts != 0 || opening_samples_of(light) % parts != 0;
+    return whole ? 1 : parts;
   }
 
   /// Point j on the openings of a dome for pixel sample `sample`.

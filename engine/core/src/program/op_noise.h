@@ -148,21 +148,27 @@ inline void white_noise_at(const Operands& at, size_t k) {
   at.put(1, k, color);
 }
 
-namespace op {
-
-inline void white_noise(const Machine& m, const Operands& at) {
+/// Hands each group to `each` in as many dimensions as setting 0 says.
+template <class Each>
+inline void each_group_in(const Machine& m, const Operands& at, const Each& each) {
   each_group(m, [&](size_t k) {
     switch (at.settings[0]) {
-      case 1: return white_noise_at<1>(at, k);
-      case 2: return white_noise_at<2>(at, k);
-      case 4: return white_noise_at<4>(at, k);
-      default: return white_noise_at<3>(at, k);
+      case 1: return each.template operator()<1>(k);
+      case 2: return each.template operator()<2>(k);
+      case 4: return each.template operator()<4>(k);
+      default: return each.template operator()<3>(k);
     }
   });
 }
 
+namespace op {
+
+inline void white_noise(const Machine& m, const Operands& at) {
+  each_group_in(m, at, [&]<int D>(size_t k) { white_noise_at<D>(at, k); });
+}
+
 inline void noise_texture(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) {
+  each_group_in(m, at, [&]<int D>(size_t k) {
     const Fractal f{at.settings[1],
                     at.settings[2] != 0,
                     smaller(larger(at.number(3, k), splat(0)), splat(15)),
@@ -170,12 +176,7 @@ inline void noise_texture(const Machine& m, const Operands& at) {
                     at.number(5, k),
                     at.number(6, k),
                     at.number(7, k)};
-    switch (at.settings[0]) {
-      case 1: return noise_at<1>(at, k, f);
-      case 2: return noise_at<2>(at, k, f);
-      case 4: return noise_at<4>(at, k, f);
-      default: return noise_at<3>(at, k, f);
-    }
+    noise_at<D>(at, k, f);
   });
 }
 

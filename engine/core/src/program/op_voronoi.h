@@ -367,14 +367,7 @@ inline void voronoi_at(const Operands& at, size_t k) {
 namespace op {
 
 inline void voronoi_texture(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) {
-    switch (at.settings[0]) {
-      case 1: return voronoi_at<1>(at, k);
-      case 2: return voronoi_at<2>(at, k);
-      case 4: return voronoi_at<4>(at, k);
-      default: return voronoi_at<3>(at, k);
-    }
-  });
+  each_group_in(m, at, [&]<int D>(size_t k) { voronoi_at<D>(at, k); });
 }
 
 }  // namespace op

@@ -1,5 +1,5 @@
-// The scene behind the door: copied tables, borrowed arrays, everything checked, placed relative to
-// the camera.
+// The scene behind the C API: copied tables, borrowed arrays, everything checked, placed relative
+// to the camera.
 #pragma once
 #include <string>
 #include <vector>

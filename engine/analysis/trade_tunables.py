@@ -17,12 +17,12 @@ from ..settings import Settings
 
 
 @dataclass(frozen=True)
-class Knob:
+class Tunable:
     """A setting that trades time for accuracy.
 
     name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a
     picture of this scene with the base's settings. falling: smaller values are the more accurate
-    ones.  group: knobs of one group are combined with each other.
+    ones.  group: tunables of one group are combined with each other.
     """
 
     name: str
@@ -81,37 +81,37 @@ def has_fog(scene: Scene, settings: Settings) -> bool:
     return scene.scatters and bool(scene.lights)
 
 
-KNOBS = (
-    Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
-    Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
-    Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
-    Knob("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
-    Knob("max_bounces", (0, 1, 4, 12), has_bounces, group="bounces"),
-    Knob("cutoff", (0.01, 0.001, 0.0), has_bounces, falling=True, group="bounces"),
-    Knob("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
-    Knob("volume_samples", (1, 2, 4, 8, 16), has_fog, group="volumes"),
+TUNABLES = (
+    Tunable("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
+    Tunable("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
+    Tunable("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
+    Tunable("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
+    Tunable("max_bounces", (0, 1, 4, 12), has_bounces, group="bounces"),
+    Tunable("cutoff", (0.01, 0.001, 0.0), has_bounces, falling=True, group="bounces"),
+    Tunable("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
+    Tunable("volume_samples", (1, 2, 4, 8, 16), has_fog, group="volumes"),
 )
-"""Every knob that is measured. A new one needs a row here and nothing else."""
+"""Every tunable that is measured. A new one needs a row here and nothing else."""
 
 
 def settings_grid(
     scene: Scene, base: Settings, values: Mapping[str, Sequence[Any]]
 ) -> list[Settings]:
-    """Every combination of each group's knobs that can change a picture of this scene, the base's
-    own values always among them; the other groups' knobs are as the base has them: what rays leave
-    out and how many there are hardly depend on each other, and a grid over all knobs takes seven
-    times as long.
+    """Every combination of each group's tunables that can change a picture of this scene, the
+    base's own values always among them; the other groups' tunables are as the base has them: what
+    rays leave out and how many there are hardly depend on each other, and a grid over all tunables
+    takes seven times as long.
     """
-    unknown = sorted(set(values) - {knob.name for knob in KNOBS})
+    unknown = sorted(set(values) - {tunable.name for tunable in TUNABLES})
     if unknown:
         raise SceneError(
-            f"no such knob: {', '.join(unknown)}; there are "
-            f"{', '.join(knob.name for knob in KNOBS)}"
+            f"no such tunable: {', '.join(unknown)}; there are "
+            f"{', '.join(tunable.name for tunable in TUNABLES)}"
         )
-    knobs = [knob for knob in KNOBS if knob.matters(scene, base)]
+    tunables = [tunable for tunable in TUNABLES if tunable.matters(scene, base)]
     groups = [
-        [knob for knob in knobs if knob.group == group]
-        for group in dict.fromkeys(knob.group for knob in knobs)
+        [tunable for tunable in tunables if tunable.group == group]
+        for group in dict.fromkeys(tunable.group for tunable in tunables)
     ]
     grid = dict.fromkeys(
         settings for group in groups for settings in _combinations(group, base, values)
@@ -120,19 +120,21 @@ def settings_grid(
 
 
 def _combinations(
-    knobs: Sequence[Knob], base: Settings, values: Mapping[str, Sequence[Any]]
+    tunables: Sequence[Tunable], base: Settings, values: Mapping[str, Sequence[Any]]
 ) -> Iterator[Settings]:
-    """All of some knobs."""
-    for steps in itertools.product(*(_ladder(knob, base, values) for knob in knobs)):
-        yield replace(base, **{knob.name: step for knob, step in zip(knobs, steps, strict=True)})
+    """All of some tunables."""
+    for steps in itertools.product(*(_ladder(tunable, base, values) for tunable in tunables)):
+        yield replace(
+            base, **{tunable.name: step for tunable, step in zip(tunables, steps, strict=True)}
+        )
 
 
-def _ladder(knob: Knob, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Any]:
-    return knob.ladder(*values.get(knob.name, knob.values), getattr(base, knob.name))
+def _ladder(tunable: Tunable, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Any]:
+    return tunable.ladder(*values.get(tunable.name, tunable.values), getattr(base, tunable.name))
 
 
 def _is_idle(settings: Settings) -> bool:
-    """Whether a knob is turned that can do nothing: no pixel stops before the samples that the
+    """Whether a tunable is turned that can do nothing: no pixel stops before the samples that the
     first estimate takes, and at most one bounce is hardly worth cutting off.
     """
     stops_none = settings.error_threshold > 0 and settings.samples <= FIRST_ESTIMATE

@@ -1,6 +1,6 @@
 """Materials that were edited, in a scene that is known: then they alone are read anew.
 
-Blender lists everything that wears such a material as shaded anew, as it does with an object whose
+Blender lists everything that uses such a material as shaded anew, as it does with an object whose
 visibility changed: its flags tell.
 """
 
@@ -10,12 +10,12 @@ from typing import Any
 
 from ..materials.graph import node_tree
 
-_WEARERS = {"OBJECT", "MESH", "CURVE", "META", "POINTCLOUD"}
+_USERS = {"OBJECT", "MESH", "CURVE", "META", "POINTCLOUD"}
 
 
-def repainted(updates: list[Any]) -> dict[int, Any]:
+def edited_materials(updates: list[Any]) -> dict[int, Any]:
     """Session uid → evaluated material of `depsgraph.updates`; empty where these tell of more than
-    materials and what wears them.
+    materials and what uses them.
     """
     materials: dict[int, Any] = {}
     trees: set[int] = set()
@@ -25,7 +25,7 @@ def repainted(updates: list[Any]) -> dict[int, Any]:
             materials[block.original.session_uid] = block
         elif kind == "NODETREE":
             trees.add(block.original.as_pointer())
-        elif kind not in _WEARERS or update.is_updated_geometry or update.is_updated_transform:
+        elif kind not in _USERS or update.is_updated_geometry or update.is_updated_transform:
             return {}
     own = {
         tree.as_pointer()
