@@ -140,8 +140,7 @@ def _farm(shot: Shot, numbers: str, per_task: int, of_a_frame: float) -> tuple[f
         middle = lambda: of_a_frame < 2 * farm.cpu_seconds("w2") < 2 * of_a_frame  # noqa: E731
         wait_for(middle, "the middle of a frame", 7200, every=0.2)
         lost = farm.cpu_seconds("w2")
-        farm.kill_worker("w2")
-        farm.start_worker("w2")
+        farm.restart_worker("w2")
         farm.wait_for_end(7200)
         seconds = time.perf_counter() - start
         assert farm.restarts() == 1, "the killed task goes back into the queue"
@@ -154,8 +153,9 @@ def _timeline(shot: Shot) -> list[str]:
     first, told = float(rows[0][1]), []
     for place, (what, begin, worker, *task) in enumerate(rows):
         if what == "begin":
-            after = next((row for row in rows[place + 1 :] if row[2] == worker), rows[-1])
-            end = f"{float(after[1]) - first:6.1f}" if after[0] == "end" else "killed"
+            after = next((row for row in rows[place + 1 :] if row[2] == worker), None)
+            ended = after is not None and after[0] == "end"
+            end = f"{float(after[1]) - first:6.1f}" if ended else "killed"
             told.append(f"{float(begin) - first:7.1f} to {end}  " + "  ".join([worker, *task]))
     return told
 

@@ -19,6 +19,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scontrol")
+_BELIEVED = 4.0
+"""Seconds, above BatchStartTimeout and MessageTimeout."""
 _PATH = os.environ.get("PATH", "") + ":/usr/sbin:/sbin"
 
 
@@ -75,11 +77,16 @@ class SlurmFarm:
     def start_worker(self, name: str) -> None:
         self._launch(name, "slurmd", "-D", "-N", name)
 
-    def kill_worker(self, name: str) -> None:
-        """As a machine that loses its power: nothing of it says goodbye."""
-        pids = [self._running[name].pid, *self._processes_of(name)]
-        _kill(pids)
+    def restart_worker(self, name: str) -> None:
+        """As a machine that loses its power and comes back: nothing of it says goodbye. It comes
+        back once Slurm believes what it says of its task.
+        """
+        task = self._processes_of(name)
+        age = max((_age(pid) for pid in task), default=0.0)
+        _kill([self._running[name].pid, *task])
         self._running.pop(name).wait()
+        time.sleep(max(0.0, _BELIEVED - age))
+        self.start_worker(name)
 
     def is_busy(self, name: str) -> bool:
         """Whether a worker runs a task."""
@@ -151,8 +158,8 @@ SchedulerParameters=sched_interval=1,sched_min_interval=0,batch_sched_delay=0
 MpiDefault=none
 ReturnToService=2
 SlurmdTimeout=10
-# a worker that starts again says which tasks it has; what it says of tasks that are younger than
-# these two is not heard, and it is asked again a minute later (machines take longer to start)
+# a worker that starts again says which tasks it has; of tasks that are younger than these two it is
+# not believed, and asked again a minute later
 BatchStartTimeout=1
 MessageTimeout=2
 {nodes}
@@ -226,6 +233,13 @@ def _kill(pids: list[int]) -> None:
             os.kill(pid, signal.SIGKILL)
         except ProcessLookupError:
             continue
+
+
+def _age(pid: int) -> float:
+    """Seconds since a process began."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    uptime = float(Path("/proc/uptime").read_text().split()[0])
+    return uptime - int(fields[19]) / os.sysconf("SC_CLK_TCK")
 
 
 def _free_ports(count: int) -> list[int]:

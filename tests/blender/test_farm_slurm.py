@@ -93,8 +93,7 @@ def test_a_job_survives_a_worker_without_power(tmp_path):
         check = farm.slurm("bash", script)
         wait_for(lambda: len(shot.names) >= 9, "a third of the frames", 120)
         wait_for(lambda: farm.is_busy("w2"), "a task of the second worker", 60)
-        farm.kill_worker("w2")
-        farm.start_worker("w2")
+        farm.restart_worker("w2")
         farm.wait_for_end(300)
         assert farm.restarts() == 1
         assert farm.exit_codes(check) == {"0:0"} and "24 of 24 frames verified" in farm.output()

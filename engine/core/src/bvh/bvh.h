@@ -10,7 +10,7 @@ constexpr int kWidth = 8;      // children of a node
 constexpr int kMaxLeaf = 8;    // primitives of a leaf, as far as ChildRef can say
 constexpr int kMaxDepth = 72;  // of nodes; the builder keeps to it
 constexpr int kStack = kMaxDepth * (kWidth - 1) + kWidth;
-constexpr int kInterleaved = 32;  // rays that are on their way at a time, each on its own
+constexpr int kInterleaved = 64;  // rays that are on their way each on its own: those of a tile
 constexpr int kLeftParts = 128;   // parts of a tree that a tile's rays may leave for then
 constexpr int kRayStack = kStack + kWidth + kLeftParts + 1;
 

@@ -1,16 +1,16 @@
 // Rays one by one against the boxes of nodes, and what each of them leaves for later.
 #pragma once
 #include "bvh/traverse/kernel_frustum.h"
+#include "simd/broad.h"
 
 namespace glint {
 namespace {
 
-/// A tile's rays as boxes are tested against them, by column. Slabs are ordered by the direction's
-/// signs. Where a ray begins and ends is in the tile.
+/// A tile's rays as boxes are tested against them, by column: they meet a plane where `inverse`
+/// times it and `near_at` or `far_at` come to. Slabs are ordered by the direction's signs. Where a
+/// ray begins and ends is in the tile.
 struct BoxRays {
-  alignas(64) float near_o[3][kTile], far_o[3][kTile], inverse[3][kTile];
-  float far_inverse[kTile];  // along the depth; a little longer than it is (Ize 2013: two ulps;
-                             // here eight)
+  alignas(64) float near_at[3][kTile], far_at[3][kTile], inverse[3][kTile];
   uint32_t near_plane[3][kTile];  // offsets in Node::planes; of the far plane: ^ kWidth
   uint32_t ready = 0;             // groups whose numbers are there
 
@@ -23,17 +23,18 @@ struct BoxRays {
         ready |= 1u << g;
       }
   }
-  /// The triangle test rounds p - o as these slabs do: what else it rounds is half of the margin,
-  /// and nothing along the depth. What the slabs across round is another quarter: three half ulps
-  /// of at most p - o.
+  /// Across, the origin, the slope, its inverse and what the slabs round are 12 u of what the
+  /// margin has 20 u of. Rays along a slab get a slope of 2^-60, which leads out of none.
   void set(const Tile& tile, int k) {
     const Ints kind = load(tile.axis_class + k), back = kind & 4;
     for (int a = 0; a < 2; ++a) {
-      const Floats steep = splat(1.0f) / load(tile.slope[a] + k), o = load(tile.of[a] + k);
-      const Ints sign = Ints(steep) & INT32_MIN;
-      const Floats outward = Floats(Ints(splat(0.75f * tile.margin)) | sign);
-      store(near_o[a] + k, o + outward);
-      store(far_o[a] + k, o - outward);
+      const Floats slope = load(tile.slope[a] + k), o = load(tile.of[a] + k);
+      const Ints sign = Ints(slope) & INT32_MIN;
+      const Floats least = Floats(Ints(splat(0x1p-60f)) | sign),
+                   steep = 1 / choose(less(magnitude(slope), splat(0x1p-60f)), least, slope);
+      const Floats outward = Floats(Ints(splat(tile.margin)) | sign);
+      store(near_at[a] + k, -(o + outward) * steep);
+      store(far_at[a] + k, (outward - o) * steep);
       store(inverse[a] + k, steep);
       store(near_plane[a] + k, across(kind, a) * (2 * kWidth) + (Ints(sign < 0) & kWidth));
     }
@@ -42,16 +43,16 @@ struct BoxRays {
     const Floats start = load(tile.start + k), rest = load(tile.low_part[2] + k),
                  ulps = magnitude(start) * splat(0x1p-23f);
     const Floats sign = Floats(Ints(splat(1.0f)) | (back << 29));
-    store(near_o[2] + k, sign * (start + choose(less(Floats{}, rest), ulps, Floats{})));
-    store(far_o[2] + k, sign * (start - choose(less(rest, Floats{}), ulps, Floats{})));
+    store(near_at[2] + k, -start - choose(less(Floats{}, rest), ulps, Floats{}));
+    store(far_at[2] + k, choose(less(rest, Floats{}), ulps, Floats{}) - start);
     store(inverse[2] + k, sign);
-    store(far_inverse + k, sign * splat(1 + 0x1p-20f));
     store(near_plane[2] + k, (kind & 3) * (2 * kWidth) + back * (kWidth / 4));
   }
 };
 
-/// Which children a ray meets, and how deep. 0 * inf is NaN: `larger` and `smaller` then give up a
-/// bound or two, and at worst a box is entered in vain.
+constexpr float kFarther = 1 + 0x1p-20f;  // Ize 2013: two ulps; here eight
+
+/// Which children a ray meets, and how deep.
 struct BoxHits {
   Floats near[kWidth / kFloats];
   uint32_t mask = 0;
@@ -59,15 +60,13 @@ struct BoxHits {
     const uint32_t x = b.near_plane[0][r], y = b.near_plane[1][r], z = b.near_plane[2][r];
     for (int first = 0; first < kWidth; first += kFloats) {
       const float* planes = n.planes[0] + first;
-      const Floats near_x = (load(planes + x) - splat(b.near_o[0][r])) * splat(b.inverse[0][r]);
-      const Floats near_y = (load(planes + y) - splat(b.near_o[1][r])) * splat(b.inverse[1][r]);
-      const Floats near_z = (load(planes + z) - splat(b.near_o[2][r])) * splat(b.inverse[2][r]);
-      const Floats far_x =
-          (load(planes + (x ^ kWidth)) - splat(b.far_o[0][r])) * splat(b.inverse[0][r]);
-      const Floats far_y =
-          (load(planes + (y ^ kWidth)) - splat(b.far_o[1][r])) * splat(b.inverse[1][r]);
-      const Floats far_z =
-          (load(planes + (z ^ kWidth)) - splat(b.far_o[2][r])) * splat(b.far_inverse[r]);
+      const auto meet = [&](uint32_t plane, const float (*at)[kTile], int axis) {
+        return fused(load(planes + plane), splat(b.inverse[axis][r]), splat(at[axis][r]));
+      };
+      const Floats near_x = meet(x, b.near_at, 0), near_y = meet(y, b.near_at, 1),
+                   near_z = meet(z, b.near_at, 2), far_x = meet(x ^ kWidth, b.far_at, 0),
+                   far_y = meet(y ^ kWidth, b.far_at, 1),
+                   far_z = meet(z ^ kWidth, b.far_at, 2) * splat(kFarther);
       near[first / kFloats] =
           larger(larger(near_x, near_y), larger(near_z, splat(tile.begin_lo[r])));
       mask |= bits(at_most(near[first / kFloats],

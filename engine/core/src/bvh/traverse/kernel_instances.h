@@ -173,13 +173,13 @@ struct InstanceTraversal : InterleavedRays<Any, true> {
   using InterleavedRays<Any, true>::w, InterleavedRays<Any, true>::at,
       InterleavedRays<Any, true>::single;
   OpenRay<double> ray[kInterleaved];
-  uint32_t there = 0;  // have come to an instance
+  uint64_t there = 0;  // have come to an instance
 
-  explicit InstanceTraversal(Walk<Any>& walk) : InterleavedRays<Any, true>(walk, walk.left.rays) {}
+  using InterleavedRays<Any, true>::InterleavedRays;
   void go() {
-    for (uint32_t nodes, through;;) {
-      this->look(nodes, through);
-      const uint32_t leaves = this->everybody() & ~nodes & ~through & ~there;
+    for (uint64_t nodes, leaves;;) {
+      this->look(nodes, leaves);
+      leaves &= ~there;
       if (!(nodes | leaves | there)) return;
       if (leaves) arrive(leaves);
       else if (nodes) this->pass_nodes(nodes);
@@ -189,23 +189,23 @@ struct InstanceTraversal : InterleavedRays<Any, true> {
   }
   const InstanceRecord& instance(int k) const { return w.world.instances[leaf_first(at[k])]; }
   /// Those that may hit their instance stay there.
-  void arrive(uint32_t mask) {
+  void arrive(uint64_t mask) {
     for (; mask; mask &= mask - 1) {
-      const int k = __builtin_ctz(mask);
+      const int k = __builtin_ctzll(mask);
       const InstanceRecord& i = instance(k);
       ray[k] = {i, w.tile, single[k].r};
       if (i.visibility & w.tile.answers->visibility && !ray[k].passes_by(w.world.objects[i.tree]))
-        there |= 1u << k;
+        there |= uint64_t(1) << k;
       else InterleavedRays<Any, true>::go(k, single[k].pop());
     }
   }
   /// Sends those on their way that are at the same object as the first one.
   void enter() {
-    const uint32_t tree = instance(__builtin_ctz(there)).tree;
-    uint32_t same = 0;
+    const uint32_t tree = instance(__builtin_ctzll(there)).tree;
+    uint64_t same = 0;
     Visit<Any> visit(w, tree);
-    for (uint32_t m = there; m; m &= m - 1) {
-      const int k = __builtin_ctz(m);
+    for (uint64_t m = there; m; m &= m - 1) {
+      const int k = __builtin_ctzll(m);
       if (instance(k).tree == tree) {
         visit.add(single[k].r, instance(k), ray[k]);
         same |= m & -m;
@@ -213,7 +213,7 @@ struct InstanceTraversal : InterleavedRays<Any, true> {
     }
     visit.trace();
     there &= ~same;
-    for (; same; same &= same - 1) leave(__builtin_ctz(same));
+    for (; same; same &= same - 1) leave(__builtin_ctzll(same));
   }
   void leave(int k) {
     single[k].shorten(w.tile);

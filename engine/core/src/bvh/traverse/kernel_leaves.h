@@ -4,7 +4,6 @@
 #pragma once
 #include "bvh/traverse/kernel_opacity.h"
 #include "bvh/traverse/kernel_shapes.h"
-#include "simd/broad.h"
 
 namespace glint {
 namespace {

@@ -124,46 +124,36 @@ struct SingleRay {
   }
 };
 
-/// Several rays on their way, through a tree over instances or another one. A processor cannot
-/// foresee where each of them goes; so they go in step.
+/// The rays of a tile on their way, through a tree over instances or another one. A processor
+/// cannot foresee where each of them goes; so they go in step.
 template <bool Any, bool Placed>
 struct InterleavedRays {
   Walk<Any>& w;
-  uint64_t rays;  // that have not started
-  int count;      // single rays, whole vectors of them
+  int count = 0;  // single rays, whole vectors of them
   bool slow;      // memory, and others have the time until it answers
   alignas(64) ChildRef at[kInterleaved];
   SingleRay single[kInterleaved];
-  Waiting (*const stacks)[kRayStack];
 
-  InterleavedRays(Walk<Any>& walk, uint64_t all)
-      : w(walk),
-        rays(all),
-        stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
-    const int n = __builtin_popcountll(all), most = n < kInterleaved ? n : kInterleaved;
-    count = (most + kFloats - 1) / kFloats * kFloats;
-    slow = w.tree.large && n > 2;
-    for (int k = 0; k < count; ++k) at[k] = kDone;
+  explicit InterleavedRays(Walk<Any>& walk) : w(walk) {
+    RayStacks& stacks = *w.tile.answers->stacks;
+    for (uint64_t rays = w.left.rays; rays; rays &= rays - 1, ++count)
+      at[count] = single[count].start(w.tile, __builtin_ctzll(rays), w.left,
+                                      Placed ? stacks.placed[count] : stacks.own[count]);
+    slow = w.tree.large && count > 2;
+    for (; count % kFloats; ++count) at[count] = kDone;
   }
-  uint32_t everybody() const { return count == 32 ? ~0u : (1u << count) - 1; }
-  /// Who is at a node, and whose ray is through, after others have started in place of those.
-  void look(uint32_t& nodes, uint32_t& through) {
-    nodes = through = 0;
+  /// Who is at a node, and who at a leaf.
+  void look(uint64_t& nodes, uint64_t& leaves) const {
+    nodes = leaves = 0;
     for (int k = 0; k < count; k += kFloats) {
       const Ints child = load(at + k);
-      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k;
-      nodes |= bits(child >= Ints{}) << k;
-    }
-    for (; through && rays; rays &= rays - 1) {
-      const int k = __builtin_ctz(through);
-      at[k] = single[k].start(w.tile, __builtin_ctzll(rays), w.left, stacks[k]);
-      nodes |= uint32_t(!(at[k] & kLeaf)) << k;
-      through &= ~(uint32_t(at[k] != kDone) << k);
+      nodes |= uint64_t(bits(child >= Ints{})) << k;
+      leaves |= uint64_t(bits(child < Ints{}) & ~bits(equal(child, Ints{} + int32_t(kDone)))) << k;
     }
   }
-  void pass_nodes(uint32_t mask) {
+  void pass_nodes(uint64_t mask) {
     for (; mask; mask &= mask - 1) {
-      const int k = __builtin_ctz(mask);
+      const int k = __builtin_ctzll(mask);
       go(k, single[k].descend(w, at[k]));
     }
   }
@@ -184,17 +174,16 @@ struct InterleavedTraversal : InterleavedRays<Any, false> {
   using InterleavedRays<Any, false>::InterleavedRays;
 
   void go() {
-    for (uint32_t nodes, through;;) {
-      this->look(nodes, through);
-      const uint32_t leaves = this->everybody() & ~nodes & ~through;
+    for (uint64_t nodes, leaves;;) {
+      this->look(nodes, leaves);
       if (!(nodes | leaves)) return;
-      if (__builtin_popcount(nodes) >= __builtin_popcount(leaves)) this->pass_nodes(nodes);
+      if (__builtin_popcountll(nodes) >= __builtin_popcountll(leaves)) this->pass_nodes(nodes);
       else pass_leaves(leaves);
     }
   }
-  void pass_leaves(uint32_t mask) {
+  void pass_leaves(uint64_t mask) {
     for (; mask; mask &= mask - 1) {
-      const int k = __builtin_ctz(mask);
+      const int k = __builtin_ctzll(mask);
       SingleRay& a = single[k];
       hit_leaf(w, a.r, at[k], order_of(w.tile, a.r));
       a.shorten(w.tile);
@@ -207,7 +196,7 @@ template <bool Any>
 void visit_instances(Walk<Any>& w);
 template <bool Any>
 __attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
-  InterleavedTraversal<Any>(w, w.left.rays).go();
+  InterleavedTraversal<Any>(w).go();
 }
 
 /// The rest of the way of all rays that have left their packets. The packets do not learn of it:
