@@ -38,6 +38,7 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
             "light_samples": 4,
             "lamp_shadows": 0,
             "volume_samples": 16,
+            "reflections": "ALL",
             "diffuse_bounces": 8,
             "max_bounces": 32,
             "cutoff": 0.0,

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 50
+ABI_VERSION = 51
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -150,6 +150,7 @@ class Reflect(IntEnum):
     OFF = 0
     METALS = 1
     ALL = 2
+    GLOSSY = 3
 
 
 class Waves(IntEnum):

@@ -87,9 +87,8 @@ def gathering(
     """
     if not stage.gathers(paths):
         return [], None
-    gloss = np.zeros_like(coefficients.diffuse)
-    if stage.lighting.shows_gloss:
-        gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights)
+    which = stage.settings.reflecting
+    gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights, which)
     pixel = paths.pixel[hit]
     points = stage.gather_points(sample, places[pixel])
     past = {"reflections": paths.reflections + 1, "glossy": True, "gathers": True}

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..settings import GLOSSY_EXPONENTS
 from . import stretching
 from .lights import LightPoint, Source
 from .materials import Term, taken
@@ -28,19 +29,32 @@ class Reflections:
 
 
 def reflecting(terms: list[Term], which: str) -> list[Term]:
-    """Those of the highlights that reflect other surfaces: of metals, or of all that have GGX's
-    masking. which: "METALS", "ALL" or "OFF".
+    """Those of the highlights that reflect other surfaces, as much of them as rays show: of metals,
+    or of all that have GGX's masking. which: "METALS", "GLOSSY", "ALL" or "OFF".
     """
     if which == "OFF":
         return []
     chosen = [t for t in terms if (t.lobe.is_metallic if which == "METALS" else t.lobe.is_glossy)]
-    return [replace(t, k=np.where(np.asarray(t.masking) > 0, t.k, 0.0)) for t in chosen]
+    return [
+        replace(t, k=np.where(np.asarray(t.masking) > 0, _shown(t, which) * t.k, 0.0))
+        for t in chosen
+    ]
 
 
-def even_gloss(seen: Array, terms: list[Term]) -> Array:
+def _shown(term: Term, which: str) -> Array | float:
+    """How much of a lobe reflected rays show."""
+    if term.lobe.is_metallic or which == "ALL":
+        return 1.0
+    if which != "GLOSSY":
+        return 0.0
+    least, most = GLOSSY_EXPONENTS
+    return np.clip((np.asarray(term.exponent) - least) / (most - least), 0.0, 1.0)
+
+
+def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
     """(3, n) about what the highlights of dielectrics give back of even light at points that are
     seen at the cosines (n,): within 8 % down to 17 degrees off the surface, for roughnesses of 0.2
-    to 0.6. Wide lobes are as if seen from less aslant.
+    to 0.6. Wide lobes are as if seen from less aslant. which: less what `reflecting` has of them.
     """
     total = np.zeros((3, len(seen)))
     for term in terms:
@@ -53,7 +67,7 @@ def even_gloss(seen: Array, terms: list[Term]) -> Array:
         shaped = cosine / np.sqrt(a2 + (1 - a2) * cosine * cosine)
         factor = np.where(a2 > 0, size * shaped, 0.0)
         factor = factor * fresnel(cosine, np.broadcast_to(term.ior, cosine.shape))
-        add_at(total, term.index, factor * term.k)
+        add_at(total, term.index, factor * term.k * (1 - _shown(term, which)))
     return total
 
 

@@ -65,8 +65,8 @@ class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
     of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
-    bounced_marks: how many the points of bounced light share.  shows_gloss: gloss of dielectrics
-    shows bounced light, as no rays of its own look for surfaces.
+    bounced_marks: how many the points of bounced light share.  reflecting: what reflected rays show
+    of gloss, which shows bounced light evenly but for that.
     catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
     many light is told apart by.  reach: how far gather rays look for what bounced light has the
     rest of; 0 where there are none.  gathered: these are surfaces that they found.  first_rod: the
@@ -83,7 +83,7 @@ class Lighting:
     bounced_marks: int = 1
     catchers_alone: bool = False
     light_groups: int = 0
-    shows_gloss: bool = True
+    reflecting: str = "OFF"
     reach: float = 0.0
     gathered: bool = False
     first_rod: int = 0
@@ -389,9 +389,9 @@ class Lighting:
 
     def even_gloss(self, source: Source, surface: Surface, coefficients: Coefficients) -> Array:
         """(3, n) what gloss gives back of a light as if it were matt."""
-        if not (self.shows_gloss and isinstance(source, BouncedSource)):
+        if not isinstance(source, BouncedSource):
             return np.zeros((3, len(surface)))
-        return even_gloss(dot(surface.n, surface.v), coefficients.highlights)
+        return even_gloss(dot(surface.n, surface.v), coefficients.highlights, self.reflecting)
 
     def far_share(self, source: Source, x: Array, sample: LightSample) -> Array | float:
         """(k,) what of a sample of bounced light the points x (3, k) get from it, and not from

@@ -75,7 +75,7 @@ class Stage:
             shared_rays(scene.lights, settings),
             asked,
             light_groups=len(scene.light_groups),
-            shows_gloss=settings.reflecting != "ALL",
+            reflecting=settings.reflecting,
             first_rod=self.geometry.first_rod,
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))

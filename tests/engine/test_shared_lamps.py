@@ -77,8 +77,11 @@ def grid(count: int = 49, **more) -> tuple[Light, ...]:
 def scene_of(
     lights: tuple[Light, ...], material: Material = MATT, blocks: bool = True, size: int = 24
 ) -> Scene:
-    """A floor with balls on it, seen from above."""
-    corners = np.array([(-4, -4, 0), (4, -4, 0), (4, 4, 0), (-4, 4, 0)], np.float32)
+    """A floor with balls on it, seen from above. None of its edges goes through a pixel's centre:
+    rounding would decide.
+    """
+    e = 4.001
+    corners = np.array([(-e, -e, 0), (e, -e, 0), (e, e, 0), (-e, e, 0)], np.float32)
     floor = Mesh("floor", corners, np.array([(0, 1, 2), (0, 2, 3)], np.uint32))
     rng = np.random.default_rng(3)
     centers = np.column_stack([rng.uniform(-3, 3, (12, 2)), np.full(12, 0.6)]).astype(np.float32)

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 50
+#define GLINT_ABI_VERSION 51
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -312,8 +312,13 @@ typedef struct GlintSceneData {
 
 enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };
 enum GlintBuild { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED, GLINT_BUILD_FINE };
-/* Which rough surfaces reflect others. */
-enum GlintReflect { GLINT_REFLECT_OFF, GLINT_REFLECT_METALS, GLINT_REFLECT_ALL };
+/* Which rough surfaces reflect others: GLOSSY: metals, and others the more the narrower. */
+enum GlintReflect {
+  GLINT_REFLECT_OFF,
+  GLINT_REFLECT_METALS,
+  GLINT_REFLECT_ALL,
+  GLINT_REFLECT_GLOSSY
+};
 enum GlintWaves { GLINT_WAVES_UNSEEN, GLINT_WAVES_SEEN, GLINT_WAVES_HELD };
 
 /* Passes, as numbers for glint_render_picture and as bits (1 << pass) for GlintRenderSettings. */

@@ -14,6 +14,10 @@ constexpr size_t kColumns =
     1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 +
     2;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky, density and distance
 
+/// GLINT_REFLECT_GLOSSY: exponents of dielectrics' lobes up to which reflected rays show none of
+/// them, and from which on all (the narrowest of a Principled BSDF of roughness 0.5 and 0.41).
+constexpr double kNotShown = 52, kWhollyShown = 92;
+
 }  // namespace
 
 DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
@@ -75,6 +79,10 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.stride = batch.stride;
   stage_.max_specular = scene_.materials.max_specular;
   stage_.most_exponent = scene_.materials.most_exponent;
+  const bool glossy = plan_.reflections == GLINT_REFLECT_GLOSSY;
+  stage_.shown_slope = glossy ? 1 / (kWhollyShown - kNotShown) : 0;
+  stage_.shown_least = glossy ? -kNotShown / (kWhollyShown - kNotShown)
+                              : double(plan_.reflections == GLINT_REFLECT_ALL);
   stage_.has_sheen = scene_.materials.has_sheen;
   stage_.has_fibre = scene_.materials.has_fibre;
   stage_.turns_lobes = scene_.materials.turns_lobes;
@@ -170,17 +178,15 @@ void DirectLight::find_lit(const Batch& batch, const Light& light) {
 }
 
 bool DirectLight::reflects() const {
-  const bool all = plan_.reflections == GLINT_REFLECT_ALL,
+  const bool off = plan_.reflections == GLINT_REFLECT_OFF || plan_.max_bounces == 0,
              metals = plan_.reflections == GLINT_REFLECT_METALS;
-  return plan_.max_bounces > 0 &&
-         ((all && scene_.materials.has_gloss) || (metals && scene_.materials.has_metals));
+  return !off && (metals ? scene_.materials.has_metals : scene_.materials.has_gloss);
 }
 
 void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {
   if (!reflects()) return;
   const Queue& queue = *batch.queue;
   const double* const place = plan_.lobe_point(sample, queue.reflections);
-  stage_.metals_alone = plan_.reflections == GLINT_REFLECT_METALS;
   set_place(stage_, place[0], place[1]);
   const size_t count = stages_.reflect(stage_);
   for (size_t k = 0; k < count; ++k) {

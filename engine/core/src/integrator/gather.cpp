@@ -80,6 +80,7 @@ void DirectLight::make_diffuse(Batch& batch) {
       if (linked_[k] && !scene_.materials[batch.material[k]].has(GLINT_AMBIENT)) linked_[k] = 0;
     stage_.lit = linked_.data();
     stage_.gathers_gloss = true;
+    stage_.shown_slope = stage_.shown_least = 0;
     stages_.make_diffuse(stage_, batch.diffuse);
   }
   batch.clear_specular();

@@ -30,12 +30,16 @@ struct Term {
     const Mask turned = nonzero(m) & (load(column + SpecularTerm::kExponent * s.stride) >= 0);
     return choose(turned, m, n);
   }
-  /// Where it is one that reflects other surfaces: of GGX's masking and, perhaps, of metals.
-  Mask reflects(const LightStage& s, size_t at, int number) const {
+  /// How much of it reflects other surfaces, as rays show them: of GGX's masking, all of a metal's.
+  Doubles reflects(const LightStage& s, size_t at, int number) const {
     const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
-    const Mask shaped = load(column + SpecularTerm::kMasking * s.stride) > 0;
-    return s.metals_alone ? shaped & ~(load(column + SpecularTerm::kFresnel * s.stride) > 0)
-                          : shaped;
+    const Mask shaped = load(column + SpecularTerm::kMasking * s.stride) > 0,
+               dielectric = load(column + SpecularTerm::kFresnel * s.stride) > 0;
+    return where(shaped, choose(dielectric, shown(s), splat(1)));
+  }
+  /// The same of a dielectric's.
+  Doubles shown(const LightStage& s) const {
+    return larger(smaller(s.shown_slope * exponent + s.shown_least, splat(1)), Doubles{});
   }
   Doubles weight(const Narrow& narrow) const {
     return where(exponent >= narrow.least, magnitude(k.x) + magnitude(k.y) + magnitude(k.z));
@@ -82,8 +86,9 @@ template <bool Reflecting>
 inline Term term_of(const LightStage& s, size_t k, int number) {
   Term term(s, k, number);
   if constexpr (Reflecting) {
-    const Mask good = term.reflects(s, k, number) & (term.exponent >= 0);
-    term.k = where(good, term.k);
+    const Doubles part = term.reflects(s, k, number);
+    const Mask good = (part > 0) & (term.exponent >= 0);
+    term.k = where(good, part * term.k);
     term.exponent = choose(good, term.exponent, splat(-1));
   }
   return term;
@@ -276,7 +281,7 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
 }
 
 /// About what gloss of dielectrics gives back of even light, as it does straight from above and
-/// where it mirrors; ever less slanting the wider the lobe.
+/// where it mirrors; ever less slanting the wider the lobe. Less what rays show.
 inline Three even_gloss(const LightStage& s, size_t k) {
   const Doubles seen = seen_cosine(load3(s.n, k), load3(s.d, k));
   Three sum{};
@@ -290,7 +295,8 @@ inline Three even_gloss(const LightStage& s, size_t k) {
     const Doubles cosine = root(seen * seen + 2 * (1 - seen * seen) / (p + 8)),
                   size = 8 / (p + 2 + 8 / (4 + p * p));
     Gloss gloss(cosine, cosine, cosine);
-    sum = sum + where(good, size * cosine * gloss.factor(masking2, fresnel) * term.k);
+    const Doubles rest = 1 - term.shown(s);
+    sum = sum + where(good, rest * size * cosine * gloss.factor(masking2, fresnel) * term.k);
   }
   return sum;
 }
