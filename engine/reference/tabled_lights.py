@@ -25,7 +25,7 @@ Array = np.ndarray
 
 SKY_PARTS = 2
 """In so many parts the sky's samples are taken, one by each pixel sample in turn, by what gather
-rays meet: that is seen from afar.
+rays and reflections of rough surfaces meet: that is seen blurred.
 """
 STRAND_PARTS = 4
 """The same of all lights that have tables, by strands: each sample of a pixel meets others of them.

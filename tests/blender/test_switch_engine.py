@@ -175,6 +175,7 @@ answer(found)
     assert about("Glass throws no caustics") == ["DIFFERENT", ["FINISHED"], panes, panes[0]]
     assert about("Glass BSDF: ")[:3] == ["NEARLY", ["FINISHED"], panes]
     assert about("The spread of area lights")[2] == ["Light"]
+    assert about("Plastic, paint and wood")[2] == ["Cube"]
     assert not [text for text in got if text.startswith(("Toon", "Subsurface"))]
 
 
@@ -234,7 +235,6 @@ def test_where_the_buttons_are(tmp_path):
         """
 from types import SimpleNamespace
 from glint.operators import switch_engine
-bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1
 drawn = []
 
 class Layout:

@@ -267,10 +267,12 @@ def veils(layers: int) -> tuple[s.Mesh, tuple[s.Material, ...], tuple[s.Instance
 @pytest.mark.parametrize("layers", [1, 3])
 def test_light_through_veils_is_what_is_seen_through_them(layers: int) -> None:
     """The sun overhead through sheets of several materials, and a white world through the same
-    sheets. Rays through the diagonal run along edges, where rounding chooses the face.
+    sheets. The view lies beside their middle: along the edges of the diagonal rounding chooses the
+    face.
     """
     mesh, materials, sheets = veils(layers)
     view, white = view_from_above(48), s.World(background=(1, 1, 1))
+    view.world_from_camera[0, 3] = 0.0007
     seen = color(s.Scene(view, (mesh,), sheets, materials, (checker(),), (), white))
     hidden = tuple(replace(sheet, visible_camera=False) for sheet in sheets)
     floor = s.Scene(
@@ -284,8 +286,7 @@ def test_light_through_veils_is_what_is_seen_through_them(layers: int) -> None:
     )
     lit = color(replace(floor, instances=(*hidden, placed(1, (4,))))) / color(floor)
     assert len(np.unique(seen.round(4))) > 300 and (seen == 0).any()
-    beside = np.fliplr(~np.eye(48, dtype=bool))
-    assert np.abs(lit - seen)[beside].max() < 1e-5
+    assert np.abs(lit - seen).max() < 1e-5
 
 
 def test_ambient_lobes_of_a_black_world_change_nothing() -> None:

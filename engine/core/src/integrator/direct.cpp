@@ -106,7 +106,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
 
 /// Whether some of the points that lights may reach are on strands; which.
 bool DirectLight::find_strands(const Batch& batch) {
-  if (scene_.instances.only_meshes) return false;
+  if (!scene_.instances.has_strands) return false;
   strands_.resize(batch.size());
   bool any = false;
   for (size_t k = 0; k < batch.size(); ++k) {
@@ -178,9 +178,15 @@ void DirectLight::find_lit(const Batch& batch, const Light& light) {
 }
 
 bool DirectLight::reflects() const {
-  const bool off = plan_.reflections == GLINT_REFLECT_OFF || plan_.max_bounces == 0,
-             metals = plan_.reflections == GLINT_REFLECT_METALS;
-  return !off && (metals ? scene_.materials.has_metals : scene_.materials.has_gloss);
+  const MaterialTable& materials = scene_.materials;
+  if (plan_.max_bounces == 0) return false;
+  switch (plan_.reflections) {
+    case GLINT_REFLECT_METALS: return materials.has_metals;
+    case GLINT_REFLECT_GLOSSY:
+      return materials.has_metals || materials.most_varnish_exponent > kNotShown;
+    case GLINT_REFLECT_ALL: return materials.has_gloss;
+    default: return false;
+  }
 }
 
 void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {

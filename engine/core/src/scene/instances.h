@@ -25,7 +25,7 @@ struct InstanceTable {
   InstanceValues values{};
   size_t triangles = 0, primitives = 0, dropped = 0;
   uint32_t default_material = 0;
-  bool only_meshes = true;
+  bool only_meshes = true, has_strands = false;
 
   const GlintInstances& group(uint32_t instance) const {
     return groups[placements[instance].group];

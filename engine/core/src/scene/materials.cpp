@@ -130,7 +130,9 @@ void compare_lobes(MaterialTable& t, Material& material) {
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     t.has_gloss = t.has_gloss || shaped;
     t.has_metals = t.has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
-    t.has_varnish = t.has_varnish || (shaped && lobe.fresnel & GLINT_DIELECTRIC);
+    const bool varnish = shaped && lobe.fresnel & GLINT_DIELECTRIC;
+    t.has_varnish = t.has_varnish || varnish;
+    if (varnish) t.most_varnish_exponent = std::max(t.most_varnish_exponent, lobe.exponent);
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
     if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);
