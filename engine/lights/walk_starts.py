@@ -173,7 +173,7 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
     else:
         edge = np.cos(light.spot_size / 2) if light.kind == "SPOT" else -1.0
         d = _cone(np.repeat(axis, n, 1), edge, *v.T)
-        o = center + light.radius * _across(d, walk_points(n, 253))
+        o = center + light.radius * _across(d, *concentric_disc(2 * walk_points(n, 253) - 1).T)
 
     def at(x: Array, number: Array) -> Array:
         to = x - o[:, number]
@@ -195,19 +195,18 @@ def _camera(origin: Array) -> Camera:
     return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
 
 
-def _across(n: Array, points: Array) -> Array:
-    """(3, m) on the unit discs across the unit vectors n (3, m), at points (m, 2) of the square."""
+def _across(n: Array, x: Array, y: Array) -> Array:
+    """(3, m) the points (x, y) of discs across the unit vectors n (3, m)."""
     from ..reference.vectors import basis_around
 
-    x, y = concentric_disc(2 * points - 1).T
     first, second = basis_around(n)
     return x * first + y * second
 
 
 def cosine_around(n: Array, u: Array, v: Array) -> Array:
     """(3, m) unit, as densely as their cosine to the unit vectors n, at points of the square."""
-    aside = _across(n, np.stack([u, v], 1))
-    return aside + np.sqrt(np.maximum(0.0, 1 - (aside * aside).sum(0))) * n
+    x, y = concentric_disc(2 * np.stack([u, v], 1) - 1).T
+    return _across(n, x, y) + np.sqrt(np.maximum(0.0, 1 - x * x - y * y)) * n
 
 
 def _cone(axis: Array, edge: float, u: Array, v: Array) -> Array:
