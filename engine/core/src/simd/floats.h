@@ -130,9 +130,9 @@ inline FloatMask less(Floats a, Floats b) { return a < b; }
 inline FloatMask at_most(Floats a, Floats b) { return a <= b; }
 inline FloatMask equal(Ints a, Ints b) { return a == b; }
 inline FloatMask lanes(uint32_t some) {
-  FloatMask m = {};
-  for (int k = 0; k < kFloats; ++k) m[k] = some >> k & 1 ? -1 : 0;
-  return m;
+  Ints each;
+  for (int k = 0; k < kFloats; ++k) each[k] = 1 << k;
+  return ((Ints{} + int32_t(some)) & each) != Ints{};
 }
 inline DoubleMask less(Doubles a, Doubles b) { return a < b; }
 inline DoubleMask at_most(Doubles a, Doubles b) { return a <= b; }

@@ -201,7 +201,7 @@ inline bool set_coherent_origins(Tile& tile, const double* const (&o)[3], const 
 
 /// set_tile for a coherent tile. False when it is not: then set_tile has to do it.
 inline bool set_coherent_tile(Tile& tile) {
-  if (tile.count < kLeastCoherent || !(reach_of(*tile.tree) < kWide)) return false;
+  if (tile.count < kLeastPacket || !(reach_of(*tile.tree) < kWide)) return false;
   const uint32_t kind = axis_class_of({*tile.xyz_d[0], *tile.xyz_d[1], *tile.xyz_d[2]});
   const Order& order = kOrders[kind];
   const double *d[3], *o[3], sign = double(order.sign);

@@ -23,7 +23,7 @@ struct Columns {
   /// Rays that hit nothing, up to a whole group; where all of them may be one packet, up to a whole
   /// tile, beside the first one.
   void fill(int count) {
-    const int end = count < kLeastCoherent ? (count + kFloats - 1) / kFloats * kFloats : kTile;
+    const int end = count < kLeastPacket ? (count + kFloats - 1) / kFloats * kFloats : kTile;
     for (int c = 0; c < 8; ++c)
       for (int k = count; k < end; ++k) values[c][k] = c < 6 ? values[c][0] : 0;
   }

@@ -148,10 +148,8 @@ __attribute__((noinline)) void walk_packet(Walk<Any>& w, const Order& order, uin
                                            uint64_t pure, bool common) {
   const float open = w.tree.kind == kInstanceLeaf ? kOpenInstances : kOpen,
               radius = float(w.tree.radius);
-  if (set_frustum(w.tile, w.packet, order, rays) > open * radius * radius) {
-    for (; rays; rays &= rays - 1) leave(w, __builtin_ctzll(rays), 1, w.tree.root, -kFar);
-    return;
-  }
+  if (set_frustum(w.tile, w.packet, order, rays) > open * radius * radius)
+    return leave(w, rays, w.tree.root, -kFar);
   for (int k = 0; k < kTile; k += kFloats)
     if (some_of(rays, k, kFloats)) set_crossings(w.tile, w.packet, k);
   PacketWalk<Any> walk{w, order, pure, common, rays};
@@ -172,7 +170,7 @@ __attribute__((noinline)) void walk_packet(Walk<Any>& w, const Order& order, uin
       continue;
     }
     if (__builtin_popcountll(rest) <= kAlone) {
-      for (uint64_t m = rest; m; m &= m - 1) leave(w, __builtin_ctzll(m), 1, child, distance);
+      leave(w, rest, child, distance);
       walk.look();
       continue;
     }

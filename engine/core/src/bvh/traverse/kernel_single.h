@@ -232,5 +232,12 @@ inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float dist
   }
 }
 
+/// The same of some rays of a tile.
+template <bool Any>
+inline void leave(Walk<Any>& w, uint64_t rays, ChildRef child, float distance) {
+  for (int k = 0; k < kTile; k += kFloats)
+    if (const uint32_t some = some_of(rays, k, kFloats)) leave(w, k, some, child, distance);
+}
+
 }  // namespace
 }  // namespace glint

@@ -7,8 +7,6 @@
 namespace glint {
 namespace {
 
-constexpr int kLeastPacket = 16;  // rays of one axis class
-
 /// Sorts a tile's rays into packets and sends them down.
 template <bool Any>
 inline void walk_tile(Walk<Any>& w) {
@@ -21,8 +19,10 @@ inline void walk_tile(Walk<Any>& w) {
   }
   // Too far apart for an object's triangles, or numbers too large for products of packets: one by
   // one.
-  const bool alone = (tile.instances && tile.count < kLeastCoherent) || !(tile.far_margin < kFar);
+  if ((tile.instances && tile.count < kLeastPacket) || !(tile.far_margin < kFar))
+    return leave(w, rays, w.tree.root, -kFar);
   const uint64_t all = rays;
+  uint64_t lone = 0;
   while (rays) {
     const uint32_t kind = tile.axis_class[__builtin_ctzll(rays)];
     uint64_t same = 0, pure = 0;
@@ -33,12 +33,10 @@ inline void walk_tile(Walk<Any>& w) {
       if (some == some_of(all, k, kFloats)) pure |= uint64_t(some) << k;
     }
     rays &= ~same;
-    if (!alone && __builtin_popcountll(same) >= kLeastPacket) {
-      walk_packet(w, kOrders[kind], same, pure, false);
-      continue;
-    }
-    for (; same; same &= same - 1) leave(w, __builtin_ctzll(same), 1, w.tree.root, -kFar);
+    if (__builtin_popcountll(same) < kLeastPacket) lone |= same;
+    else walk_packet(w, kOrders[kind], same, pure, false);
   }
+  leave(w, lone, w.tree.root, -kFar);
 }
 
 /// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instances, answers, tree and world
