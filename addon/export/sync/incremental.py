@@ -182,7 +182,8 @@ class LiveExport:
         note_scene(depsgraph.scene_eval, report)
         if culls(depsgraph.scene_eval):
             report.note(
-                "Camera and distance culling is for renders: the viewport shows all objects"
+                "Camera and distance culling is for renders: the viewport shows all objects; hide "
+                "in it what makes it slow"
             )
         note_missing(depsgraph, report)
         world = world_of(depsgraph, depsgraph.scene_eval)
