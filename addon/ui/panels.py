@@ -219,8 +219,8 @@ class GLINT_RENDER_PT_simplify_culling(EnginePanel, bpy.types.Panel):
     def draw(self, context):
         settings = context.scene.cycles
         self.layout.active = context.scene.render.use_simplify
-        for kind, label in (("camera", "Camera Culling"), ("distance", "Distance Culling")):
-            row = self.column.row(heading=label)
+        for kind in ("camera", "distance"):
+            row = self.column.row(heading=kind.title())
             row.prop(settings, f"use_{kind}_cull", text="")
             margin = row.column()
             margin.active = getattr(settings, f"use_{kind}_cull")
