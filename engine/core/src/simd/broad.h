@@ -39,6 +39,9 @@ inline Broad smaller(Broad a, Broad b) {
 inline BroadMask less(Broad a, Broad b) {
   return {_mm512_cmp_ps_mask(__m512(a), __m512(b), _CMP_LT_OQ)};
 }
+inline BroadMask at_most(Broad a, Broad b) {
+  return {_mm512_cmp_ps_mask(__m512(a), __m512(b), _CMP_LE_OQ)};
+}
 inline BroadMask operator&(BroadMask a, BroadMask b) { return {__mmask16(a.lanes & b.lanes)}; }
 inline BroadMask operator|(BroadMask a, BroadMask b) { return {__mmask16(a.lanes | b.lanes)}; }
 inline uint32_t bits(BroadMask m) { return m.lanes; }

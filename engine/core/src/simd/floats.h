@@ -130,9 +130,9 @@ inline FloatMask less(Floats a, Floats b) { return a < b; }
 inline FloatMask at_most(Floats a, Floats b) { return a <= b; }
 inline FloatMask equal(Ints a, Ints b) { return a == b; }
 inline FloatMask lanes(uint32_t some) {
-  FloatMask m = {};
-  for (int k = 0; k < kFloats; ++k) m[k] = some >> k & 1 ? -1 : 0;
-  return m;
+  Ints each;
+  for (int k = 0; k < kFloats; ++k) each[k] = 1 << k;
+  return ((Ints{} + int32_t(some)) & each) != Ints{};
 }
 inline DoubleMask less(Doubles a, Doubles b) { return a < b; }
 inline DoubleMask at_most(Doubles a, Doubles b) { return a <= b; }
@@ -166,39 +166,6 @@ inline float smallest(Floats v) {
   return _mm_cvtss_f32(_mm_min_ss(a, _mm_shuffle_ps(a, a, 1)));
 #else
   return smaller(smaller(v[0], v[1]), smaller(v[2], v[3]));
-#endif
-}
-struct Smaller {
-  static Floats of(Floats a, Floats b) { return smaller(a, b); }
-};
-struct Larger {
-  static Floats of(Floats a, Floats b) { return larger(a, b); }
-};
-/// Every lane pair of a and of b folded: a's results and b's in turn.
-template <class Fold>
-inline Floats fold_pair(Floats a, Floats b) {
-#if defined(__AVX__)
-  return Fold::of(__builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13),
-                  __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15));
-#else
-  return Fold::of(__builtin_shufflevector(a, b, 0, 4, 1, 5),
-                  __builtin_shufflevector(a, b, 2, 6, 3, 7));
-#endif
-}
-/// Each of kFloats rows of kFloats numbers folded to one lane.
-template <class Fold>
-inline Floats fold_rows(const float* rows) {
-  auto four = [rows](int first) {
-    const float* p = rows + first * kFloats;
-    return fold_pair<Fold>(fold_pair<Fold>(load(p), load(p + 2 * kFloats)),
-                           fold_pair<Fold>(load(p + kFloats), load(p + 3 * kFloats)));
-  };
-#if defined(__AVX__)
-  const Floats a = four(0), b = four(4);
-  return Fold::of(__builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11),
-                  __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15));
-#else
-  return four(0);
 #endif
 }
 /// The lanes of two vectors as the halves of integers.

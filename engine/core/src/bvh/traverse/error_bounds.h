@@ -52,9 +52,5 @@ constexpr float kLeastProduct = 0x1p-140f;
 /// What the sum of weighted depths rounds, as part of the largest: 16 u.
 constexpr float kSumMargin = 0x1p-20f;
 
-/// What edge functions of an apex packet and those of its rays differ by, as part of m (s z + m):
-/// 64 u (edge_lines derives 20).
-constexpr float kEdgeMargin = 0x1p-18f;
-
 }  // namespace
 }  // namespace glint

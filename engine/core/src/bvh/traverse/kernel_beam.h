@@ -12,9 +12,8 @@ namespace glint {
 namespace {
 
 /// One hit that weigh() has not answered, or not in the ray's own order.
-template <int Count>
-__attribute__((noinline)) void finish_at_edge(const Beam<Count>& beam, const TreeView& tree,
-                                              const Answers& answers, int r) {
+__attribute__((noinline)) inline void finish_at_edge(const Beam& beam, const TreeView& tree,
+                                                     const Answers& answers, int r) {
   const BeamRay ray(beam.source, r);
   Exact<double> e = ray.see(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]));
   weigh(e, beam.close);
@@ -24,9 +23,7 @@ __attribute__((noinline)) void finish_at_edge(const Beam<Count>& beam, const Tre
 }
 
 /// The hits of kFloats rays, in double.
-template <int Count>
-inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Answers& answers,
-                        int k) {
+inline void finish_beam(const Beam& beam, const TreeView& tree, const Answers& answers, int k) {
   const Order& order = *beam.order;
   const Ints pending = load(beam.pending + k);
   const FloatMask none = equal(pending, Ints{});
@@ -93,26 +90,26 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
     finish_at_edge(beam, tree, answers, k + __builtin_ctz(edges));
 }
 
-enum class Beamed { kDone, kUnfit, kParted };  // what became of a beam
+enum class Beamed { kTraced, kUnfit, kParted };  // what became of a beam
 
-/// The closest hits of `Count` rays, into `answers`; Any: what blocks them. False, and nothing is
-/// there, when they are no beam, see too much or may pass something.
-template <bool Any, int Count>
+/// The closest hits of the rays from `first` on, into `answers`; Any: what blocks them. False, and
+/// nothing is there, when they are no beam, see too much or may pass something.
+template <bool Any>
 __attribute__((noinline)) Beamed trace_beam(const TreeView& tree, const Rays& rays, size_t first,
                                             Answers& answers) {
-  Beam<Count> beam;
+  Beam beam;
   if (!set_from_apex(beam, tree, rays, first) && !(Any && set_to_apex(beam, tree, rays, first)))
     return Beamed::kUnfit;
   if (!set_places(beam)) return Beamed::kUnfit;
-  BeamWalk<Any, Count> walk{tree, beam, answers};
+  BeamWalk<Any> walk{tree, beam, answers};
   walk.set_end();
   if (!walk.walk()) return Beamed::kParted;
   if constexpr (Any) {
     const uint8_t stop = answers.stop();
-    for (int k = 0; k < Count; ++k) answers.blocked[k] = beam.farthest[k] > kFar ? stop : 0;
+    for (int k = 0; k < kBeam; ++k) answers.blocked[k] = beam.farthest[k] > kFar ? stop : 0;
   } else
-    for (int k = 0; k < Count; k += kFloats) finish_beam(beam, tree, answers, k);
-  return Beamed::kDone;
+    for (int k = 0; k < kBeam; k += kFloats) finish_beam(beam, tree, answers, k);
+  return Beamed::kTraced;
 }
 
 }  // namespace

@@ -10,9 +10,8 @@ struct BeamSpan {
   double shortest, longest, earliest, latest;
 };
 
-/// Whether `Count` rays from `first` on are of one axis class or nearly so, and alive.
-template <int Count>
-inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSpan& span) {
+/// Whether the rays from `first` on are of one axis class or nearly so, and alive.
+inline bool set_source(Beam& beam, const Rays& rays, size_t first, BeamSpan& span) {
   const Order& order =
       kOrders[axis_class_of({rays.d[0][first], rays.d[1][first], rays.d[2][first]})];
   BeamSource& s = beam.source;
@@ -28,7 +27,7 @@ inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSp
   }
   const Doubles sign = splat(double(order.sign)), zero{};
   Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf), latest{};
-  for (int k = 0; k < Count; k += kLanes) {
+  for (int k = 0; k < kBeam; k += kLanes) {
     constexpr uint32_t kAll = (1u << kLanes) - 1;
     const Doubles ahead = flip(load(s.d[2] + k), sign), t_min = load(s.t_min + k),
                   t_max = load(s.t_max + k);
@@ -51,8 +50,7 @@ inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSp
 
 /// Whether all rays begin no more than four radii from the tree's ball: there the rays of all
 /// tests begin at their origins. `square`: of the largest distance from its centre.
-template <int Count>
-inline bool set_room(Beam<Count>& beam, const TreeView& tree, double square) {
+inline bool set_room(Beam& beam, const TreeView& tree, double square) {
   const double size = reach_of(tree), center = size - 4 * tree.radius;
   if (!(square < 16 * tree.radius * tree.radius * (1 - 0x1p-40)) || !(size < 0x1p30)) return false;
   beam.room = float(2 * kBoxMargin * (center + __builtin_sqrt(square)));
@@ -61,18 +59,17 @@ inline bool set_room(Beam<Count>& beam, const TreeView& tree, double square) {
 }
 
 /// Rays that begin at one point.
-template <int Count>
-inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
+inline bool set_from_apex(Beam& beam, const TreeView& tree, const Rays& rays, size_t first) {
   double square = 0;
   for (int a = 0; a < 3; ++a) {
     const double o = rays.o[a][first], f = tree.center[a] - o;
-    if (!(o == rays.o[a][first + Count - 1])) return false;
+    if (!(o == rays.o[a][first + kBeam - 1])) return false;
     square += f * f;
   }
   BeamSpan span;
   if (!set_room(beam, tree, square) || !set_source(beam, rays, first, span)) return false;
   const BeamSource& s = beam.source;
-  for (int k = 0; k < Count; k += kLanes) {
+  for (int k = 0; k < kBeam; k += kLanes) {
     Longs other{};
     for (const double* p : s.o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
     if (any(Longs(other != Longs{}))) return false;
@@ -81,7 +78,7 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
   beam.off = beam.past = 0;
   beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
   const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
-  for (int k = 0; k < Count; k += kLanes) {
+  for (int k = 0; k < kBeam; k += kLanes) {
     const Doubles end = endless ? Doubles{} : 1 / magnitude(load(s.t_max + k) * load(s.d[2] + k));
     narrow(beam.farthest + k, end * (1 - 0x1p-21));
     narrow(beam.nearest + k, end * (1 + 0x1p-21));
@@ -92,10 +89,9 @@ inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& r
 /// Where a beam's first and last ray end if that is one point but for rounding, or else where their
 /// lines are nearest to each other, in the rays' order. (Of lines alone rounding tells badly how
 /// far away that is.)
-template <int Count>
-inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
+inline bool set_meeting(const Beam& beam, double (&apex)[3]) {
   const BeamSource& s = beam.source;
-  constexpr int kFinal = Count - 1;
+  constexpr int kFinal = kBeam - 1;
   double first[2], across = 0, square = 0, apart = 0;
   for (int a = 0; a < 3; ++a) {
     const double end = *s.o[a] + *s.t_max * *s.d[a],
@@ -118,11 +114,10 @@ inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
 /// Rays that end at one point, a little before it, or behind it by rounding. `farthest` and
 /// `nearest` are those of where they begin: what lies behind that, as seen from the apex, is no
 /// hit.
-template <int Count>
-inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
+inline bool set_to_apex(Beam& beam, const TreeView& tree, const Rays& rays, size_t first) {
   const auto end_of = [&](int a, size_t k) { return rays.o[a][k] + rays.t_max[k] * rays.d[a][k]; };
   for (int a = 0; a < 3; ++a)  // where they do not, this tells mostly
-    if (!(magnitude(end_of(a, first) - end_of(a, first + Count - 1)) < 0x1p-16 * tree.radius))
+    if (!(magnitude(end_of(a, first) - end_of(a, first + kBeam - 1)) < 0x1p-16 * tree.radius))
       return false;
   BeamSpan span;
   double apex[3];
@@ -132,7 +127,7 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
   beam.order = &order;
   const Doubles sign = splat(double(order.sign));
   Doubles off{}, square{}, nearest = splat(kInf), farthest{}, end{}, past = splat(kInf);
-  for (int k = 0; k < Count; k += kLanes) {
+  for (int k = 0; k < kBeam; k += kLanes) {
     const Doubles along = load(s.d[2] + k), length = magnitude(along),
                   way = load(s.o[2] + k) - splat(apex[2]), steps = way / along;
     Doubles distance{};
@@ -164,16 +159,15 @@ inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& ray
   return true;
 }
 
-/// False when the rays' slices do not share out their places: then smaller beams are better.
-template <int Count>
-inline bool set_places(Beam<Count>& beam) {
+/// False when the rays' slices do not share out their places.
+inline bool set_places(Beam& beam) {
   const BeamSource& s = beam.source;
   const Broad sign = spread(beam.order->sign);
   float low[2] = {kFar, kFar}, high[2] = {-kFar, -kFar};
   for (int a = 0; a < 2; ++a)
     beam.middle[a] = float(0.5 * double(beam.order->sign) *
-                           (s.d[a][0] / s.d[2][0] + s.d[a][Count - 1] / s.d[2][Count - 1]));
-  for (int g = 0; g < Beam<Count>::kSlices; ++g) {
+                           (s.d[a][0] / s.d[2][0] + s.d[a][kBeam - 1] / s.d[2][kBeam - 1]));
+  for (int g = 0; g < kSlices; ++g) {
     const int k = g * kBroad;
     const Broad inverse = 1 / (narrow_broad(s.d[2] + k) * sign);
     for (int a = 0; a < 2; ++a) {
@@ -193,13 +187,9 @@ inline bool set_places(Beam<Count>& beam) {
     beam.width[a] = larger(-low[a], high[a]);
     beam.slope = larger(beam.slope, magnitude(beam.middle[a]) + beam.width[a]);
   }
-  for (int g = Beam<Count>::kSlices; g < kBroad; ++g) {
-    for (int a = 0; a < 2; ++a) beam.center[a][g] = beam.half[a][g] = 0;
-    beam.end[g] = kFar;
-  }
   float area = 0;
   const float room[2] = {beam.width[0] / 16, beam.width[1] / 16};
-  for (int g = 0; g < Beam<Count>::kSlices; ++g)
+  for (int g = 0; g < kSlices; ++g)
     area += (beam.half[0][g] + room[0]) * (beam.half[1][g] + room[1]);
   const float whole = beam.width[0] * beam.width[1];
   return 4 * area >= whole && area <= 4 * whole;

@@ -1,15 +1,15 @@
 // Triangles as a beam sees them from its apex: bounds of its rays' edge functions and depths.
 #pragma once
-#include "bvh/traverse/kernel_packets.h"
+#include "bvh/traverse/kernel_leaves.h"
 #include "simd/broad.h"
 
 namespace glint {
 namespace {
 
 constexpr int kBeam = kBroad == 4 ? 128 : 256;
-constexpr int kMostSlices = 32;
+constexpr int kSlices = kBeam / kBroad;  // groups of rays as wide as a register
 /// Leaves that a beam may come to before it is parted.
-constexpr int leaves_allowed(int rays, bool any) { return any || rays == kTile ? 100 : 300; }
+constexpr int leaves_allowed(bool any) { return any ? 100 : 150; }
 
 /// What a beam's rays are in double, by axis, and in the order of most of them (Order::axes).
 struct BeamSource {
@@ -49,16 +49,14 @@ struct BeamRay {
   }
 };
 
-/// `Count` rays. Depths are counted from the apex, in the rays' sense, as 1 / depth: linear in the
+/// A beam's rays. Depths are counted from the apex, in the rays' sense, as 1 / depth: linear in the
 /// place along a plane, and 0 where nothing was hit yet.
-template <int Count>
 struct Beam {
-  static constexpr int kSlices = Count / kBroad;  // groups of rays as wide as a register
-  alignas(64) float place[2][Count];
-  alignas(64) float farthest[Count], nearest[Count];    // bounds of 1 / depth of a ray's best hit
-  alignas(64) uint32_t pending[Count], leaf_at[Count];  // its leaf, kNothing: none; place in it
-  alignas(64) float center[2][kMostSlices], half[2][kMostSlices];  // of slices: extent in places
-  alignas(64) float end[kMostSlices];                              // and the least `farthest`
+  alignas(64) float place[2][kBeam];
+  alignas(64) float farthest[kBeam], nearest[kBeam];    // bounds of 1 / depth of a ray's best hit
+  alignas(64) uint32_t pending[kBeam], leaf_at[kBeam];  // its leaf, kNothing: none; place in it
+  alignas(64) float center[2][kSlices], half[2][kSlices];  // of slices: extent in places
+  alignas(64) float end[kSlices];                          // and the least `farthest`
   BeamSource source;
   const Order* order;  // the rays', or turned round where they end at the apex
   Origin apex;
@@ -97,8 +95,8 @@ struct BeamTriangles {
   uint32_t near;     // not surely beside or behind the beam
 };
 
-template <bool Any, int Count>
-__attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Count>& beam,
+template <bool Any>
+__attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam& beam,
                                                                   const Triangles& leaf,
                                                                   int first) {
   Floats p[9], across{}, deepest{};

@@ -6,11 +6,10 @@ namespace glint {
 namespace {
 
 /// A beam on its way through a tree of triangles.
-template <bool Any, int Count>
+template <bool Any>
 struct BeamWalk {
-  static constexpr int kSlices = Beam<Count>::kSlices;
   const TreeView& tree;
-  Beam<Count>& beam;
+  Beam& beam;
   Answers& answers;
 
   Hit exact(const BeamRay& ray, Exact<double>&& e, ChildRef leaf, int place) const {
@@ -239,7 +238,7 @@ struct BeamWalk {
     ChildRef waiting[kStack];
     float distance[kStack];
     alignas(64) float front[kWidth];
-    int top = 0, leaves = leaves_allowed(Count, Any);
+    int top = 0, leaves = leaves_allowed(Any);
     ChildRef at = tree.root;
     for (;;) {
       if (at & kLeaf) {

@@ -1,6 +1,6 @@
 // The common case of a tile, quickly: all its rays are of one axis class, with origins within four
 // radii of the tree's ball, or all outside. The rays' numbers are those of set_tile; what all rays
-// share is computed once, and all groups' packets side by side.
+// share is computed once.
 #pragma once
 #include "bvh/traverse/kernel_frustum.h"
 
@@ -222,61 +222,6 @@ inline bool set_coherent_tile(Tile& tile) {
   }
   if (~span.alive) leave_out_dead(tile, span.alive);
   return true;
-}
-
-/// How deep a coherent tile's rays and groups go.
-inline void set_coherent_reach(const Tile& tile, Packets& b) {
-  const DepthRange range(tile, order_of(tile, 0));
-  for (int k = 0; k < kTile; k += kFloats) set_ray_depths(tile, b, k, range);
-  for (int g = 0; g < kGroups; g += kFloats) {
-    store(b.groups.first + g, fold_rows<Smaller>(b.rays.first + g * kFloats));
-    store(b.groups.last + g, fold_rows<Larger>(b.rays.last + g * kFloats));
-  }
-}
-
-/// Packets of all groups of a coherent tile whose rays begin at one point: before they exist, hence
-/// the lines through it bound them.
-inline void set_common_groups(const Tile& tile, Packets& b) {
-  for (int g = 0; g < kGroups; g += kFloats)
-    for (int a = 0; a < 2; ++a) {
-      const float* slopes = tile.slope[a] + g * kFloats;
-      const Floats low = fold_rows<Smaller>(slopes), high = fold_rows<Larger>(slopes);
-      const Floats o = splat(tile.of[a][0]), start = splat(tile.start[0]),
-                   margin = splat(tile.margin);
-      store(b.groups.m[2 * a] + g, low);
-      store(b.groups.c[2 * a] + g, o - low * start - margin);
-      store(b.groups.m[2 * a + 1] + g, high);
-      store(b.groups.c[2 * a + 1] + g, o - high * start + margin);
-    }
-}
-
-/// The same when they do not: lines through where the rays are at the group's first and last depth.
-inline void set_parted_groups(const Tile& tile, Packets& b) {
-  alignas(64) float near[kTile], far[kTile];
-  for (int a = 0; a < 2; ++a) {
-    for (int g = 0; g < kGroups; ++g) {
-      const int k = g * kFloats;
-      const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * load(tile.start + k);
-      store(near + k, c + m * splat(b.groups.first[g]));
-      store(far + k, c + m * splat(b.groups.last[g]));
-    }
-    for (int g = 0; g < kGroups; g += kFloats) {
-      const float *p = near + g * kFloats, *q = far + g * kFloats;
-      float *c = b.groups.c[2 * a] + g, *high_c = b.groups.c[2 * a + 1] + g;
-      float *m = b.groups.m[2 * a] + g, *high_m = b.groups.m[2 * a + 1] + g;
-      const Floats first = load(b.groups.first + g), last = load(b.groups.last + g),
-                   margin = splat(2 * tile.margin);
-      lines_through(fold_rows<Smaller>(p), fold_rows<Smaller>(q), first, last, -margin, c, m);
-      lines_through(fold_rows<Larger>(p), fold_rows<Larger>(q), first, last, margin, high_c,
-                    high_m);
-    }
-  }
-}
-
-/// Packets of a coherent tile's groups. Those without a ray alive mean nothing.
-inline void set_coherent_packets(const Tile& tile, Packets& b) {
-  set_coherent_reach(tile, b);
-  tile.common ? set_common_groups(tile, b) : set_parted_groups(tile, b);
 }
 
 }  // namespace

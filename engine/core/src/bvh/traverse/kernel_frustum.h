@@ -3,6 +3,7 @@
 // Rounding can be bounded without divisions, and 0 times infinity does not occur.
 #pragma once
 #include "bvh/traverse/kernel_tile.h"
+#include "simd/broad.h"
 
 namespace glint {
 namespace {
@@ -12,18 +13,6 @@ enum Line { kLowX, kHighX, kLowY, kHighY, kLines };
 /// A packet exists from depth `first` to depth `last`, coordinates of the depth axis.
 struct Frustum {
   float first, last, c[kLines], m[kLines];
-};
-
-/// Several packets, one to a lane.
-template <int Count>
-struct Frusta {
-  alignas(64) float first[Count], last[Count], c[kLines][Count], m[kLines][Count];
-  Frustum at(int k) const {
-    return {first[k],
-            last[k],
-            {c[0][k], c[1][k], c[2][k], c[3][k]},
-            {m[0][k], m[1][k], m[2][k], m[3][k]}};
-  }
 };
 
 /// Where the planes of a node are, seen along the rays of one axis class (Tile::axis_class):
@@ -94,71 +83,26 @@ struct WideFrustum {
   }
 };
 
-/// Which packets [base, base + count) meet one box.
-template <int Count>
-__attribute__((always_inline)) inline uint32_t units_met(const Frusta<Count>& units, int base,
-                                                         int count, const Boxes& box) {
-  uint32_t mask = 0;
-  for (int k = 0; k < count; k += kFloats) {
-    const int at = base + k;
-    const Floats c[kLines] = {load(units.c[0] + at), load(units.c[1] + at), load(units.c[2] + at),
-                              load(units.c[3] + at)};
-    const Floats m[kLines] = {load(units.m[0] + at), load(units.m[1] + at), load(units.m[2] + at),
-                              load(units.m[3] + at)};
-    mask |= meet(box, load(units.first + at), load(units.last + at), c, m) << k;
-  }
-  return mask;
-}
-
-/// One child of a node in all lanes.
-__attribute__((always_inline)) inline Boxes child_box(const Node& n, int child,
-                                                      const Order& order) {
-  const float* p = n.planes[0] + child;
-  return {splat(p[order.low[0]]),
-          splat(p[order.high[0]]),
-          splat(p[order.low[1]]),
-          splat(p[order.high[1]]),
-          splat(p[order.front] * order.sign),
-          splat(p[order.rear] * order.sign)};
-}
-
 /// Between which coordinates of the depth axis rays begin.
 struct StartRange {
   float first, last;
 };
-inline StartRange starts_of(const Tile& tile, int k, int end) {
-  Floats first = load(tile.start + k), last = first;
-  for (k += kFloats; k < end; k += kFloats) {
-    first = smaller(load(tile.start + k), first);
-    last = larger(load(tile.start + k), last);
-  }
-  return {smallest(first), largest(last)};
-}
 
-/// All packets of a tile whose rays are of one axis class: rays, groups of kFloats, all.
-struct Packets {
-  Frusta<kTile> rays;
-  Frusta<(kGroups < kFloats ? kFloats : kGroups)> groups;
-  Frustum all;
-  StartRange starts[kGroups];
-  uint32_t lines = 0;  // groups whose rays have their lines and `starts`
+/// Rays of a tile that go down together, all of one axis class. A ray exists from depth `first` to
+/// depth `last`, coordinates of the depth axis, and crosses a plane across at `inverse` times it
+/// plus `at`.
+struct Packet {
+  alignas(64) float inverse[2][kTile], at[2][kTile], first[kTile], last[kTile];
+  Frustum whole;
+  StartRange starts;
 };
 
-/// The lines through two planes' values.
+/// The line through two planes' values.
 inline void line_through(float at_first, float at_last, float first, float last, float margin,
                          float& c, float& m) {
   const float length = last - first;
   m = length > 0 ? (at_last - at_first) / length : 0;
   c = at_first - m * first + margin;
-}
-
-/// The same for packets in lanes.
-inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats last, Floats margin,
-                          float* c, float* m) {
-  const Floats length = last - first,
-               slope = choose(less(Floats{}, length), (at_last - at_first) / length, Floats{});
-  store(m, slope);
-  store(c, at_first - slope * first + margin);
 }
 
 /// Between which depths the tree lies for rays of one order.
@@ -172,90 +116,74 @@ struct DepthRange {
   }
 };
 
-/// How deep the rays [k, k + kFloats) go.
-inline void set_ray_depths(const Tile& tile, Packets& b, int k, const DepthRange& range) {
-  const Floats start = load(tile.start + k), margin = splat(tile.margin);
-  // The beginning needs room for rounding start + begin alone: with more, rays would enter boxes of
-  // the surface that they leave.
-  store(b.rays.first + k,
-        larger(start + load(tile.begin_lo + k) - splat(0.25f * tile.margin), range.front));
-  store(b.rays.last + k, smaller(start + load(tile.hi + k) + margin, range.rear));
-}
-
-/// Lines of the rays [k, k + kFloats).
-inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
-  const Floats start = load(tile.start + k), margin = splat(tile.margin);
+/// Where the rays [k, k + kFloats) of a packet cross planes. What that is off by moves the ray
+/// across by 13 u of the largest coordinate, of which boxes have 20 u: where it begins and its
+/// slope take one each, the slope's inverse and its products with the plane and the origin 7, the
+/// sum 4. Rays along a plane get a slope of 2^-60, which leads out of no box.
+inline void set_crossings(const Tile& tile, Packet& p, int k) {
   for (int a = 0; a < 2; ++a) {
-    const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * start;
-    store(b.rays.m[2 * a] + k, m);
-    store(b.rays.m[2 * a + 1] + k, m);
-    store(b.rays.c[2 * a] + k, c - margin);
-    store(b.rays.c[2 * a + 1] + k, c + margin);
+    const Floats slope = load(tile.slope[a] + k);
+    const Floats least = Floats(Ints(splat(0x1p-60f)) | (Ints(slope) & INT32_MIN));
+    const Floats inverse = 1 / choose(less(magnitude(slope), splat(0x1p-60f)), least, slope);
+    store(p.inverse[a] + k, inverse);
+    store(p.at[a] + k, fused(-load(tile.of[a] + k), inverse, load(tile.start + k)));
   }
-  b.starts[k / kFloats] = starts_of(tile, k, k + kFloats);
-  b.lines |= 1u << k / kFloats;
 }
 
-/// The packet of a group; without a ray alive it is empty.
-inline void set_group(const Tile& tile, Packets& b, int g) {
-  const int k = g * kFloats;
-  const float first = smallest(load(b.rays.first + k)), last = largest(load(b.rays.last + k));
-  b.groups.first[g] = first;
-  b.groups.last[g] = last;
+/// Lanes of a vector among a tile's rays.
+inline uint32_t some_of(uint64_t rays, int k, int count) {
+  return uint32_t(rays >> k) & uint32_t((uint64_t(1) << count) - 1);
+}
+
+/// The frustum of some rays of a tile, and where each begins and ends. Returns how far apart they
+/// are: the area that they cover where they begin and where they end.
+inline float set_frustum(const Tile& tile, Packet& p, const Order& order, uint64_t rays) {
+  const DepthRange range(tile, order);
+  const Floats margin = splat(tile.margin), far = splat(kFar);
+  Floats first = far, last = -far, begin = far, end = -far;
+  for (int k = 0; k < kTile; k += kFloats) {
+    const uint32_t some = some_of(rays, k, kFloats);
+    if (!some) continue;
+    const FloatMask mine = lanes(some);
+    const Floats start = load(tile.start + k);
+    // The beginning needs room for rounding start + begin alone: with more, rays would enter boxes
+    // of the surface that they leave.
+    const Floats from =
+                     larger(start + load(tile.begin_lo + k) - splat(0.25f) * margin, range.front),
+                 to = smaller(start + load(tile.hi + k) + margin, range.rear);
+    store(p.first + k, from);
+    store(p.last + k, to);
+    first = smaller(choose(mine, from, far), first);
+    last = larger(choose(mine, to, -far), last);
+    begin = smaller(choose(mine, start, far), begin);
+    end = larger(choose(mine, start, -far), end);
+  }
+  p.starts = {smallest(begin), largest(end)};
+  Frustum& f = p.whole;
+  f.first = smallest(first);
+  f.last = largest(last);
+  float near = 1, away = 1;
   for (int a = 0; a < 2; ++a) {
-    const Floats m = load(b.rays.m[2 * a] + k), c = load(b.rays.c[2 * a] + k) + splat(tile.margin);
-    const Floats at_first = c + m * splat(first), at_last = c + m * splat(last);
-    const int low = 2 * a, high = low + 1;
-    line_through(smallest(at_first), smallest(at_last), first, last, -2 * tile.margin,
-                 b.groups.c[low][g], b.groups.m[low][g]);
-    line_through(largest(at_first), largest(at_last), first, last, 2 * tile.margin,
-                 b.groups.c[high][g], b.groups.m[high][g]);
-  }
-}
-
-inline void empty_group(Packets& b, int g) {
-  b.groups.first[g] = kFar;
-  b.groups.last[g] = -kFar;
-  for (int l = 0; l < kLines; ++l) {
-    b.groups.c[l][g] = l % 2 ? -kFar : kFar;
-    b.groups.m[l][g] = 0;
-  }
-}
-
-/// The packet of all groups that are not empty. Returns whether they share it out: not each of them
-/// as wide as the whole.
-inline bool set_all(const Tile& tile, Packets& b) {
-  constexpr int kCount = sizeof b.groups.first / sizeof(float);
-  Frustum& f = b.all;
-  f.first = kFar;
-  f.last = -kFar;
-  for (int g = 0; g < kCount; g += kFloats) {
-    f.first = smaller(f.first, smallest(load(b.groups.first + g)));
-    f.last = larger(f.last, largest(load(b.groups.last + g)));
-  }
-  const Floats first = splat(f.first), last = splat(f.last),
-               middle = splat(0.5f * f.first + 0.5f * f.last);
-  float near[kLines] = {kFar, -kFar, kFar, -kFar}, far[kLines] = {kFar, -kFar, kFar, -kFar},
-        area = 0;
-  for (int g = 0; g < kCount; g += kFloats) {
-    Floats c[kLines], m[kLines];
-    for (int l = 0; l < kLines; ++l) {
-      c[l] = load(b.groups.c[l] + g);
-      m[l] = load(b.groups.m[l] + g);
-      const Floats p = c[l] + m[l] * first, q = c[l] + m[l] * last;
-      near[l] = l % 2 ? larger(near[l], largest(p)) : smaller(near[l], smallest(p));
-      far[l] = l % 2 ? larger(far[l], largest(q)) : smaller(far[l], smallest(q));
+    Floats low[2] = {far, far}, high[2] = {-far, -far};
+    for (int k = 0; k < kTile; k += kFloats) {
+      const uint32_t some = some_of(rays, k, kFloats);
+      if (!some) continue;
+      const FloatMask mine = lanes(some);
+      const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * load(tile.start + k);
+      for (int e = 0; e < 2; ++e) {
+        const Floats at = c + m * splat(e ? f.last : f.first);
+        low[e] = smaller(choose(mine, at, far), low[e]);
+        high[e] = larger(choose(mine, at, -far), high[e]);
+      }
     }
-    const Floats width = c[kHighX] - c[kLowX] + (m[kHighX] - m[kLowX]) * middle;
-    const Floats height = c[kHighY] - c[kLowY] + (m[kHighY] - m[kLowY]) * middle;
-    area +=
-        sum(choose(load(b.groups.first + g) <= load(b.groups.last + g), width * height, Floats{}));
+    const float low_near = smallest(low[0]), low_away = smallest(low[1]),
+                high_near = largest(high[0]), high_away = largest(high[1]), room = 2 * tile.margin;
+    line_through(low_near, low_away, f.first, f.last, -room, f.c[2 * a], f.m[2 * a]);
+    line_through(high_near, high_away, f.first, f.last, room, f.c[2 * a + 1], f.m[2 * a + 1]);
+    near *= high_near - low_near;
+    away *= high_away - low_away;
   }
-  for (int l = 0; l < kLines; ++l)
-    line_through(near[l], far[l], f.first, f.last, (l % 2 ? 2 : -2) * tile.margin, f.c[l], f.m[l]);
-  const float width = near[kHighX] - near[kLowX] + far[kHighX] - far[kLowX],
-              height = near[kHighY] - near[kLowY] + far[kHighY] - far[kLowY];
-  return !(4 * area > 3 * width * height);
+  return near + away;
 }
 
 }  // namespace

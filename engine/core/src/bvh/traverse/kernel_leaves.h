@@ -117,7 +117,7 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
                                                         FloatMask nearer, Floats lo, Floats hi,
                                                         ChildRef leaf, int place) {
   Tile& tile = w.tile;
-  float* last = w.packets.rays.last + k;
+  float* last = w.packet.last + k;
   if (Any) {
     for (; mask; mask &= mask - 1)
       tile.answers->blocked[tile.slot[k + __builtin_ctz(mask)]] = tile.answers->stop();
@@ -173,10 +173,10 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
 
 /// What Corners subtract: where all rays begin, if that is one point.
 template <bool Common>
-inline Origin origin(const Tile& tile, int k) {
+inline Origin origin(const Tile& tile) {
   if (!Common) return {};
-  return {{tile.of[0][k], tile.of[1][k], tile.start[k]},
-          {tile.low_part[0][k], tile.low_part[1][k], tile.low_part[2][k]}};
+  return {{tile.of[0][0], tile.of[1][0], tile.start[0]},
+          {tile.low_part[0][0], tile.low_part[1][0], tile.low_part[2][0]}};
 }
 
 /// Corners of the triangles [first, first + kFloats) of a leaf, coordinates in the rays' order and
@@ -184,10 +184,10 @@ inline Origin origin(const Tile& tile, int k) {
 template <bool Common>
 struct Corners {
   alignas(64) float p[9][kFloats], margin[kFloats];
-  Corners(const Triangles& leaf, int first, const Order& order, const Tile& tile, int k,
+  Corners(const Triangles& leaf, int first, const Order& order, const Tile& tile,
           const Boxes& boxes, const StartRange& starts) {
     Floats v[9];
-    corners_from(origin<Common>(tile, k), leaf, first, order, v);
+    corners_from(origin<Common>(tile), leaf, first, order, v);
     for (int j = 0; j < 9; ++j) store(p[j], v[j]);
     const Floats deepest =
         Common ? largest_magnitude(v[2], largest_magnitude(v[5], v[8]))
@@ -196,10 +196,9 @@ struct Corners {
   }
 };
 
-/// One triangle against the rays [k, k + kFloats). True when some ray was hit, perhaps behind
-/// something else.
+/// One triangle against the rays [k, k + kFloats).
 template <bool Any, bool Common>
-__attribute__((always_inline)) inline bool hit_group(Walk<Any>& w, int k,
+__attribute__((always_inline)) inline void hit_group(Walk<Any>& w, int k,
                                                      const Corners<Common>& corners, int first,
                                                      int lane, const Order& order, ChildRef ref) {
   const Tile& tile = w.tile;
@@ -220,9 +219,7 @@ __attribute__((always_inline)) inline bool hit_group(Walk<Any>& w, int k,
   t.edges();
   t.margin = splat(corners.margin[lane]);
   const uint32_t mask = ~t.missed() & ((1u << kFloats) - 1);
-  if (!mask) return false;
-  take_rays(w, k, mask, t, order, ref, first + lane);
-  return true;
+  if (mask) take_rays(w, k, mask, t, order, ref, first + lane);
 }
 
 /// The plane of a triangle, in the rays' order.
@@ -259,63 +256,6 @@ inline uint32_t well_behind(const Doubles (&o)[3], const Doubles (&shear)[2], do
                 back = flip(s, seen * splat(-sign));
   return bits(less(splat(0x1p-41 * plane.square) * (m * m * m),
                    magnitude(seen) * smaller(back, splat(close * plane.square))));
-}
-
-enum class Verdict { kMissed, kHit, kUndecided };
-
-/// One triangle and those of the rays [k, k + kFloats) that may begin on it: kHit when they have
-/// left it behind, as shadow rays and reflections have. `rays`: pass inside of it without doubt.
-template <bool Any>
-__attribute__((noinline)) Verdict leave_behind(const Walk<Any>& w, int k, uint32_t rays,
-                                               ChildRef leaf, int place) {
-  const Order& order = order_of(w.tile, k);
-  const Plane plane(Triangles(w.tree, leaf), place, order);
-  for (int h = 0; h < kFloats; h += kLanes) {
-    const uint32_t some = rays >> h & ((1u << kLanes) - 1);
-    const Tile& tile = w.tile;
-    const int r = k + h;
-    if (some && some & ~well_behind({load(tile.o[0] + r), load(tile.o[1] + r), load(tile.o[2] + r)},
-                                    {load(tile.shear[0] + r), load(tile.shear[1] + r)}, tile.close,
-                                    plane, double(order.sign)))
-      return Verdict::kUndecided;
-  }
-  return Verdict::kHit;
-}
-
-/// One triangle against the rays [k, k + kFloats) of an apex packet, by its edges: where these
-/// leave no doubt, they agree with hit_group. The edge functions are off by at most a third of
-/// `margin`, and so the depth by its extent times margin over their sum.
-template <bool Any>
-inline Verdict hit_apex_packet(Walk<Any>& w, int k, const EdgeLines& l, ChildRef leaf, int place) {
-  const Tile& tile = w.tile;
-  const Floats sx = load(w.apex_packet.place[0] + k), sy = load(w.apex_packet.place[1] + k);
-  const Floats a = l.k[0] + l.x[0] * sx + l.y[0] * sy, b = l.k[1] + l.x[1] * sx + l.y[1] * sy,
-               c = l.k[2] + l.x[2] * sx + l.y[2] * sy;
-  const Floats least = smaller(a, smaller(b, c));
-  FloatMask inside = less(l.margin, least);
-  constexpr uint32_t kAll = (1u << kFloats) - 1;
-  if (bits(inside | less(least, -l.margin)) != kAll) return Verdict::kUndecided;
-  if (!bits(inside) || !visible(tile, leaf_first(leaf) + uint32_t(place))) return Verdict::kMissed;
-  const Floats inverse = 1 / (a + b + c), at = l.z + (b * l.dz[0] + c * l.dz[1]) * inverse;
-  const Floats error = ((l.rear - l.front) * l.margin + splat(kUnderflow)) * inverse;
-  const Floats margin = larger(l.rear, -l.front) * splat(kSumMargin) + splat(w.apex_packet.margin),
-               start = load(w.apex_packet.start + k);
-  const Floats lo = larger(at - error, l.front) - start - margin,
-               hi = smaller(at + error, l.rear) - start + margin;
-  const FloatMask begun = less(load(tile.begin_hi + k), lo),
-                  beyond = less(load(tile.hi + k), lo) | less(hi, load(tile.begin_lo + k));
-  if (tile.answers->opacity)
-    inside =
-        inside & lanes(stopped(w, k, bits(inside) & ~bits(beyond), leaf, place) | bits(beyond));
-  const FloatMask nearer = inside & less(hi, load(tile.lo + k)) & begun;
-  if (const uint32_t open = bits(inside) & ~bits(nearer | beyond)) {
-    const FloatMask ahead =
-        less((hi - lo) * splat(0.125f), lo + hi);  // by its looks: not worth asking
-    return (open & bits(begun | ahead)) | bits(nearer) ? Verdict::kUndecided
-                                                       : leave_behind(w, k, open, leaf, place);
-  }
-  if (bits(nearer)) take_certain(w, k, bits(nearer), nearer, lo, hi, leaf, place);
-  return Verdict::kHit;
 }
 
 }  // namespace

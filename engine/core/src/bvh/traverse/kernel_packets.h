@@ -1,357 +1,205 @@
-// Packets of rays through a tree, nearest boxes first: a whole tile, or a group of kFloats rays.
+// Rays of a tile through a tree as one packet, nearest boxes first. The packet's frustum culls the
+// children of a node; each ray then meets the boxes that are left on its own, many rays at a time,
+// and goes on only where it has met one. So a packet may be as wide as it likes, and its rays part
+// where they do.
 #pragma once
 #include "bvh/traverse/kernel_instances.h"
 
 namespace glint {
 namespace {
 
-/// `box`: number of the node that has the child's box, times kWidth, plus the child's number;
-/// kNoBox for the root.
-struct Entry {
-  ChildRef child;
-  float distance;
-  uint32_t units, box;
+/// As many rays as a register holds, against boxes whose sides across are moved outwards.
+struct BroadRays {
+  Broad inverse_x, at_x, inverse_y, at_y, first, last;
+  BroadRays(const Packet& p, int k)
+      : inverse_x(load_broad(p.inverse[0] + k)),
+        at_x(load_broad(p.at[0] + k)),
+        inverse_y(load_broad(p.inverse[1] + k)),
+        at_y(load_broad(p.at[1] + k)),
+        first(load_broad(p.first + k)),
+        last(load_broad(p.last + k)) {}
+  /// Which of them meet one.
+  __attribute__((always_inline)) uint32_t met(const float (&planes)[6][kFloats], int lane) const {
+    const auto cross = [&](int plane, Broad inverse, Broad at) {
+      return fused(spread(planes[plane][lane]), inverse, at);
+    };
+    const Broad x0 = cross(0, inverse_x, at_x), x1 = cross(1, inverse_x, at_x),
+                y0 = cross(2, inverse_y, at_y), y1 = cross(3, inverse_y, at_y);
+    const Broad near =
+        larger(larger(smaller(x0, x1), smaller(y0, y1)), larger(spread(planes[4][lane]), first));
+    const Broad far =
+        smaller(smaller(larger(x0, x1), larger(y0, y1)), smaller(spread(planes[5][lane]), last));
+    return bits(at_most(near, far));
+  }
 };
-constexpr uint32_t kNoBox = 0xffffffffu;
 
-/// By component: a processor waits for the parts of a structure that it has just written before it
-/// can read the whole.
-struct Stack {
+constexpr int kFewRays = 8;  // are tested against a leaf's triangles one by one
+
+/// Rays of a tile, all of one axis class, on their way.
+template <bool Any>
+struct PacketWalk {
+  Walk<Any>& w;
+  const Order& order;
+  uint64_t pure;  // rays whose vector has no others
+  bool common;    // they begin at one point
+  uint64_t alive;
+
+  /// Those that are not yet stopped before `distance`, a coordinate of the depth axis.
+  uint64_t still(uint64_t rays, float distance) const {
+    if (Any) return rays & alive;
+    uint64_t mask = 0;
+    for (int k = 0; k < kTile; k += kBroad)
+      mask |= uint64_t(bits(less(spread(distance), load_broad(w.packet.last + k)))) << k;
+    return mask & rays;
+  }
+  void look() {
+    alive = 0;
+    for (int k = 0; k < kTile; k += kFloats) alive |= uint64_t(living(w.tile, k)) << k;
+  }
+  /// After what may have made a ray end nearer.
+  void end(int r) {
+    if (Any) alive &= ~(uint64_t(!glint::alive(w.tile, r)) << r);
+    else w.trim(r);
+  }
+  void one_by_one(ChildRef leaf, uint64_t rays) {
+    for (; rays; rays &= rays - 1) {
+      const int r = __builtin_ctzll(rays);
+      hit_leaf(w, r, leaf, order);
+      end(r);
+    }
+  }
+  void leaf(ChildRef child, uint64_t rays) {
+    if (w.tree.kind == kInstanceLeaf) {
+      trace_instances(w, child, rays);
+      return look();
+    }
+    if (w.tree.kind != kTriangleLeaf) return one_by_one(child, rays);
+    const bool few = __builtin_popcountll(rays) <= kFewRays;
+    if (few && !common) return one_by_one(child, rays);
+    one_by_one(child, rays & ~pure);
+    common ? triangles<true>(child, rays & pure, few) : triangles<false>(child, rays & pure, few);
+  }
+  template <bool Common>
+  void triangles(ChildRef child, uint64_t rays, bool few) {
+    const Triangles leaf_triangles(w.tree, child);
+    for (int first = 0; first < leaf_triangles.n; first += kFloats) {
+      const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
+      const Corners<Common> corners(leaf_triangles, first, order, w.tile, boxes, w.packet.starts);
+      if (few) {
+        for (uint64_t m = rays; m; m &= m - 1)
+          hit_from_origin(corners, __builtin_ctzll(m), child, first);
+        continue;
+      }
+      const int rest = leaf_triangles.n - first < kFloats ? leaf_triangles.n - first : kFloats;
+      uint32_t mask = WideFrustum(w.packet.whole).meet(boxes) & ((1u << rest) - 1);
+      for (; mask; mask &= mask - 1)
+        for (int k = 0; k < kTile; k += kFloats)
+          if (some_of(rays, k, kFloats))
+            hit_group<Any, Common>(w, k, corners, first, __builtin_ctz(mask), order, child);
+    }
+    if (Any) look();
+  }
+  /// The triangles [first, first + kFloats) of a leaf against one ray.
+  template <bool Common>
+  void hit_from_origin(const Corners<Common>& corners, int r, ChildRef child, int first) {
+    TriangleTest t;
+    const Floats sx = splat(-w.tile.slope[0][r]), sy = splat(-w.tile.slope[1][r]);
+    for (int j = 0; j < 3; ++j) {
+      t.z[j] = load(corners.p[3 * j + 2]);
+      t.x[j] = fused(sx, t.z[j], load(corners.p[3 * j]));
+      t.y[j] = fused(sy, t.z[j], load(corners.p[3 * j + 1]));
+    }
+    t.edges();
+    t.margin = load(corners.margin);
+    take_seen(w, r, child, first, t, Floats{});
+    end(r);
+  }
+};
+
+/// What waits for a packet's rays. By component: a processor waits for the parts of a structure
+/// that it has just written before it can read the whole.
+struct PacketStack {
   ChildRef child[kStack];
   float distance[kStack];
-  uint32_t units[kStack], box[kStack];
+  uint64_t rays[kStack];
   int count = 0;
 
   /// Puts an entry among those from `base` on, the nearest on top.
-  void push(int base, const Entry& e) {
+  void push(int base, ChildRef node, float at, uint64_t some) {
     int p = count++;
-    for (; p > base && distance[p - 1] < e.distance; --p) {
+    for (; p > base && distance[p - 1] < at; --p) {
       child[p] = child[p - 1];
       distance[p] = distance[p - 1];
-      units[p] = units[p - 1];
-      box[p] = box[p - 1];
+      rays[p] = rays[p - 1];
     }
-    child[p] = e.child;
-    distance[p] = e.distance;
-    units[p] = e.units;
-    box[p] = e.box;
-  }
-  Entry pop() {
-    --count;
-    return {child[count], distance[count], units[count], box[count]};
+    child[p] = node;
+    distance[p] = at;
+    rays[p] = some;
   }
 };
 
-constexpr int kFewTriangles = 3;  // to a group, they are tested sooner than their edges are known
+constexpr int kAlone = 2;  // so few rays go on one by one
+/// Rays farther apart than this, in squares of the tree's radius, do so at once. Instances are
+/// smaller than the tree.
+constexpr float kOpen = 1, kOpenInstances = 0.125f;
 
-/// A group of rays of one axis class.
 template <bool Any>
-struct GroupLevel {
-  Walk<Any>& w;
-  const Order& order;
-  int k, g;
-  bool common;
-  WideFrustum whole;
-  GroupLevel(Walk<Any>& walk, const Order& o, int group, bool one)
-      : w(walk),
-        order(o),
-        k(group * kFloats),
-        g(group),
-        common(one),
-        whole(walk.packets.groups.at(group)) {
-    if (!(w.packets.lines >> g & 1)) set_ray_lines(w.tile, w.packets, k);
-  }
-
-  uint32_t met(const Boxes& box) const { return units_met(w.packets.rays, k, kFloats, box); }
-  uint32_t still(uint32_t rays, float distance) const {
-    return rays & bits(less(splat(distance), load(w.packets.rays.last + k)));
-  }
-  static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 3; }
-  void split(ChildRef child, uint32_t rays, float distance) { leave(w, k, rays, child, distance); }
-  void shorten() {
-    w.packets.groups.last[g] = largest(load(w.packets.rays.last + k));
-    whole.last = splat(w.packets.groups.last[g]);
-  }
-  void leaf(ChildRef child, uint32_t rays, uint32_t) {
-    if (w.tree.kind == kInstanceLeaf) trace_instances(w, child, uint64_t(rays) << k);
-    else if (w.tree.kind != kTriangleLeaf)
-      for (; rays; rays &= rays - 1) {
-        hit_shapes(w, k + __builtin_ctz(rays), child);
-        w.trim(k + __builtin_ctz(rays));
-      }
-    else if (__builtin_popcount(rays) <= 2)
-      for (; rays; rays &= rays - 1) {
-        hit_triangles(w, k + __builtin_ctz(rays), child, order);
-        w.trim(k + __builtin_ctz(rays));
-      }
-    else common ? triangles<true>(child) : triangles<false>(child);
-    shorten();
-  }
-  template <bool Common>
-  void triangles(ChildRef child) {
-    const Triangles leaf_triangles(w.tree, child);
-    for (int first = 0; first < leaf_triangles.n; first += kFloats) {
-      const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
-      const int rest = leaf_triangles.n - first < kFloats ? leaf_triangles.n - first : kFloats;
-      uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
-      if (!mask) continue;
-      if (w.apex_packet.exists && __builtin_popcount(mask) > kFewTriangles)
-        mask = apex_triangles(child, leaf_triangles, first, mask);
-      if (!mask) continue;
-      const Corners<Common> corners(leaf_triangles, first, order, w.tile, k, boxes,
-                                    w.packets.starts[g]);
-      for (; mask; mask &= mask - 1)
-        hit_group<Any, Common>(w, k, corners, first, __builtin_ctz(mask), order, child);
-    }
-  }
-  /// Returns the triangles that their edges leave in doubt.
-  uint32_t apex_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask) {
-    const EdgeLines lines = edge_lines(w.apex_packet, triangles, first, order);
-    mask &= ~bits(lines.beside(w.apex_packet.group(g)));
-    if (!mask) return 0;
-    const EdgeTable edges(lines);
-    uint32_t undecided = 0;
-    for (; mask; mask &= mask - 1) {
-      const int lane = __builtin_ctz(mask);
-      if (hit_apex_packet<Any>(w, k, edges.at(lane), child, first + lane) == Verdict::kUndecided)
-        undecided |= mask & -mask;
-    }
-    return undecided;
-  }
-};
-
-template <class Level>
-inline void walk(Level& level, const TreeView& tree, ChildRef root, uint32_t units) {
-  Stack stack;
-  alignas(64) float front[kFloats];
-  stack.push(0, {root, -kFar, units, kNoBox});
+__attribute__((noinline)) void walk_packet(Walk<Any>& w, const Order& order, uint64_t rays,
+                                           uint64_t pure, bool common) {
+  const float open = w.tree.kind == kInstanceLeaf ? kOpenInstances : kOpen,
+              radius = float(w.tree.radius);
+  if (set_frustum(w.tile, w.packet, order, rays) > open * radius * radius)
+    return leave(w, rays, w.tree.root, -kFar);
+  for (int k = 0; k < kTile; k += kFloats)
+    if (some_of(rays, k, kFloats)) set_crossings(w.tile, w.packet, k);
+  PacketWalk<Any> walk{w, order, pure, common, rays};
+  const WideFrustum whole(w.packet.whole);
+  const TreeView& tree = w.tree;
+  const Floats margin = splat(w.tile.margin);
+  PacketStack stack;
+  stack.push(0, tree.root, -kFar, rays);
+  alignas(64) float planes[6][kFloats];
   while (stack.count) {
-    const Entry e = stack.pop();
-    const uint32_t rest = level.still(e.units, e.distance);
+    const int top = --stack.count;
+    const ChildRef child = stack.child[top];
+    const float distance = stack.distance[top];
+    const uint64_t rest = walk.still(stack.rays[top], distance);
     if (!rest) continue;
-    if (e.child & kLeaf) {
-      level.leaf(e.child, rest, e.box);
+    if (child & kLeaf) {
+      walk.leaf(child, rest);
       continue;
     }
-    if (level.few(rest)) {
-      level.split(e.child, rest, e.distance);
+    if (__builtin_popcountll(rest) <= kAlone) {
+      leave(w, rest, child, distance);
+      walk.look();
       continue;
     }
-    const Node& n = tree.nodes[e.child];
-    const int base = stack.count;
+    const Node& n = tree.nodes[child];
     for (int first = 0; first < kWidth; first += kFloats) {
-      const Boxes boxes = boxes_of(n.planes[0] + first, level.order);
-      store(front, boxes.front);
-      for (uint32_t mask = level.whole.meet(boxes); mask; mask &= mask - 1) {
-        const int lane = __builtin_ctz(mask);
-        const uint32_t met = level.met(child_box(n, first + lane, level.order)) & rest;
-        if (met)
-          stack.push(base, {n.child[first + lane], front[lane], met,
-                            e.child * kWidth + uint32_t(first + lane)});
-      }
-    }
-  }
-}
-
-/// All rays of a tile, of one axis class.
-template <bool Any>
-struct TileLevel {
-  Walk<Any>& w;
-  const Order& order;
-  bool common;
-  WideFrustum whole;
-  StartRange starts{1, 0};   // of all rays, once triangles ask for it
-  int tests = 0, found = 0;  // groups tested against triangles, and those with a hit
-  TileLevel(Walk<Any>& walk, const Order& o, bool one)
-      : w(walk), order(o), common(one), whole(walk.packets.all) {}
-
-  uint32_t met(const Boxes& box) const { return units_met(w.packets.groups, 0, kGroups, box); }
-  uint32_t still(uint32_t groups, float distance) const {
-    uint32_t mask = 0;
-    for (int k = 0; k < kGroups; k += kFloats)
-      mask |= bits(less(splat(distance), load(w.packets.groups.last + k))) << k;
-    return groups & mask;
-  }
-  bool few(uint32_t groups) const {
-    return wasteful() || __builtin_popcount(groups) <= kGroups / 4;
-  }
-  /// Most triangles are missed by whole groups, as where a mesh is finer than the rays.
-  bool wasteful() const { return tests > 3 * found + 2 * kGroups; }
-  void split(ChildRef child, uint32_t groups, float) {
-    for (; groups; groups &= groups - 1) {
-      GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
-      walk(level, w.tree, child, (1u << kFloats) - 1);
-    }
-    shorten();
-  }
-  /// After hits of groups' rays. (All at once: a processor waits before it reads a vector of which
-  /// it has just written a part.)
-  void shorten() {
-    Floats last = splat(-kFar);
-    for (int g = 0; g < kGroups; g += kFloats) {
-      float* groups = w.packets.groups.last + g;
-      const Floats shorter = smaller(fold_rows<Larger>(w.packets.rays.last + g * kFloats),
-                                     load(groups));  // empty ones stay so
-      store(groups, shorter);
-      last = larger(shorter, last);
-    }
-    whole.last = splat(largest(last));
-  }
-  void leaf(ChildRef child, uint32_t groups, uint32_t box) {
-    const int before = found;
-    const bool apart = w.tree.kind == kStrandLeaf || (w.tree.kind == kTriangleLeaf && wasteful());
-    if (apart && box != kNoBox) {
-      ray_by_ray(child, groups, box);
-    } else if (w.tree.kind == kTriangleLeaf && !few(groups)) {
-      common ? triangles<true>(child, groups) : triangles<false>(child, groups);
-      if (found == before) return;
-    } else if (w.tree.kind == kInstanceLeaf) {
-      instances(child, groups, box);
-    } else {
-      for (; groups; groups &= groups - 1) {
-        GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
-        level.leaf(child, (1u << kFloats) - 1, box);
-      }
-    }
-    shorten();
-  }
-  /// Only the rays that meet a leaf's own box.
-  void ray_by_ray(ChildRef child, uint32_t groups, uint32_t box) {
-    const Boxes own = child_box(w.tree.nodes[box / kWidth], int(box % kWidth), order);
-    for (; groups; groups &= groups - 1) {
-      GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
-      if (const uint32_t rays = level.met(own)) level.leaf(child, rays, box);
-    }
-  }
-  void instances(ChildRef child, uint32_t groups, uint32_t box) {
-    uint64_t rays = 0;
-    for (uint32_t m = groups; m; m &= m - 1) {
-      const int k = __builtin_ctz(m) * kFloats;
-      uint32_t met = living(w.tile, k);
-      if (!(w.packets.lines >> __builtin_ctz(m) & 1)) set_ray_lines(w.tile, w.packets, k);
-      if (box != kNoBox)
-        met &= units_met(w.packets.rays, k, kFloats,
-                         child_box(w.tree.nodes[box / kWidth], int(box % kWidth), order));
-      rays |= uint64_t(met) << k;
-    }
-    trace_instances(w, child, rays);
-    for (uint32_t m = groups; m; m &= m - 1) {
-      const int g = __builtin_ctz(m);
-      w.packets.groups.last[g] = largest(load(w.packets.rays.last + g * kFloats));
-    }
-  }
-  template <bool Common>
-  void triangles(ChildRef child, uint32_t groups) {
-    if (!Common && starts.last < starts.first) starts = starts_of(w.tile, 0, w.tile.count);
-    const Triangles leaf_triangles(w.tree, child);
-    for (int first = 0; first < leaf_triangles.n; first += kFloats) {
-      const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
-      const int rest = leaf_triangles.n - first < kFloats ? leaf_triangles.n - first : kFloats;
-      const uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
+      const Boxes boxes = boxes_of(n.planes[0] + first, order);
+      uint32_t mask = whole.meet(boxes);
       if (!mask) continue;
-      const int pairs = __builtin_popcount(mask) *
-                        __builtin_popcount(groups);  // edges are worth their while for several
-      if (w.apex_packet.exists && pairs > kGroups / 2)
-        apex_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
-      else parted_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
-    }
-  }
-  /// Groups of an apex packet: triangles beside them are known by their edges.
-  template <bool Common>
-  void apex_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask,
-                      const Boxes& boxes, uint32_t groups) {
-    const EdgeLines lines = edge_lines(w.apex_packet, triangles, first, order);
-    mask &= ~bits(lines.beside(w.apex_packet.all));
-    if (!mask) return;
-    const EdgeTable edges(lines);
-    alignas(64) float front[kFloats], rear[kFloats];
-    store(front, boxes.front);
-    store(rear, boxes.rear);
-    for (; mask; mask &= mask - 1) {
-      const int lane = __builtin_ctz(mask);
-      const EdgeLines one = edges.at(lane);
-      uint32_t met = 0;
-      for (int g = 0; g < kGroups; g += kFloats) {
-        const FloatMask before = less(load(w.packets.groups.last + g), splat(front[lane]));
-        const FloatMask after = less(splat(rear[lane]), load(w.packets.groups.first + g));
-        met |= (~bits(before | after | one.beside(w.apex_packet.groups(g))) & ((1u << kFloats) - 1))
-               << g;
+      store(planes[0], boxes.low_x - margin);
+      store(planes[1], boxes.high_x + margin);
+      store(planes[2], boxes.low_y - margin);
+      store(planes[3], boxes.high_y + margin);
+      store(planes[4], boxes.front);
+      store(planes[5], boxes.rear);
+      uint64_t met[kFloats] = {};
+      for (int k = 0; k < kTile; k += kBroad) {
+        if (!some_of(rest, k, kBroad)) continue;
+        const BroadRays some(w.packet, k);
+        for (uint32_t m = mask; m; m &= m - 1)
+          met[__builtin_ctz(m)] |= uint64_t(some.met(planes, __builtin_ctz(m))) << k;
       }
-      if (const uint32_t undecided = hit_apex_packets(met & groups, one, child, first + lane))
-        hit_groups(undecided, Corners<Common>(triangles, first, order, w.tile, 0, boxes, starts),
-                   first, lane, child);
-    }
-  }
-  /// One triangle. Returns the groups that its edges leave in doubt.
-  uint32_t hit_apex_packets(uint32_t groups, const EdgeLines& edges, ChildRef child, int place) {
-    uint32_t undecided = 0;
-    for (; groups; groups &= groups - 1) {
-      const Verdict verdict =
-          hit_apex_packet<Any>(w, __builtin_ctz(groups) * kFloats, edges, child, place);
-      if (verdict == Verdict::kUndecided) {
-        undecided |= groups & -groups;
-        continue;
+      for (; mask; mask &= mask - 1) {
+        const int lane = __builtin_ctz(mask);
+        if (!(met[lane] & rest)) continue;
+        stack.push(top, n.child[first + lane], planes[4][lane], met[lane] & rest);
+        if (tree.large) fetch(tree, n.child[first + lane], tree.floats, 9 * sizeof(float));
       }
-      ++tests;
-      found += verdict == Verdict::kHit;
-    }
-    return undecided;
-  }
-  template <bool Common>
-  void parted_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask,
-                        const Boxes& boxes, uint32_t groups) {
-    alignas(64) float box[6][kFloats];
-    store(box[0], boxes.low_x);
-    store(box[1], boxes.high_x);
-    store(box[2], boxes.low_y);
-    store(box[3], boxes.high_y);
-    store(box[4], boxes.front);
-    store(box[5], boxes.rear);
-    const Corners<Common> corners(triangles, first, order, w.tile, __builtin_ctz(groups) * kFloats,
-                                  boxes, starts);
-    for (; mask; mask &= mask - 1) {
-      const int lane = __builtin_ctz(mask);
-      const Boxes one{splat(box[0][lane]), splat(box[1][lane]), splat(box[2][lane]),
-                      splat(box[3][lane]), splat(box[4][lane]), splat(box[5][lane])};
-      hit_groups(met(one) & groups, corners, first, lane, child);
     }
   }
-  template <bool Common>
-  void hit_groups(uint32_t groups, const Corners<Common>& corners, int first, int lane,
-                  ChildRef child) {
-    tests += __builtin_popcount(groups);
-    for (; groups; groups &= groups - 1)
-      found += hit_group<Any, Common>(w, __builtin_ctz(groups) * kFloats, corners, first, lane,
-                                      order, child);
-  }
-};
-
-inline bool same_axis_class(const Tile& tile, int k) {
-  return bits(load(tile.axis_class + k) == (Ints{} + int32_t(tile.axis_class[k]))) ==
-         (1u << kFloats) - 1;
-}
-
-template <bool Any>
-inline void walk_group(Walk<Any>& w, int g, bool common) {
-  const Order& order = order_of(w.tile, g * kFloats);
-  GroupLevel<Any> level(w, order, g, common);
-  walk(level, w.tree, w.tree.root, (1u << kFloats) - 1);
-}
-
-/// All rays as one packet.
-template <bool Any>
-inline void walk_together(Walk<Any>& w, uint32_t groups, bool common) {
-  constexpr int kCount = sizeof w.packets.groups.first / sizeof(float);
-  for (uint32_t m = ~groups & ((1u << kCount) - 1); m; m &= m - 1)
-    empty_group(w.packets, __builtin_ctz(m));
-  const bool orderly = set_all(w.tile, w.packets);
-  const Order& order = order_of(w.tile, __builtin_ctz(groups) * kFloats);
-  if (!orderly) {
-    for (; groups; groups &= groups - 1) walk_group(w, __builtin_ctz(groups), common);
-    return;
-  }
-  TileLevel<Any> level(w, order, common);
-  walk(level, w.tree, w.tree.root, groups);
 }
 
 }  // namespace

@@ -37,6 +37,23 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
   }
 }
 
+/// The triangles [first, first + kFloats) of a leaf as one ray sees them; depths are `back` less.
+template <bool Any>
+__attribute__((always_inline)) inline void take_seen(Walk<Any>& w, int r, ChildRef ref, int first,
+                                                     const TriangleTest& t, Floats back) {
+  const Tile& tile = w.tile;
+  const int rest = leaf_count(ref) - first < kFloats ? leaf_count(ref) - first : kFloats;
+  uint32_t mask = ~t.missed() & ((1u << rest) - 1);
+  if (!mask) return;
+  Floats lo, hi;
+  t.depth(tile, lo, hi);
+  lo -= back;
+  hi -= back;
+  const uint32_t sure = bits(t.sure());
+  mask &= ~(sure & bits(less(splat(tile.hi[r]), lo) | less(hi, splat(tile.begin_lo[r]))));
+  if (mask) take_triangles(w, r, ref, first, mask, sure, lo, hi);
+}
+
 /// The triangles of a leaf against one ray.
 template <bool Any>
 inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order) {
@@ -62,16 +79,7 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
     }
     t.edges();
     t.margin = edge_margin(t.extent(), larger(t.rear(), -t.front()), tile.off);
-    const int rest = n - first < kFloats ? n - first : kFloats;
-    uint32_t mask = ~t.missed() & ((1u << rest) - 1);
-    if (!mask) continue;
-    Floats lo, hi;
-    t.depth(tile, lo, hi);
-    lo -= rz;
-    hi -= rz;
-    const uint32_t sure = bits(t.sure());
-    mask &= ~(sure & bits(less(splat(tile.hi[r]), lo) | less(hi, splat(tile.begin_lo[r]))));
-    if (mask) take_triangles(w, r, ref, first, mask, sure, lo, hi);
+    take_seen(w, r, ref, first, t, rz);
   }
 }
 
@@ -222,6 +230,13 @@ inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float dist
     const int r = k + __builtin_ctz(rays);
     w.left.add(r, child, distance - w.tile.start[r] - larger(0.0f, w.tile.low_part[2][r]));
   }
+}
+
+/// The same of some rays of a tile.
+template <bool Any>
+inline void leave(Walk<Any>& w, uint64_t rays, ChildRef child, float distance) {
+  for (int k = 0; k < kTile; k += kFloats)
+    if (const uint32_t some = some_of(rays, k, kFloats)) leave(w, k, some, child, distance);
 }
 
 }  // namespace

@@ -6,8 +6,8 @@ namespace glint {
 namespace {
 
 constexpr int kTile = 64;
-constexpr int kGroups = kTile / kFloats;
-constexpr int kLeastPacket = kTile / 2;  // fewer rays are not worth a packet of all
+constexpr int kGroups = kTile / kFloats;  // vectors of them
+constexpr int kLeastPacket = kTile / 2;   // fewer rays are not worth a packet of all
 constexpr float kFar = 3e38f;
 constexpr ChildRef kNothing = 0;  // as `pending`: leaves have kLeaf set
 
@@ -266,17 +266,6 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
     }
 }
 
-/// A lane that is not alive looks like another one, so that it is in nobody's way.
-inline void copy_ray(Tile& tile, int from, int to) {
-  for (int k = 0; k < 2; ++k) {
-    tile.of[k][to] = tile.of[k][from];
-    tile.slope[k][to] = tile.slope[k][from];
-  }
-  for (int k = 0; k < 3; ++k) tile.low_part[k][to] = tile.low_part[k][from];
-  tile.start[to] = tile.start[from];
-  tile.axis_class[to] = tile.axis_class[from];
-}
-
 inline bool alive(const Tile& tile, int r) { return tile.hi[r] > -kFar; }
 /// Which of the rays [k, k + kFloats) are alive.
 inline uint32_t living(const Tile& tile, int k) { return bits(load(tile.hi + k) > splat(-kFar)); }
@@ -304,9 +293,6 @@ inline void leave_out(Tile& tile, int k) {
   store_low(tile.pending + k, Longs{});
 }
 
-/// So few rays go one by one, and nobody looks at the other lanes of their group.
-inline bool alone(const Tile& tile) { return tile.count <= 2; }
-
 /// False when no ray is alive. The arrays of the rays are given, and whole groups of them: lanes
 /// beyond `count` have t_min = t_max.
 inline bool set_tile(Tile& tile) {
@@ -317,12 +303,7 @@ inline bool set_tile(Tile& tile) {
     for (int j = 0; j < kFloats; j += kLanes)
       if (k + j < tile.count) set_rays(tile, k + j, square, farthest);
       else leave_out(tile, k + j);
-    const uint32_t lives = living(tile, k);
-    if (!lives) continue;
-    some = true;
-    if (alone(tile)) continue;
-    for (uint32_t dead = ~lives & ((1u << kFloats) - 1); dead; dead &= dead - 1)
-      copy_ray(tile, k + __builtin_ctz(lives), k + __builtin_ctz(dead));
+    some |= living(tile, k) != 0;
   }
   if (some) set_margin(tile, square, farthest);
   return some;

@@ -1,62 +1,42 @@
-// Tiles of 64 rays through the trees, nearest boxes first. A tile goes down as one packet while its
-// rays stay together; where few of its groups are left, those go on as smaller packets, and where
-// few rays of a group are left, those go on one by one.
+// Batches of rays through the trees: as beams where they begin or end at one point, else as tiles
+// of 64, whose rays of one axis class are a packet.
 #pragma once
 #include "bvh/traverse/kernel_beam.h"
+#include "bvh/traverse/kernel_packets.h"
 
 namespace glint {
 namespace {
-
-/// Groups of a coherent tile with a ray alive.
-inline uint32_t living_groups(const Tile& tile) {
-  uint32_t groups = 0;
-  for (int g = 0; g < kGroups; ++g) groups |= uint32_t(living(tile, g * kFloats) != 0) << g;
-  return groups;
-}
 
 /// Sorts a tile's rays into packets and sends them down.
 template <bool Any>
 inline void walk_tile(Walk<Any>& w) {
   Tile& tile = w.tile;
+  uint64_t rays = 0;
+  for (int k = 0; k < tile.count; k += kFloats) rays |= uint64_t(living(tile, k)) << k;
   if (tile.coherent) {
-    set_coherent_packets(tile, w.packets);
-    const uint32_t groups = living_groups(tile);
-    return groups ? walk_together(w, groups, tile.common) : void();
+    if (rays) walk_packet(w, order_of(tile, 0), rays, ~uint64_t(0), tile.common);
+    return;
   }
   // Too far apart for an object's triangles, or numbers too large for products of packets: one by
   // one.
-  if ((tile.instances && tile.count < kLeastPacket) || !(tile.far_margin < kFar)) {
-    for (int k = 0; k < tile.count; k += kFloats)
-      leave(w, k, living(tile, k), tile.tree->root, -kFar);
-    return;
+  if ((tile.instances && tile.count < kLeastPacket) || !(tile.far_margin < kFar))
+    return leave(w, rays, w.tree.root, -kFar);
+  const uint64_t all = rays;
+  uint64_t lone = 0;
+  while (rays) {
+    const uint32_t kind = tile.axis_class[__builtin_ctzll(rays)];
+    uint64_t same = 0, pure = 0;
+    for (int k = 0; k < tile.count; k += kFloats) {
+      const uint32_t some =
+          bits(equal(load(tile.axis_class + k), Ints{} + int32_t(kind))) & some_of(all, k, kFloats);
+      same |= uint64_t(some) << k;
+      if (some == some_of(all, k, kFloats)) pure |= uint64_t(some) << k;
+    }
+    rays &= ~same;
+    if (__builtin_popcountll(same) < kLeastPacket) lone |= same;
+    else walk_packet(w, kOrders[kind], same, pure, false);
   }
-  uint32_t alive_groups = 0, even = 0;
-  bool one_axis_class = true;
-  int head = -1;
-  for (int g = 0; g < kGroups && g * kFloats < tile.count; ++g) {
-    const int k = g * kFloats;
-    const uint32_t lives = living(tile, k);
-    if (!lives) continue;
-    alive_groups |= 1u << g;
-    if (head < 0) head = k;
-    if (!alone(tile) && same_axis_class(tile, k) &&
-        (tile.count > kFloats || __builtin_popcount(lives) > 2))
-      even |= 1u << g;
-    one_axis_class &= (even >> g & 1) && tile.axis_class[k] == tile.axis_class[head];
-  }
-  for (uint32_t m = even; m; m &= m - 1) {
-    const int g = __builtin_ctz(m), k = g * kFloats;
-    set_ray_depths(tile, w.packets, k, DepthRange(tile, order_of(tile, k)));
-    set_ray_lines(tile, w.packets, k);
-    set_group(tile, w.packets, g);
-  }
-  if (one_axis_class && (alive_groups & (alive_groups - 1)))
-    return walk_together(w, alive_groups, false);
-  for (uint32_t m = alive_groups; m; m &= m - 1) {
-    const int g = __builtin_ctz(m);
-    if (even >> g & 1) walk_group(w, g, false);
-    else leave(w, g * kFloats, living(tile, g * kFloats), w.tree.root, -kFar);
-  }
+  leave(w, lone, w.tree.root, -kFar);
 }
 
 /// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instances, answers, tree and world
@@ -65,12 +45,10 @@ template <bool Any>
 __attribute__((noinline)) void trace_tile(Tile& tile) {
   tile.coherent = set_coherent_tile(tile);
   if (!tile.coherent && !set_tile(tile)) return;
-  Packets packets;
-  ApexPacket apex_packet;
-  if (tile.coherent) set_apex_packet(tile, apex_packet);
+  Packet packet;
   BoxRays boxes;
   SingleRays left;
-  Walk<Any> w{*tile.world, *tile.tree, tile, packets, apex_packet, boxes, left};
+  Walk<Any> w{*tile.world, *tile.tree, tile, packet, boxes, left};
   walk_tile(w);
   if (left.rays) walk_rays(w);
   if constexpr (!Any)
@@ -186,33 +164,33 @@ inline Answers answers_of(const TopLevelView& world, const Rays& rays, size_t fi
 }
 
 /// The rays from `first` on, as many as one beam has. False when they are none.
-template <bool Any, int Count, class AnswersFrom>
+template <bool Any, class AnswersFrom>
 inline Beamed trace_in_beam(const TopLevelView& world, const Rays& rays, size_t first,
                             const AnswersFrom& answers_from) {
-  if (rays.count - first < Count || (Any && rays.opacity && rays.opacity->onward))
+  if (rays.count - first < kBeam || (Any && rays.opacity && rays.opacity->onward))
     return Beamed::kUnfit;
   if (world.tree_count == 0 || world.trees->kind != kTriangleLeaf) return Beamed::kUnfit;
   Answers answers = answers_from(first);
-  if (answers.fallbacks) fill(answers.fallbacks, Count, uint8_t(0));
-  if (answers.layers.hits) fill(answers.layers.count, Count, uint8_t(0));
-  const Beamed beamed = trace_beam<Any, Count>(world.trees[0], rays, first, answers);
-  if (beamed != Beamed::kDone) return beamed;
-  for (size_t k = first; world.tree_count > 1 && k < first + Count; k += kTile) {
+  if (answers.fallbacks) fill(answers.fallbacks, kBeam, uint8_t(0));
+  if (answers.layers.hits) fill(answers.layers.count, kBeam, uint8_t(0));
+  const Beamed beamed = trace_beam<Any>(world.trees[0], rays, first, answers);
+  if (beamed != Beamed::kTraced) return beamed;
+  for (size_t k = first; world.tree_count > 1 && k < first + kBeam; k += kTile) {
     Answers part = answers_from(k);
     trace<Any>(world, rays, k, kTile, part, 1);
   }
-  return Beamed::kDone;
+  return Beamed::kTraced;
 }
 
-/// When to try beams of one size again: the more often they failed in a row, the later.
+/// When to try a beam again: the more often they failed in a row, the later.
 struct Trials {
   size_t next = 0, wait = 2;  // the ray from which on; in beams
 
-  /// Notes how a beam of `count` rays from k on has fared.
-  bool note(Beamed beamed, size_t k, size_t count) {
+  /// Notes how a beam from k on has fared.
+  bool note(Beamed beamed, size_t k) {
     if (beamed == Beamed::kUnfit) return false;
-    const bool good = beamed == Beamed::kDone;
-    if (!good) next = k + wait * count;
+    const bool good = beamed == Beamed::kTraced;
+    if (!good) next = k + wait * kBeam;
     wait = good ? 2 : wait < 32 ? 4 * wait : wait;
     return good;
   }
@@ -222,24 +200,16 @@ struct Trials {
 template <bool Any, class AnswersFrom>
 inline void trace_all(const TopLevelView& world, const Rays& rays,
                       const AnswersFrom& answers_from) {
-  Trials large, small;
+  Trials beams;
   for (size_t k = 0; k < rays.count;) {
-    if (k >= large.next &&
-        large.note(trace_in_beam<Any, kBeam>(world, rays, k, answers_from), k, kBeam)) {
+    if (k >= beams.next && beams.note(trace_in_beam<Any>(world, rays, k, answers_from), k)) {
       k += kBeam;
       continue;
     }
     const int count = tile_size(rays, k);
-    bool done = false;
-    // To one point from all over a surface: 64 rays are better off as packets.
-    if constexpr (!Any)
-      done = !rays.opacity && k >= small.next &&
-             small.note(trace_in_beam<Any, kTile>(world, rays, k, answers_from), k, kTile);
-    if (!done) {
-      Answers answers = answers_from(k);
-      clear<Any>(answers, count);
-      trace<Any>(world, rays, k, count, answers);
-    }
+    Answers answers = answers_from(k);
+    clear<Any>(answers, count);
+    trace<Any>(world, rays, k, count, answers);
     k += size_t(count);
   }
 }

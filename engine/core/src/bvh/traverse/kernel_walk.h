@@ -1,7 +1,7 @@
 // A tile on its way through a tree: what all phases of a traversal share.
 #pragma once
 #include "bvh/traverse/kernel_boxes.h"
-#include "bvh/traverse/kernel_common_origin.h"
+#include "bvh/traverse/kernel_triangles.h"
 
 namespace glint {
 namespace {
@@ -41,8 +41,7 @@ struct Walk {
   const TopLevelView& world;
   const TreeView& tree;
   Tile& tile;
-  Packets& packets;
-  const ApexPacket& apex_packet;
+  Packet& packet;
   BoxRays& boxes;
   SingleRays& left;
 
@@ -55,9 +54,9 @@ struct Walk {
     if (!Any) refresh(tile, r);
     else if (tile.answers->blocked[tile.slot[r]] == tile.answers->stop()) block(r);
   }
-  /// The packets' part of it.
+  /// The packet's part of it.
   void trim(int r) {
-    packets.rays.last[r] = smaller(packets.rays.last[r], tile.start[r] + tile.hi[r] + tile.margin);
+    packet.last[r] = smaller(packet.last[r], tile.start[r] + tile.hi[r] + tile.margin);
   }
 
   Exact<double> seen(int r, ChildRef leaf, int place) const {
