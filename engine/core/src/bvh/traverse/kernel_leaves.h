@@ -117,12 +117,10 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
                                                         FloatMask nearer, Floats lo, Floats hi,
                                                         ChildRef leaf, int place) {
   Tile& tile = w.tile;
-  float* last = w.packet.last + k;
   if (Any) {
     for (; mask; mask &= mask - 1)
       tile.answers->blocked[tile.slot[k + __builtin_ctz(mask)]] = tile.answers->stop();
-    for (float* p : {tile.lo + k, tile.hi + k, last})
-      store(p, choose(nearer, splat(-kFar), load(p)));
+    for (float* p : {tile.lo + k, tile.hi + k}) store(p, choose(nearer, splat(-kFar), load(p)));
     return;
   }
   const Floats end = choose(nearer, hi, load(tile.hi + k));
@@ -130,6 +128,7 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
   store(tile.hi + k, end);
   store(tile.pending + k, choose(nearer, Ints{} + int32_t(leaf), load(tile.pending + k)));
   store(tile.place + k, choose(nearer, Ints{} + place, load(tile.place + k)));
+  float* last = w.packet.last + k;
   store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.margin)));
 }
 

@@ -29,10 +29,12 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
       tile.hi[r] = farthest[lane];
       tile.pending[r] = ref;
       tile.place[r] = uint32_t(place);
+      w.trim(r);
       continue;
     }
     tile.answers->count_fallback(tile.slot[r]);
     w.decide(r, ref, place);
+    w.trim(r);
     if (Any && !alive(tile, r)) return;
   }
 }
