@@ -3,7 +3,6 @@
 // Rounding can be bounded without divisions, and 0 times infinity does not occur.
 #pragma once
 #include "bvh/traverse/kernel_tile.h"
-#include "simd/broad.h"
 
 namespace glint {
 namespace {

@@ -100,8 +100,8 @@ struct PacketWalk {
       const int rest = leaf_triangles.n - first < kFloats ? leaf_triangles.n - first : kFloats;
       uint32_t mask = WideFrustum(w.packet.whole).meet(boxes) & ((1u << rest) - 1);
       for (; mask; mask &= mask - 1)
-        for (int k = 0; k < kTile; k += kFloats)
-          if (some_of(rays, k, kFloats))
+        for (int k = 0; k < kTile; k += kBroad)
+          if (some_of(rays, k, kBroad))
             hit_group<Any, Common>(w, k, corners, first, __builtin_ctz(mask), order, child);
     }
     if (Any) look();
@@ -109,7 +109,7 @@ struct PacketWalk {
   /// The triangles [first, first + kFloats) of a leaf against one ray.
   template <bool Common>
   void hit_from_origin(const Corners<Common>& corners, int r, ChildRef child, int first) {
-    TriangleTest t;
+    TriangleTest<Floats> t;
     const Floats sx = splat(-w.tile.slope[0][r]), sy = splat(-w.tile.slope[1][r]);
     for (int j = 0; j < 3; ++j) {
       t.z[j] = load(corners.p[3 * j + 2]);
