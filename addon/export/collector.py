@@ -63,8 +63,10 @@ class Collector:
 
     met: the shapes of what was met.  groups, lamps: after `scene`, where in it each thing is, None
     for what is not there as it is, or depends on where it stands. displaced: how geometries were,
-    by their numbers.
+    by their numbers.  culls: geometries may have been met of which nothing is placed.
     """
+
+    culls = False
 
     def __init__(
         self,
@@ -373,7 +375,7 @@ class Collector:
         placed = [thing for thing in things if isinstance(thing.content, Placed)]
         blocks = tuple(self.instances(thing) for thing in placed)
         kept = list(range(len(self._shapes)))
-        if any(map(_is_displaced, self._shapes)):
+        if self.culls or any(map(_is_displaced, self._shapes)):
             blocks, kept = without_unplaced(blocks, len(self._shapes))
         shapes = [self._shapes[number] for number in kept]
         self.displaced = {k: s.geometry.displaced for k, s in enumerate(shapes) if _is_displaced(s)}

@@ -15,6 +15,7 @@ from ...engine.scene import Camera, Geometry, Scene, SceneDelta, Strands
 from .cache import ExportCache
 from .camera import Region, border, export_camera, resolution
 from .collector import Collector, evaluated
+from .culling import Culling
 from .geometry.displacing import Displaced
 from .images.decoded import Decoded
 from .images.images import Images
@@ -92,7 +93,8 @@ def export_scene(
     groups = LightGroups.of(depsgraph.view_layer, report) if has_light_groups else LightGroups()
     required = RequiredAttributes(frozenset({""}) if "UV" in passes else frozenset())
     cache = ExportCache()
-    collector, things = _walked(depsgraph, required, report, cache, groups, decoded, aovs)
+    culling = Culling.of(scene, camera)
+    collector, things = _walked(depsgraph, culling, required, report, cache, groups, decoded, aovs)
     report.add(collector.materials.report)
     met = time.perf_counter()
     world = world_of(depsgraph, scene)
@@ -133,18 +135,25 @@ def seen_through(
 
 
 def _walked(
-    depsgraph: Any, required: RequiredAttributes, report: Report, cache: ExportCache, *given: Any
+    depsgraph: Any,
+    culling: Culling | None,
+    required: RequiredAttributes,
+    report: Report,
+    cache: ExportCache,
+    *given: Any,
 ) -> tuple[Collector, Any]:
     """What is met, with what materials read of it; and the things. Twice where rays of materials
     read what they meet, which is known only afterwards.
     """
     collector = Collector(depsgraph, required, report, cache, *given)
-    things = walk(depsgraph, collector.meet, report, make_hair=collector.meet_hair)
+    collector.culls = culling is not None
+    hair = collector.meet_hair
+    things = walk(depsgraph, collector.meet, report, make_hair=hair, culling=culling)
     everywhere = required | collector.materials.sampled
     if everywhere == required:
         return collector, things
     cache.shapes.keep((), collector.met)
-    return _walked(depsgraph, everywhere, report, cache, *given)
+    return _walked(depsgraph, culling, everywhere, report, cache, *given)
 
 
 def seen_by(

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import EVERYTHING
+from .culling import Culled, Culling
 from .geometry.hashing import as_random, random_of, word_of
 from .light_links import LightLinks
 from .report import Report
@@ -38,12 +39,14 @@ class Flags(NamedTuple):
 @dataclass(eq=False)
 class ExportedObject:
     """One object as one instancer places it: what `make` of `walk` gave for it, and where it
-    stands. uid: the object's session uid. numbers: of its instances in the iteration.
+    stands. uid, instancer: session uids of the object and of what instances it, else of itself.
+    numbers: of its instances in the iteration.
     """
 
     content: Any
     name: str
     uid: int
+    instancer: int
     matrices: np.ndarray
     numbers: np.ndarray
 
@@ -71,21 +74,23 @@ def walk(
     shown: Callable[[Any], bool] = lambda instancer: True,
     visited: VisitedObjects | None = None,
     make_hair: Callable[[Any, Flags], Any] | None = None,
+    culling: Culling | None = None,
 ) -> list[ExportedObject]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
     make: given the first instance of each and its flags, while Blender keeps them valid; None
     leaves the thing out.  make_hair: the same of its particle hair.  shown: asked of every object
     that stands or instances in the scene itself whether its things are there. visited: takes in
-    every thing, also those that are left out.
+    every thing, also those that are left out.  culling: what Simplify leaves out.
     """
     links = LightLinks(depsgraph.view_layer.objects, report)
     cut = collections_cut(depsgraph.view_layer.layer_collection)
-    things: list[tuple[Any, str, int] | None] = []
+    things: list[tuple[Any, str, int, int] | None] = []
     numbers: dict[tuple, int] = {}
     rows: list[int] = []
     hair: dict[int, int] = {}  # the number of a thing's hair by its own
     hairy: list[tuple[int, int]] = []  # places in the iteration, and the hair there
+    left_out = Culled(culling)
     for instance in depsgraph.object_instances:
         thing = instance.object
         key = (thing.data, instance.instance_object or thing, instance.parent)
@@ -95,13 +100,12 @@ def walk(
             if visited is not None:
                 visited.note(instance)
             instancer = instance.parent if instance.is_instance else thing
+            is_there = shown(instancer) and not left_out.meet(number, instance)
             things.append(
-                _meet(instance, thing, depsgraph, make, report, links, cut)
-                if shown(instancer)
-                else None
+                _meet(instance, thing, depsgraph, make, report, links, cut) if is_there else None
             )
-            if make_hair is not None and shown(instancer) and has_hair(instance):
-                hair[number] = len(things)
+            if make_hair is not None and is_there and has_hair(instance):
+                hair[number] = left_out.as_well(number, len(things))
                 things.append(
                     _meet(instance, thing, depsgraph, make_hair, report, links, cut, visible=True)
                 )
@@ -113,7 +117,9 @@ def walk(
         places, found = np.array(hairy, np.int64).T
         matrices, at = np.concatenate([matrices, matrices[places]]), np.append(at, places)
         rows += found.tolist()
-    return _placed(things, np.array(rows, np.int64), matrices, at, report)
+    all_rows = np.array(rows, np.int64)
+    kept = left_out.kept(all_rows, matrices)
+    return _placed(things, all_rows[kept], matrices[kept], at[kept], report)
 
 
 def has_hair(instance: Any) -> bool:
@@ -191,7 +197,7 @@ def _meet(
     links: LightLinks,
     cut: bool,
     visible: bool = False,
-) -> tuple[Any, str, int] | None:
+) -> tuple[Any, str, int, int] | None:
     """What a new thing is, or None where nothing of it is rendered. cut: as of
     `flags_of`. visible: whether or not it shows itself.
     """
@@ -201,7 +207,8 @@ def _meet(
         return None
     flags = flags_of(thing, instancer, depsgraph.view_layer, report, links, cut)
     content = make(instance, flags)
-    return (content, name, thing.original.session_uid) if content is not None else None
+    uids = thing.original.session_uid, instancer.original.session_uid
+    return (content, name, *uids) if content is not None else None
 
 
 def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:

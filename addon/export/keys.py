@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import Geometry, Light, Mesh, Scene, Spheres, Strands
+from .culling import Culling
 from .geometry.displacing import Displaced
 from .geometry.meshes import mesh_key, normals_of, vertices_of
 from .geometry.shapes import export_points, marked_sphere
@@ -92,15 +93,17 @@ class Pose:
         return max((max(m.keys, m.shape_keys) for m in movers), default=_FEWEST)
 
 
-def read_pose(depsgraph: Any, for_vectors: bool = False) -> Pose:
+def read_pose(depsgraph: Any, for_vectors: bool = False, culling: Culling | None = None) -> Pose:
     """Where everything stands that `export_scene` would export, and its shape. Only on Blender's
     thread; arrays are copies.
 
     for_vectors: without normals, and whatever objects say of their motion blur, as in Cycles.
+    culling: of the export, at its time.
     """
     pose = Pose([])
     reader = _Reader(depsgraph, for_vectors, pose)
-    pose.things = walk(depsgraph, reader.meet, Report(), make_hair=reader.meet_hair)
+    hair = reader.meet_hair
+    pose.things = walk(depsgraph, reader.meet, Report(), make_hair=hair, culling=culling)
     pose.ids = np.zeros((len(depsgraph.object_instances), 8), np.int32)
     if len(pose.ids):
         depsgraph.object_instances.foreach_get("persistent_id", pose.ids.reshape(-1))
@@ -371,13 +374,16 @@ class _Matcher:
         return places
 
 
-def _names(things: list[ExportedObject]) -> dict[ExportedObject, tuple[int, int]]:
-    """The session uid of each, and which of those with the same it is."""
-    seen: dict[int, int] = {}
+def _names(things: list[ExportedObject]) -> dict[ExportedObject, tuple[int, int, int]]:
+    """The session uids of each, and which of those with the same it is: things of other instancers
+    may be culled.
+    """
+    seen: dict[tuple[int, int], int] = {}
     names = {}
     for thing in things:
-        seen[thing.uid] = seen.get(thing.uid, -1) + 1
-        names[thing] = thing.uid, seen[thing.uid]
+        uids = thing.uid, thing.instancer
+        seen[uids] = seen.get(uids, -1) + 1
+        names[thing] = *uids, seen[uids]
     return names
 
 

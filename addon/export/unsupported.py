@@ -105,8 +105,3 @@ def note_scene(scene: Any, report: Report) -> None:
             "Transparent Glass is not rendered: glass hides what is transparent behind it; use a "
             "Transparent BSDF"
         )
-    if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
-        report.note(
-            "Camera and distance culling is not rendered: all objects are; hide those that are "
-            "culled"
-        )

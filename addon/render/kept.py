@@ -10,6 +10,7 @@ import bpy
 
 from ... import engine
 from ..export import Export, aovs_of
+from ..export.culling import culls
 from ..export.sync.frames import export_frame
 from ..export.sync.incremental import LiveExport
 
@@ -32,7 +33,7 @@ class Kept:
 def keeps(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether the depsgraph's updates will tell all that changes: Blender keeps one for all view
     layers, and motion blur and the pass Vector take it to other frames. AOVs and light groups are
-    read by whole exports alone.
+    read by whole exports alone, and what Simplify culls changes as the camera moves.
     """
     scene, layer = depsgraph.scene, depsgraph.view_layer
     render = scene.render
@@ -46,4 +47,5 @@ def keeps(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
         and not layer.use_pass_vector
         and not aovs_of(layer)
         and not layer.lightgroups
+        and not culls(scene)
     )

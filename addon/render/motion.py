@@ -12,6 +12,7 @@ import numpy as np
 
 from ...engine.scene import Scene
 from ..export.camera import camera_frame
+from ..export.culling import Culling
 from ..export.geometry.displacing import Displaced
 from ..export.keys import Pose, moved, read_pose
 from ..export.report import Report
@@ -48,7 +49,8 @@ def with_motion(
     if not render.motion_blur_shutter <= _LONGEST:
         return tuple(scenes), (_NO_SHUTTER,)
     camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
-    still = read_pose(depsgraph)
+    culling = Culling.of(depsgraph.scene_eval, scenes[0].camera)
+    still = read_pose(depsgraph, culling=culling)
     count = max(_KEYS, still.most_keys)
     times = shutter_times(frame, render.motion_blur_shutter, render.motion_blur_position, count)
     frames: list[list[np.ndarray]] = []

@@ -10,6 +10,7 @@ import bpy
 
 from ...engine.scene import Camera, Scene
 from ..export.camera import export_camera
+from ..export.culling import Culling
 from ..export.geometry.displacing import Displaced
 from ..export.keys import FROM_FRAME_TO_FRAME, at_key, moved, read_pose
 from ..export.report import Report
@@ -34,7 +35,8 @@ def with_neighbours(
     if render_engine.is_preview:
         return tuple(scenes), ()
     camera, frame = depsgraph.scene.camera, depsgraph.scene.frame_current_final
-    report, here = Report(), read_pose(depsgraph, for_vectors=True)
+    culling = Culling.of(depsgraph.scene_eval, scenes[0].camera)
+    report, here = Report(), read_pose(depsgraph, True, culling)
     poses, cameras = [], []
     try:
         for time in (frame - 1, frame + 1):

@@ -179,6 +179,27 @@ class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
         mask.prop(context.object, "is_shadow_catcher")
 
 
+class GLINT_OBJECT_PT_culling(EnginePanel, bpy.types.Panel):
+    bl_label = "Culling"
+    bl_context = "object"
+    bl_parent_id = "GLINT_OBJECT_PT_visibility"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return hasattr(context.object, "cycles") and super().poll(context)
+
+    def draw(self, context):
+        settings, simplify = context.object.cycles, context.scene.cycles
+        is_on = context.scene.render.use_simplify
+        for kind in ("camera", "distance"):
+            row = self.column.row()
+            row.active = is_on and getattr(simplify, f"use_{kind}_cull")
+            row.prop(settings, f"use_{kind}_cull")
+        reason = "Simplify in Render properties says whether and where objects are culled"
+        draw_reason(self.layout, True, reason)
+
+
 class GLINT_OBJECT_PT_motion_blur(EnginePanel, bpy.types.Panel):
     bl_label = "Motion Blur"
     bl_context = "object"

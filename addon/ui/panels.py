@@ -207,6 +207,26 @@ class GLINT_RENDER_PT_simplify_render(_SimplifyPanel, bpy.types.Panel):
     suffix = "_render"
 
 
+class GLINT_RENDER_PT_simplify_culling(EnginePanel, bpy.types.Panel):
+    bl_label = "Culling"
+    bl_parent_id = "GLINT_RENDER_PT_simplify"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return hasattr(context.scene, "cycles") and super().poll(context)
+
+    def draw(self, context):
+        settings = context.scene.cycles
+        self.layout.active = context.scene.render.use_simplify
+        for kind in ("camera", "distance"):
+            row = self.column.row(heading=kind.title())
+            row.prop(settings, f"use_{kind}_cull", text="")
+            margin = row.column()
+            margin.active = getattr(settings, f"use_{kind}_cull")
+            margin.prop(settings, f"{kind}_cull_margin", text="")
+
+
 class GLINT_RENDER_PT_simplify_grease_pencil(
     EnginePanel, GreasePencilSimplifyPanel, bpy.types.Panel
 ):
@@ -359,6 +379,7 @@ _CLASSES = (
     GLINT_RENDER_PT_simplify,
     GLINT_RENDER_PT_simplify_viewport,
     GLINT_RENDER_PT_simplify_render,
+    GLINT_RENDER_PT_simplify_culling,
     GLINT_RENDER_PT_simplify_grease_pencil,
     GLINT_RENDER_PT_motion_blur,
     GLINT_RENDER_PT_film,

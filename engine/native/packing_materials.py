@@ -24,6 +24,7 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
             Fresnel.DIELECTRIC * lobe.fresnel
             | Fresnel.SCHLICK * lobe.schlick
             | Fresnel.SCATTERED * scattered
+            | Fresnel.NOT_TO_FIBRES * (lobe.not_to_fibres and lobe.kind == "TRANSPARENT")
         )
         packer.lobes.append(
             (

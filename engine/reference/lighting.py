@@ -95,7 +95,8 @@ class Lighting:
         parts = [s.in_parts(STRAND_PARTS) if isinstance(s, tabled) else s for s in self.sources]
         shared = [s.parts for s in parts if isinstance(s, BouncedSource)]
         marks = max(self.bounced_marks // max(shared, default=1), 1)
-        return replace(self, sources=tuple(parts), bounced_marks=marks)
+        shadows = self.shadows.of_strands()
+        return replace(self, sources=tuple(parts), bounced_marks=marks, shadows=shadows)
 
     @cached_property
     def _clusters(self) -> LampClusters:

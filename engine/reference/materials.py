@@ -130,12 +130,15 @@ FADED, MOST_FADING = 2.0**-8, 16
 """What of light behind fibres counts as nothing, where at most so many leave less."""
 
 
-def most_passed(material: Material) -> float:
-    """What a fibre lets through at most: its lobes' constants, as outputs that they are times count
-    as at most 1. 1 where an input is none of these, and of what is no fibre.
+def most_passed(material: Material, to_fibres: bool = False) -> float:
+    """What a fibre lets through at most, to fibres or to what is none: its lobes' constants, as
+    outputs that they are times count as at most 1. 1 where an input is none of these, and of what
+    is no fibre.
     """
     total = np.zeros(3)
     for lobe in (x for x in material.lobes if x.kind == "TRANSPARENT"):
+        if to_fibres and lobe.not_to_fibres:
+            continue
         if any(
             x.texture >= 0 or x.attribute or x.complement or not x.is_plain for x in lobe.factors
         ):
@@ -305,28 +308,30 @@ class Shader:
                 found[first + 3, index] = 1
         return found
 
-    def transmittance(self, spot: Spot) -> Array:
+    def transmittance(self, spot: Spot, to_fibres: bool) -> Array:
         """(n, 3): what passes straight through, the clamped sum of the TRANSPARENT lobes.
 
-        spot: a `Surface` where the scene has programs.
+        spot: a `Surface` where the scene has programs.  to_fibres: the rays are of points on
+        strands.
         """
         total = np.zeros((len(spot.primitive), 3))
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
-            total[index] += k.T
+            if not (to_fibres and lobe.not_to_fibres):
+                total[index] += k.T
 
         self._each_lobe(spot, "shadow", add, ("TRANSPARENT",))
-        return np.clip(total, 0.0, self._most_passed[spot.material][:, None])
+        return np.clip(total, 0.0, self._most_passed[int(to_fibres)][spot.material][:, None])
 
     @cached_property
-    def _most_passed(self) -> Array:
-        return np.array([most_passed(material) for material in self._materials])
+    def _most_passed(self) -> list[Array]:
+        return [np.array([most_passed(m, x) for m in self._materials]) for x in (False, True)]
 
     @cached_property
     def fades(self) -> bool:
         """Whether light that fibres alone let through ends where little of it is left."""
         clear = [m for m in self._materials if any(x.kind == "TRANSPARENT" for x in m.lobes)]
-        most = max(map(most_passed, clear), default=0.0)
+        most = max((most_passed(m, True) for m in clear), default=0.0)
         return most > 0 and most**MOST_FADING < FADED * (1 - 1e-9)
 
     def _each_lobe(

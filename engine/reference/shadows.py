@@ -27,7 +27,11 @@ Array = np.ndarray
 
 
 class Shadows:
-    """Shadow rays through one geometry. rays: where they are counted."""
+    """Shadow rays through one geometry. rays: where they are counted. to_fibres: they are of points
+    on strands.
+    """
+
+    to_fibres = False
 
     def __init__(
         self,
@@ -47,6 +51,12 @@ class Shadows:
         seen = blockers[self._geometry.row]
         result._seen = seen if self._seen is None else seen & self._seen
         result._media = self._media.of(blockers)
+        return result
+
+    def of_strands(self) -> Shadows:
+        """Those of points on strands."""
+        result = copy.copy(self)
+        result.to_fibres = True
         return result
 
     def first_met(self, rays: IncoherentRays) -> Hits:
@@ -129,7 +139,8 @@ class Shadows:
 
     def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
         if not self._shader.has_programs:
-            return self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive))
+            spot = spot_at(self._geometry, rays, ray, primitive)
+            return self._shader.transmittance(spot, self.to_fibres)
         from_light = isinstance(rays, CoherentRays) and rays.frame.perspective
         surface = surface_at(
             self._geometry,
@@ -143,7 +154,8 @@ class Shadows:
         )
         o, d = rays.lines(ray)
         left = o + (rays.far if from_light else rays.near)[ray] * d
-        return self._shader.transmittance(replace(surface, far=length(surface.x - left)))
+        surface = replace(surface, far=length(surface.x - left))
+        return self._shader.transmittance(surface, self.to_fibres)
 
     def _parallel(self, start: Array, direction: Array) -> Array:
         matrix = parallel_frame(direction)

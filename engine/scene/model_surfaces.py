@@ -114,7 +114,8 @@ class Lobe:
     surface: slopes of half vectors along it are times its length, those across it over that
     (SEMANTICS.md); -1, zero or not finite: none.  between_fibres: what it shows or lets through is
     light that other fibres scattered: `Scene.as_lit` drops it where light does not bounce; FIBRE
-    lobes catch of it what comes along them too, and have no masking then.
+    lobes catch of it what comes along them too, and have no masking then.  not_to_fibres: of
+    TRANSPARENT lobes, what rays from points on strands do not pass, whose own lobes stand for it.
     """
 
     kind: str
@@ -131,6 +132,7 @@ class Lobe:
     normal_output: int = -1
     stretch_output: int = -1
     between_fibres: bool = False
+    not_to_fibres: bool = False
 
     @property
     def tilt(self) -> float:

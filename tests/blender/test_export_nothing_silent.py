@@ -173,7 +173,6 @@ SET = {
     "bump correction": (_bent, "Bump Map Correction"),
     "exposure": (lambda: _cycles(film_exposure=2.0), "Film Exposure"),
     "clear glass": (lambda: _cycles(film_transparent_glass=True), "Transparent Glass"),
-    "culling": (lambda: _cycles(use_distance_cull=True), "culling"),
 }
 """What of Cycles' settings has no counterpart, and a word of the note."""
 

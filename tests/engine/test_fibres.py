@@ -395,6 +395,48 @@ def test_light_ends_behind_so_many_fibres_that_little_is_left(backend) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
+def skin_behind_fibres(count: int) -> s.Scene:
+    """The same with a matt square in place of the strand that is lit, and of what fibres let
+    through 0.3 more where it is no strand that is lit.
+    """
+    made = behind_fibres(count)
+    hair, bare = made.geometries[0], made.materials[0]
+    kept = replace(hair, starts=hair.starts[1:]) if count else None
+    corners = np.array([(x, y, 0) for x in (-3, 3) for y in (-0.4, 0.4)], np.float32)
+    square = s.Mesh("skin", corners, np.array([(0, 2, 1), (1, 2, 3)], np.uint32))
+    more = s.Lobe("TRANSPARENT", (s.Input((0.3,) * 3),), between_fibres=True, not_to_fibres=True)
+    matt = s.Material("matt", (s.Lobe("DIFFUSE", (s.Input((1.0,) * 3),)),))
+    below = replace(placed(), geometry=1 if count else 0, materials=(1,))
+    return replace(
+        made,
+        geometries=(kept, square) if count else (square,),
+        instances=(*made.instances, below) if count else (below,),
+        materials=(replace(bare, lobes=(*bare.lobes, more)), matt),
+    )
+
+
+@needs_core
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+def test_fibres_let_more_light_through_to_what_is_no_strand(backend) -> None:
+    """0.7 in red by each, 0.5 in green, down to a 256th of all, whatever light fibres get."""
+    settings = Settings(samples=1, filter_width=0.0, backend=backend, diffuse_bounces=1)
+    bare = render(skin_behind_fibres(0), settings).combined
+    lit = bare[..., 0] > 0.01
+    assert lit.sum() > 10
+    for count in (1, 3, 15, 16):
+        found = render(skin_behind_fibres(count), settings).combined
+        share = np.array([0.7**count, 0.5**count])
+        if share.max() < 2.0**-8:
+            share[:] = 0.0
+        np.testing.assert_allclose(found[lit][:, :2], share * bare[lit][:, :2], rtol=1e-5)
+    for count in (1, 6):
+        made = behind_fibres(count)
+        more = skin_behind_fibres(1).materials[0]
+        plain, other = (render(x, settings).combined for x in
+                        (made, replace(made, materials=(more,))))  # fmt: skip
+        np.testing.assert_array_equal(plain, other)
+
+
 def glowing_and_lit() -> s.Scene:
     """A strand between a panel that glows and a wall that throws its light on, in a sky."""
 

@@ -72,7 +72,9 @@ class LobeKey(Lobe):
 Closure = dict[LobeKey, Sum]
 
 PASSED = "PASSED"
-"""Kind of what rays to lights alone pass (`materials.passed_by_light`)."""
+"""Kind of what rays to lights alone pass (`materials.passed_by_light`): of these all, or with
+`not_to_fibres` those of what is no strand.
+"""
 
 COLOR_NODES: dict[str, Callable[[NodeView, Any], Sum | None]] = {}
 """bl_idname -> function of the node and its output socket; None where a sum cannot say it."""

@@ -265,7 +265,10 @@ def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
     for key, terms in closure.items():
         if key.kind in ("REFRACTION", PASSED):
             share = evaluator.expressions.sum_of(_passing(key, evaluator.expressions))
-            clear = LobeKey("TRANSPARENT", between_fibres=key.kind == PASSED)
+            fibre = key.kind == PASSED
+            clear = LobeKey(
+                "TRANSPARENT", between_fibres=fibre, not_to_fibres=fibre and key.not_to_fibres
+            )
             passed = add_closures(passed, {clear: multiply(evaluator.limited(terms), share)})
     return passed
 

@@ -51,6 +51,8 @@ class _Model(NamedTuple):
     back: tuple[float, float]
     broad: tuple[float, float]
     onward: tuple[float, float]
+    # what more gets through to what is no strand and has no such lobes, and the same.
+    skin: tuple[float, float]
     # How far reflections, what goes straight on and what is reflected within lean along a strand
     # whose scales tilt by 1.
     leans: tuple[float, float, float]
@@ -68,6 +70,7 @@ _MODELS = {
         (1.46, 8.6),
         (2.4, 4.4),
         (0.34, 3.0),
+        (0.52, 0.9),
         (1.0, -0.5, -2.0),
     ),
     "HUANG": _Model(
@@ -81,6 +84,7 @@ _MODELS = {
         (0.46, 8.1),
         (1.0, 4.35),
         (0.45, 1.5),
+        (0.3, 1.0),
         (0.5, 0.0, 0.0),
     ),
 }
@@ -233,6 +237,7 @@ def _principled_hair(view: NodeView) -> Closure:
             )
         ),
         {LobeKey(PASSED): _on_strands(view, of_mass(*model.onward))},
+        {LobeKey(PASSED, not_to_fibres=True): _on_strands(view, of_mass(*model.skin))},
     )
 
 

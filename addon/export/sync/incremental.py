@@ -19,6 +19,7 @@ import numpy as np
 from ....engine.scene import Camera, Scene, SceneDelta, settled
 from ..cache import ExportCache, WorldKey
 from ..collector import Collector
+from ..culling import culls
 from ..export import world_of
 from ..images.images import Images
 from ..instances import VisitedObjects, walk
@@ -179,6 +180,11 @@ class LiveExport:
         if everywhere != required:
             return self._walked(depsgraph, asked, space, everywhere)
         note_scene(depsgraph.scene_eval, report)
+        if culls(depsgraph.scene_eval):
+            report.note(
+                "Camera and distance culling is for renders: the viewport shows all objects; hide "
+                "in it what makes it slow"
+            )
         note_missing(depsgraph, report)
         world = world_of(depsgraph, depsgraph.scene_eval)
         sky = with_light_group(self._sky(depsgraph, report), groups.number(world))

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 51
+#define GLINT_ABI_VERSION 52
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -136,8 +136,9 @@ enum GlintLobeKind {
   GLINT_FIBRE_TRANSMISSION
 };
 
-/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK, and GLINT_SCATTERED of a FIBRE lobe that shows
- * light that other fibres scattered. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
+/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK, GLINT_SCATTERED of a FIBRE lobe that shows light
+ * that other fibres scattered, and GLINT_NOT_TO_FIBRES of a TRANSPARENT one that shadow rays from
+ * points on strands do not pass. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
  * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean, of a FIBRE lobe
  * masking how far light fans out round the tangent, 0 for as far as normals do, and ior 1 plus over
  * 1 minus the tangent of how far it leans against it. exponent_slot, masking_slot, ior_slot: 0, or
@@ -149,7 +150,12 @@ enum GlintLobeKind {
  * world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three slots with a
  * direction across the normal in world space, as long as what slopes along it are times; 0 for
  * none. */
-enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2, GLINT_SCATTERED = 4 };
+enum GlintFresnel {
+  GLINT_DIELECTRIC = 1,
+  GLINT_SCHLICK = 2,
+  GLINT_SCATTERED = 4,
+  GLINT_NOT_TO_FIBRES = 8
+};
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;

@@ -272,11 +272,12 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts);
+    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, on_strands_);
   } else {
     if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));
-    if (glassy_) transparent_shadows_.follow(stage_, blocked_.data(), count, shadow_, counts);
+    if (glassy_)
+      transparent_shadows_.follow(stage_, blocked_.data(), count, shadow_, counts, on_strands_);
   }
   if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
   add(batch, light, count);

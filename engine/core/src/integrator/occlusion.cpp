@@ -49,7 +49,8 @@ void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32
     aim_around(points, place);
     for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(points[k]);
     if (glassy_) {
-      transparent_shadows_.trace(stage_, scene_.trees.opacity(), zeros_, count, shadow_, counts);
+      transparent_shadows_.trace(stage_, scene_.trees.opacity(), zeros_, count, shadow_, counts,
+                                 false);
     } else {
       const Timer timer(counts.tracing);
       scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);

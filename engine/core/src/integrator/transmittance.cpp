@@ -33,8 +33,9 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
 }
 
 void TransparentShadows::begin(const LightStage& light, size_t count, double* const (&shadow)[3],
-                               const Opacity* opacity) {
+                               const Opacity* opacity, bool to_fibres) {
   opacity_ = opacity;
+  stage_.to_fibres = to_fibres;
   stage_.point = light.point;
   const bool endless = light.shape == kDirection || light.shape == kSky || light.shape == kOpenSky;
   for (size_t c = 0; c < 3; ++c) {
@@ -49,8 +50,8 @@ void TransparentShadows::begin(const LightStage& light, size_t count, double* co
 
 void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
                                const double* starts, size_t count, double* const (&shadow)[3],
-                               RayCounts& counts) {
-  begin(light, count, shadow, opacity);
+                               RayCounts& counts, bool to_fibres) {
+  begin(light, count, shadow, opacity, to_fibres);
   counts.shadow += count;
   const double* const* o = light.o;
   const double* const* d = light.to;
@@ -70,8 +71,8 @@ void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
 }
 
 void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
-                                double* const (&shadow)[3], RayCounts& counts) {
-  begin(light, count, shadow, scene_.trees.opacity());
+                                double* const (&shadow)[3], RayCounts& counts, bool to_fibres) {
+  begin(light, count, shadow, scene_.trees.opacity(), to_fibres);
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);
@@ -93,7 +94,9 @@ void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
 void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCounts& counts) {
   {
     const Timer timer(counts.tracing);
-    const uint8_t fading = scene_.materials.fading_fibres, enough = fading ? fading : 255;
+    const MaterialTable& materials = scene_.materials;
+    const uint8_t fading = stage_.to_fibres ? materials.fading_to_fibres : materials.fading_fibres,
+                  enough = fading ? fading : 255;
     scene_.trees.accel().find_layers(rays, {hits_.data(), found_, enough}, blocked_, scratch_);
   }
   bool dimmed = false;
@@ -176,7 +179,7 @@ void TransparentShadows::read_shares(const Rays& rays) {
     if (material.has(GLINT_TRANSPARENT)) {
       stage_.first = first;
       stage_.count = end - first;
-      stage_.most = material.most_passed;
+      stage_.most = stage_.to_fibres ? material.most_passed_to_fibres : material.most_passed;
       stage_.lobes = scene_.materials.lobes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
       stage_.program = material.program > 0 ? scene_.programs.of(material.program) : nullptr;
@@ -196,7 +199,8 @@ void TransparentShadows::multiply(const LightStage& light, size_t ray) {
   const uint32_t end = end_[ray];
   for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i)
     S = S * row({shares_[0], shares_[1], shares_[2]}, layers_[i].row);
-  if (scene_.materials.fading_fibres && std::max({S.x, S.y, S.z}) < MaterialTable::kFaded) S = {};
+  const bool fades = scene_.materials.fading_to_fibres != 0;
+  if (fades && std::max({S.x, S.y, S.z}) < MaterialTable::kFaded) S = {};
   set_row(shadow_, number, S);
   if (found_[ray] > Layers::kMost && any(S))
     wait(light, number, beyond(hits_[layers_[end - 1].hit].t));

@@ -19,11 +19,12 @@ class TransparentShadows {
                      Scratch& scratch);
 
   /// Of rays of which nothing is known. starts: of the rays, 0. opacity: as of the scene's light.
+  /// to_fibres: the points are on strands.
   void trace(const LightStage& light, const Opacity* opacity, const double* starts, size_t count,
-             double* const (&shadow)[3], RayCounts& counts);
+             double* const (&shadow)[3], RayCounts& counts, bool to_fibres);
   /// Of rays of which it is known whether anything is on their way.
   void follow(const LightStage& light, const uint8_t* blocked, size_t count,
-              double* const (&shadow)[3], RayCounts& counts);
+              double* const (&shadow)[3], RayCounts& counts, bool to_fibres);
 
  private:
   static constexpr size_t kAtOnce = 256;  // rays, as many as go down as a beam
@@ -34,7 +35,7 @@ class TransparentShadows {
   };
 
   void begin(const LightStage& light, size_t count, double* const (&shadow)[3],
-             const Opacity* opacity);
+             const Opacity* opacity, bool to_fibres);
   void wait(const LightStage& light, uint32_t number, double t_min);
   void go_on(const LightStage& light, RayCounts& counts);
   void pass(const LightStage& light, const Rays& rays, RayCounts& counts);

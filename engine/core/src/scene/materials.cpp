@@ -237,13 +237,14 @@ namespace {
 
 /// What a fibre lets through at most: its lobes' constants, as outputs that they are times count as
 /// at most 1. 1 where an input is none of these, and of what is no fibre.
-double most_passed(const MaterialTable& t, const Material& material) {
+double most_passed(const MaterialTable& t, const Material& material, bool to_fibres) {
   Vec3d sum{};
   bool fibre = false;
   for (uint32_t l = 0; l < material.lobe_count; ++l) {
     const LobeShape& lobe = t.lobes[material.first_lobe + l];
     fibre = fibre || is_fibre(lobe.kind);
     if (lobe.kind != GLINT_TRANSPARENT) continue;
+    if (to_fibres && lobe.fresnel & GLINT_NOT_TO_FIBRES) continue;
     Vec3d k{1, 1, 1};
     for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
       const GlintInput& input = t.inputs[i];
@@ -257,10 +258,10 @@ double most_passed(const MaterialTable& t, const Material& material) {
 }
 
 /// After how many fibres, at most as many as layers are found at a time, too little is left.
-uint8_t count_fading(const MaterialTable& t) {
+uint8_t count_fading(const MaterialTable& t, double Material::* passed) {
   double most = 0;
   for (const Material& material : t.rows)
-    if (material.has(GLINT_TRANSPARENT)) most = std::max(most, material.most_passed);
+    if (material.has(GLINT_TRANSPARENT)) most = std::max(most, material.*passed);
   if (!(most > 0)) return 0;
   double left = 1;
   for (uint8_t fibres = 1; fibres <= Layers::kMost; ++fibres)
@@ -289,9 +290,11 @@ MaterialTable compile_materials(const GlintSceneData& data, const World& world) 
   for (Material& material : t.rows) {
     compare_lobes(t, material);
     number_reads(t, material);
-    material.most_passed = most_passed(t, material);
+    material.most_passed = most_passed(t, material, false);
+    material.most_passed_to_fibres = most_passed(t, material, true);
   }
-  t.fading_fibres = count_fading(t);
+  t.fading_to_fibres = count_fading(t, &Material::most_passed_to_fibres);
+  t.fading_fibres = t.fading_to_fibres ? count_fading(t, &Material::most_passed) : 0;
   fold_materials(t, world);
   count_passing(t);
   return t;

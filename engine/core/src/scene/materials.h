@@ -25,7 +25,8 @@ struct Material {
   int specular_count = 0, view_count = 0;
   int passing = 0;  // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
-  double most_passed = 1;  // of light to lamps, by a surface; less than 1 of fibres alone
+  // Of light to lamps, by a surface; less than 1 of fibres alone. To fibres: of what reaches these.
+  double most_passed = 1, most_passed_to_fibres = 1;
   bool has(int kind) const { return kinds >> kind & 1; }
   /// Whether normals of the lobe are lifted so far that mirrors see nothing below the surface.
   bool lifts(const LobeShape& lobe) const {
@@ -75,8 +76,10 @@ struct MaterialTable {
   int max_view = 0;          // lobes of a material that depend on the view, at most
   int max_passing = 0;       // Material::passing, at most
   int passing_columns = PassingTerm::kPlain;  // of each of these lobes
-  /// Where fibres alone let light through: behind so many less than kFaded of it is left; or 0.
-  uint8_t fading_fibres = 0;
+  /// Where fibres alone let light through: behind so many less than kFaded of it is left to light
+  /// fibres, and what is none; or 0. The latter alone may be 0 where these are more than are found
+  /// at a time.
+  uint8_t fading_to_fibres = 0, fading_fibres = 0;
   static constexpr double kFaded = 0x1p-8;
   bool bends_normals = false;    // some material gives shading normals of its own
   bool shadows_bumps = false;    // and hides light by them

@@ -89,10 +89,14 @@ inline OnMesh on_mesh(const TransmittanceStage& s, size_t k, const Chosen& ray, 
   return p;
 }
 
+inline bool counts(const TransmittanceStage& s, const LobeShape& lobe) {
+  return lobe.kind == GLINT_TRANSPARENT && !(s.to_fibres && lobe.fresnel & GLINT_NOT_TO_FIBRES);
+}
+
 inline bool constant(const TransmittanceStage& s) {
   bool constant = true;
   for (uint32_t i = 0; i < s.lobe_count; ++i)
-    constant = constant && (s.lobes[i].kind != GLINT_TRANSPARENT || s.lobes[i].constant);
+    constant = constant && (!counts(s, s.lobes[i]) || s.lobes[i].constant);
   return constant;
 }
 
@@ -101,8 +105,7 @@ inline Three transparency(const TransmittanceStage& s, const OnMesh& p) {
   Three sum{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i)
-    if (s.lobes[i].kind == GLINT_TRANSPARENT)
-      sum = sum + coefficient(s.tables, p, s.lobes[i], reads);
+    if (counts(s, s.lobes[i])) sum = sum + coefficient(s.tables, p, s.lobes[i], reads);
   return sum;
 }
 

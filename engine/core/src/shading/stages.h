@@ -197,7 +197,8 @@ struct TransmittanceStage {
   const double *origin[3], *to[3],
       *end[3];       // origin: of each point.  end: null where `to` is exact
   double* share[3];  // of each hit
-  double most;       // Material::most_passed
+  double most;       // Material::most_passed, or most_passed_to_fibres
+  bool to_fibres;    // the rays are of points on strands
   const LobeShape* lobes;
   uint32_t lobe_count;
   const ProgramShape* program;  // null for none
