@@ -12,6 +12,8 @@ import environment
 import tree
 
 KINDS = {"address": "address;undefined", "thread": "thread"}
+THREADED = "accel_build|accel_same_bits|accel_reuse|core_functions|fuzz"
+"""The tests that start threads: ThreadSanitizer finds nothing in others."""
 FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED = "10000", "600", "1000000"
 """Other inputs than those of ctest: their number ends a run, so that every machine tries the same
 ones; the time is for machines that are far too slow. A failure names the seed to begin the next run
@@ -63,6 +65,8 @@ def _failures(kind: str, sanitizers: str, variables: dict[str, str]) -> list[str
         )
     fuzzer = [str(folder / "tests" / "fuzz"), FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED]
     tests = ["ctest", "--test-dir", str(folder), "--output-on-failure", "--parallel", cores]
+    if kind == "thread":
+        tests += ["--tests-regex", THREADED]
     failed = []
     for command in (tests, fuzzer):
         print(f"glint: {sanitizers}: {' '.join(command)}", flush=True)

@@ -33,6 +33,7 @@ THROUGH = 0.5
 ROUNDED = 16 * 2.0**-24
 """Of coordinates: what single precision may move surfaces by, twice."""
 HUGE = 1e100
+TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +172,8 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
         d = cosine_around(np.repeat(axis, n, 1), *v.T)
     else:
         edge = np.cos(light.spot_size / 2) if light.kind == "SPOT" else -1.0
-        o, d = np.repeat(center, n, 1), _cone(np.repeat(axis, n, 1), edge, *v.T)
+        d = _cone(np.repeat(axis, n, 1), edge, *v.T)
+        o = center + light.radius * _across(d, *concentric_disc(2 * walk_points(n, 253) - 1).T)
 
     def at(x: Array, number: Array) -> Array:
         to = x - o[:, number]
@@ -179,7 +181,11 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
         if light.kind == "AREA":
             z = np.maximum(dot(d[:, number], axis), 1e-12)
             return given(o[:, number], x, square * np.pi / z)
-        return given(o[:, number], x, square * (2 * np.pi * (1 - edge)))
+        # a disc that faces what it lights shines past it where it is seen large; a ball does not
+        middle = dot(x - center, x - center)
+        facing = light.radius**2 if light.soft_falloff else 0.0
+        share = middle / np.maximum(middle + facing, TINY)
+        return given(o[:, number], x, square * share * (2 * np.pi * (1 - edge)))
 
     return Start(o, d, at, group)
 
@@ -189,13 +195,18 @@ def _camera(origin: Array) -> Camera:
     return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
 
 
-def cosine_around(n: Array, u: Array, v: Array) -> Array:
-    """(3, m) unit, as densely as their cosine to the unit vectors n, at points of the square."""
+def _across(n: Array, x: Array, y: Array) -> Array:
+    """(3, m) the points (x, y) of discs across the unit vectors n (3, m)."""
     from ..reference.vectors import basis_around
 
-    x, y = concentric_disc(2 * np.stack([u, v], 1) - 1).T
     first, second = basis_around(n)
-    return x * first + y * second + np.sqrt(np.maximum(0.0, 1 - x * x - y * y)) * n
+    return x * first + y * second
+
+
+def cosine_around(n: Array, u: Array, v: Array) -> Array:
+    """(3, m) unit, as densely as their cosine to the unit vectors n, at points of the square."""
+    x, y = concentric_disc(2 * np.stack([u, v], 1) - 1).T
+    return _across(n, x, y) + np.sqrt(np.maximum(0.0, 1 - x * x - y * y)) * n
 
 
 def _cone(axis: Array, edge: float, u: Array, v: Array) -> Array:

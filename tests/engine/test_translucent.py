@@ -248,14 +248,15 @@ def test_both_tracers_draw_the_same(bounces: int) -> None:
     np.testing.assert_allclose(diffuse, np.add(K, (0.1, 0.2, 0.3)), rtol=1e-6)
 
 
-@pytest.mark.parametrize("bounces", [0, 1])
-def test_explained_pixels_have_the_colours_of_the_picture(bounces: int) -> None:
+# of bounced points a sample of the picture asks a quarter for their shadows, Explain Pixel all
+@pytest.mark.parametrize(("bounces", "within"), [(0, 1e-6), (1, 3e-3)])
+def test_explained_pixels_have_the_colours_of_the_picture(bounces: int, within: float) -> None:
     scene, settings = room(), Settings(samples=1, diffuse_bounces=bounces)
     found = picture(scene, diffuse_bounces=bounces)
     explainer = PixelExplainer(scene, settings)
     for x, y in ((8, 8), (5, 9)):
         explained = explainer.pixel(x, y)
-        np.testing.assert_allclose(explained.color, found[y, x], rtol=1e-3)
+        np.testing.assert_allclose(explained.color, found[y, x], rtol=within)
         lines = explanation_lines(explained)
         assert any("area (from behind)" in line for line in lines)
         assert any("'area' on the other side: n·l = " in line for line in lines)

@@ -33,6 +33,11 @@ struct Camera {
 };
 
 constexpr int kCells = 16;
+#ifdef GLINT_SANITIZED
+constexpr int kViews = 1;
+#else
+constexpr int kViews = 6;
+#endif
 
 /// Cells of the window that are surely_empty, after rays of all of these have missed: at corners,
 /// along edges, inside.
@@ -70,14 +75,14 @@ TEST(empty_tiles, no_ray_of_an_empty_frustum_hits) {
   for (double away : {3.0, 300.0, 1e6}) {
     for (bool parallel : {false, true}) {
       int surely_empty = 0;
-      for (int k = 0; k < 6; ++k) {
+      for (int k = 0; k < kViews; ++k) {
         const Camera camera(away * random.on_sphere(), random.in_box(0.2), 4, parallel);
         for (const Mesh* mesh : {&ball, &rubble})
           surely_empty += empty_cells(*build(*mesh), camera, random);
         empty_cells(*build(shapes.geometries, shapes.instances), camera, random);
       }
       CHECK(surely_empty >
-            12 * kCells * kCells / 4);  // the window is twice as wide as what stands there
+            2 * kViews * kCells * kCells / 4);  // the window is twice as wide as what stands there
     }
   }
 }
