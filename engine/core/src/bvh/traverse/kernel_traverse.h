@@ -7,6 +7,8 @@
 namespace glint {
 namespace {
 
+constexpr int kLeastOfClass = 16;  // fewer rays of one axis class go one by one
+
 /// Sorts a tile's rays into packets and sends them down.
 template <bool Any>
 inline void walk_tile(Walk<Any>& w) {
@@ -33,7 +35,7 @@ inline void walk_tile(Walk<Any>& w) {
       if (some_of(same, k, kBroad) == some_of(all, k, kBroad))
         pure |= uint64_t(some_of(same, k, kBroad)) << k;
     rays &= ~same;
-    if (__builtin_popcountll(same) < kLeastPacket) lone |= same;
+    if (__builtin_popcountll(same) < kLeastOfClass) lone |= same;
     else walk_packet(w, kOrders[kind], same, pure, false);
   }
   leave(w, lone, w.tree.root, -kFar);
