@@ -81,3 +81,42 @@ def test_slopes_of_beams() -> None:
     slope, difference = float.fromhex("0x4.04p-24"), float.fromhex("0x2.06p-24")
     assert (slope + 2 * difference) * (1 + 4 * U) <= 10 * U
     assert (difference + 2 * U) * (1 + 4 * U) <= 5 * U
+
+
+@needs_gappa
+def test_planes_that_packets_cross() -> None:
+    """What a crossing with a box's plane is off by across is less than boxes have room for; the
+    inverse slope is off by u for the slope and u of its own.
+    """
+    crossing = float.fromhex("0xe.1p-24")
+    assert is_proved("box", inverse=2.01 * U, margin=crossing)
+    assert not is_proved("box", inverse=2.01 * U, margin=13 * U)
+    assert crossing <= constant("kBoxMargin") * (1 - 8 * U)
+
+
+@needs_gappa
+def test_depths_of_beams() -> None:
+    """A plane's normal, its distance's products and what 1 / depth rounds are within what
+    `see_triangles` allows: 25 u of the longest edge's cube for three components of the normal,
+    4.25 u of the depth for a corner and two roundings, and 8 u of the terms.
+    """
+    normal, rest = float.fromhex("0x8.01p-24"), float.fromhex("0x6.02p-24")
+    assert is_proved("normal", margin=normal)
+    assert not is_proved("normal", margin=7.5 * U)
+    assert is_proved("plane", margin=rest)
+    assert not is_proved("plane", margin=5 * U)
+    cubes, depths = beam_bounds()
+    assert 3 * normal * (1 + 8 * U) <= cubes
+    assert (float.fromhex("0x2.06p-24") + 2.01 * U) * (1 + 8 * U) <= depths
+    assert rest * (1 + 8 * U) <= 8 * U
+
+
+def beam_bounds() -> tuple[float, float]:
+    """The two constants of `bent`, in the header of beams."""
+    text = HEADER.with_name("kernel_beam_triangles.h").read_text(encoding="utf-8")
+    found = re.search(
+        r"splat\((0x[0-9a-f.]+p-\d+)f\) \* deepest,\s+splat\((0x[0-9a-f.]+p-\d+)f\) \* longest_3",
+        text,
+    )
+    assert found
+    return float.fromhex(found[2]), float.fromhex(found[1])

@@ -48,6 +48,7 @@ inline uint32_t bits(BroadMask m) { return m.lanes; }
 inline Broad choose(BroadMask m, Broad a, Broad b) {
   return Broad(_mm512_mask_blend_ps(m.lanes, __m512(b), __m512(a)));
 }
+inline BroadMask broad_lanes(uint32_t some) { return {__mmask16(some)}; }
 /// `a` in the lanes of m.
 inline void put(uint32_t* p, BroadMask m, uint32_t a) {
   _mm512_mask_store_epi32(p, m.lanes, _mm512_set1_epi32(int(a)));
@@ -74,6 +75,7 @@ typedef FloatMask BroadMask;
 inline Broad load_broad(const float* p) { return load(p); }
 inline void store_broad(float* p, Broad v) { store(p, v); }
 inline Broad spread(float a) { return splat(a); }
+inline BroadMask broad_lanes(uint32_t some) { return lanes(some); }
 inline void put(uint32_t* p, BroadMask m, uint32_t a) {
   store(p, choose(m, Ints{} + int32_t(a), load(p)));
 }

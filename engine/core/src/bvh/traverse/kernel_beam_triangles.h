@@ -84,11 +84,12 @@ struct Beam {
 /// u m^2. Of another axis class rays see the same triangle across another axis.
 ///
 /// Depths. A hit that is surely inside lies on the triangle, and moves with its displaced corners:
-/// by d across and 4 u z along, as parts of the plane's distance det / |n|. The normal's products
-/// are off by 4 u E3^2, which at a point of the triangle, E3 or less from the corner that the plane
-/// goes through, is 12 u E3^3. Other roundings are less than 8 u of the sum's terms. What rays meet
-/// behind the apex, where they go on a little, has no 1 / depth: such planes pass the apex within
-/// `past` along the rays and `off` across.
+/// by d across and 2.03 u z along, as parts of the plane's distance det / |n|, whose products and
+/// first sum round 2.01 u of each term. The normal's products are off by 8.01 u E3^2, which at a
+/// point of the triangle, E3 or less from the corner that the plane goes through, is 24.03 u E3^3.
+/// Other roundings are 6.02 u of the sum's terms, and 8 u are enough for those of the bound. What
+/// rays meet behind the apex, where they go on a little, has no 1 / depth: such planes pass the
+/// apex within `past` along the rays and `off` across.
 struct BeamTriangles {
   Floats k[3], x[3], y[3], margin, plane, plane_x, plane_y, plane_off;
   uint32_t edge_on;  // no side or no depth is known
@@ -142,8 +143,8 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam& be
       fused(magnitude(t.plane_x), w0, fused(magnitude(t.plane_y), w1, magnitude(t.plane)));
   const Floats bent =
       fused(magnitude(nx) + magnitude(ny), fused(splat(0x1p-23f), across, off),
-            fused(magnitude(nz), splat(0x1p-22f) * deepest,
-                  splat(0x1p-20f) * longest_3 * longest_3 * longest_3 + splat(kUnderflow)));
+            fused(magnitude(nz), splat(0x1.1p-22f) * deepest,
+                  splat(0x1.9p-20f) * longest_3 * longest_3 * longest_3 + splat(kUnderflow)));
   t.plane_off = terms * fused(bent, magnitude(inverse), splat(0x1p-21f));
   const Floats area = t.k[0] + t.k[1] + t.k[2];
   const Floats swing = fused(magnitude(nx), w0, magnitude(ny) * w1);

@@ -3,7 +3,6 @@
 // Rounding can be bounded without divisions, and 0 times infinity does not occur.
 #pragma once
 #include "bvh/traverse/kernel_tile.h"
-#include "simd/broad.h"
 
 namespace glint {
 namespace {
@@ -116,10 +115,9 @@ struct DepthRange {
   }
 };
 
-/// Where the rays [k, k + kFloats) of a packet cross planes. What that is off by moves the ray
-/// across by 13 u of the largest coordinate, of which boxes have 20 u: where it begins and its
-/// slope take one each, the slope's inverse and its products with the plane and the origin 7, the
-/// sum 4. Rays along a plane get a slope of 2^-60, which leads out of no box.
+/// Where the rays [k, k + kFloats) of a packet cross planes. What that is off by moves a ray across
+/// by 14.1 u of the largest coordinate, of which boxes have 20 u. Rays along a plane get a slope of
+/// 2^-60, which leads out of no box.
 inline void set_crossings(const Tile& tile, Packet& p, int k) {
   for (int a = 0; a < 2; ++a) {
     const Floats slope = load(tile.slope[a] + k);

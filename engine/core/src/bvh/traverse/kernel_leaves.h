@@ -27,9 +27,14 @@ __attribute__((always_inline)) inline Floats edge_margin(Floats extent, Floats d
 
 /// Triangles, or one triangle in all lanes, against rays, or one ray in all lanes, in float: what
 /// is certain.
+template <class V>
 struct TriangleTest {
-  Floats x[3], y[3], z[3], a, b, c, low, high, margin;
+  V x[3], y[3], z[3], a, b, c, low, high, margin;
 
+  static V each(float a) {
+    if constexpr (sizeof(V) == sizeof(Floats)) return splat(a);
+    else return spread(a);
+  }
   void edges() {
     a = fused(x[2], y[1], -(y[2] * x[1]));
     b = fused(x[0], y[2], -(y[0] * x[2]));
@@ -40,16 +45,15 @@ struct TriangleTest {
   /// No doubt that the ray does not hit.
   uint32_t missed() const { return bits(less(low, -margin) & less(margin, high)); }
   /// No doubt that it does.
-  FloatMask sure() const { return less(margin, low) | less(high, -margin); }
+  auto sure() const { return less(margin, low) | less(high, -margin); }
   /// Bounds of the depth of a sure hit: its edge functions are off by `margin` each, and where such
   /// weights put the point by three times that and the depth's extent over the area. NaN where
   /// numbers are too large for it, wide where they are too small.
-  __attribute__((always_inline)) void depth(const Tile& tile, Floats& lo, Floats& hi) const {
-    const Floats inverse = 1 / (a + b + c), at = fused(a, z[0], fused(b, z[1], c * z[2])) * inverse;
-    const Floats front = this->front(), rear = this->rear(), most = larger(rear, -front),
-                 error = magnitude(fused(3 * margin, rear - front, splat(kUnderflow)) * inverse),
-                 room = fused(most, splat(kSumMargin),
-                              splat(2 * kFarTie * tile.far_margin + tile.off));
+  __attribute__((always_inline)) void depth(const Tile& tile, V& lo, V& hi) const {
+    const V inverse = 1 / (a + b + c), at = fused(a, z[0], fused(b, z[1], c * z[2])) * inverse;
+    const V front = this->front(), rear = this->rear(), most = larger(rear, -front),
+            error = magnitude(fused(3 * margin, rear - front, each(kUnderflow)) * inverse),
+            room = fused(most, each(kSumMargin), each(2 * kFarTie * tile.far_margin + tile.off));
     lo = larger(front, at - error) - room;
     hi = smaller(rear, at + error) + room;
   }
@@ -59,8 +63,8 @@ struct TriangleTest {
         largest_magnitude(largest_magnitude(x[0], x[1]), largest_magnitude(y[0], y[1]));
     return largest_magnitude(ab, largest_magnitude(x[2], y[2]));
   }
-  Floats front() const { return smaller(z[0], smaller(z[1], z[2])); }
-  Floats rear() const { return larger(z[0], larger(z[1], z[2])); }
+  V front() const { return smaller(z[0], smaller(z[1], z[2])); }
+  V rear() const { return larger(z[0], larger(z[1], z[2])); }
 };
 
 /// What a ray that hits has no corner beyond, across.
@@ -94,13 +98,15 @@ __attribute__((noinline)) inline uint32_t behind(const Tile& tile, int k, const 
   return mask;
 }
 
-/// Decides candidates among the rays [k, k + kFloats) one by one, unless they begin on the far side
+/// Decides candidates among the rays [k, k + kBroad) one by one, unless they begin on the far side
 /// of a surface that they leave.
 template <bool Any>
 __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, uint32_t starting,
                                            const Order& order, ChildRef leaf, int place) {
   if (starting & (starting - 1))
-    mask &= ~(starting & behind(w.tile, k, Triangles(w.tree, leaf), place, order));
+    for (int h = 0; h < kBroad; h += kFloats)
+      if (const uint32_t some = some_of(starting, h, kFloats))
+        mask &= ~((some & behind(w.tile, k + h, Triangles(w.tree, leaf), place, order)) << h);
   for (; mask; mask &= mask - 1) {
     const int r = k + __builtin_ctz(mask);
     if (!alive(w.tile, r)) continue;
@@ -110,27 +116,28 @@ __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, u
   }
 }
 
-/// Takes hits that are nearer than the best ones without doubt, of the rays [k, k + kFloats): those
+/// Takes hits that are nearer than the best ones without doubt, of the rays [k, k + kBroad): those
 /// of `mask`; `nearer` has no other ones but such that cannot be.
 template <bool Any>
 __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uint32_t mask,
-                                                        FloatMask nearer, Floats lo, Floats hi,
+                                                        BroadMask nearer, Broad lo, Broad hi,
                                                         ChildRef leaf, int place) {
   Tile& tile = w.tile;
-  float* last = w.packet.last + k;
   if (Any) {
     for (; mask; mask &= mask - 1)
       tile.answers->blocked[tile.slot[k + __builtin_ctz(mask)]] = tile.answers->stop();
-    for (float* p : {tile.lo + k, tile.hi + k, last})
-      store(p, choose(nearer, splat(-kFar), load(p)));
+    for (float* p : {tile.lo + k, tile.hi + k})
+      store_broad(p, choose(nearer, spread(-kFar), load_broad(p)));
     return;
   }
-  const Floats end = choose(nearer, hi, load(tile.hi + k));
-  store(tile.lo + k, choose(nearer, lo, load(tile.lo + k)));
-  store(tile.hi + k, end);
-  store(tile.pending + k, choose(nearer, Ints{} + int32_t(leaf), load(tile.pending + k)));
-  store(tile.place + k, choose(nearer, Ints{} + place, load(tile.place + k)));
-  store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.margin)));
+  const Broad end = choose(nearer, hi, load_broad(tile.hi + k));
+  store_broad(tile.lo + k, choose(nearer, lo, load_broad(tile.lo + k)));
+  store_broad(tile.hi + k, end);
+  put(tile.pending + k, nearer, leaf);
+  put(tile.place + k, nearer, uint32_t(place));
+  float* last = w.packet.last + k;
+  const Broad start = load_broad(tile.start + k);
+  store_broad(last, smaller(load_broad(last), start + end + spread(tile.margin)));
 }
 
 /// Those of some rays from k on that hit a triangle.
@@ -142,26 +149,38 @@ inline uint32_t hit_lanes(const Walk<Any>& w, int k, uint32_t rays, ChildRef lea
   return hit;
 }
 
-/// Candidates among the rays [k, k + kFloats): takes those that are certain, and decides the
+/// Those of some rays from k on that hit a triangle and are stopped by it. `sure`: hit for sure.
+template <bool Any>
+__attribute__((noinline)) uint32_t stopped_of(const Walk<Any>& w, int k, uint32_t rays,
+                                              uint32_t sure, ChildRef leaf, int place) {
+  uint32_t stop = 0;
+  for (int h = 0; h < kBroad; h += kFloats) {
+    const uint32_t some = some_of(rays, h, kFloats) & living(w.tile, k + h),
+                   hit = some & some_of(sure, h, kFloats);
+    stop |= stopped(w, k + h, hit | hit_lanes(w, k + h, some & ~hit, leaf, place), leaf, place)
+            << h;
+  }
+  return stop;
+}
+
+/// Candidates among the rays [k, k + kBroad): takes those that are certain, and decides the
 /// others.
 template <bool Any>
 __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32_t mask,
-                                                     const TriangleTest& t, const Order& order,
-                                                     ChildRef leaf, int place) {
+                                                     const TriangleTest<Broad>& t,
+                                                     const Order& order, ChildRef leaf, int place) {
   Tile& tile = w.tile;
-  Floats lo, hi;
+  Broad lo, hi;
   t.depth(tile, lo, hi);
-  const Floats best_lo = load(tile.lo + k), best_hi = load(tile.hi + k),
-               begin_hi = load(tile.begin_hi + k);
-  const FloatMask sure = t.sure();
-  mask &= ~bits(sure & (less(best_hi, lo) | less(hi, load(tile.begin_lo + k))));
+  const Broad best_lo = load_broad(tile.lo + k), best_hi = load_broad(tile.hi + k),
+              begin_hi = load_broad(tile.begin_hi + k);
+  const BroadMask sure = t.sure();
+  mask &= ~bits(sure & (less(best_hi, lo) | less(hi, load_broad(tile.begin_lo + k))));
   if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
-  FloatMask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
+  BroadMask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
   if (tile.answers->opacity) {
-    mask &= living(tile, k);
-    const uint32_t hit = mask & bits(sure);
-    mask = stopped(w, k, hit | hit_lanes(w, k, mask & ~hit, leaf, place), leaf, place);
-    nearer = nearer & lanes(mask);
+    mask = stopped_of(w, k, mask, bits(sure), leaf, place);
+    nearer = nearer & broad_lanes(mask);
     if (!mask) return;
   }
   const uint32_t certain = bits(nearer) & mask;
@@ -196,29 +215,29 @@ struct Corners {
   }
 };
 
-/// One triangle against the rays [k, k + kFloats).
+/// One triangle against the rays [k, k + kBroad).
 template <bool Any, bool Common>
 __attribute__((always_inline)) inline void hit_group(Walk<Any>& w, int k,
                                                      const Corners<Common>& corners, int first,
                                                      int lane, const Order& order, ChildRef ref) {
   const Tile& tile = w.tile;
-  TriangleTest t;
-  const Floats sx = load(tile.slope[0] + k), sy = load(tile.slope[1] + k);
+  TriangleTest<Broad> t;
+  const Broad sx = load_broad(tile.slope[0] + k), sy = load_broad(tile.slope[1] + k);
   for (int j = 0; j < 3; ++j) {
-    Floats x = splat(corners.p[3 * j][lane]), y = splat(corners.p[3 * j + 1][lane]),
-           z = splat(corners.p[3 * j + 2][lane]);
+    Broad x = spread(corners.p[3 * j][lane]), y = spread(corners.p[3 * j + 1][lane]),
+          z = spread(corners.p[3 * j + 2][lane]);
     if constexpr (!Common) {
-      x = x - load(tile.of[0] + k) - load(tile.low_part[0] + k);
-      y = y - load(tile.of[1] + k) - load(tile.low_part[1] + k);
-      z = z - load(tile.start + k) - load(tile.low_part[2] + k);
+      x = x - load_broad(tile.of[0] + k) - load_broad(tile.low_part[0] + k);
+      y = y - load_broad(tile.of[1] + k) - load_broad(tile.low_part[1] + k);
+      z = z - load_broad(tile.start + k) - load_broad(tile.low_part[2] + k);
     }
     t.x[j] = fused(-sx, z, x);
     t.y[j] = fused(-sy, z, y);
     t.z[j] = z;
   }
   t.edges();
-  t.margin = splat(corners.margin[lane]);
-  const uint32_t mask = ~t.missed() & ((1u << kFloats) - 1);
+  t.margin = spread(corners.margin[lane]);
+  const uint32_t mask = ~t.missed() & ((1u << kBroad) - 1);
   if (mask) take_rays(w, k, mask, t, order, ref, first + lane);
 }
 

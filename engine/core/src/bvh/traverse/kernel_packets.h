@@ -56,16 +56,23 @@ struct PacketWalk {
     alive = 0;
     for (int k = 0; k < kTile; k += kFloats) alive |= uint64_t(living(w.tile, k)) << k;
   }
-  /// After what may have made a ray end nearer.
-  void end(int r) {
+  /// After what may have stopped a ray.
+  void look(int r) {
     if (Any) alive &= ~(uint64_t(!glint::alive(w.tile, r)) << r);
-    else w.trim(r);
+  }
+  void shapes(ChildRef leaf, uint64_t rays) {
+    for (; rays; rays &= rays - 1) {
+      const int r = __builtin_ctzll(rays);
+      hit_shapes(w, r, leaf);
+      w.trim(r);
+      look(r);
+    }
   }
   void one_by_one(ChildRef leaf, uint64_t rays) {
     for (; rays; rays &= rays - 1) {
       const int r = __builtin_ctzll(rays);
-      hit_leaf(w, r, leaf, order);
-      end(r);
+      hit_triangles(w, r, leaf, order);
+      look(r);
     }
   }
   void leaf(ChildRef child, uint64_t rays) {
@@ -73,7 +80,7 @@ struct PacketWalk {
       trace_instances(w, child, rays);
       return look();
     }
-    if (w.tree.kind != kTriangleLeaf) return one_by_one(child, rays);
+    if (w.tree.kind != kTriangleLeaf) return shapes(child, rays);
     const bool few = __builtin_popcountll(rays) <= kFewRays;
     if (few && !common) return one_by_one(child, rays);
     one_by_one(child, rays & ~pure);
@@ -93,8 +100,8 @@ struct PacketWalk {
       const int rest = leaf_triangles.n - first < kFloats ? leaf_triangles.n - first : kFloats;
       uint32_t mask = WideFrustum(w.packet.whole).meet(boxes) & ((1u << rest) - 1);
       for (; mask; mask &= mask - 1)
-        for (int k = 0; k < kTile; k += kFloats)
-          if (some_of(rays, k, kFloats))
+        for (int k = 0; k < kTile; k += kBroad)
+          if (some_of(rays, k, kBroad))
             hit_group<Any, Common>(w, k, corners, first, __builtin_ctz(mask), order, child);
     }
     if (Any) look();
@@ -102,7 +109,7 @@ struct PacketWalk {
   /// The triangles [first, first + kFloats) of a leaf against one ray.
   template <bool Common>
   void hit_from_origin(const Corners<Common>& corners, int r, ChildRef child, int first) {
-    TriangleTest t;
+    TriangleTest<Floats> t;
     const Floats sx = splat(-w.tile.slope[0][r]), sy = splat(-w.tile.slope[1][r]);
     for (int j = 0; j < 3; ++j) {
       t.z[j] = load(corners.p[3 * j + 2]);
@@ -112,7 +119,7 @@ struct PacketWalk {
     t.edges();
     t.margin = load(corners.margin);
     take_seen(w, r, child, first, t, Floats{});
-    end(r);
+    look(r);
   }
 };
 

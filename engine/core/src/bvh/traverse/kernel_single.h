@@ -29,10 +29,12 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
       tile.hi[r] = farthest[lane];
       tile.pending[r] = ref;
       tile.place[r] = uint32_t(place);
+      w.trim(r);
       continue;
     }
     tile.answers->count_fallback(tile.slot[r]);
     w.decide(r, ref, place);
+    w.trim(r);
     if (Any && !alive(tile, r)) return;
   }
 }
@@ -40,7 +42,7 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
 /// The triangles [first, first + kFloats) of a leaf as one ray sees them; depths are `back` less.
 template <bool Any>
 __attribute__((always_inline)) inline void take_seen(Walk<Any>& w, int r, ChildRef ref, int first,
-                                                     const TriangleTest& t, Floats back) {
+                                                     const TriangleTest<Floats>& t, Floats back) {
   const Tile& tile = w.tile;
   const int rest = leaf_count(ref) - first < kFloats ? leaf_count(ref) - first : kFloats;
   uint32_t mask = ~t.missed() & ((1u << rest) - 1);
@@ -71,7 +73,7 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
   const Floats rx = splat(tile.low_part[0][r] - tile.slope[0][r] * low),
                ry = splat(tile.low_part[1][r] - tile.slope[1][r] * low), rz = splat(low);
   for (int first = 0; first < n; first += kFloats) {
-    TriangleTest t;
+    TriangleTest<Floats> t;
     for (size_t j = 0; j < 3; ++j) {
       t.z[j] = fused(load(pz + j * corner + first), sign, -oz);
       t.x[j] = fused(sx, t.z[j], load(px + j * corner + first) - ox) - rx;

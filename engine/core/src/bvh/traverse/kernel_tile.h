@@ -1,6 +1,7 @@
 // Up to 64 rays in the space of one tree, by component, and what they have hit.
 #pragma once
 #include "bvh/traverse/kernel_ray.h"
+#include "simd/broad.h"
 
 namespace glint {
 namespace {
@@ -293,17 +294,17 @@ inline void leave_out(Tile& tile, int k) {
   store_low(tile.pending + k, Longs{});
 }
 
-/// False when no ray is alive. The arrays of the rays are given, and whole groups of them: lanes
-/// beyond `count` have t_min = t_max.
+/// False when no ray is alive. The arrays of the rays are given, and whole vectors of them: lanes
+/// beyond `count` have t_min = t_max. The rest of a register is without rays.
 inline bool set_tile(Tile& tile) {
   Doubles square{};
   double farthest = 0;
   bool some = false;
-  for (int k = 0; k < tile.count; k += kFloats) {
-    for (int j = 0; j < kFloats; j += kLanes)
+  for (int k = 0; k < tile.count; k += kBroad) {
+    for (int j = 0; j < kBroad; j += kLanes)
       if (k + j < tile.count) set_rays(tile, k + j, square, farthest);
       else leave_out(tile, k + j);
-    some |= living(tile, k) != 0;
+    for (int j = 0; j < kBroad; j += kFloats) some |= living(tile, k + j) != 0;
   }
   if (some) set_margin(tile, square, farthest);
   return some;

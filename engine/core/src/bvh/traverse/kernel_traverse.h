@@ -7,6 +7,8 @@
 namespace glint {
 namespace {
 
+constexpr int kLeastOfClass = 16;  // fewer rays of one axis class go one by one
+
 /// Sorts a tile's rays into packets and sends them down.
 template <bool Any>
 inline void walk_tile(Walk<Any>& w) {
@@ -26,14 +28,14 @@ inline void walk_tile(Walk<Any>& w) {
   while (rays) {
     const uint32_t kind = tile.axis_class[__builtin_ctzll(rays)];
     uint64_t same = 0, pure = 0;
-    for (int k = 0; k < tile.count; k += kFloats) {
-      const uint32_t some =
-          bits(equal(load(tile.axis_class + k), Ints{} + int32_t(kind))) & some_of(all, k, kFloats);
-      same |= uint64_t(some) << k;
-      if (some == some_of(all, k, kFloats)) pure |= uint64_t(some) << k;
-    }
+    for (int k = 0; k < tile.count; k += kFloats)
+      same |= uint64_t(bits(equal(load(tile.axis_class + k), Ints{} + int32_t(kind)))) << k;
+    same &= all;
+    for (int k = 0; k < kTile; k += kBroad)
+      if (some_of(same, k, kBroad) == some_of(all, k, kBroad))
+        pure |= uint64_t(some_of(same, k, kBroad)) << k;
     rays &= ~same;
-    if (__builtin_popcountll(same) < kLeastPacket) lone |= same;
+    if (__builtin_popcountll(same) < kLeastOfClass) lone |= same;
     else walk_packet(w, kOrders[kind], same, pure, false);
   }
   leave(w, lone, w.tree.root, -kFar);

@@ -54,9 +54,13 @@ struct Walk {
     if (!Any) refresh(tile, r);
     else if (tile.answers->blocked[tile.slot[r]] == tile.answers->stop()) block(r);
   }
-  /// The packet's part of it.
+  /// The packet's part of it; of rays that look for any hit it asks who is alive. (All at once: a
+  /// processor waits before it reads a vector of which it has just written a part.)
   void trim(int r) {
-    packet.last[r] = smaller(packet.last[r], tile.start[r] + tile.hi[r] + tile.margin);
+    if (Any) return;
+    float* last = packet.last + r / kBroad * kBroad;
+    const Broad old = load_broad(last), end = spread(tile.start[r] + tile.hi[r] + tile.margin);
+    store_broad(last, choose(broad_lanes(1u << r % kBroad), smaller(end, old), old));
   }
 
   Exact<double> seen(int r, ChildRef leaf, int place) const {
