@@ -162,7 +162,7 @@ int differences_about(const Mesh& mesh, double scale, Vec3d center, uint64_t see
   Random random(seed);
   const auto accel = build(mesh);
   std::vector<Ray> rays;
-  for (int k = 0; k < 30; ++k) {
+  for (int k = 0; k < rounds(30); ++k) {
     const Vec3d eye = center + scale * random.in_box(k % 3 ? 1.8 : 1);
     const double near = k % 5 ? 0 : random.uniform(0, 1),
                  far = k % 4 ? HUGE_VAL : random.uniform(0.6, 1.4);
@@ -223,10 +223,10 @@ TEST(beams, several_trees_and_what_is_hidden) {
   scene.instances[0].visibility = kMirror | kShadow;
   const auto accel = build(scene.geometries, scene.instances);
   std::vector<Ray> rays;
-  for (int k = 0; k < 40; ++k)
+  for (int k = 0; k < rounds(40); ++k)
     add_beam(rays, random.in_box(3), random.in_box(0.7), std::pow(10, random.uniform(-4, -1.3)),
              random);
-  for (int k = 0; k < 40; ++k)
+  for (int k = 0; k < rounds(40); ++k)
     add_shadow_beam(rays, *accel, random.in_box(3), random.in_box(0.7), random.in_box(3), 0.01,
                     1e-6, random);
   for (uint32_t visibility : {kCamera, kMirror})
@@ -239,7 +239,7 @@ TEST(beams, lights_at_a_surface) {
   for (const Mesh& mesh : {bumpy_sphere(20, 40), box_grid(3, 1, {}), slivers(random, 300)}) {
     const auto accel = build(mesh);
     std::vector<Ray> rays;
-    for (int k = 0; k < 300; ++k) {
+    for (int k = 0; k < rounds(300); ++k) {
       const size_t triangle = random.below(mesh.count());
       const Vec3d a = mesh.corner(triangle, 0), b = mesh.corner(triangle, 1),
                   c = mesh.corner(triangle, 2);

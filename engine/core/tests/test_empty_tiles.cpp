@@ -33,11 +33,7 @@ struct Camera {
 };
 
 constexpr int kCells = 16;
-#ifdef GLINT_SANITIZED
-constexpr int kViews = 1;
-#else
-constexpr int kViews = 6;
-#endif
+constexpr int kViews = rounds(6);
 
 /// Cells of the window that are surely_empty, after rays of all of these have missed: at corners,
 /// along edges, inside.

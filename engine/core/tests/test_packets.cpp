@@ -139,13 +139,13 @@ TEST(packets, coherent_rays_get_the_answers_of_single_rays) {
   const Mixed scene;
   const auto accel = build(scene.geometries, scene.instances);
   for (uint32_t visibility : {uint32_t(kCamera), uint32_t(kShadow)})
-    CHECK(differences(*accel, blocks(200, false, 61), visibility) == 0);
+    CHECK(differences(*accel, blocks(rounds(200), false, 61), visibility) == 0);
 }
 
 TEST(packets, odd_rays_disturb_nobody) {
   const Mixed scene;
   const auto accel = build(scene.geometries, scene.instances);
-  CHECK(differences(*accel, blocks(300, true, 62), kCamera) == 0);
+  CHECK(differences(*accel, blocks(rounds(300), true, 62), kCamera) == 0);
 }
 
 TEST(packets, batches_of_any_size) {
@@ -158,7 +158,7 @@ TEST(packets, batches_of_any_size) {
 
 TEST(packets, every_instruction_set) {
   const Mixed scene;
-  CHECK(other_bits(scene, blocks(300, true, 64)) == 0);
+  CHECK(other_bits(scene, blocks(rounds(300), true, 64)) == 0);
 }
 
 // Through the middle of a triangle float is certain; through its corner, and where faces coincide,
@@ -242,7 +242,7 @@ TEST(packets, rays_know_the_side_of_the_surface_that_they_leave) {
   }
   const auto accel = build(mesh);
   int wrong = 0;
-  for (int block = 0; block < 400; ++block) {
+  for (int block = 0; block < rounds(400); ++block) {
     const size_t t = random.below(mesh.count());
     const Vec3d a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2),
                 n = normalize(cross(b - a, c - a));
@@ -297,7 +297,8 @@ TEST(packets, rays_that_begin_on_a_triangle_get_the_answers_of_single_rays) {
         icosphere(2, 1e-3, {0, 0, 1}), icosphere(1, 1e4, {}), soup(random, 60, 1, 2)}) {
     const auto accel = build(mesh);
     std::vector<Ray> rays;
-    for (size_t block = 0; block < 600; ++block) add_departures(rays, mesh, random, block);
+    for (int block = 0; block < rounds(600); ++block)
+      add_departures(rays, mesh, random, size_t(block));
     CHECK(differences(*accel, rays, kCamera) == 0);
   }
 }
@@ -310,7 +311,7 @@ TEST(packets, no_leaks_at_corners) {
     for (const Mesh& mesh : {icosphere(4, radius, {}), box_grid(32, radius, {})}) {
       const auto accel = build(mesh);
       std::vector<Ray> rays;
-      for (int block = 0; block < 300; ++block) {
+      for (int block = 0; block < rounds(300); ++block) {
         const size_t t = random.below(mesh.count());
         const Vec3d eye = 0.3 * radius * random.in_box(1);
         for (size_t k = 0; k < 64; ++k) {
@@ -334,11 +335,11 @@ TEST(packets, no_leaks_at_corners) {
   }
 }
 
-/// 150 tiles of rays that are aimed at edges from `distance` away: from one point, to one point,
+/// Tiles of rays that are aimed at edges from `distance` away: from one point, to one point,
 /// and side by side. Of every other one just 40 rays are alive.
 std::vector<Ray> edge_blocks(const Mesh& mesh, double distance, Random& random) {
   std::vector<Ray> rays;
-  for (size_t block = 0; block < 150; ++block) {
+  for (int block = 0; block < rounds(150); ++block) {
     const size_t first = random.below(mesh.count() - 4);
     const Vec3d d = -distance * random.on_sphere(), eye = mesh.corner(first, 0) - d;
     for (size_t k = 0; k < 64; ++k) {

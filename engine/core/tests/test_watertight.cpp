@@ -10,11 +10,7 @@ using namespace glint::test;
 
 namespace {
 
-#ifdef GLINT_SANITIZED
-constexpr int kRays = 12000;  // they read what more would read, and take ten times as long each
-#else
-constexpr int kRays = 120000;
-#endif
+constexpr int kRays = rounds(120000);
 
 /// A point of the mesh where leaks would be: a corner, the middle of an edge, or anywhere on an
 /// edge.
