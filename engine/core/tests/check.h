@@ -15,8 +15,8 @@ struct Test {
 
 inline int failures = 0;
 
-/// How many of `n` rounds a test makes: where sanitizers watch a fifth tells what memory is read,
-/// and each takes ten times as long.
+/// How many of `n` rounds a test makes: where sanitizers watch, and each takes several times as
+/// long, a fifth of them reads what all would.
 constexpr int rounds(int n) {
 #ifdef GLINT_SANITIZED
   return (n + 4) / 5;
