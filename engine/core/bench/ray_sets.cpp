@@ -58,16 +58,6 @@ World instances(size_t count) {
   return world;
 }
 
-/// Pixel of the k-th primary ray: the bits of k are row and column within 4x4, then turn by turn.
-void pixel_of(uint32_t k, uint32_t& column, uint32_t& row) {
-  column = k & 3;
-  row = (k >> 2) & 3;
-  for (uint32_t bit = 2, rest = k >> 4; rest; ++bit, rest >>= 2) {
-    column |= (rest & 1) << bit;
-    row |= ((rest >> 1) & 1) << bit;
-  }
-}
-
 RaySet primary_rays(const View& view, uint32_t size) {
   const Vec3d forward = normalize(view.target - view.eye),
               right = normalize(cross(forward, view.up)), up = cross(right, forward);
@@ -108,6 +98,15 @@ std::vector<uint32_t> shuffled(size_t count) {
 }
 
 }  // namespace
+
+void pixel_of(uint32_t k, uint32_t& column, uint32_t& row) {
+  column = k & 3;
+  row = (k >> 2) & 3;
+  for (uint32_t bit = 2, rest = k >> 4; rest; ++bit, rest >>= 2) {
+    column |= (rest & 1) << bit;
+    row |= ((rest >> 1) & 1) << bit;
+  }
+}
 
 World load_world(const std::string& name) {
   const size_t colon = name.find(':');

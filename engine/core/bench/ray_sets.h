@@ -68,6 +68,9 @@ struct FrameRays {
   RaySet diffuse;  // one a hit, cosine-weighted round the geometric normal, in random order
 };
 
+/// Pixel of the k-th primary ray: the bits of k are row and column within 4x4, then turn by turn.
+void pixel_of(uint32_t k, uint32_t& column, uint32_t& row);
+
 /// `size` x `size` pixels, size a power of two from 4 on. Reproducible: the random numbers have
 /// fixed seeds.
 FrameRays make_rays(const World& world, const Accel& accel, uint32_t size);

@@ -100,7 +100,6 @@ __attribute__((noinline)) Beamed trace_beam(const TreeView& tree, const Rays& ra
   Beam beam;
   if (!set_from_apex(beam, tree, rays, first) && !(Any && set_to_apex(beam, tree, rays, first)))
     return Beamed::kUnfit;
-  if (!set_places(beam)) return Beamed::kUnfit;
   BeamWalk<Any> walk{tree, beam, answers};
   walk.set_end();
   if (!walk.walk()) return Beamed::kParted;
