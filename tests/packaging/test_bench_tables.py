@@ -80,6 +80,18 @@ def test_ratios_take_the_best_mode_of_each_class(report):
     assert ray_tables.scaling({"a": report}, "primary") == [57 / 30]
 
 
+def test_camera_rays_are_beside_primary_ones(report):
+    report["traversal"].append(row("glint", 36, rays="camera"))
+    assert ray_tables.ratio(report, "camera", 1, robust=True) == 36 / 12
+    assert ray_tables.ratio(report, "primary", 1, robust=True) == 30 / 12
+    line = next(
+        line
+        for line in ray_tables.rates_table({"a": report}, 1).splitlines()
+        if line.startswith("a, camera")
+    )
+    assert "36.0" in line and "3.00" in line
+
+
 def test_meshes_without_a_ratio_are_left_out(report):
     assert ray_tables.ratios({"a": report, "b": {}}, "primary", 1, True) == {"a": 2.5}
 

@@ -5,8 +5,9 @@
 // coherent or not) traces a quarter of the rays once, on one thread; those within `--keep` of the
 // best robust and of the best fast mode, four each at most, then take turns with Glint for
 // `--rounds` rounds, fewer where these take long; rates are medians. Embree's rays lie filled in
-// its own layout, Glint's in columns, before the clock starts; both write complete hits. The primary rays are also
-// made by Glint's core while the clock runs, as in whole frames: those are its rays `camera`.
+// its own layout, Glint's in columns, before the clock starts; both write complete hits. The
+// primary rays are also made by Glint's core while the clock runs, as in whole frames: those are
+// its rays `camera`.
 #include <cstdlib>
 #include <cstring>
 #include <stdexcept>
@@ -316,7 +317,8 @@ class Traversal {
       CameraBlocks blocks(view_, options_.size);
       Scratch scratch;
       for (const size_t end = first + count; first < end;) {
-        const size_t some = std::min(end - first, CameraBlocks::kMost - first % CameraBlocks::kMost);
+        const size_t some =
+            std::min(end - first, CameraBlocks::kMost - first % CameraBlocks::kMost);
         accel.closest(blocks.make(first, some), blocks.hits(), scratch);
         first += some;
       }

@@ -1,9 +1,9 @@
 // One kind of work on one mesh, for counting instructions: ray_counts
 // primary|camera|shadow|shadow_from_light|mirror|diffuse|build [MESH, as ray_sets.h has it, and how
-// many rays a side]. camera: primary rays that the core makes, too. Everything to be counted happens
-// inside glint_counted_region (valgrind --tool=callgrind --toggle-collect=glint_counted_region). Prints
-// how many rays (build: triangles) that were, and the compiler; tests/bench/instructions.py runs
-// it.
+// many rays a side]. camera: primary rays that the core makes, too. Everything to be counted
+// happens inside glint_counted_region (valgrind --tool=callgrind
+// --toggle-collect=glint_counted_region). Prints how many rays (build: triangles) that were, and
+// the compiler; tests/bench/instructions.py runs it.
 #include <cstdio>
 
 #include <cstdlib>
@@ -62,8 +62,8 @@ int main(int argc, char** argv) {
   const FrameRays frame = make_rays(world, *accel, size);
   const RaySet* const sets[] = {&frame.primary,           &frame.primary, &frame.shadow,
                                 &frame.shadow_from_light, &frame.mirror,  &frame.diffuse};
-  const char* const names[] = {"primary", "camera", "shadow", "shadow_from_light", "mirror",
-                               "diffuse"};
+  const char* const names[] = {"primary",           "camera", "shadow",
+                               "shadow_from_light", "mirror", "diffuse"};
   CameraBlocks camera(world.view, size);
   for (int k = 0; k < 6; ++k) {
     if (kind != names[k]) continue;
@@ -80,6 +80,8 @@ int main(int argc, char** argv) {
     std::printf("%zu %s\n", count, __VERSION__);
     return 0;
   }
-  std::fprintf(stderr, "ray_counts primary|camera|shadow|shadow_from_light|mirror|diffuse|build [MESH SIDE]\n");
+  std::fprintf(
+      stderr,
+      "ray_counts primary|camera|shadow|shadow_from_light|mirror|diffuse|build [MESH SIDE]\n");
   return 1;
 }
