@@ -47,6 +47,19 @@ Affine scattered(test::Random& random, double scale) {
   return {scale * a, scale * frame.t1, scale * frame.t2, random.in_box(1)};
 }
 
+/// So many copies of a ball of 70 000 triangles, which fill the picture together.
+World copies(size_t count) {
+  World world;
+  world.mesh = test::bumpy_sphere(132, 264);
+  test::Random random(5);
+  for (size_t k = 0; k < count; ++k) {
+    Affine placed = scattered(random, 0.75);
+    placed.t = 0.5 * placed.t;
+    world.instances.push_back(placed);
+  }
+  return world;
+}
+
 World instances(size_t count) {
   World world;
   world.mesh = test::icosphere(3, 1, {});
@@ -118,6 +131,7 @@ World load_world(const std::string& name) {
   if (kind == "icosphere" && found == 1) world.mesh = test::icosphere(int(a), 1, {});
   else if (kind == "bumpy" && found == 2) world.mesh = test::bumpy_sphere(int(a), int(b));
   else if (kind == "instances" && found == 1) world = instances(a);
+  else if (kind == "copies" && found == 1) world = copies(a);
   else world = read_world(name);
   world.mesh.vertices.reserve(world.mesh.vertices.size() +
                               1);  // Embree reads 16 bytes at the last vertex

@@ -26,9 +26,10 @@ struct World {
 };
 
 /// `icosphere:LEVEL`, `bumpy:ROWSxCOLUMNS`, `instances:COUNT` (of icosphere:3, scattered in a box,
-/// any orientation), or the path of a file: 8 bytes "GLINTRAY", uint64 vertices, uint64 triangles,
-/// 13 float32 (eye, target, up, half width, light), then float32 vertices and uint32 triangles, all
-/// little-endian. Throws std::runtime_error with the reason.
+/// any orientation), `copies:COUNT` (of bumpy:132x264, so large that few fill the picture), or the
+/// path of a file: 8 bytes "GLINTRAY", uint64 vertices, uint64 triangles, 13 float32 (eye, target,
+/// up, half width, light), then float32 vertices and uint32 triangles, all little-endian. Throws
+/// std::runtime_error with the reason.
 World load_world(const std::string& name);
 
 /// Rays by component. The numbers are float32, so that every tracer gets the same ones.
