@@ -253,7 +253,9 @@ def _exported(scene: Scene, frame: Pose) -> Iterator[tuple[int, ExportedObject, 
             thing = ahead[place]
             if thing.name != block.name:
                 continue
-            rows = are_surfaces(thing.matrices)
+            rows = np.ones(len(thing.matrices), bool)
+            if len(block.world_from_object) != len(rows):
+                rows = are_surfaces(thing.matrices)
             if np.array_equal(thing.matrices[rows], block.world_from_object) and _is_of(
                 geometry, frame.shapes.get(thing.content.shape)
             ):

@@ -20,7 +20,7 @@ from ..export.darkness import darkness
 from ..ui.properties import settings_from, tracer_notes
 from .aim import Aim, aim_from
 from .kept import Kept
-from .motion import with_motion
+from .motion import opens, with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
 from .result import Picture, crypto_ids, wanted_passes
@@ -115,9 +115,15 @@ def prepare(
     names = ("",) if render_engine.is_preview else view_names(depsgraph.scene.render)
     lookers = [looker_of(render_engine, name, depsgraph) for name in names]
     options = {"width": width, "height": height, "passes": passes, "looker": lookers[0]}
+    keeps = opens(render_engine, depsgraph)
     export = (
         export_scene(
-            depsgraph, decoded=_decoded, aovs=aovs_of(layer), has_light_groups=True, **options
+            depsgraph,
+            decoded=_decoded,
+            aovs=aovs_of(layer),
+            has_light_groups=True,
+            keeps_collapsed=keeps,
+            **options,
         )
         if kept is None
         else kept.export(depsgraph, **options)
@@ -143,7 +149,7 @@ def prepare(
         motion_notes += vector_notes
     seconds = time.perf_counter() - start
     told = [*notes, *aim_notes, *export.notes, *(note for _, own in others for note in own)]
-    told += [*motion_notes, *_emptiness(export.scene), *darkness(export.scene)]
+    told += [*motion_notes, *_emptiness(moving[0]), *darkness(export.scene)]
     return tuple(
         Job(
             scene=scene,
