@@ -10,7 +10,7 @@ import pytest
 
 from export_support import Shader, export, link, scene, use_nodes  # noqa: F401
 from glint.addon.export.geometry.hashing import random_of
-from glint.addon.export.geometry.strands import NEAR
+from glint.addon.export.geometry.splines import NEAR
 from glint.engine import Settings, render
 from glint.engine.reference.optics import fibre_highlight
 from glint.engine.scene import Strands

@@ -17,7 +17,8 @@ from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.table import BY_NAME
 from ....engine.scene import Lobe
 from ..shader_nodes.reader import ENCLOSED, FIBRE, HAIR
-from .evaluator import CLOSURE_NODES, PASSED, Closure, LobeKey, NodeView, add_closures
+from .closures import PASSED, Closure, LobeKey, add_closures
+from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import mean_across_fibre
 from .terms import RGB, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
 from .varying import Roughness
