@@ -17,6 +17,7 @@ from glint import engine
 from glint.engine import native
 from glint.engine import scene as s
 from glint.engine.native import core_types, packing
+from glint.engine.settings import DECLARED
 from native_tools import (
     IDENTITY,
     constant,
@@ -414,6 +415,17 @@ def test_bad_settings_are_refused_with_a_sentence() -> None:
     assert "cutoff is not between 0 and 1" in refusal(SOUND, cutoff=float("nan"))
     assert "more than 64 bounces" in refusal(SOUND, max_bounces=65)
     assert "no such pass: Heat" in refusal(SOUND, passes=frozenset({"Heat"}))
+
+
+@pytest.mark.parametrize("name", ["error_threshold", "lamp_shadows", "max_bounces", "cutoff"])
+def test_the_core_takes_the_declared_range_and_no_more(name: str) -> None:
+    """Its check stands by itself: other hosts do not ask `Settings.problems`."""
+    declared = DECLARED[name]
+    for end in (declared.low, declared.high):
+        native.render_native(
+            SOUND, engine.Settings(samples=1, **{name: type(declared.default)(end)})
+        )
+    assert "settings: " in refusal(SOUND, **{name: declared.high + 1})
 
 
 def test_memory_that_cannot_be_had_is_named() -> None:
