@@ -15,7 +15,8 @@ from .geometry.cache import Requirements, Shape, ShapeKey, Source
 from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
 from .geometry.shapes import export_points, read_shape
-from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_attributes
+from .geometry.strand_attributes import read_strand_attributes
+from .geometry.strands import StrandSource, read_curves, read_hair
 from .geometry.volumes import read_volume
 from .images.decoded import Decoded
 from .images.images import Images

@@ -14,7 +14,9 @@ from .culling import Culling
 from .geometry.displacing import Displaced
 from .geometry.meshes import mesh_key, normals_of, vertices_of
 from .geometry.shapes import export_points, marked_sphere
-from .geometry.strands import Keys, curve_keys, cut, fibre_values, hair_keys
+from .geometry.splines import Keys, cut
+from .geometry.strand_attributes import fibre_values
+from .geometry.strands import curve_keys, hair_keys
 from .instances import ExportedObject, Flags, walk
 from .lights import light_frame
 from .placing import are_surfaces
