@@ -23,6 +23,7 @@ from ..engine.analysis.plot import png_bytes
 from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, measure
 from ..engine.analysis.trade_plot import draw_trade
 from ..engine.analysis.trade_rows import Row, Trade, advice
+from ..engine.settings import DECLARED
 from .scene_copy import read_job
 from .show_picture import show
 
@@ -397,17 +398,6 @@ def _draw_choice(layout: bpy.types.UILayout, row: Row, number: int) -> None:
         layout.operator(GLINT_OT_use_measured.bl_idname).row = number
 
 
-_NAMES = {
-    "samples": ("sample", "samples"),
-    "error_threshold": ("threshold",),
-    "light_samples": ("light sample", "light samples"),
-    "lamp_shadows": ("lamp shadow", "lamp shadows"),
-    "max_bounces": ("bounce", "bounces"),
-    "cutoff": ("cutoff",),
-    "volume_samples": ("volume sample", "volume samples"),
-    "diffuse_bounces": ("diffuse bounce", "diffuse bounces"),
-}
-"""Tunable → what stands behind its value, one and more; or before it."""
 _SEEN = (
     (1.0, "not visible"),
     (3.0, "hardly visible"),
@@ -433,8 +423,10 @@ def error_text(row: Row) -> str:
 
 def tunable_text(name: str, value: float) -> str:
     """16 samples; threshold 4."""
-    names = _NAMES[name]
-    return f"{names[0]} {value:g}" if len(names) == 1 else f"{value:g} {names[value != 1]}"
+    label = DECLARED[name].label.lower()
+    if not DECLARED[name].is_whole():
+        return f"{label} {value:g}"
+    return f"{value:g} {label.removesuffix('s') if value == 1 else label}"
 
 
 def settings_text(trade: Trade, row: Row) -> str:

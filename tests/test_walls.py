@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 from collections.abc import Callable
+from graphlib import TopologicalSorter
 from pathlib import Path, PurePosixPath
 
 import pytest
@@ -153,6 +154,14 @@ def breaches(path: PurePosixPath, source: str) -> list[str]:
     )
 
 
+def _at_import(source: str) -> str:
+    """The import statements that run when a module is imported."""
+    body = ast.parse(source).body
+    return "\n".join(
+        ast.unparse(node) for node in body if isinstance(node, (ast.Import, ast.ImportFrom))
+    )
+
+
 def python_files() -> list[PurePosixPath]:
     paths = [
         ROOT / "__init__.py",
@@ -167,6 +176,20 @@ def test_no_file_imports_through_a_wall():
     assert [
         breach for path in python_files() for breach in breaches(path, (ROOT / path).read_text())
     ] == []
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    """TopologicalSorter raises CycleError, which names the circle."""
+    modules = {
+        ".".join(path.with_suffix("").parts).removesuffix(".__init__"): path
+        for path in python_files()
+    }
+    graph = {
+        name: imports(path, _at_import((ROOT / path).read_text()))[1] & modules.keys() - {name}
+        for name, path in modules.items()
+    }
+    assert sum(map(len, graph.values())) > 1000
+    TopologicalSorter(graph).prepare()
 
 
 def test_nothing_reads_the_data_of_an_original_object():

@@ -15,7 +15,8 @@ from .geometry.cache import Requirements, Shape, ShapeKey, Source
 from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
 from .geometry.shapes import export_points, read_shape
-from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_attributes
+from .geometry.strand_attributes import read_strand_attributes
+from .geometry.strands import StrandSource, read_curves, read_hair
 from .geometry.volumes import read_volume
 from .images.decoded import Decoded
 from .images.images import Images
@@ -63,10 +64,8 @@ class Collector:
 
     met: the shapes of what was met.  groups, lamps: after `scene`, where in it each thing is, None
     for what is not there as it is, or depends on where it stands. displaced: how geometries were,
-    by their numbers.  culls: geometries may have been met of which nothing is placed.
+    by their numbers.
     """
-
-    culls = False
 
     def __init__(
         self,
@@ -370,17 +369,22 @@ class Collector:
         """How Cycles' settings say that curves go between keys."""
         return getattr(getattr(self.depsgraph.scene_eval, "cycles_curves", None), "shape", "")
 
-    def scene(self, camera: Camera, things: list[ExportedObject], sky: Sky) -> Scene:
-        """All of it as one value."""
+    def scene(
+        self,
+        camera: Camera,
+        things: list[ExportedObject],
+        sky: Sky,
+        *,
+        keeps_collapsed: bool = False,
+    ) -> Scene:
+        """All of it as one value. keeps_collapsed: with placements that leave no surface."""
         placed = [thing for thing in things if isinstance(thing.content, Placed)]
         blocks = tuple(self.instances(thing) for thing in placed)
-        kept = list(range(len(self._shapes)))
-        if self.culls or any(map(_is_displaced, self._shapes)):
-            blocks, kept = without_unplaced(blocks, len(self._shapes))
+        blocks, kept = without_unplaced(blocks, len(self._shapes))
         shapes = [self._shapes[number] for number in kept]
         self.displaced = {k: s.geometry.displaced for k, s in enumerate(shapes) if _is_displaced(s)}
         geometries = tuple(self._shapes[k].as_required(self._requirements[k]) for k in kept)
-        instances = without_collapsed(blocks, self.report)
+        instances = blocks if keeps_collapsed else without_collapsed(blocks, self.report)
         numbers = {id(block): number for number, block in enumerate(instances)}
         for thing, block in zip(placed, blocks, strict=True):
             number = None if thing.content.is_bound else numbers.get(id(block))

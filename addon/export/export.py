@@ -77,6 +77,7 @@ def export_scene(
     aovs: tuple[Aov, ...] = (),
     has_light_groups: bool = False,
     looker: Looker | None = None,
+    keeps_collapsed: bool = False,
 ) -> Export:
     """The scene that an evaluated depsgraph shows, for its own view layer and frame.
 
@@ -84,7 +85,8 @@ def export_scene(
     `film.PASSES`; "UV" makes all meshes bring their active map. decoded: images of the export
     before; this one's take their place. aovs: passes of the view layer's own that are required.
     has_light_groups: whether those of its light groups are.
-    looker: where to look from, None for the scene's camera.
+    looker: where to look from, None for the scene's camera. keeps_collapsed: with placements that
+    leave no surface, which `render.motion.with_motion` sorts out.
     Only on Blender's thread. Raises ExportError where there is no usable camera or border.
     """
     start = time.perf_counter()
@@ -104,7 +106,7 @@ def export_scene(
     note_scene(scene, report)
     note_missing(depsgraph, report)
     note_world(world, aovs, report)
-    exported = collector.scene(camera, things, sky)
+    exported = collector.scene(camera, things, sky, keeps_collapsed=keeps_collapsed)
     note_placed(exported, through.name, report)
     if decoded is not None:
         decoded.forget_unused()
@@ -146,7 +148,6 @@ def _walked(
     read what they meet, which is known only afterwards.
     """
     collector = Collector(depsgraph, required, report, cache, *given)
-    collector.culls = culling is not None
     hair = collector.meet_hair
     things = walk(depsgraph, collector.meet, report, make_hair=hair, culling=culling)
     everywhere = required | collector.materials.sampled

@@ -14,7 +14,9 @@ from .culling import Culling
 from .geometry.displacing import Displaced
 from .geometry.meshes import mesh_key, normals_of, vertices_of
 from .geometry.shapes import export_points, marked_sphere
-from .geometry.strands import Keys, curve_keys, cut, fibre_values, hair_keys
+from .geometry.splines import Keys, cut
+from .geometry.strand_attributes import fibre_values
+from .geometry.strands import curve_keys, hair_keys
 from .instances import ExportedObject, Flags, walk
 from .lights import light_frame
 from .placing import are_surfaces
@@ -253,7 +255,9 @@ def _exported(scene: Scene, frame: Pose) -> Iterator[tuple[int, ExportedObject, 
             thing = ahead[place]
             if thing.name != block.name:
                 continue
-            rows = are_surfaces(thing.matrices)
+            rows = np.ones(len(thing.matrices), bool)
+            if len(block.world_from_object) != len(rows):
+                rows = are_surfaces(thing.matrices)
             if np.array_equal(thing.matrices[rows], block.world_from_object) and _is_of(
                 geometry, frame.shapes.get(thing.content.shape)
             ):

@@ -13,7 +13,8 @@ import numpy as np
 from ...engine.program.program import Program, compile_program
 from ...engine.scene import EVERYTHING, Light, Texture
 from .images.images import Images
-from .materials.evaluator import Evaluator, LobeKey
+from .materials.closures import LobeKey
+from .materials.evaluator import Evaluator
 from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
 from .materials.terms import RGB
 from .report import Report

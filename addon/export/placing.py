@@ -37,8 +37,8 @@ _FIRST = 16
 
 
 def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple[Instances, ...]:
-    """Without the placements that are no surface any more: matrices of rank 0 or 1 squash
-    everything to a line or a point.
+    """Without the placements that are no surface any more, nor at any key of their motion: matrices
+    of rank 0 or 1 squash everything to a line or a point.
     """
     kept = []
     matrices = [block.world_from_object for block in instances]
@@ -47,6 +47,8 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
         return instances
     ends = np.cumsum([len(rows) for rows in matrices], dtype=np.intp)
     for block, surface in zip(instances, np.split(surfaces, ends[:-1]), strict=False):
+        if block.motion is not None and not surface.all():
+            surface = surface | np.any([are_surfaces(key) for key in block.motion], 0)
         if not surface.all():
             report.note(
                 "Objects whose scale leaves no surface (0, or vastly unequal) are left out: {}; "
@@ -57,6 +59,7 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
                 block,
                 world_from_object=block.world_from_object[surface],
                 values={name: rows[surface] for name, rows in block.values.items()},
+                motion=block.motion[:, surface] if block.motion is not None else None,
             )
         if surface.any():
             kept.append(block)
@@ -74,9 +77,10 @@ def without_unplaced(
     """The instances with their geometries numbered anew, without those of `count` that none of
     them has, and the old numbers of those that are left.
     """
-    kept = sorted({block.geometry for block in instances})
-    if len(kept) == count:
-        return instances, kept
+    placed = {block.geometry for block in instances}
+    if len(placed) == count:
+        return instances, list(range(count))
+    kept = sorted(placed)
     numbers = {old: new for new, old in enumerate(kept)}
     return tuple(replace(b, geometry=numbers[b.geometry]) for b in instances), kept
 

@@ -13,7 +13,8 @@ from ...engine.program.graph import Value
 from ...engine.program.program import compile_program
 from ...engine.scene import Light, Medium, Mist, World
 from .images.images import Images
-from .materials.evaluator import Evaluator, LobeKey
+from .materials.closures import LobeKey
+from .materials.evaluator import Evaluator
 from .materials.expressions import Expressions
 from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
 from .materials.nodes_volume import medium_of

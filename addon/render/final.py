@@ -18,11 +18,11 @@ from ...engine.scene import SceneDelta
 from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..export.darkness import darkness
 from ..ui.properties import settings_from, tracer_notes
-from .aim import Aim, aim_from
 from .kept import Kept
-from .motion import with_motion
+from .motion import opens, with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
+from .quality_target import QualityTarget, quality_target_of
 from .result import Picture, crypto_ids, wanted_passes
 from .stamp import Stamping
 from .statistics import Statistics, remember
@@ -42,7 +42,7 @@ class Job:
 
     layer: the view layer's name.  view: of a stereoscopic or multi-view render, "" where there is
     but one. size: of the result in pixels.  preview: a material preview,
-    about which nothing is told. frame: of the animation.  aim: the error that settings are to be
+    about which nothing is told. frame: of the animation.  target: the error that settings are to be
     found for.  renderer: what draws, where it keeps the frame before.
     delta: from the scene of that frame.
     """
@@ -56,7 +56,7 @@ class Job:
     notes: list[str]
     preview: bool
     frame: int = 1
-    aim: Aim | None = None
+    target: QualityTarget | None = None
     view: str = ""
     renderer: engine.KeptRender | None = None
     delta: SceneDelta | None = None
@@ -115,25 +115,16 @@ def prepare(
     names = ("",) if render_engine.is_preview else view_names(depsgraph.scene.render)
     lookers = [looker_of(render_engine, name, depsgraph) for name in names]
     options = {"width": width, "height": height, "passes": passes, "looker": lookers[0]}
-    export = (
-        export_scene(
-            depsgraph, decoded=_decoded, aovs=aovs_of(layer), has_light_groups=True, **options
-        )
-        if kept is None
-        else kept.export(depsgraph, **options)
-    )
+    if kept is None:
+        options |= {"aovs": aovs_of(layer), "keeps_collapsed": opens(render_engine, depsgraph)}
+        export = export_scene(depsgraph, decoded=_decoded, has_light_groups=True, **options)
+    else:
+        export = kept.export(depsgraph, **options)
     others = [seen_by(export.scene, looker, depsgraph, width, height) for looker in lookers[1:]]
     asking = _asking(depsgraph)
-    settings, notes = _with_backend(
-        settings_from(asking.glint.final, asking, passes, export.region)
-    )
-    settings = replace(
-        settings,
-        crypto_ids=crypto_ids(layer),
-        samples=_layer_samples(layer, asking, settings.samples),
-    )
+    settings, notes = _settings_of(asking, layer, passes, export.region)
     skipped = {} if render_engine.is_preview else unused_data(depsgraph, export.scene)
-    aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(asking)
+    target, target_notes = (None, []) if render_engine.is_preview else quality_target_of(asking)
     seen = [export.scene, *(scene for scene, _ in others)]
     moving, motion_notes = with_motion(seen, render_engine, depsgraph, names, export.displaced)
     if "Vector" in passes:
@@ -142,8 +133,8 @@ def prepare(
         )
         motion_notes += vector_notes
     seconds = time.perf_counter() - start
-    told = [*notes, *aim_notes, *export.notes, *(note for _, own in others for note in own)]
-    told += [*motion_notes, *_emptiness(export.scene), *darkness(export.scene)]
+    told = [*notes, *target_notes, *export.notes, *(note for _, own in others for note in own)]
+    told += [*motion_notes, *_emptiness(moving[0]), *darkness(export.scene)]
     return tuple(
         Job(
             scene=scene,
@@ -161,13 +152,26 @@ def prepare(
             notes=told,
             preview=render_engine.is_preview,
             frame=depsgraph.scene.frame_current,
-            aim=aim,
+            target=target,
             view=name,
             renderer=kept.renderer if kept is not None else None,
             delta=export.delta,
         )
         for k, (name, scene) in enumerate(zip(names, moving, strict=True))
     )
+
+
+def _settings_of(
+    asking: bpy.types.Scene,
+    layer: bpy.types.ViewLayer,
+    passes: frozenset[str],
+    region: tuple[int, int, int, int] | None,
+) -> tuple[engine.Settings, tuple[str, ...]]:
+    """The settings of a view layer's final render, and what there is to say about them."""
+    chosen = settings_from(asking.glint.final, asking, passes, region)
+    settings, notes = _with_backend(chosen)
+    samples = _layer_samples(layer, asking, settings.samples)
+    return replace(settings, crypto_ids=crypto_ids(layer), samples=samples), notes
 
 
 def _asking(depsgraph: bpy.types.Depsgraph) -> bpy.types.Scene:
@@ -192,8 +196,8 @@ def run(
         return
     notes: list[str] = []
     for job in jobs:
-        if job is not jobs[0]:  # an aim is for the first view, and its settings for all
-            job.aim, job.settings = None, jobs[0].settings
+        if job is not jobs[0]:  # a target is for the first view, and its settings for all
+            job.target, job.settings = None, jobs[0].settings
         notes += _run_view(render_engine, job, is_interrupted)
         if render_engine.test_break():
             break
@@ -228,14 +232,14 @@ def _trace(
     picture: Picture,
     should_stop: Callable[[], bool],
 ) -> engine.Film:
-    """The picture, with the settings that reach the job's aim if it has one; statistics learn the
-    seconds and what was reached.
+    """The picture, with the settings that reach the job's target if it has one; statistics learn
+    the seconds and what was reached.
     """
     start = time.perf_counter()
     is_seen = not (bpy.app.background or job.preview)
     progress = Progress(render_engine, f"{job.scene_name}, {job.title}", is_seen)
     watched = progress.watching("Looking for settings", should_stop)
-    forecast = job.aim.choose(job.scene, job.settings, watched) if job.aim else None
+    forecast = job.target.choose(job.scene, job.settings, watched) if job.target else None
     job.settings = forecast.settings if forecast else job.settings
     passes = job.settings.passes
 
@@ -266,7 +270,7 @@ def _trace(
     )
     job.statistics.seconds["engine"] = time.perf_counter() - start
     if forecast:
-        job.statistics.target = job.aim.told(
+        job.statistics.target = job.target.told(
             job.scene, forecast, film, progress.watching("Checking the error", should_stop)
         )
     return film

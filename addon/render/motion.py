@@ -15,6 +15,7 @@ from ..export.camera import camera_frame
 from ..export.culling import Culling
 from ..export.geometry.displacing import Displaced
 from ..export.keys import Pose, moved, read_pose
+from ..export.placing import without_collapsed
 from ..export.report import Report
 from .views import looker_of
 
@@ -42,12 +43,14 @@ def with_motion(
     """Scenes that are the same but for their cameras, those of `views`, with the movement of the
     camera and of what is in it, where Blender's scene has motion blur, and notes. The frame changes
     on the way, so that nothing evaluated may be kept over this call. displaced: as `Export` has it.
+    Where the shutter `opens`, scenes may have placements that leave no surface: those stay that do
+    at some key.
     """
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
-    if render_engine.is_preview or not blurs(depsgraph) or render.motion_blur_shutter <= 0:
-        return tuple(scenes), ()
-    if not render.motion_blur_shutter <= _LONGEST:
-        return tuple(scenes), (_NO_SHUTTER,)
+    if not opens(render_engine, depsgraph):
+        asks = blurs(depsgraph) and not render_engine.is_preview
+        lasts = asks and not render.motion_blur_shutter <= _LONGEST
+        return tuple(scenes), (_NO_SHUTTER,) if lasts else ()
     camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
     culling = Culling.of(depsgraph.scene_eval, scenes[0].camera)
     still = read_pose(depsgraph, culling=culling)
@@ -72,6 +75,7 @@ def with_motion(
             camera.name,
         )
     scene = moved(scenes[0], still, poses, report, displaced=displaced)
+    scene = replace(scene, instances=without_collapsed(scene.instances, report))
     opening = _shutter(render.motion_blur_shutter_curve, report)
     seen = (replace(scene, camera=some.camera) for some in scenes)
     moving = zip(seen, zip(*frames, strict=True), strict=True)
@@ -121,6 +125,12 @@ def _shutter(curve: bpy.types.CurveMapping, report: Report) -> np.ndarray | None
 def shutter_times(frame: float, shutter: float, position: str, count: int = _KEYS) -> list[float]:
     """The frames of the keys: the shutter is open for `shutter` frames."""
     return [frame + shutter * (k / (count - 1) - _BEFORE[position]) for k in range(count)]
+
+
+def opens(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether `with_motion` looks at other times."""
+    shutter = depsgraph.scene.render.motion_blur_shutter
+    return not render_engine.is_preview and blurs(depsgraph) and 0 < shutter <= _LONGEST
 
 
 def blurs(depsgraph: bpy.types.Depsgraph) -> bool:

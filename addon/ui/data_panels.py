@@ -153,12 +153,22 @@ class GLINT_VOLUME_PT_render(EnginePanel, bpy.types.Panel):
             column.prop(context.volume.render, name)
 
 
-class GLINT_OBJECT_PT_visibility(EnginePanel, bpy.types.Panel):
-    bl_label = "Visibility"
-    bl_context = "object"
-    bl_options = {"DEFAULT_CLOSED"}
-    about = "object"
+class _ObjectPanel(EnginePanel):
+    """A closed panel of an object's tab."""
 
+    bl_context = about = "object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class _WorldPanel(EnginePanel):
+    """A closed panel of the world's tab."""
+
+    bl_context = about = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class GLINT_OBJECT_PT_visibility(_ObjectPanel, bpy.types.Panel):
+    bl_label = "Visibility"
     draw = OBJECT_PT_visibility.draw
 
 
@@ -179,11 +189,9 @@ class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
         mask.prop(context.object, "is_shadow_catcher")
 
 
-class GLINT_OBJECT_PT_culling(EnginePanel, bpy.types.Panel):
+class GLINT_OBJECT_PT_culling(_ObjectPanel, bpy.types.Panel):
     bl_label = "Culling"
-    bl_context = "object"
     bl_parent_id = "GLINT_OBJECT_PT_visibility"
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context):
@@ -200,10 +208,8 @@ class GLINT_OBJECT_PT_culling(EnginePanel, bpy.types.Panel):
         draw_reason(self.layout, True, reason)
 
 
-class GLINT_OBJECT_PT_motion_blur(EnginePanel, bpy.types.Panel):
+class GLINT_OBJECT_PT_motion_blur(_ObjectPanel, bpy.types.Panel):
     bl_label = "Motion Blur"
-    bl_context = "object"
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context):
@@ -305,12 +311,8 @@ class GLINT_WORLD_PT_volume(_MoreNodesPanel, bpy.types.Panel):
     bl_context = "world"
 
 
-class GLINT_WORLD_PT_mist(EnginePanel, bpy.types.Panel):
+class GLINT_WORLD_PT_mist(_WorldPanel, bpy.types.Panel):
     bl_label = "Mist Pass"
-    bl_context = "world"
-    bl_options = {"DEFAULT_CLOSED"}
-    about = "world"
-
     draw = EEVEE_WORLD_PT_mist.draw
 
 
@@ -365,21 +367,15 @@ class GLINT_MATERIAL_PT_settings_volume(_VolumePanel, bpy.types.Panel):
     name, called = "volume_step_rate", "Step Rate"
 
 
-class GLINT_WORLD_PT_preview(EnginePanel, bpy.types.Panel):
+class GLINT_WORLD_PT_preview(_WorldPanel, bpy.types.Panel):
     bl_label = "Preview"
-    bl_context = "world"
-    bl_options = {"DEFAULT_CLOSED"}
-    about = "world"
 
     def draw(self, context):
         self.layout.template_preview(context.world)
 
 
-class GLINT_WORLD_PT_settings(EnginePanel, bpy.types.Panel):
+class GLINT_WORLD_PT_settings(_WorldPanel, bpy.types.Panel):
     bl_label = "Settings"
-    bl_context = "world"
-    bl_options = {"DEFAULT_CLOSED"}
-    about = "world"
 
     def draw(self, context):
         pass
@@ -391,10 +387,8 @@ class GLINT_WORLD_PT_settings_volume(_VolumePanel, bpy.types.Panel):
     name, called = "volume_step_size", "Step Size"
 
 
-class GLINT_WORLD_PT_ray_visibility(EnginePanel, bpy.types.Panel):
+class GLINT_WORLD_PT_ray_visibility(_WorldPanel, bpy.types.Panel):
     bl_label = "Ray Visibility"
-    bl_context = "world"
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context):
@@ -425,12 +419,10 @@ def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.V
     more.operator("scene.view_layer_add_lightgroup", icon="ADD", text="").name = owner.lightgroup
 
 
-class GLINT_OBJECT_PT_light_group(EnginePanel, bpy.types.Panel):
+class GLINT_OBJECT_PT_light_group(_ObjectPanel, bpy.types.Panel):
     bl_label = "Light Group"
-    bl_context = "object"
     # before 4.3 the tab has no panel Shading for engines other than Cycles
     bl_parent_id = "OBJECT_PT_shading" if hasattr(bpy.types, "OBJECT_PT_shading") else ""
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         _draw_light_group(self.layout, context.object, context.view_layer)
@@ -461,6 +453,7 @@ CLASSES = (
     GLINT_OBJECT_PT_motion_blur,
     GLINT_OBJECT_PT_visibility,
     GLINT_OBJECT_PT_ray_visibility,
+    GLINT_OBJECT_PT_culling,
     GLINT_WORLD_PT_preview,
     GLINT_WORLD_PT_surface,
     GLINT_WORLD_PT_volume,

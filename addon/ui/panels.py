@@ -207,14 +207,9 @@ class GLINT_RENDER_PT_simplify_render(_SimplifyPanel, bpy.types.Panel):
     suffix = "_render"
 
 
-class GLINT_RENDER_PT_simplify_culling(EnginePanel, bpy.types.Panel):
+class GLINT_RENDER_PT_simplify_culling(_CyclesPanel, bpy.types.Panel):
     bl_label = "Culling"
     bl_parent_id = "GLINT_RENDER_PT_simplify"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return hasattr(context.scene, "cycles") and super().poll(context)
 
     def draw(self, context):
         settings = context.scene.cycles

@@ -127,10 +127,8 @@ class _Work:
         its pixels is told from the first of these pictures, once whole and once in squares.
         """
         few = replace(
-            self._base,
+            _to_the_end(self._base),
             samples=FIRST_ESTIMATE,
-            error_threshold=0.0,
-            cutoff=0.0,
             light_samples=min(self._base.light_samples, 2),
         )
         least = replace(few, samples=1, light_samples=1, max_bounces=0)
@@ -325,6 +323,11 @@ def _stride(pixels: int, picked: int) -> int:
     return min(math.ceil(math.sqrt(max(pixels / looked, 1.0))), _LONGEST_STRIDE)
 
 
+def _to_the_end(settings: Settings) -> Settings:
+    """The same where no pixel stops early and no ray is cut off."""
+    return replace(settings, error_threshold=0.0, cutoff=0.0)
+
+
 def reference_settings(
     scene: Scene, base: Settings, grid: Sequence[Settings], samples: int
 ) -> Settings:
@@ -340,12 +343,10 @@ def reference_settings(
     bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
     diffuse = max(s.diffuse_bounces for s in grid)
     settings = replace(
-        base,
+        _to_the_end(base),
         samples=samples,
-        error_threshold=0.0,
         light_samples=light_samples,
         max_bounces=bounces,
-        cutoff=0.0,
         lamp_shadows=0,
         diffuse_bounces=max(diffuse, _REFERENCE_DIFFUSE) if scatters(scene, base) else diffuse,
         volume_samples=max(_REFERENCE_VOLUME, *(s.volume_samples for s in grid))

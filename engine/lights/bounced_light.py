@@ -17,7 +17,7 @@ import numpy as np
 from ..accelerator import Accelerator
 from ..sampling import chosen, concentric_disc, dome_points, tabled, walk_points
 from ..scene import EVERYTHING, Bounces, Light, Scene
-from .mesh_lights import MeshTable, along_a_curve
+from .mesh_lights import MeshTable, along_a_curve, box_light
 from .met_surfaces import joined, met_surfaces
 from .same import Same
 from .walk_media import walk_media
@@ -80,17 +80,8 @@ def _light(same: Same, bounces: int) -> Light | None:
     found = _Walks(same.scene, first, bounces).found()
     if found is None:
         return None
-    low, high = found.points.min(0), found.points.max(0)
-    size, origin = high - low, first + (low + high) / 2
-    return Light(
-        "Bounced light",
-        "BOUNCED",
-        np.column_stack([np.eye(3), origin]),
-        size_x=float(size[0]),
-        size_y=float(size[1]),
-        radius=float(size[2]) / 2,
-        bounces=replace(found, points=found.points - (origin - first)),
-    )
+    light, shift = box_light("Bounced light", "BOUNCED", found.points, first)
+    return replace(light, bounces=replace(found, points=found.points - shift))
 
 
 def bounced_table(light: Light, samples: int, each: int) -> MeshTable:

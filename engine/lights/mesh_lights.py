@@ -96,19 +96,30 @@ def _light(scene: Scene) -> Light | None:
     found = _found(scene, first)
     if found is None:
         return None
-    low, high = found.corners.min((0, 1)), found.corners.max((0, 1))
-    size, origin = high - low, first + (low + high) / 2
-    return Light(
-        "Glowing surfaces",
-        "MESH",
-        np.column_stack([np.eye(3), origin]),
-        size_x=float(size[0]),
-        size_y=float(size[1]),
-        radius=float(size[2]) / 2,
-        emitters=replace(found, corners=found.corners - (origin - first)),
+    light, shift = box_light("Glowing surfaces", "MESH", found.corners.reshape(-1, 3), first)
+    return replace(
+        light,
+        emitters=replace(found, corners=found.corners - shift),
         receivers=block.receivers,
         blockers=block.blockers,
     )
+
+
+def box_light(name: str, kind: str, points: Array, origin: Array) -> tuple[Light, Array]:
+    """A light that fills the box round points (n, 3), and where its middle is; both are counted
+    from the origin.
+    """
+    low, high = points.min(0), points.max(0)
+    size, middle = high - low, origin + (low + high) / 2
+    light = Light(
+        name,
+        kind,
+        np.column_stack([np.eye(3), middle]),
+        size_x=float(size[0]),
+        size_y=float(size[1]),
+        radius=float(size[2]) / 2,
+    )
+    return light, middle - origin
 
 
 def _found(scene: Scene, origin: Array) -> Emitters | None:

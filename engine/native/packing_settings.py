@@ -8,8 +8,11 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import OCCLUSION, PASSES
+from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
+from ..lights.dome import dome_table
 from ..lights.lamps import is_soft
-from ..lights.mesh_lights import MeshTable
+from ..lights.mesh_lights import MeshTable, mesh_table
+from ..lights.openings import opening_table
 from ..sampling import (
     GATHER_BLOCK,
     gather_points,
@@ -111,8 +114,6 @@ def _add_scattering(
 def _add_dome(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..lights.dome import dome_table
-
     data.dome_samples = settings.dome_samples
     table = dome_table(light, settings.samples, settings.dome_samples)
     data.dome_count = len(table.along)
@@ -131,8 +132,6 @@ def _add_dome(
 def _add_openings(
     data: core_types.RenderSettingsData, packer: Packer, found: Openings, settings: Settings
 ) -> None:
-    from ..lights.openings import opening_table
-
     rows = np.concatenate(
         [found.centers, found.right, found.up, found.normals, found.shares[:, None]], 1
     )
@@ -147,8 +146,6 @@ def _add_openings(
 def _add_meshes(
     data: core_types.RenderSettingsData, packer: Packer, lights: list[Light], settings: Settings
 ) -> None:
-    from ..lights.mesh_lights import mesh_table
-
     if not lights:
         return
     tables = [mesh_table(light, settings.samples, settings.mesh_samples) for light in lights]
@@ -160,8 +157,6 @@ def _add_meshes(
 def _add_bounced(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
-
     table = bounced_table(light, settings.samples, settings.bounced_samples)
     rows = packer.lend(_point_rows(table), np.float64, (None, 18), "bounced light samples")
     data.bounced_table = address(rows)

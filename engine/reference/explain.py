@@ -20,14 +20,14 @@ from .explained import Hit, LightTerm, Numbers, Ray
 from .gathering import Shares, gathering, seen_lobes
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import Lighting, balance
+from .lighting import Lighting
 from .lights import LightSample, Source
 from .lobe_light import fibres, highlight, matt_lobes, ways_through
 from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
-from .paths import Paths, bounced, camera_paths, met, straight_on
+from .paths import Interaction, Paths, bounced, camera_paths, met, straight_on
 from .rays import IncoherentRays
 from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -95,7 +95,8 @@ class Explainer:
         hit, surface = hit[shown], surface.take(shown)
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
         places, one = places_in_blocks(*block, GATHER_BLOCK), np.zeros(len(paths), np.intp)
-        near, shares = gathering(stage, paths, hit, surface, coefficients, 0, places, one)
+        at = Interaction(paths, hit, surface, coefficients)
+        near, shares = gathering(stage, at, 0, places, one)
         if shares is None:
             return []
         alike = shares.members[shares.group[own]] if shares.group[own] >= 0 else np.full(1, own)
@@ -174,7 +175,8 @@ class Explainer:
         paths = replace(paths, weight=paths.weight * share)
         ray = replace(ray, weight=_numbers(np.array(ray.weight) * share[:, 0]))
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
-        coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
+        at = seen_lobes(stage, Interaction(paths, hit, surface, coefficients))
+        coefficients = at.coefficients
         if paths.reflections and stage.is_lit_by_meshes:
             coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
         about = self._hit(surface, coefficients, depth, paths)
@@ -182,13 +184,13 @@ class Explainer:
             return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
         if about.caught is not None:
             coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
+        at = replace(at, coefficients=coefficients)
         near = self._near if ray.kind in ("camera", "lens") else None
         if near is None:
-            near = gathering(stage, paths, hit, surface, coefficients, 0, self._places)[0]
-        after = self._next(sent, hit, surface, coefficients, depth)
+            near = gathering(stage, at, 0, self._places)[0]
+        after = self._next(replace(at, paths=sent), depth)
         if about.caught is None and coefficients.translucent.any():
-            behind = other_side(stage, paths, hit, depth, surface, coefficients)
-            near = [*near, *gathering(stage, paths, *behind, 0, self._places)[0]]
+            near = [*near, *gathering(stage, other_side(stage, at, depth), 0, self._places)[0]]
         follow = (*(self.follow(one, "gather") for one in near), *after)
         _, d = paths.rays.lines(hit)
         if about.caught is None:
@@ -239,20 +241,18 @@ class Explainer:
             return None
         return _numbers(catchers.ratio(stage, surface, coefficients, paths.weight, 0)[:, 0])
 
-    def _next(
-        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
-    ) -> Iterator[Ray]:
+    def _next(self, at: Interaction, depth: Array) -> Iterator[Ray]:
+        paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             point = self.stage.lobe_point(0, paths.depth)
             cutoff = self.stage.settings.cutoff
-            for after in bounced(paths, hit, surface, coefficients, cutoff, point):
+            for after in bounced(at, cutoff, point):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
-                yield self.follow(after, "mirror" if dot(d, surface.g)[0] > 0 else "refraction")
-            for after in reflected(self.stage, paths, hit, surface, coefficients, 0):
+                is_mirror = dot(d, at.surface.g)[0] > 0
+                yield self.follow(after, "mirror" if is_mirror else "refraction")
+            for after in reflected(self.stage, at, 0):
                 yield self.follow(after, "reflection")
-        straight = straight_on(
-            paths, hit, surface, depth, coefficients.transparent, np.zeros(1, bool)
-        )
+        straight = straight_on(at, depth, np.zeros(1, bool))
         if straight is not None:
             yield self.follow(straight, "transparent")
 
@@ -328,9 +328,9 @@ class Explainer:
         """On the other side, where that is seen."""
         if not coefficients.translucent.any():
             return
-        hit = np.zeros(1, np.intp)
-        _, other, matt = other_side(self.stage, paths, hit, depth, surface, coefficients)
-        for term in self._lights(other, matt, paths):
+        at = Interaction(paths, np.zeros(1, np.intp), surface, coefficients)
+        other = other_side(self.stage, at, depth)
+        for term in self._lights(other.surface, other.coefficients, paths):
             yield replace(term, behind=True)
 
     def _rest(
@@ -388,7 +388,7 @@ class Explainer:
             np.zeros(3),
         )
         seen = np.zeros(1, np.intp)
-        specular = specular * balance(narrow, seen, sample)
+        specular = specular * (narrow.balance(seen, sample) if narrow else 1.0)
         if coefficients.fibres:
             all_ = fibres(surface, coefficients.fibres, seen, sample.direction, matt=False)
             specular = specular + all_[:, 0]
@@ -445,7 +445,8 @@ class Explainer:
             else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
         )
         direction = sample.direction if sample.end is None else unit(sample.end - start)
-        found = shadows.first_met(IncoherentRays.of(start, direction, np.zeros(1), far))
+        met_by = shadows.in_mirrors() if sample.drawn else shadows
+        found = met_by.first_met(IncoherentRays.of(start, direction, np.zeros(1), far))
         if found.primitive[0] == NOTHING:
             return shadow, "", np.inf
         row = self.stage.geometry.row[found.primitive[0]]

@@ -16,7 +16,7 @@ from ..scene import Strands
 from .bumps import bump_shadow
 from .gloss import even_gloss
 from .materials import Coefficients
-from .paths import Paths, leaving, widened
+from .paths import Interaction, Paths, leaving, widened
 from .surface import Surface
 from .tabled_lights import far_share
 from .vectors import basis_around, dot, pick
@@ -72,38 +72,24 @@ class Shares:
 
 
 def gathering(
-    stage: Stage,
-    paths: Paths,
-    hit: Array,
-    surface: Surface,
-    coefficients: Coefficients,
-    sample: int,
-    places: Array,
-    blocks: Array | None = None,
+    stage: Stage, at: Interaction, sample: int, places: Array, blocks: Array | None = None
 ) -> tuple[list[Paths], Shares | None]:
     """Rays from the points that throw light back as what is matt does. places: (n,) of the tile's
     pixels in their blocks.  blocks: (n,) which blocks these are, where pixels of a block share what
     the rays find as the shares say that are returned.
     """
+    paths, hit, surface, coefficients = at.paths, at.hit, at.surface, at.coefficients
     if not stage.gathers(paths):
         return [], None
     which = stage.settings.reflecting
     gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights, which)
-    pixel = paths.pixel[hit]
-    points = stage.gather_points(sample, places[pixel])
+    points = stage.gather_points(sample, places[at.pixel])
     past = {"reflections": paths.reflections + 1, "glossy": True, "gathers": True}
     past["shared"] = blocks is not None
     shares, sharing = None, np.zeros(len(hit), bool)
     if blocks is not None:
-        matt = coefficients.diffuse + gloss
-        sharing = matt.any(0) & np.isfinite(matt).all(0) & ~surface.unbent.any(0)
-        sharing &= dot(surface.n, surface.g) > 0
+        shares, sharing = _shares(at, coefficients.diffuse + gloss, len(places), blocks)
         some = np.flatnonzero(sharing)
-        x, normal, seen = np.zeros((3, 3, len(places)))
-        x[:, pixel], normal[:, pixel] = surface.x, surface.n
-        seen[:] = 1.0
-        seen[:, pixel[some]] = pick(pick(paths.weight, hit) * matt, some)
-        shares = Shares(*_groups(surface.take(some), pixel[some], blocks), x, normal, seen)
         weight = paths.weight.copy()
         weight[:, hit[some]] = 1.0
         paths = replace(paths, weight=weight)
@@ -119,6 +105,21 @@ def gathering(
         rays = replace(found.rays, far=np.full(len(found), stage.reach))
         result.append(replace(found, rays=rays, **past))
     return [found for found in result if len(found)], shares
+
+
+def _shares(at: Interaction, matt: Array, pixels: int, blocks: Array) -> tuple[Shares, Array]:
+    """Which of a tile's pixels share what gather rays find, and (m,) bool: which of the points do.
+    matt: (3, m) what these throw back of light from all sides.
+    """
+    surface, pixel = at.surface, at.pixel
+    sharing = matt.any(0) & np.isfinite(matt).all(0) & ~surface.unbent.any(0)
+    sharing &= dot(surface.n, surface.g) > 0
+    some = np.flatnonzero(sharing)
+    x, normal, seen = np.zeros((3, 3, pixels))
+    x[:, pixel], normal[:, pixel] = surface.x, surface.n
+    seen[:] = 1.0
+    seen[:, pixel[some]] = pick(at.weight * matt, some)
+    return Shares(*_groups(surface.take(some), pixel[some], blocks), x, normal, seen), sharing
 
 
 def _groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array]:
@@ -160,18 +161,17 @@ def _direction(n: Array, point: Array) -> Array:
     return np.sqrt(np.maximum(1 - x * x - y * y, 0.0)) * n + x * first + y * second
 
 
-def _as_diffuse(
-    stage: Stage, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
-) -> Coefficients:
+def _as_diffuse(stage: Stage, at: Interaction) -> Coefficients:
     """What throws light on alike to all sides, as walks have it, and gives nothing of itself: as
     much of it as the points of bounced light do not have. Strands throw no light on.
     """
+    surface, coefficients = at.surface, at.coefficients
     scene, block = stage.scene, stage.geometry.placements.block[surface.row]
     varnished = [any(lobe.kind == "AMBIENT" for lobe in m.lobes) for m in scene.materials]
     is_hair = [isinstance(scene.geometries[b.geometry], Strands) for b in scene.instances]
     gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights)
     gloss = np.where(np.array(varnished, bool)[surface.material], gloss, 0.0)
-    o, _ = paths.rays.lines(hit)
+    o, _ = at.paths.rays.lines(at.hit)
     to = surface.x - o
     near = np.where(np.array(is_hair, bool)[block], 0.0, 1 - far_share(dot(to, to), stage.reach))
     none = np.zeros_like(coefficients.diffuse)
@@ -189,10 +189,10 @@ def _as_diffuse(
     )
 
 
-def seen_lobes(
-    stage: Stage, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
-) -> Coefficients:
-    """What the paths see of the lobes of what they meet."""
-    if paths.gathers:
-        return _as_diffuse(stage, paths, hit, surface, coefficients)
-    return widened(coefficients, paths.widest[hit]) if paths.reflections else coefficients
+def seen_lobes(stage: Stage, at: Interaction) -> Interaction:
+    """The points with what the paths see of the lobes there."""
+    if at.paths.gathers:
+        return replace(at, coefficients=_as_diffuse(stage, at))
+    if not at.paths.reflections:
+        return at
+    return replace(at, coefficients=widened(at.coefficients, at.paths.widest[at.hit]))

@@ -9,19 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..film import CATCHER, OCCLUSION, VOLUME
+from ..film import CATCHER, VOLUME
 from . import catchers
 from .gathering import Shares, gathering, seen_lobes
 from .gloss import reflecting
 from .lighting import DirectLight
 from .lights import Source
-from .materials import Coefficients
 from .media import Spans
-from .motion_vectors import motion_vectors
-from .occlusion import openness
 from .paths import (
+    Interaction,
     Paths,
-    beyond,
     bounced,
     camera_paths,
     gives,
@@ -36,11 +33,12 @@ from .rays import Rays
 from .scattering import scattered
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
+from .seen_passes import SeenPasses
 from .stage import Stage
 from .surface import Surface, surface_at
 from .translucent import other_side
-from .vectors import dot, length, pick
-from .visibility import NOTHING
+from .vectors import dot, pick
+from .visibility import NOTHING, Hits
 
 Array = np.ndarray
 
@@ -50,21 +48,14 @@ AT_ONCE = 1 << 13
 """Rays whose scattered light is worked out together."""
 
 
-def reflected(
-    stage: Stage,
-    paths: Paths,
-    hit: Array,
-    surface: Surface,
-    coefficients: Coefficients,
-    sample: int,
-) -> list[Paths]:
+def reflected(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     """What leaves rough surfaces towards others."""
     settings = stage.settings
-    terms = reflecting(coefficients.highlights, settings.reflecting)
+    terms = reflecting(at.coefficients.highlights, settings.reflecting)
     if not terms:
         return []
-    point = stage.lobe_point(sample, paths.reflections)
-    found = reflected_by_lobes(paths, hit, surface, terms, point, settings.cutoff)
+    point = stage.lobe_point(sample, at.paths.reflections)
+    found = reflected_by_lobes(at, terms, point, settings.cutoff)
     return [] if found is None else [found]
 
 
@@ -87,6 +78,7 @@ class Generations:
         self._stage, self._tile, self._sample, self._places = stage, tile, sample, places
         self._blocks = blocks
         self._shares: Shares | None = None
+        self._seen = SeenPasses(stage, tile, sample, self._queries)
         stage.media.moment.sample = sample
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
@@ -120,7 +112,33 @@ class Generations:
         hit = np.flatnonzero(hits.primitive != NOTHING)
         if not len(hit):
             return None
-        depth = hits.depth[hit]
+        at, depth = self._interaction(paths, hit, hits)
+        if not paths.depth and stage.sees:
+            self._seen.see(at)
+        if not paths.depth and stage.scene.aovs:
+            self._seen.give_aovs(at)
+        passed = straight_on(at, depth, self._seen.wants_data(at))
+        if not paths.depth:
+            at = self._catch(at)
+            self._seen.add_openness(at)
+        at = seen_lobes(stage, at)
+        self._light(at)
+        near, shares = gathering(stage, at, self._sample, self._places, blocks)
+        self._shares = shares or self._shares
+        deeper += near
+        if at.coefficients.translucent.any():
+            behind = other_side(stage, at, hits.depth[at.hit])
+            self._light(behind)
+            deeper += gathering(stage, behind, self._sample, self._places)[0]
+        if paths.depth < stage.settings.max_bounces and not paths.gathers:
+            deeper += self._bounce(at)
+        return passed
+
+    def _interaction(self, paths: Paths, hit: Array, hits: Hits) -> tuple[Interaction, Array]:
+        """Where the rays `hit` meet surfaces that are no holdouts, and how far along them; data
+        passes have what they meet first.
+        """
+        stage, depth = self._stage, hits.depth[hit]
         stage.cancellation.check()
         surface = surface_at(
             stage.geometry,
@@ -136,45 +154,28 @@ class Generations:
         queries = self._queries(paths.pixel[hit], surface)
         coefficients = stage.shader.coefficients(surface, paths.kind, queries)
         stage.cancellation.check()
-        self._record(paths, hit, surface, depth, coefficients)
-        if "Gap" in self._tile.data and paths.depth == 0 and not paths.straight.any():
-            self._find_gaps(paths, hit, surface, depth)
+        at = Interaction(paths, hit, surface, coefficients)
+        if not paths.depth:
+            self._seen.record(at, depth)
+            self._seen.find_gaps(at, depth)
         stage.cancellation.check()
-        shown = self._cut_holdouts(paths, hit, surface)
-        if len(shown) < len(hit):
-            hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
-            coefficients = stage.shader.coefficients(surface, paths.kind, again)
-        if paths.depth == 0 and stage.sees:
-            self._see(paths, hit, surface, coefficients)
-        if paths.depth == 0 and stage.scene.aovs:
-            self._give_aovs(paths, hit, surface, coefficients.transparent)
-        passed = straight_on(
-            paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
-        )
-        hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
-        self._add_openness(paths, hit, surface, coefficients)
-        coefficients = seen_lobes(stage, paths, hit, surface, coefficients)
-        self._light(paths, hit, surface, coefficients)
-        near, shares = gathering(
-            stage, paths, hit, surface, coefficients, self._sample, self._places, blocks
-        )
-        self._shares = shares or self._shares
-        deeper += near
-        if coefficients.translucent.any():
-            behind = other_side(stage, paths, hit, hits.depth[hit], surface, coefficients)
-            self._light(paths, *behind)
-            deeper += gathering(stage, paths, *behind, self._sample, self._places)[0]
-        if paths.depth < stage.settings.max_bounces and not paths.gathers:
-            point = stage.lobe_point(self._sample, paths.depth)
-            deeper += bounced(
-                paths, hit, surface, coefficients, stage.settings.cutoff, point, stage.splits
-            )
-            self._note_rough_glass(paths, hit, coefficients)
-            reflections = reflected(stage, paths, hit, surface, coefficients, self._sample)
-            for some in reflections:
-                self._tile.soft_light[some.pixel] = True
-            deeper += reflections
-        return passed
+        shown = self._cut_holdouts(at)
+        if len(shown) == len(hit):
+            return at, depth
+        surface = surface.take(shown)
+        coefficients = stage.shader.coefficients(surface, paths.kind, again)
+        return Interaction(paths, hit[shown], surface, coefficients), depth[shown]
+
+    def _bounce(self, at: Interaction) -> list[Paths]:
+        """Rays of mirrors, glass and rough surfaces."""
+        stage = self._stage
+        point = stage.lobe_point(self._sample, at.paths.depth)
+        deeper = bounced(at, stage.settings.cutoff, point, stage.splits)
+        self._note_rough_glass(at)
+        reflections = reflected(stage, at, self._sample)
+        for some in reflections:
+            self._tile.soft_light[some.pixel] = True
+        return deeper + reflections
 
     def _queries(self, pixel: Array, surface: Surface) -> SceneQueries | None:
         """How programs ask for rays at a surface's points, of these pixels; those of holdouts do
@@ -192,39 +193,25 @@ class Generations:
 
         return self._stage.queries(self._sample, on_rays)
 
-    def _catch(
-        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
-    ) -> tuple[Array, Surface, Coefficients]:
+    def _catch(self, at: Interaction) -> Interaction:
         """Adds what shadow catchers show; what is left are the other surfaces."""
-        stage = self._stage
-        if paths.depth > 0 or not stage.catches:
-            return hit, surface, coefficients
+        stage, paths, hit, surface = self._stage, at.paths, at.hit, at.surface
+        if not stage.catches:
+            return at
         is_caught = stage.per_object("catcher", surface.row)
         here = np.flatnonzero(is_caught)
         if not len(here):
-            return hit, surface, coefficients
-        some, weight, pixel = surface.take(here), pick(paths.weight, hit[here]), paths.pixel[hit]
+            return at
+        some, weight = surface.take(here), pick(at.weight, here)
         queries = stage.queries(self._sample)
         given = stage.shader.coefficients(some, paths.kind, queries)
-        on_reach, on_cut = self._listeners(pixel[here])
+        on_reach, on_cut = self._listeners(at.pixel[here])
         ratio = catchers.ratio(stage, some, given, weight, self._sample, on_reach, on_cut)
         self._show_caught(paths, hit[here], weight * catchers.opacity(given), ratio)
         rest = np.flatnonzero(~is_caught)
         surface = surface.take(rest)
-        return hit[rest], surface, stage.shader.coefficients(surface, paths.kind, queries)
-
-    def _add_openness(
-        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
-    ) -> None:
-        """What is open over points that camera rays meet, of what of the rays stays there, where
-        the pass is asked for.
-        """
-        if paths.depth > 0 or OCCLUSION not in self._stage.settings.passes:
-            return
-        pixel = paths.pixel[hit]
-        stays = pick(paths.weight, hit) * catchers.opacity(coefficients)
-        found = openness(self._stage, surface, self._sample, lambda: self._tile.charge(pixel))
-        self._tile.add_openness(pixel, stays * found)
+        coefficients = stage.shader.coefficients(surface, paths.kind, queries)
+        return Interaction(paths, hit[rest], surface, coefficients)
 
     def _show_caught(self, paths: Paths, hit: Array, seen: Array, ratio: Array) -> None:
         """The surroundings behind catchers, and over them their shadows; or nothing, where the
@@ -244,11 +231,11 @@ class Generations:
         self._tile.add("Environment", pixel, behind)
         self._tile.add_to_groups(stage.scene.world.light_group, pixel, behind)
 
-    def _note_rough_glass(self, paths: Paths, hit: Array, coefficients: Coefficients) -> None:
+    def _note_rough_glass(self, at: Interaction) -> None:
         """More samples may see something else through it."""
-        for term in coefficients.refractions:
+        for term in at.coefficients.refractions:
             if term.lobe.is_rough_glass:
-                self._tile.cut[paths.pixel[hit[term.index]]] = True
+                self._tile.cut[at.pixel[term.index]] = True
 
     def _dim(self, paths: Paths, depth: Array) -> Paths:
         """The paths with what media let through of them, once lights before these are seen."""
@@ -316,99 +303,22 @@ class Generations:
             group = self._stage.scene.world.light_group
             self._add(paths, "Environment", pixel, weight * background, group)
 
-    def _cut_holdouts(self, paths: Paths, hit: Array, surface: Surface) -> Array:
+    def _cut_holdouts(self, at: Interaction) -> Array:
         """Places of the surfaces that are no holdouts; at those that are the rays end."""
-        holdout = self._stage.per_object("holdout", surface.row)
-        if paths.depth == 0:
-            cut = hit[holdout]
-            self._tile.lose(paths.pixel[cut], pick(paths.weight, cut))
+        holdout = self._stage.per_object("holdout", at.surface.row)
+        if at.paths.depth == 0:
+            self._tile.lose(at.pixel[holdout], at.weight[:, holdout])
         return np.flatnonzero(~holdout)
 
-    def _wants_data(self, paths: Paths, hit: Array) -> Array:
-        """Which hits belong to pixels whose data passes are still to come."""
-        return self._tile.wanted[paths.pixel[hit]] & (paths.depth == 0)
+    def _light(self, at: Interaction) -> None:
+        (self._share if at.paths.shared else self._shade)(at)
 
-    def _record(
-        self, paths: Paths, hit: Array, surface: Surface, depth: Array, coefficients: Coefficients
-    ) -> None:
-        """Data passes of pixels that have none yet, where less than half of the light passes
-        straight through.
-        """
-        k = coefficients.transparent
-        chosen = np.flatnonzero(self._wants_data(paths, hit) & ((k[0] + k[1] + k[2]) / 3 < 0.5))
-        if not len(chosen):
-            return
-        stage, some = self._stage, surface.take(chosen)
-        uv = stage.attributes.uv("")
-        moved = {"Vector": motion_vectors(stage, some)} if "Vector" in self._tile.data else {}
-        self._tile.record(
-            paths.pixel[hit[chosen]],
-            Depth=depth[chosen] * stage.camera.along
-            if stage.scene.camera.motion is None and stage.camera.panorama is None
-            else stage.camera.depth(some.x) * stage.camera.unit,
-            Position=some.x + stage.eye[:, None],
-            Normal=some.n,
-            Grazing=np.abs(dot(some.n, some.v))[None],
-            UV=np.concatenate(
-                [uv.at(some.geometry, some.local, some.weights), uv.has(some.geometry)[None]]
-            ),
-            Object_Index=stage.per_object("object_index", some.row),
-            Material_Index=stage.shader.pass_index(some.material),
-            **moved,
-        )
-
-    def _see(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:
-        """What passes that are means of what is seen have of these surfaces."""
-        stage, weight, pixel = self._stage, pick(paths.weight, hit), paths.pixel[hit]
-        passed = coefficients.transparent
-        share = weight.mean(0) * (1 - passed.mean(0))
-        self._tile.denoise(
-            pixel,
-            Normal=share * stage.camera.along_axes(surface.n),
-            Albedo=weight * coefficients.albedo(),
-            Depth=(share * stage.camera.distance_seen(surface.x))[None],
-        )
-        seen = (weight * (1 - np.clip(passed, 0.0, 1.0))).mean(0)
-        self._tile.see(
-            pixel,
-            seen * (1 - stage.mist(stage.camera.distance(surface.x))),
-            share,
-            stage.crypto_ids(surface),
-        )
-
-    def _give_aovs(self, paths: Paths, hit: Array, surface: Surface, passed: Array) -> None:
-        """What surfaces give to AOVs, up to the first that lets less than half through."""
-        tile, pixel = self._tile, paths.pixel[hit]
-        chosen = np.flatnonzero(tile.wants_aovs[pixel])
-        some, here = surface.take(chosen), pixel[chosen]
-        queries = self._queries(here, some)
-        given = self._stage.shader.aovs(some, paths.kind, len(tile.aovs) // 4, queries)
-        tile.aovs[:, here] += given * pick(paths.weight, hit[chosen]).mean(0)
-        opaque = (passed[0] + passed[1] + passed[2]) / 3 < 0.5
-        tile.wants_aovs[pixel[opaque]] = False
-
-    def _find_gaps(self, paths: Paths, hit: Array, surface: Surface, depth: Array) -> None:
-        """How far behind the first hits the rays' next ones lie."""
-        rays = beyond(paths.rays.take(hit), surface, depth)
-        again = self._stage.visibility.closest(rays, paths.kind)
-        found = np.flatnonzero(again.primitive != NOTHING)
-        _, d = rays.lines(found)
-        self._tile.data["Gap"][0, paths.pixel[hit[found]]] = (
-            again.depth[found] - depth[found]
-        ) * length(d)
-
-    def _light(
-        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
-    ) -> None:
-        (self._share if paths.shared else self._shade)(paths, hit, surface, coefficients)
-
-    def _shade(
-        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
-    ) -> None:
+    def _shade(self, at: Interaction) -> None:
         """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each
         part by itself.
         """
-        stage, weight, pixel = self._stage, pick(paths.weight, hit), paths.pixel[hit]
+        paths, surface, coefficients = at.paths, at.surface, at.coefficients
+        stage, weight, pixel = self._stage, at.weight, at.pixel
 
         def add(part: str, values: Array, group: Array | int = -1) -> None:
             if values.any():
@@ -428,7 +338,7 @@ class Generations:
             surface, coefficients, weight, self._sample, on_reach, on_cut
         )
         if paths.gathers:
-            to = surface.x - paths.rays.lines(hit)[0]
+            to = surface.x - paths.rays.lines(at.hit)[0]
             is_near = 1 - dot(to, to) / stage.reach**2 >= NEAR_SHARE
             self._tile.near[pixel[is_near & coefficients.diffuse.any(0)]] = True
         add("Diffuse", light.diffuse)
@@ -438,21 +348,19 @@ class Generations:
             given = weight * light.groups[3 * number : 3 * number + 3]
             self._tile.add_to_groups(number, pixel, given)
         if stage.splits and paths.depth == 0:
-            self._split(pixel, weight, surface, coefficients, light)
+            self._split(at, light)
 
-    def _share(
-        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
-    ) -> None:
+    def _share(self, at: Interaction) -> None:
         """The same for all pixels that get a share of it."""
-        tile, pixel = self._tile, paths.pixel[hit]
-        number = np.zeros(len(paths), np.intp)
+        tile, hit = self._tile, at.hit
+        number = np.zeros(len(at.paths), np.intp)
         number[hit] = np.arange(len(hit))
         self._tile = Tile(len(hit), frozenset(), 0, len(self._stage.scene.light_groups))
-        self._shade(replace(paths, pixel=number), hit, surface, coefficients)
+        self._shade(replace(at, paths=replace(at.paths, pixel=number)))
         found, self._tile = self._tile, tile
         assert self._shares is not None
-        ray, receiver, share = self._shares.given(pixel, surface.x, surface.g)
-        tile.take(found, pixel, ray, receiver, share)
+        ray, receiver, share = self._shares.given(at.pixel, at.surface.x, at.surface.g)
+        tile.take(found, at.pixel, ray, receiver, share)
 
     def _add(
         self, paths: Paths, part: str, pixel: Array, values: Array, group: Array | int = -1
@@ -470,18 +378,12 @@ class Generations:
             surface = "Transmission" if paths.transmitted else "Glossy"
             self._tile.add(f"{surface} {'Direct' if is_direct else 'Indirect'}", pixel, values)
 
-    def _split(
-        self,
-        pixel: Array,
-        weight: Array,
-        surface: Surface,
-        coefficients: Coefficients,
-        light: DirectLight,
-    ) -> None:
+    def _split(self, at: Interaction, light: DirectLight) -> None:
         """The light that camera rays meet, by the kind of lobe that gives it back, and what of it
         these give back.
         """
-        mirrored, refracted = gives(surface, coefficients)
+        coefficients, weight = at.coefficients, at.weight
+        mirrored, refracted = gives(at.surface, coefficients)
         ambient = coefficients.ambient * self._stage.ambient
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
@@ -493,7 +395,7 @@ class Generations:
             "Transmission Color": refracted,
         }
         for name, values in found.items():
-            self._tile.add(name, pixel, weight * values)
+            self._tile.add(name, at.pixel, weight * values)
 
     def _listeners(
         self, pixel: Array

@@ -48,6 +48,19 @@ class DirectLight:
 
 
 @dataclass(frozen=True, eq=False)
+class _Receivers:
+    """n points that get light in one sample of their pixels. weight: (3, n) T of the rays that see
+    them.  given: (n,) bool, those that light is for.
+    """
+
+    surface: Surface
+    coefficients: Coefficients
+    weight: Array
+    sample: int
+    given: Array
+
+
+@dataclass(frozen=True, eq=False)
 class _Sharing:
     """Lights that share so many shadow rays of a point and sample. sources: gives them, the same
     each time, with what points get of those that they see in clusters.  matt, glossy: the sums to
@@ -162,62 +175,65 @@ class Lighting:
         strands = surface.primitive >= self.first_rod
         for lighting, points in ((self, given & ~strands), (self.of_strands, given & strands)):
             if points.any():
-                lighting._light(
-                    surface, coefficients, weight, sample, points, on_reach, on_cut, total
-                )
+                at = _Receivers(surface, coefficients, weight, sample, points)
+                lighting._light(at, on_reach, on_cut, total)
         return total
 
     def _light(
         self,
-        surface: Surface,
-        coefficients: Coefficients,
-        weight: Array,
-        sample: int,
-        given: Array,
+        at: _Receivers,
         on_reach: Callable[[Source, Array, bool], None],
         on_cut: Callable[[Array], None],
         total: DirectLight,
     ) -> None:
-        """Adds all lights at the points `given` (n,) bool."""
+        """Adds all lights."""
+        surface = at.surface
         for source in self.sources:
-            lit = given & self.lights(source, surface)
+            lit = at.given & self.lights(source, surface)
             if source.sample_count(self.light_samples) > 1 and source.color.any():
                 on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
             if self._shares(source):
                 continue
             balance = np.zeros(len(surface), np.intp)  # directions open less hidden
-            for narrow, light_sample, diffuse in self.samples(
-                surface, coefficients, weight, source, sample
-            ):
-                self.cancellation.check()
-                brought = self._given(
-                    surface, coefficients, lit, source, narrow, light_sample, diffuse
-                )
+            for brought, light_sample, is_drawn in self._samples_given(at, source, lit):
                 seen, dimmed = self._add(source, brought, total)
                 on_reach(source, seen, source.is_soft(self.light_samples))
-                if diffuse is coefficients.diffuse and light_sample.counts:
+                if not is_drawn and light_sample.counts:
                     hidden = source.hidden_counts if isinstance(source, Dome) else 1
                     balance[seen] += np.where(dimmed, -hidden, 1)
             if isinstance(source, Dome):
                 open_ = np.flatnonzero(lit & (balance >= 0))
-                rest = source.rest(pick(surface.x, open_), pick(surface.n, open_), sample)
-                rest = pick(coefficients.diffuse, open_) * rest
+                rest = source.rest(pick(surface.x, open_), pick(surface.n, open_), at.sample)
+                rest = pick(at.coefficients.diffuse, open_) * rest
                 add_at(total.diffuse, open_, rest)
                 add_at(total.lit_diffuse, open_, rest)
                 add_to_groups(total.groups, source.light.light_group, open_, rest)
-        for group in self._groups(surface, coefficients, given, total):
-            self._share(group, surface, coefficients, weight, sample, given, on_reach, total)
+        for group in self._groups(at, total):
+            self._share(group, at, on_reach, total)
+
+    def _samples_given(
+        self, at: _Receivers, source: Source, lit: Array
+    ) -> Iterator[tuple[Given, LightSample, bool]]:
+        """What each sample of a light gives to the points `lit` (n,) bool, and whether highlights
+        draw it.
+        """
+        surface, coefficients = at.surface, at.coefficients
+        for narrow, light_sample, diffuse in self.samples(
+            surface, coefficients, at.weight, source, at.sample
+        ):
+            self.cancellation.check()
+            is_drawn = diffuse is not coefficients.diffuse
+            brought = self._given(surface, coefficients, lit, source, narrow, light_sample, diffuse)
+            yield brought, light_sample, is_drawn
 
     def _shares(self, source: Source) -> bool:
         return isinstance(source, BouncedSource) or (self.marks > 0 and may_share(source.light))
 
-    def _groups(
-        self, surface: Surface, coefficients: Coefficients, given: Array, total: DirectLight
-    ) -> Iterator[_Sharing]:
+    def _groups(self, at: _Receivers, total: DirectLight) -> Iterator[_Sharing]:
         """Lamps that share shadow rays, and bounced light, the points of which do."""
         if self.marks:
             yield _Sharing(
-                lambda: self._lamps(surface, coefficients, given),
+                lambda: self._lamps(at),
                 self.marks,
                 total.lit_diffuse,
                 total.lit_specular,
@@ -231,11 +247,7 @@ class Lighting:
     def _share(
         self,
         group: _Sharing,
-        surface: Surface,
-        coefficients: Coefficients,
-        weight: Array,
-        sample: int,
-        given: Array,
+        at: _Receivers,
         on_reach: Callable[[Source, Array, bool], None],
         total: DirectLight,
     ) -> None:
@@ -245,25 +257,18 @@ class Lighting:
         def samples() -> Iterator[Given]:
             for source, far in group.sources():
                 current[:] = [source]
-                lit = given & self.lights(source, surface)
-                for narrow, light_sample, diffuse in self.samples(
-                    surface, coefficients, weight, source, sample
-                ):
-                    self.cancellation.check()
-                    each = self._given(
-                        surface, coefficients, lit, source, narrow, light_sample, diffuse
-                    )
-                    is_drawn = diffuse is not coefficients.diffuse
-                    white = dot(surface.n, light_sample.direction) * light_sample.intensity
-                    yield (
-                        each if far is None else self._from_afar(each, source, far, white, is_drawn)
-                    )
+                lit = at.given & self.lights(source, at.surface)
+                for each, light_sample, is_drawn in self._samples_given(at, source, lit):
+                    if far is not None:
+                        white = dot(at.surface.n, light_sample.direction) * light_sample.intensity
+                        each = self._from_afar(each, source, far, white, is_drawn)
+                    yield each
 
         diffuse, specular, passed, groups = share_shadows(
             samples,
-            weight,
+            at.weight,
             group.marks,
-            sample,
+            at.sample,
             lambda points: on_reach(current[0], points, True),
             self.light_groups,
         )
@@ -277,12 +282,11 @@ class Lighting:
         ):
             sums += light
 
-    def _lamps(
-        self, surface: Surface, coefficients: Coefficients, given: Array
-    ) -> Iterator[tuple[Source, FarLight | None]]:
+    def _lamps(self, at: _Receivers) -> Iterator[tuple[Source, FarLight | None]]:
         """The lamps that share shadow rays, and what points get of those that they see in
         clusters.
         """
+        surface, coefficients = at.surface, at.coefficients
         for number, source in enumerate(self.sources):
             if may_share(source.light) and number not in self._clusters.holds:
                 yield source, None
@@ -303,7 +307,7 @@ class Lighting:
             has = np.broadcast_to(term.k, (3, len(term.index))).any(0)
             apart[term.index] |= has & _is_apart(term, surface)
         yield from self._clusters.lights(
-            surface, coefficients.highlights, coefficients.diffuse, given, apart, lobes
+            surface, coefficients.highlights, coefficients.diffuse, at.given, apart, lobes
         )
 
     def _from_afar(
@@ -340,7 +344,7 @@ class Lighting:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
         terms = coefficients.highlights if source.has_highlights else []
-        narrow = Narrow(surface, terms, weight, source)
+        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ)
         numbers = [
             number
             for number in source.surface_numbers(sample, n)
@@ -363,7 +367,11 @@ class Lighting:
                 chosen = source.sample_at(surface.x, direction, n)
                 yield (
                     narrow,
-                    replace(chosen, intensity=np.where(drawn, chosen.intensity, 0.0)),
+                    replace(
+                        chosen,
+                        intensity=np.where(drawn, chosen.intensity, 0.0),
+                        drawn=True,
+                    ),
                     np.zeros_like(coefficients.diffuse),
                 )
 
@@ -441,7 +449,7 @@ class Lighting:
         specular = (
             highlights(surface, terms, seen, chosen.direction)
             * light
-            * balance(narrow, seen, chosen)
+            * (narrow.balance(seen, chosen) if narrow else 1.0)
         )
         gloss = pick(self.even_gloss(source, surface, coefficients), seen)
         specular = specular + gloss * light * np.where(front, cosine[seen], 0.0) * far
@@ -464,10 +472,3 @@ def _is_apart(term: Term, surface: Surface) -> Array | bool:
         return True
     other = (term.normals(surface) != pick(surface.n, term.index)).any(0)
     return other if term.stretch is None else other | term.stretch.any(0)
-
-
-def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:
-    """(m,) the share of a highlight that the sample stands for, drawn or on the light: by how
-    densely each of them falls there.
-    """
-    return 1 / (1 + narrow.density(seen, sample.direction) * sample.spread) if narrow else 1.0

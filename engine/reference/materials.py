@@ -126,6 +126,62 @@ class Coefficients:
         return total
 
 
+class _Found:
+    """The lobes of n points so far, material by material."""
+
+    def __init__(self, count: int) -> None:
+        self.sums = {name: np.zeros((3, count)) for name in _SUMMED.values()}
+        kinds = ("SPECULAR", "MIRROR", "REFRACTION", "SHEEN", "FIBRE")
+        self._terms: dict[str, list[Term]] = {kind: [] for kind in kinds}
+
+    def add_fibre(self, lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
+        """Of fibres where there are some; elsewhere a matt or a glossy one, or nothing."""
+        exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
+        masking = _number(lobe.masking, lobe.masking_output, outputs)
+        t = _tangents(lobe, outputs, len(index))
+        here, bare = t.any(0), ~t.any(0)
+        k, exponent = np.broadcast_to(k, t.shape), np.broadcast_to(exponent, t.shape[1:])
+        masking = np.broadcast_to(masking, t.shape[1:])[here]
+        if lobe.kind == "FIBRE_DIFFUSE":
+            add_at(self.sums["diffuse"], index[bare], k[:, bare])
+        elif lobe.kind == "FIBRE_SPECULAR" and bare.any():
+            p = exponent[bare]
+            highlight = Lobe("SPECULAR", exponent=lobe.exponent)
+            wide = (p + 2) / 8 * k[:, bare]
+            self._terms["SPECULAR"].append(Term(index[bare], wide, highlight, p, 0.0, 1.0))
+        self._terms["FIBRE"].append(
+            Term(index[here], k[:, here], lobe, exponent[here], masking, 1.0, t[:, here])
+        )
+
+    def add_term(
+        self,
+        lobe: Lobe,
+        index: Array,
+        k: Array,
+        outputs: list[Array],
+        normal: Array | None,
+        surface: Surface,
+    ) -> None:
+        """A lobe that needs a ray or a highlight. normal: (3, m) as of `Term`."""
+        exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
+        masking = _number(lobe.masking, lobe.masking_output, outputs)
+        term = Term(index, k, lobe, exponent, masking, _index(lobe, outputs), normal=normal)
+        if lobe.kind == "SPECULAR" and lobe.stretch_output >= 0:
+            along = outputs[lobe.stretch_output]
+            term = replace(term, stretch=stretched(term.normals(surface), along))
+        self._terms[lobe.kind].append(term)
+
+    def coefficients(self) -> Coefficients:
+        return Coefficients(
+            **self.sums,
+            highlights=self._terms["SPECULAR"],
+            mirrors=self._terms["MIRROR"],
+            refractions=self._terms["REFRACTION"],
+            sheens=self._terms["SHEEN"],
+            fibres=self._terms["FIBRE"],
+        )
+
+
 FADED, MOST_FADING = 2.0**-8, 16
 """What of light behind fibres counts as nothing, where at most so many leave less."""
 
@@ -181,63 +237,23 @@ class Shader:
 
         queries: how programs ask the scene for rays, here and below.
         """
-        shape = (3, len(surface.primitive))
-        sums = {name: np.zeros(shape) for name in _SUMMED.values()}
-        kinds = ("SPECULAR", "MIRROR", "REFRACTION", "SHEEN", "FIBRE")
-        terms: dict[str, list[Term]] = {kind: [] for kind in kinds}
-
-        def add_fibre(
-            lobe: Lobe,
-            index: Array,
-            k: Array,
-            t: Array,
-            exponent: Array | float,
-            masking: Array | float,
-        ) -> None:
-            here, bare = t.any(0), ~t.any(0)
-            k, exponent = np.broadcast_to(k, t.shape), np.broadcast_to(exponent, t.shape[1:])
-            masking = np.broadcast_to(masking, t.shape[1:])[here]
-            if lobe.kind == "FIBRE_DIFFUSE":
-                add_at(sums["diffuse"], index[bare], k[:, bare])
-            elif lobe.kind == "FIBRE_SPECULAR" and bare.any():
-                p = exponent[bare]
-                highlight = Lobe("SPECULAR", exponent=lobe.exponent)
-                wide = (p + 2) / 8 * k[:, bare]
-                terms["SPECULAR"].append(Term(index[bare], wide, highlight, p, 0.0, 1.0))
-            terms["FIBRE"].append(
-                Term(index[here], k[:, here], lobe, exponent[here], masking, 1.0, t[:, here])
-            )
+        found = _Found(len(surface.primitive))
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
-            exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
             if lobe.exponent > 0 and lobe.kind in ("AMBIENT", "DIFFUSE"):
                 seen = dot(pick(surface.n, index), pick(surface.v, index))
+                exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
                 k = k * (1 - np.clip(seen, 0.0, 1.0)) ** exponent
             if lobe.kind.startswith("FIBRE"):
-                masking = _number(lobe.masking, lobe.masking_output, outputs)
-                tangents = _tangents(lobe, outputs, len(index))
-                add_fibre(lobe, index, k, tangents, exponent, masking)
+                found.add_fibre(lobe, index, k, outputs)
             elif lobe.kind in _SUMMED:
-                add_at(sums[_SUMMED[lobe.kind]], index, k)
+                add_at(found.sums[_SUMMED[lobe.kind]], index, k)
             else:
-                masking = _number(lobe.masking, lobe.masking_output, outputs)
-                ior = _index(lobe, outputs)
                 normal, k = self._turned(lobe, surface, index, k, outputs)
-                term = Term(index, k, lobe, exponent, masking, ior, normal=normal)
-                if lobe.kind == "SPECULAR" and lobe.stretch_output >= 0:
-                    along = outputs[lobe.stretch_output]
-                    term = replace(term, stretch=stretched(term.normals(surface), along))
-                terms[lobe.kind].append(term)
+                found.add_term(lobe, index, k, outputs, normal, surface)
 
         self._each_lobe(surface, kind, add, queries=queries)
-        return Coefficients(
-            **sums,
-            highlights=terms["SPECULAR"],
-            mirrors=terms["MIRROR"],
-            refractions=terms["REFRACTION"],
-            sheens=terms["SHEEN"],
-            fibres=terms["FIBRE"],
-        )
+        return found.coefficients()
 
     def bent(self, surface: Surface, kind: str, queries: SceneQueries | None = None) -> Surface:
         """The surface with the shading normals that materials' programs give it."""

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,6 +68,28 @@ class Paths:
         return "Mirror" if self.depth else name
 
 
+@dataclass(frozen=True, eq=False)
+class Interaction:
+    """m points at which rays meet surfaces, and what their lobes do there. hit: (m,) which of
+    `paths` meet them.
+    """
+
+    paths: Paths
+    hit: Array
+    surface: Surface
+    coefficients: Coefficients
+
+    @property
+    def weight(self) -> Array:
+        """(3, m) T of the rays."""
+        return pick(self.paths.weight, self.hit)
+
+    @property
+    def pixel(self) -> Array:
+        """(m,)"""
+        return self.paths.pixel[self.hit]
+
+
 def camera_paths(rays: Rays, seen: Array) -> Paths:
     """Camera rays, one for each pixel. seen: (n,) their weights."""
     n = len(rays)
@@ -101,13 +124,10 @@ def joined(paths: list[Paths]) -> Paths:
     return replace(paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight, **others)
 
 
-def straight_on(
-    paths: Paths, hit: Array, surface: Surface, depth: Array, k: Array, wanted: Array
-) -> Paths | None:
-    """The same rays beyond transparent surfaces. hit: (m,) places in `paths` of the surfaces;
-    wanted: (m,) bool, go on for data.
-    """
-    weight = pick(paths.weight, hit) * k
+def straight_on(at: Interaction, depth: Array, wanted: Array) -> Paths | None:
+    """The same rays beyond transparent surfaces. wanted: (m,) bool, go on for data."""
+    paths, hit, surface, k = at.paths, at.hit, at.surface, at.coefficients.transparent
+    weight = at.weight * k
     go = np.flatnonzero(
         (weight.any(0) | (wanted & k.any(0))) & (paths.straight[hit] < MOST_STRAIGHT)
     )
@@ -136,32 +156,34 @@ def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:
     )
 
 
-def bounced(
-    paths: Paths,
-    hit: Array,
-    surface: Surface,
-    coefficients: Coefficients,
-    cutoff: float,
-    point: LightPoint,
-    splits: bool = False,
-) -> list[Paths]:
+def bounced(at: Interaction, cutoff: float, point: LightPoint, splits: bool = False) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
     cutoff. point: where in rough REFRACTION lobes they go on.
     splits: it is to be known which surface they left first.
     """
-    result = []
-    for output in sorted({term.lobe.normal_output for term in coefficients.mirrors}):
+    found = [*_mirrored(at, cutoff), *_refracted(at, cutoff, point, splits)]
+    return [paths for paths in found if len(paths)]
+
+
+def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:
+    """Rays that mirrors reflect, those round each normal together."""
+    surface, mirrors = at.surface, at.coefficients.mirrors
+    for output in sorted({term.lobe.normal_output for term in mirrors}):
         k, n = np.zeros((3, len(surface))), surface.n.copy()
-        for term in coefficients.mirrors:
+        for term in mirrors:
             if term.lobe.normal_output == output:
                 add_at(k, term.index, term.k * _reflectance(surface, term))
                 n[:, term.index] = term.normals(surface)
         go = np.flatnonzero(k.any(0))
         some, n = surface.take(go), pick(n, go)
-        result.append(
-            leaving(paths, hit[go], some, reflected(-some.v, n, some.g), pick(k, go), cutoff)
-        )
-    for term in coefficients.refractions:
+        d = reflected(-some.v, n, some.g)
+        yield leaving(at.paths, at.hit[go], some, d, pick(k, go), cutoff)
+
+
+def _refracted(at: Interaction, cutoff: float, point: LightPoint, splits: bool) -> Iterator[Paths]:
+    """Rays that go through glass, or are reflected in it where none can leave."""
+    paths, surface = at.paths, at.surface
+    for term in at.coefficients.refractions:
         some = replace(surface.take(term.index), n=term.normals(surface))
         index = relative_index(some, term.ior)
         d, passes = refracted(-some.v, some.n, some.g, index)
@@ -180,12 +202,8 @@ def bounced(
         k = through * term.k
         go = np.flatnonzero(k.any(0))
         past = replace(paths, transmitted=True) if splits and paths.depth == 0 else paths
-        result.append(
-            _refracted(
-                leaving(past, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
-            )
-        )
-    return [paths for paths in result if len(paths)]
+        hit = at.hit[term.index[go]]
+        yield _counted(leaving(past, hit, some.take(go), pick(d, go), pick(k, go), cutoff))
 
 
 def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array]:
@@ -220,17 +238,13 @@ def refracted_roughly(
 
 
 def reflected_by_lobes(
-    paths: Paths,
-    hit: Array,
-    surface: Surface,
-    terms: list[Term],
-    point: LightPoint,
-    cutoff: float,
+    at: Interaction, terms: list[Term], point: LightPoint, cutoff: float
 ) -> Paths | None:
     """A ray from each point in the direction in which the half vector at `point` of the lobes
     mirrors the one that met it.
     """
-    narrow = Narrow(surface, terms, pick(paths.weight, hit), Reflections())
+    paths, hit, surface = at.paths, at.hit, at.surface
+    narrow = Narrow(surface, terms, at.weight, Reflections())
     if not narrow:
         return None
     d, drawn, exponent = narrow.draw(point)
@@ -299,7 +313,8 @@ def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cuto
     )
 
 
-def _refracted(paths: Paths) -> Paths:
+def _counted(paths: Paths) -> Paths:
+    """One refraction more."""
     return replace(
         paths,
         refractions=paths.refractions + 1,

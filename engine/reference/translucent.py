@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .materials import Coefficients
-from .paths import Paths
-from .surface import Surface, surface_at
+from .paths import Interaction
+from .surface import surface_at
 from .vectors import pick
 
 if TYPE_CHECKING:
@@ -20,24 +20,16 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-def other_side(
-    stage: Stage,
-    paths: Paths,
-    hit: Array,
-    depth: Array,
-    surface: Surface,
-    coefficients: Coefficients,
-) -> tuple[Array, Surface, Coefficients]:
-    """Those of the points that the rays `hit` meet at `depth` which let light through, as rays meet
-    them that come the other way: with DIFFUSE lobes in place of their TRANSLUCENT ones, and nothing
-    else.
+def other_side(stage: Stage, at: Interaction, depth: Array) -> Interaction:
+    """Those of the points which let light through, as rays meet them that come the other way: with
+    DIFFUSE lobes in place of their TRANSLUCENT ones, and nothing else. depth: (m,) of the rays.
     """
-    some = np.flatnonzero(coefficients.translucent.any(0))
-    hit, surface = hit[some], surface.take(some)
+    some = np.flatnonzero(at.coefficients.translucent.any(0))
+    hit, surface = at.hit[some], at.surface.take(some)
     found = surface_at(
         stage.geometry,
         stage.attributes,
-        paths.rays,
+        at.paths.rays,
         hit,
         surface.primitive,
         depth[some],
@@ -49,5 +41,6 @@ def other_side(
         surface, g=-surface.g, n=-n, start=found.start, unbent=-surface.unbent, bump=bump
     )
     none = np.zeros((3, len(some)))
-    matt = pick(coefficients.translucent, some)
-    return hit, turned, Coefficients(none, matt, none, none, none, [], [], [], [], [])
+    matt = pick(at.coefficients.translucent, some)
+    lobes = Coefficients(none, matt, none, none, none, [], [], [], [], [])
+    return Interaction(at.paths, hit, turned, lobes)

@@ -222,7 +222,7 @@ class _Way:
         bends = alike & (a[:, :, :3] != b[:, :, :3]).any((1, 2))
         self._rows = rows = np.flatnonzero(bends & np.isfinite(b - a).all((1, 2)))
         ends = [m[rows, :, :3] for m in (a, b)]
-        turns = [_turns(m) for m in ends] if len(rows) else ends
+        turns = _both_turned(ends) if len(rows) else ends
         self._stretches = [
             _product(np.swapaxes(r, 1, 2), m) for r, m in zip(turns, ends, strict=True)
         ]
@@ -294,6 +294,24 @@ def _turns(m: Array) -> Array:
             break
         r = following
     return r
+
+
+def _both_turned(ends: list[Array]) -> list[Array]:
+    """The turns of both ends of ways; where less than a plane is left of one it turns as the
+    other, and not at all where neither says.
+    """
+    lost = [_is_line(m) for m in ends]
+    whole = [np.where(no[:, None, None], np.eye(3), m) for no, m in zip(lost, ends, strict=True)]
+    turns = [_turns(m) for m in whole]
+    return [
+        np.where(no[:, None, None], other, own)
+        for no, own, other in zip(lost, turns, reversed(turns), strict=True)
+    ]
+
+
+def _is_line(m: Array) -> Array:
+    """(n,) bool: squashed to a line or a point."""
+    return ~_cofactors(m / np.where(_size(m) > 0, _size(m), 1.0)).any((1, 2))
 
 
 def _quaternions(r: Array) -> Array:

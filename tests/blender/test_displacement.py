@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from export_support import export, link, scene, use_nodes  # noqa: F401
+from following import Follower
 from glint.addon.export.geometry.shapes import mark_sphere
 from glint.addon.render.motion import with_motion
 from glint.addon.render.neighbours import with_neighbours
 from glint.engine.scene import CORNER, POINT, Mesh
 from test_object_motion import straighten
-from test_viewport_incremental import Follower
 
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

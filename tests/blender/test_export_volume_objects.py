@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from export_support import export, link, scene, use_nodes  # noqa: F401
+from following import Follower
 from glint.addon.export.geometry import volumes
 from glint.addon.export.geometry.volume_files import check_whole
 from glint.engine import Settings, render
-from test_viewport_incremental import Follower
 from volume_files import NEEDED, fog_box, two_blobs, write_grids
 
 needs_module = pytest.mark.skipif(volumes.openvdb() is None, reason=NEEDED)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from export_support import Shader, export, link, scene, use_nodes  # noqa: F401
+from following import Follower
 from glint.addon.export.geometry.hashing import random_of
-from glint.addon.export.geometry.strands import NEAR
+from glint.addon.export.geometry.splines import NEAR
 from glint.engine import Settings, render
 from glint.engine.reference.optics import fibre_highlight
 from glint.engine.scene import Strands
 from test_fibres import seen_share, sphere
-from test_viewport_incremental import Follower
 
 
 def curves(name: str, strands, radii=None):

@@ -9,17 +9,25 @@ import pytest
 from export_support import export, link, quad, scene  # noqa: F401
 from glint.addon.export.keys import moved, read_pose
 from glint.addon.export.report import Report
+from glint.addon.render.final import prepare
 from glint.addon.render.motion import with_motion
+from glint.addon.ui import properties
+
+
+def engine_of(scene) -> SimpleNamespace:  # noqa: F811
+    """What turns to other frames, as a render engine does."""
+    return SimpleNamespace(
+        is_preview=False,
+        resolution_x=16,
+        resolution_y=16,
+        frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
+    )
 
 
 def read(scene):  # noqa: F811
     """The exported scene as a final render has it, and the notes of its motion."""
-    engine = SimpleNamespace(
-        is_preview=False,
-        frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
-    )
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    [found], notes = with_motion((export().scene,), engine, depsgraph)
+    [found], notes = with_motion((export().scene,), engine_of(scene), depsgraph)
     assert found.problems() == []
     return found, notes
 
@@ -238,3 +246,38 @@ def test_instances_move_beside_one_that_is_scaled_to_nothing(blurred):
     (block,) = (one for one in found.instances if len(one.world_from_object) == 2)
     assert notes == ()
     np.testing.assert_allclose(block.motion[:, :, 0, 3], [[3.75] * 2, [4.0] * 2, [4.25] * 2])
+
+
+@pytest.fixture
+def registered():
+    """Glint's settings."""
+    properties.register()
+    yield
+    properties.unregister()
+
+
+@pytest.mark.usefixtures("registered")
+def test_what_is_nothing_at_the_frame_itself_is_there_when_the_shutter_opens(blurred):
+    """And what is nothing all the time is left out, with its note, and so is the one beside it
+    without motion blur.
+    """
+    growing, never = quad("Growing"), quad("Never")
+    fly(growing, "scale", (-4.0,) * 3, (16.0,) * 3)
+    never.scale = (0, 0, 0)
+    blurred.frame_set(5)
+    assert tuple(growing.evaluated_get(bpy.context.evaluated_depsgraph_get()).scale) == (0, 0, 0)
+    (job,) = prepare(engine_of(blurred), bpy.context.evaluated_depsgraph_get())
+    (block,) = job.scene.instances
+    assert block.name == "Growing" and job.scene.problems() == []
+    np.testing.assert_allclose(block.motion[:, 0, 0, 0], [-0.25, 0.0, 0.25], atol=1e-7)
+    assert [note for note in job.notes if "leaves no surface" in note and "Never" in note]
+    assert not [note for note in job.notes if "Growing" in note or "No object is there" in note]
+    blurred.collection.objects.unlink(growing)
+    (job,) = prepare(engine_of(blurred), bpy.context.evaluated_depsgraph_get())
+    assert job.scene.instances == ()
+    assert [note for note in job.notes if "No object is there" in note]
+    blurred.collection.objects.link(growing)
+    blurred.render.use_motion_blur = False
+    (job,) = prepare(engine_of(blurred), bpy.context.evaluated_depsgraph_get())
+    assert job.scene.instances == ()
+    assert [note for note in job.notes if "No object is there" in note]

@@ -2,7 +2,9 @@
 without effect say so.
 """
 
+import ast
 import re
+from pathlib import Path
 
 import pytest
 
@@ -186,9 +188,10 @@ answer({
     "lighting": offered(panels.GLINT_VIEW3D_PT_shading_lighting, SimpleNamespace(space_data=SimpleNamespace(shading=SimpleNamespace(
         use_scene_lights_render=True, use_scene_world_render=True)))),
     "pass": offered(panels.GLINT_VIEW3D_PT_shading_render_pass, context),
-    "tabs": {tab: all_of(tab) for tab in ("data", "material", "world")},
+    "tabs": {tab: all_of(tab) for tab in ("data", "material", "world", "object")},
     "volume": offered(panels.data_panels.GLINT_VOLUME_PT_render, context),
     "light nodes": offered(panels.data_panels.GLINT_LIGHT_PT_nodes, context),
+    "culling": offered(panels.data_panels.GLINT_OBJECT_PT_culling, context),
     "world rays": offered(panels.data_panels.GLINT_WORLD_PT_ray_visibility, context),
     "names": {name: prop.name for name, prop in properties.items()},
     "tracers": {item.identifier: item.name for item in properties["backend"].enum_items},
@@ -204,6 +207,27 @@ def told(tmp_path_factory):
     run = Blender(tmp_path_factory.mktemp("panels")).run(PROGRAM)
     assert run.returncode == 0, run.output
     return run.answer
+
+
+def test_no_panel_or_operator_is_forgotten():
+    """Each class that derives from one of Blender's is named where classes are registered."""
+    root = Path(__file__).resolve().parents[2]
+    trees = [
+        ast.parse(path.read_text())
+        for package in ("addon", "operators")
+        for path in (root / package).rglob("*.py")
+    ]
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    classes = {
+        node.name
+        for node in nodes
+        if isinstance(node, ast.ClassDef)
+        and any(ast.unparse(base).startswith("bpy.types.") for base in node.bases)
+    }
+    named = {node.id for node in nodes if isinstance(node, ast.Name)}
+    named |= {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+    assert len(classes) > 60
+    assert classes - named == set()
 
 
 def test_panels_stand_in_the_order_of_cycles(told):
@@ -255,6 +279,8 @@ def test_what_is_read_can_be_set(told):
     world = {"Surface", "Volume", "Mist Pass", "Ray Visibility", "Settings", "Light Group"}
     assert world <= set(told["tabs"]["world"])
     assert told["light nodes"] == [["Surface", False]]
+    assert {"Visibility", "Ray Visibility", "Culling"} <= set(told["tabs"]["object"])
+    assert [name for name, _ in told["culling"]][:2] == ["use_camera_cull", "use_distance_cull"]
     assert [name for name, _ in told["world rays"]] == [
         "camera",
         "diffuse",

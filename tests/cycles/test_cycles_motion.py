@@ -7,7 +7,9 @@ import pytest
 
 import cycles_reference as cycles
 import small_scenes as build
+from glint.addon.export import export_scene
 from glint.addon.render.motion import with_motion
+from glint.engine import Settings, render
 from glint_picture import render_glint
 
 bpy = cycles.bpy
@@ -96,12 +98,17 @@ def build_scene(name: str, position: str, steps: int = 1):
     return scene
 
 
-def compare(scene, **settings) -> tuple[float, np.ndarray, np.ndarray]:
-    """The error relative to the mean, and both pictures."""
-    engine = SimpleNamespace(
+def engine_of(scene) -> SimpleNamespace:
+    """What turns to other frames, as a render engine does."""
+    return SimpleNamespace(
         is_preview=False,
         frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
     )
+
+
+def compare(scene, **settings) -> tuple[float, np.ndarray, np.ndarray]:
+    """The error relative to the mean, and both pictures."""
+    engine = engine_of(scene)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     film = render_glint(
         scene,
@@ -110,8 +117,23 @@ def compare(scene, **settings) -> tuple[float, np.ndarray, np.ndarray]:
         **{"samples": 256, "filter_width": 0.0, **settings},
     )
     glint = film.passes["Combined"][..., :3].astype(np.float64)
-    truth = cycles.render_cycles(scene, CYCLES_SAMPLES)["Combined"][..., :3].astype(np.float64)
+    truth = blurred(scene, CYCLES_SAMPLES)
     return np.sqrt(((glint - truth) ** 2).mean()) / truth.mean(), glint, truth
+
+
+def blurred(scene, samples: int) -> np.ndarray:
+    return cycles.render_cycles(scene, samples)["Combined"][..., :3].astype(np.float64)
+
+
+def blurred_by_stills(scene, count: int, samples: int = 64) -> np.ndarray:
+    """From frame 1.5 to 2.5."""
+    scene.render.use_motion_blur = False
+    truth = np.zeros(3)
+    for k in range(count):
+        time = 1.5 + (k + 0.5) / count
+        scene.frame_set(int(time), subframe=time - int(time))
+        truth = truth + blurred(scene, samples) / count
+    return truth
 
 
 @pytest.mark.parametrize(
@@ -154,11 +176,48 @@ def test_a_lamp_that_moves():
     """
     scene = build_scene("lamp", "CENTER")
     _, glint, still = compare(scene, light_samples=4)
-    scene.render.use_motion_blur = False
-    truth = np.zeros_like(glint)
-    for k in range(STILLS):
-        time = 1.5 + (k + 0.5) / STILLS
-        scene.frame_set(int(time), subframe=time - int(time))
-        truth += cycles.render_cycles(scene, 256)["Combined"][..., :3] / STILLS
+    truth = blurred_by_stills(scene, STILLS, 256)
     assert np.sqrt(((glint - truth) ** 2).mean()) / truth.mean() <= 0.02
     assert np.sqrt(((still - truth) ** 2).mean()) / truth.mean() > 0.04
+
+
+@pytest.mark.parametrize(
+    ("sizes", "axes"),
+    [((0, 0, 1), 3), ((1, 0, 1), 3), ((-1, 0, 1), 3), ((1, 0, 1), 2), ((0, 0, 0), 3)],
+)
+def test_what_is_scaled_to_nothing_at_the_frame_itself(sizes, axes):
+    """A glowing box that slides, shrinks and grows, along all its axes or but two. What is nothing
+    at two keys turns over in Cycles on the way to the third: there the truth is the mean of still
+    pictures.
+    """
+    scene = cycles.empty_scene(SIDE, SIDE)
+    build.add_camera(scene)
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 3.0
+    scene.camera.location, scene.camera.rotation_euler = (0, 0, 5), (0, 0, 0)
+    bpy.ops.mesh.primitive_cube_add(size=1)
+    box = bpy.context.object
+    glow = bpy.data.materials.new("Glow")
+    cycles.use_nodes(glow)
+    nodes = glow.node_tree.nodes
+    nodes.clear()
+    shader, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
+    glow.node_tree.links.new(shader.outputs[0], output.inputs[0])
+    box.data.materials.append(glow)
+    for frame, size in enumerate(sizes, 1):
+        box.scale = (1.0,) * (3 - axes) + (size,) * axes
+        box.location, box.rotation_euler = (0.9 * (frame - 2), 0, 0), (0, 0, 0.5)
+        for path in ("scale", "location"):
+            box.keyframe_insert(path, frame=frame)
+    straighten()
+    scene.frame_set(2)
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
+    scene.render.motion_blur_position = "CENTER"
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    read = export_scene(depsgraph, width=SIDE, height=SIDE, keeps_collapsed=True).scene
+    (moving,), notes = with_motion((read,), engine_of(scene), depsgraph)
+    assert bool(notes) == (not any(sizes)) == (not moving.instances)
+    film = render(moving, Settings(samples=1024, filter_width=0.0))
+    truth = blurred_by_stills(scene, 64) if sizes == (0, 0, 1) else blurred(scene, 2048)
+    assert any(sizes) == (truth.mean() > 0)
+    off = np.sqrt(((film.combined[..., :3] - truth) ** 2).mean())
+    assert off <= 0.02 * max(truth.max(), 1e-9)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bounced_scenes import GROUND, HERE, added, ball, drawn, lamp, matt, room
 from glint.engine import Settings, render
 from glint.engine.lights.bounced_light import bounced_light
 from glint.engine.scene import Camera, Instances, Scene
-from test_bounced_light import GROUND, HERE, added, ball, drawn, lamp, matt, room
 
 RADIUS, WIDE, PIXELS = 0.5, 0.8, 48
 LAMP = np.array([2.0, 1.0, 0.3])

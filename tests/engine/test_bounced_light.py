@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from bounced_scenes import (
+    ALBEDO,
+    AT_WALL,
+    BACKENDS,
+    GROUND,
+    HERE,
+    VARNISH,
+    WALL,
+    added,
+    ball,
+    drawn,
+    inside,
+    lamp,
+    matt,
+    mixed,
+    room,
+    wall_over_ground,
+)
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lights import met_surfaces
 from glint.engine.lights.bounced_light import MERGED, bounced_light, bounced_table
-from glint.engine.reference.gloss import even_gloss
 from glint.engine.reference.lights import above_horizon
-from glint.engine.reference.materials import Term
-from glint.engine.reference.optics import blinn_phong, gloss
 from glint.engine.reference.tabled_lights import BouncedSource
 from glint.engine.scene import (
     Camera,
@@ -27,65 +41,8 @@ from glint.engine.scene import (
     Mesh,
     Polygons,
     Scene,
-    Spheres,
     Strands,
-    World,
 )
-
-BACKENDS = ("NATIVE", "NUMPY")
-ALBEDO = np.array([0.6, 0.3, 0.1])
-HERE = np.eye(3, 4)
-
-
-def matt(color, *gloss: Lobe) -> Material:
-    return Material("matt", (Lobe("DIFFUSE", (Input(tuple(color)),)), *gloss))
-
-
-def ball(radius: float = 1.0, center=(0.0, 0.0, 0.0)) -> Spheres:
-    return Spheres("ball", np.array([center], np.float32), np.array([radius], np.float32))
-
-
-def inside(eye=(0.0, 0.0, 0.3), size: int = 8) -> Camera:
-    frame = np.column_stack([np.eye(3), eye])
-    return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (size, size))
-
-
-def room(*lamps: Light, more=(), materials=(), scale: float = 1.0, at=(0.0, 0.0, 0.0)) -> Scene:
-    """A matt ball seen from inside. more: geometries that the camera does not see."""
-    matrix = np.column_stack([scale * np.eye(3), at])[None]
-    placed = [Instances("room", 0, matrix, (0,))]
-    placed += [
-        Instances(f"{k}", k, matrix, (k,), visible_camera=False) for k in range(1, len(more) + 1)
-    ]
-    camera = inside()
-    frame = camera.world_from_camera.copy()
-    frame[:, 3] = scale * frame[:, 3] + at
-    return Scene(
-        replace(camera, world_from_camera=frame),
-        (ball(), *more),
-        tuple(placed),
-        (matt(ALBEDO), *materials),
-        lights=lamps,
-    )
-
-
-def drawn(scene: Scene, bounces: int, backend: str = "NATIVE", **settings) -> np.ndarray:
-    chosen = {"samples": 64 if backend == "NATIVE" else 16, "light_samples": 2, "filter_width": 0.0}
-    film = render(
-        scene, Settings(**{**chosen, "backend": backend, "diffuse_bounces": bounces, **settings})
-    )
-    return film.passes["Combined"][..., :3].astype(np.float64)
-
-
-def added(scene: Scene, backend: str = "NATIVE", bounces: int = 1, **settings) -> np.ndarray:
-    """What bounces add."""
-    return drawn(scene, bounces, backend, **settings) - drawn(scene, 0, backend, **settings)
-
-
-def lamp(kind: str = "POINT", at=(0.0, 0.0, 0.0), **more) -> Light:
-    frame = HERE.copy()
-    frame[:, 3] = at
-    return Light("lamp", kind, frame, **{"strength": 100.0, **more})
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -143,35 +100,6 @@ def test_a_clear_globe_lets_light_through_and_tints_it() -> None:
     assert np.abs(ratio.mean((0, 1)) / tint - 1).max() < 0.02
 
 
-GROUND = Mesh(
-    "ground",
-    np.array([(-1e4, -1e4, 0), (1e4, -1e4, 0), (1e4, 1e4, 0), (-1e4, 1e4, 0)], np.float32),
-    np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
-)
-WALL = Mesh(
-    "wall",
-    np.array([(0, -1, 0.5), (0, 1, 0.5), (0, 1, 2.5), (0, -1, 2.5)], np.float32),
-    np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
-)
-AT_WALL = Camera(
-    "ORTHOGRAPHIC",
-    np.array([[0, 0, 1, 3.0], [1, 0, 0, 0], [0, 1, 0, 1.5]]),
-    (-0.3, 0.3, -0.3, 0.3),
-    (4, 4),
-)
-
-
-def wall_over_ground(*lights: Light) -> Scene:
-    here = HERE[None]
-    return Scene(
-        AT_WALL,
-        (GROUND, WALL),
-        (Instances("ground", 0, here, (0,)), Instances("wall", 1, here, (1,))),
-        (matt(ALBEDO), matt((1.0, 1.0, 1.0))),
-        lights=lights,
-    )
-
-
 @pytest.mark.parametrize("light_samples", [1, 2])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_ground_without_end_lights_a_wall_by_half(backend: str, light_samples: int) -> None:
@@ -192,80 +120,6 @@ def test_so_it_does_under_an_even_sky() -> None:
     truth = ALBEDO / 2
     assert (found < 1.05 * truth).all()
     assert (found > 0.95 * truth).all()
-
-
-VARNISH = tuple(
-    Lobe("SPECULAR", (Input((size,) * 3),), exponent=p, masking=0.25, fresnel=True, ior=1.5)
-    for size, p in ((0.6, 10.0), (30.0, 400.0))
-)
-
-
-def mixed(*varnish: Lobe) -> Scene:
-    """Meshes, a ball, polygons, instances, a lamp of each kind, gloss, a mirror and a pane."""
-    box = Mesh(
-        "box",
-        np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32),
-        np.array(
-            [
-                (0, 1, 3),
-                (0, 3, 2),
-                (4, 6, 7),
-                (4, 7, 5),
-                (0, 4, 5),
-                (0, 5, 1),
-                (2, 3, 7),
-                (2, 7, 6),
-            ],
-            np.uint32,
-        ),
-    )
-    square = Polygons(
-        "square",
-        np.array([(-3, -3, -1), (3, -3, -1), (3, 3, -1), (-3, 3, -1)], np.float32),
-        np.array([0, 4], np.uint32),
-        np.arange(4, dtype=np.uint32),
-    )
-    turned = np.array(
-        [
-            [[0.5, 0, 0, -1], [0, 0.5, 0, 0], [0, 0, 0.7, -1]],
-            [[-0.4, 0, 0, 1.5], [0, 0.4, 0, 0.3], [0, 0, 0.4, -1]],
-        ]
-    )
-    gloss = Material(
-        "gloss",
-        (Lobe("DIFFUSE", (Input((0.4, 0.5, 0.6)),)), Lobe("SPECULAR", exponent=40.0), *varnish),
-    )
-    mirror = Material("mirror", (Lobe("MIRROR"),))
-    pane = Material(
-        "pane",
-        (Lobe("TRANSPARENT", (Input((0.5, 0.6, 0.7)),)), Lobe("DIFFUSE", (Input((0.2,) * 3),))),
-    )
-    up = HERE[None]
-    shifted = np.array([[[1.0, 0, 0, 0.6], [0, 1, 0, -0.8], [0, 0, 1, -0.5]]])
-    return Scene(
-        Camera(
-            "PERSPECTIVE",
-            np.column_stack([np.eye(3), (0, 0, 5.0)]),
-            (-0.5, 0.5, -0.5, 0.5),
-            (24, 24),
-        ),
-        (box, square, ball(0.5)),
-        (
-            Instances("boxes", 0, turned, (1,)),
-            Instances("floor", 1, up, (0,)),
-            Instances("ball", 2, shifted, (2,)),
-            Instances(
-                "pane", 0, shifted - [[[0.3, 0, 0, 2.0], [0, 0, 0, -1.4], [0, 0, 0.9, 0]]], (3,)
-            ),
-        ),
-        (matt(ALBEDO, *varnish), gloss, mirror, pane),
-        lights=(
-            lamp(at=(0, 1, 1), radius=0.1, color=(1.0, 0.5, 0.2)),
-            lamp("AREA", at=(-1, 0, 2), size_x=0.5, size_y=0.2),
-            lamp("SUN", strength=1.0, angle=0.1),
-        ),
-        world=World(),
-    )
 
 
 @pytest.mark.parametrize("varnish", [(), VARNISH], ids=("plain", "varnish"))
@@ -573,146 +427,3 @@ def test_explain_tells_how_many_shadows_are_asked_for() -> None:
     assert "8 of 32 points of bounced light" in lines[0]
     none = explanation_lines(PixelExplainer(room(lamp()), Settings()).pixel(3, 3))
     assert "bounced light" not in none[0]
-
-
-def test_varnish_throws_light_on_and_metal_does_not() -> None:
-    """What AMBIENT lobes say of gloss on something matt; a metal's gloss ends a walk."""
-
-    def power(*lobes: Lobe) -> float:
-        scene = replace(room(lamp()), materials=(Material("wall", lobes),))
-        found = bounced_light(scene, 1).bounces
-        return float((found.radiance[:, 0] * found.spreads).sum() / len(found.spreads))
-
-    matt_one = Lobe("DIFFUSE", (Input((0.5,) * 3),))
-    both = Lobe("AMBIENT", (Input((0.6,) * 3),))
-    gloss = Lobe("SPECULAR", (Input((0.1,) * 3),), exponent=20.0, masking=0.3)
-    plain = power(matt_one)
-    assert power(matt_one, both) == pytest.approx(plain, rel=1e-6)
-    assert power(matt_one, both, gloss) == pytest.approx(plain, rel=1e-6)
-    varnish = replace(gloss, fresnel=True, ior=1.5)
-    assert power(matt_one, both, varnish) == pytest.approx(1.2 * plain, rel=1e-6)
-
-
-def reflected_of_even_light(lobe: Lobe, cosine: float) -> float:
-    """Of radiance 1 from all sides of a surface, towards a direction so far from its normal."""
-    u, v = np.meshgrid((np.arange(800) + 0.5) / 800, (np.arange(800) + 0.5) / 800)
-    z, turn = u.ravel(), 2 * np.pi * v.ravel()
-    side = np.sqrt(1 - z * z)
-    l = np.stack([side * np.cos(turn), side * np.sin(turn), z])  # noqa: E741, the notes' letter
-    n = np.repeat([[0.0], [0.0], [1.0]], z.size, 1)
-    towards = np.repeat([[np.sqrt(1 - cosine * cosine)], [0.0], [cosine]], z.size, 1)
-    given = blinn_phong(n, towards, l, lobe.exponent) * gloss(
-        n, towards, l, lobe.masking, lobe.ior, lobe.fresnel, lobe.schlick
-    )
-    return 2 * given.mean() * lobe.factors[0].value[0]
-
-
-@functools.cache
-def added_to_matt_room(backend: str) -> np.ndarray:
-    return added(room(lamp()), backend)
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("exponent", [14.0, 32.0, 400.0])
-def test_gloss_on_paint_shows_what_surfaces_throw(exponent: float, backend: str) -> None:
-    """A ball that is lit alike all over is as bright in its gloss as that gives back."""
-    size, alpha = (exponent + 2) / 8, float(np.sqrt(2 / (exponent + 2)))
-    lobe = replace(VARNISH[0], factors=(Input((size,) * 3),), exponent=exponent, masking=alpha)
-    plain = added_to_matt_room(backend)
-    varnished = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
-    ratio = (added(varnished, backend) - plain) / plain
-    truth = reflected_of_even_light(lobe, 1.0) / ALBEDO
-    assert np.abs(ratio[3:5, 3:5].mean((0, 1)) / truth - 1).max() < 0.08  # as `even_gloss` has it
-    assert np.abs(ratio.mean((0, 1)) / truth - 1).max() < 0.08
-
-
-PAINTS = {
-    0.2: ((0.0169, 7.2), (0.499, 53.0), (12.96, 305.7), (130.15, 1742.9)),
-    0.5: ((0.0441, 0.7), (0.599, 9.9), (3.179, 50.4)),
-}
-"""The sizes and exponents of the lobes of a Principled BSDF's gloss of a roughness."""
-
-
-@pytest.mark.parametrize("roughness", PAINTS)
-def test_what_gloss_gives_back_of_even_light(roughness: float) -> None:
-    """Beside sums over directions."""
-    lobes = [
-        replace(
-            VARNISH[0], factors=(Input((size,) * 3),), exponent=p, masking=roughness * roughness
-        )
-        for size, p in PAINTS[roughness]
-    ]
-    terms = [
-        Term(np.arange(1), np.full((3, 1), lobe.factors[0].value[0]), lobe, lobe.exponent,
-             lobe.masking, lobe.ior)
-        for lobe in lobes
-    ]  # fmt: skip
-    for cosine in (1.0, 0.8, 0.5, 0.3):
-        found = even_gloss(np.array([cosine]), terms)[0, 0]
-        truth = sum(reflected_of_even_light(lobe, cosine) for lobe in lobes)
-        assert abs(found / truth - 1) < 0.08, cosine
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_what_gloss_shows_of_surfaces_is_glossy_indirect(backend: str) -> None:
-    lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=14.0)
-    scene = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
-    names = {"Direct", "Indirect", "Color"}
-    settings = Settings(
-        samples=16,
-        light_samples=2,
-        filter_width=0.0,
-        diffuse_bounces=1,
-        backend=backend,
-        passes={
-            "Combined",
-            *(f"{kind} {name}" for kind in ("Diffuse", "Glossy") for name in names),
-        },
-    )
-    found = render(scene, settings).passes
-    none = render(scene, replace(settings, diffuse_bounces=0)).passes
-    assert np.allclose(found["Glossy Direct"], none["Glossy Direct"], rtol=1e-6)
-    assert not none["Glossy Indirect"].any()
-    shown = found["Combined"] - none["Combined"]
-    parts = sum(
-        found[f"{kind} Indirect"] * found[f"{kind} Color"] for kind in ("Diffuse", "Glossy")
-    )
-    assert found["Glossy Indirect"].min() > 0
-    np.testing.assert_allclose(parts, shown[..., :3], rtol=1e-4)
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside(backend: str) -> None:
-    """Of metals, and of all rough surfaces where these reflect as well."""
-    lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=14.0)
-    varnished, metal = (
-        replace(room(lamp()), materials=(matt(ALBEDO, own),))
-        for own in (lobe, replace(lobe, fresnel=False))
-    )
-
-    def shown(scene: Scene, **settings) -> np.ndarray:
-        """What gloss shows of bounced light beside what is matt, without the rays' share."""
-        return added(scene, backend, **{"max_bounces": 0, **settings}) - added_to_matt_room(backend)
-
-    alone = shown(varnished)
-    assert alone.min() > 1e-3
-    assert shown(varnished, reflections="OFF").min() > 1e-3
-    assert np.abs(shown(metal)).max() < 1e-6
-    # rays end where light is thrown: they find it one bounce on, and not twice
-    every = {"reflections": "ALL", "max_bounces": 1}
-    once = shown(varnished, **every).mean((0, 1)) / ALBEDO
-    assert np.abs(once / alone.mean((0, 1)) - 1).max() < 0.06
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_glossy_shows_narrow_lobes_by_rays_and_wide_ones_evenly(backend: str) -> None:
-    def picture(exponent: float, which: str) -> np.ndarray:
-        lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=exponent)
-        varnished = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
-        return added(varnished, backend, reflections=which, max_bounces=1)
-
-    for exponent, alike in ((30.0, "METALS"), (200.0, "ALL")):
-        np.testing.assert_array_equal(picture(exponent, "GLOSSY"), picture(exponent, alike))
-    metals, glossy, everything = (picture(72.0, w) for w in ("METALS", "GLOSSY", "ALL"))
-    assert np.abs(everything - metals).max() > 1e-3
-    assert 0.48 < (glossy - metals).mean() / (everything - metals).mean() < 0.52

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bounced_scenes import GROUND, HERE, added, drawn, lamp, matt, room
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lights.bounced_light import bounced_light, bounced_table
@@ -14,7 +15,6 @@ from glint.engine.reference.gathering import Shares
 from glint.engine.sampling import GATHER_BLOCK, gather_points
 from glint.engine.scene import Camera, Input, Instances, Light, Lobe, Material, Mesh, Scene, Strands
 from test_bounced_discs import FLOOR, LAMP, PIXELS, UP, WIDE, floor_points, form
-from test_bounced_light import GROUND, HERE, added, drawn, lamp, matt, room
 from test_openings import scene as window_scene
 from test_openings import walls
 

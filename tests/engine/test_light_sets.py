@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bounced_scenes import HERE, ball, drawn, lamp, matt, mixed, room, wall_over_ground
 from glint.engine.lights.bounced_light import bounced_light
 from glint.engine.scene import (
     EVERYTHING,
@@ -20,7 +21,6 @@ from glint.engine.scene import (
     Polygons,
     Scene,
 )
-from test_bounced_light import HERE, ball, drawn, lamp, matt, mixed, room, wall_over_ground
 
 BACKENDS = ("NATIVE", "NUMPY")
 GLOSS = Material(

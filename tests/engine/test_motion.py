@@ -315,6 +315,18 @@ def test_sizes_do_not_matter(scale):
     np.testing.assert_allclose(found / scale, about((1, 1, 0), 0.5) @ linear / scale, atol=1e-12)
 
 
+@pytest.mark.parametrize("nothing", [np.zeros(3), (0, 0, 1e-9), (0, 1.5, 0)])
+def test_what_is_nothing_at_a_key_turns_as_at_the_other(nothing):
+    """A point or a line, at either end; and both, which go straight."""
+    turn = about((1, 2, -0.5), 1.2)
+    whole, line = placed(1, 2, 3, turn @ np.diag([2.0, 1, 0.5])), placed(linear=np.diag(nothing))
+    for a, b in ((whole, line), (line, whole)):
+        found = between_placements(a[None], b[None], 0.25)[0]
+        np.testing.assert_allclose(found, a + 0.25 * (b - a), atol=1e-9)
+    found = between_placements(line[None], 2 * line[None], 0.5)[0]
+    np.testing.assert_allclose(found, 1.5 * line, atol=1e-15)
+
+
 def test_rows_that_stand_still_keep_their_bits():
     rows = np.stack([placed(0.1, 0.2, 0.3, about((1, 2, 3), 0.7)), placed(linear=about_z(0.2))])
     later = rows.copy()
@@ -396,6 +408,28 @@ def test_tracers_agree_with_glow_and_bounced_light():
     glow = Material("glow", (Lobe("EMISSION", (Input((4.0, 3.0, 2.0)),)),))
     scene = replace(scene, materials=(*scene.materials[:2], glow, scene.materials[3]))
     agree(scene, samples=3, light_samples=1, mesh_light="ON", diffuse_bounces=1)
+
+
+@pytest.mark.parametrize("glows", [True, False])
+def test_tracers_agree_on_what_is_nothing_in_the_middle(glows):
+    """Of two squares in a block one shrinks to a point and grows again; so does one alone."""
+    keys = np.stack([placed(-1, 0, 1, s * about_z(0.3)) for s in (1.0, 0.0, 0.8)])
+    rest = np.broadcast_to(placed(1, 0, 1), keys.shape)
+    both = np.stack([keys, rest], 1)
+    alone = keys + placed(2, 1, 0.5, np.zeros((3, 3)))
+    blocks = (
+        Instances("two", 0, both[1], (0,), motion=both),
+        Instances("one", 0, alone[1][None], (0,), motion=alone[:, None]),
+        Instances("floor", 1, placed()[None], (1,)),
+    )
+    materials = (glowing(3, 2, 1) if glows else matt(0.2, 0.5, 0.8), matt(0.7, 0.7, 0.7))
+    sun = Light("sun", "SUN", placed(linear=about((1, 0, 0), 0.4)), strength=2.0)
+    scene = Scene(seen(), (square(), square(2.0)), blocks, materials, lights=(sun,))
+    settings = Settings(samples=5, diffuse_bounces=1)
+    films = [render(scene, replace(settings, backend=name)).combined for name in BACKENDS]
+    np.testing.assert_allclose(films[0], films[1], atol=2e-5)
+    across = films[0][SIDE // 2, 2 : SIDE // 2, 0]
+    assert np.ptp(across) > 0.1
 
 
 def test_tracers_agree_where_pixels_stop():

@@ -1,5 +1,5 @@
-"""The native core at work: the same bits however it is cut, waves, progress, cancel, bad input,
-what it reports.
+"""The native core at work: the same bits however it is cut, waves, progress, cancel, what
+it reports.
 """
 
 from __future__ import annotations
@@ -7,7 +7,6 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from engine_scenes import ball_mesh, camera, grid_mesh, surface
 from glint import engine
 from glint.engine import native
 from glint.engine import scene as s
-from glint.engine.native import core_types, packing
 from native_tools import (
     IDENTITY,
     constant,
@@ -28,6 +26,7 @@ from native_tools import (
     square,
     view_from_above,
 )
+from sound_scene import SOUND
 
 pytestmark = needs_core
 
@@ -326,111 +325,6 @@ def test_mean_of_a_million_samples_is_exact() -> None:
     assert np.abs(film.combined[0, 0, :3] - np.float32([0.1, 0.3, 1e-3])).max() <= 1e-9
 
 
-# --- what the core refuses or leaves out
-# ------------------------------------------------------------------------------------------------
-
-
-def refusal(scene: s.Scene, **settings) -> str:
-    """The text with which the core itself, past Python's checks, refuses a scene."""
-    with pytest.raises(engine.SceneError) as error:
-        native.render_native(scene, engine.Settings(samples=1, **settings))
-    return str(error.value)
-
-
-SOUND = s.Scene(
-    view_from_above(), (square(),), (placed(),), (material(s.Lobe("DIFFUSE")),), (), (lamp("SUN"),)
-)
-MESH = SOUND.geometries[0]
-
-
-def mesh_with(**changes: object) -> s.Scene:
-    return replace(SOUND, geometries=(replace(MESH, **changes),))
-
-
-def polygons(offsets: list[int], indices: list[int]) -> s.Scene:
-    return replace(
-        SOUND, geometries=(s.Polygons("p", MESH.vertices, np.uint32(offsets), np.uint32(indices)),)
-    )
-
-
-def lobe_with(**changes: object) -> s.Scene:
-    return replace(SOUND, materials=(material(replace(s.Lobe("DIFFUSE"), **changes)),))
-
-
-BAD = {
-    "a triangle names vertex 9 of 4": mesh_with(triangles=np.array([[0, 1, 9]], np.uint32)),
-    "vertices has the shape (4, 2)": mesh_with(vertices=np.zeros((4, 2), np.float32)),
-    "material_slots has the shape (7,)": mesh_with(material_slots=np.zeros(7, np.uint16)),
-    "normals has 2 rows but 4 are read": mesh_with(
-        normals=s.Attribute("n", s.POINT, np.zeros((2, 3), np.float32))
-    ),
-    "normals on corners but no corners": mesh_with(
-        normals=s.Attribute("n", s.CORNER, np.zeros((6, 3), np.float32))
-    ),
-    "an attribute has 1 rows but 2 are read": mesh_with(
-        attributes=(s.Attribute("a", s.FACE, np.zeros((1, 4), np.float32)),)
-    ),
-    "with domain 0 and 9 channels": mesh_with(
-        attributes=(s.Attribute("a", s.POINT, np.zeros((4, 9), np.float32)),)
-    ),
-    "instances 0: geometry 3 of 1": replace(SOUND, instances=(placed(3),)),
-    "instances name material 5 of 1": replace(SOUND, instances=(placed(0, (5,)),)),
-    "world_from_object has the shape (1, 4, 4)": replace(
-        SOUND, instances=(replace(placed(), world_from_object=np.zeros((1, 4, 4))),)
-    ),
-    "input 0: texture 0 of 0": lobe_with(factors=(s.Input(texture=0),)),
-    "index of refraction -1 is not above 0": lobe_with(ior=-1.0),
-    "exponent nan is not between": lobe_with(exponent=np.nan),
-    "lobe kind 'SHINY' is not one of": lobe_with(kind="SHINY"),
-    "texture 0: no pixels": replace(
-        SOUND, textures=(s.Texture("empty", np.zeros((0, 3, 4), np.float32)),)
-    ),
-    "camera: a number is not finite": replace(
-        SOUND, camera=replace(SOUND.camera, window=(0.0, np.inf, 0.0, 1.0))
-    ),
-    "camera: clip from 2 to 1": replace(
-        SOUND, camera=replace(SOUND.camera, clip_start=2.0, clip_end=1.0)
-    ),
-    "camera: resolution 0 by 9": replace(SOUND, camera=replace(SOUND.camera, resolution=(0, 9))),
-    "light kind 'LASER' is not one of": replace(
-        SOUND, lights=(replace(SOUND.lights[0], kind="LASER"),)
-    ),
-    "offsets do not rise": polygons([0, 9], [0, 1, 2, 3]),
-    "a polygon names vertex 8 of 4": polygons([0, 3], [0, 1, 8]),
-    "radii has the shape (2,)": replace(
-        SOUND, geometries=(s.Spheres("s", np.zeros((1, 3), np.float32), np.ones(2, np.float32)),)
-    ),
-}
-
-
-@pytest.mark.parametrize("text", BAD)
-def test_bad_scenes_are_refused_with_a_sentence(text: str) -> None:
-    assert text in refusal(BAD[text])
-
-
-def test_bad_settings_are_refused_with_a_sentence() -> None:
-    assert "beyond the frame" in refusal(SOUND, region=(0, 0, 17, 16))
-    assert "is empty" in refusal(SOUND, region=(3, 0, 3, 16))
-    assert "cutoff is not between 0 and 1" in refusal(SOUND, cutoff=float("nan"))
-    assert "more than 64 bounces" in refusal(SOUND, max_bounces=65)
-    assert "no such pass: Heat" in refusal(SOUND, passes=frozenset({"Heat"}))
-
-
-def test_memory_that_cannot_be_had_is_named() -> None:
-    huge = replace(SOUND, camera=replace(SOUND.camera, resolution=(1 << 20, 1 << 20)))
-    with pytest.raises(
-        MemoryError, match=r"1048576 by 1048576 pixels with 4 channels needs 52776\.6 GB"
-    ):
-        native.render_native(huge, engine.Settings(samples=1))
-
-
-def test_many_problems_are_all_told() -> None:
-    lobes = tuple(s.Lobe("DIFFUSE", ior=-1.0) for _ in range(30))
-    text = refusal(replace(SOUND, materials=(material(*lobes),)))
-    assert len(text.splitlines()) == 21
-    assert text.endswith("and 10 more")
-
-
 def test_scene_without_anything() -> None:
     film = draw(s.Scene(view_from_above(), world=s.World(background=(0.5, 0.25, 0.125))), *ALL)
     assert np.array_equal(
@@ -447,20 +341,6 @@ def test_scene_without_anything() -> None:
     )
 
 
-def test_bad_faces_are_left_out_and_counted() -> None:
-    """N6: the picture without them, and a note."""
-    vertices = np.concatenate(
-        [MESH.vertices, np.float32([[np.nan, 0, 1], [0, np.inf, 1], [0.5, 0.5, 1], [0, 0, 1]])]
-    )
-    triangles = np.concatenate([MESH.triangles, np.uint32([[0, 1, 4], [5, 6, 7], [6, 6, 7]])])
-    bad = mesh_with(vertices=vertices, triangles=triangles, attributes=())
-    film = draw(bad)
-    assert np.array_equal(film.combined, draw(SOUND).combined)
-    assert film.stats["dropped primitives"] == 3
-    (note,) = film.notes
-    assert note.startswith("3 faces") and "'placed 0'" in note and "repair the mesh" in note
-
-
 def test_an_instruction_set_that_is_not_to_be_had_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = busy_scene()
     settings = replace(BUSY, samples=1)
@@ -469,21 +349,6 @@ def test_an_instruction_set_that_is_not_to_be_had_is_said(monkeypatch: pytest.Mo
     assert "GLINT_ISA is 'avx9'" in note and "unset it" in note
     monkeypatch.setenv("GLINT_ISA", note.split(": ")[1].split()[0])
     assert native.render_native(scene, settings).notes == ()
-
-
-def test_bad_instances_and_lights_are_left_out_and_counted() -> None:
-    """Past Python's checks, which names them: NaN, and a matrix of rank 1."""
-    matrices = np.repeat(IDENTITY[None], 3, 0)
-    matrices[1, 0, 0], matrices[2, :, :3] = np.nan, np.diag([1, 0, 0])
-    lights = (SOUND.lights[0], lamp("POINT", strength=np.nan))
-    many = replace(SOUND, instances=(replace(placed(), world_from_object=matrices),), lights=lights)
-    film = native.render_native(many, engine.Settings(samples=1, light_samples=1))
-    assert np.array_equal(film.combined, draw(SOUND).combined)
-    assert (film.stats["dropped instances"], film.stats["dropped lights"]) == (2, 1)
-    assert [note.split(" have ")[0] for note in film.notes] == [
-        "2 instances of 'placed 0'",
-        "1 lights of 'point'",
-    ]
 
 
 def test_statistics_say_what_was_done() -> None:
@@ -506,41 +371,3 @@ def test_statistics_say_what_was_done() -> None:
     plain = draw(SOUND)
     assert plain.stats["shadow rays"] == 256
     assert not [name for name in plain.stats if name.startswith("feature")]
-
-
-# --- the binding
-# --------------------------------------------------------------------------------------------------
-
-
-def test_arrays_that_fit_are_lent_not_copied() -> None:
-    """Addresses that the core gets are those of the scene's arrays."""
-    packed = packing.pack_scene(SOUND)
-    first = core_types.GeometryData.from_address(packed.data.geometries)
-    assert first.vertices == MESH.vertices.ctypes.data
-    assert first.triangles == MESH.triangles.ctypes.data
-    assert packed.data.world_from_object == SOUND.instances[0].world_from_object.ctypes.data
-
-
-def test_arrays_of_other_layouts_are_converted() -> None:
-    wide = replace(
-        MESH,
-        vertices=np.asfortranarray(MESH.vertices.astype(float)),
-        triangles=MESH.triangles.astype(np.int64)[:, ::1],
-    )
-    film = native.render_native(
-        replace(SOUND, geometries=(wide,)), engine.Settings(samples=1, light_samples=1)
-    )
-    assert np.array_equal(film.combined, draw(SOUND).combined)
-
-
-def test_a_hundred_thousand_instances_are_packed_as_rows() -> None:
-    matrices = np.repeat(IDENTITY[None], 100_000, 0)
-    scene = replace(SOUND, instances=(placed(), s.Instances("many", 0, matrices, (0,))))
-    packed = packing.pack_scene(scene)
-    assert packed.data.row_count == 100_001
-
-
-def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv(native.LIBRARY_VARIABLE, str(tmp_path / "nowhere.so"))
-    assert "nowhere.so" in native.load_error()
-    assert engine.available_backends() == ("NUMPY",)

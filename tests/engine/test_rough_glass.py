@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bounced_scenes import HERE, ball
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.program.graph import Graph, Value
@@ -14,7 +15,6 @@ from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
 from glint.engine.scene import Camera, Input, Instances, Lobe, Material, Polygons, Scene, World
-from test_bounced_light import HERE, ball
 
 BACKENDS = ("NATIVE", "NUMPY")
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....engine.program.graph import Value
-from .evaluator import Closure, NodeView
+from .closures import Closure
+from .evaluator import NodeView
 from .terms import Sum, constant_value, is_constant
 from .varying import Roughness
 

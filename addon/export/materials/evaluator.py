@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ....engine.program.graph import Graph, Value
-from ....engine.scene import Lobe
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
@@ -24,6 +23,7 @@ from ..shader_nodes.displacing import UndisplacedReader
 from ..shader_nodes.reader import NodeInputs
 from ..shader_nodes.tangents import radial_tangent
 from .clamps import clamped
+from .closures import MATT, TURNED, Closure, LobeKey, add_closures, with_normal
 from .expressions import Expressions, has_output
 from .graph import (
     SHADER_FOR_VALUE,
@@ -34,7 +34,7 @@ from .graph import (
     socket_named,
     source,
 )
-from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
+from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant
 from .varying import Ior, Roughness
 
 DEEPEST = 48
@@ -48,33 +48,9 @@ SHINING = frozenset(
 MOST_TERMS = 16
 """Terms of one sum; longer ones become a program's value."""
 SMALLEST_IOR = 1e-3
-_TURNED = frozenset(("DIFFUSE", "TRANSLUCENT", "SPECULAR", "SHEEN", "MIRROR", "REFRACTION"))
-"""Kinds of lobes to which the shading normal matters."""
-_MATT = frozenset(("DIFFUSE", "TRANSLUCENT", "SHEEN"))
-"""Those of them that have the material's; the others may have their own."""
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
-
-@dataclass(frozen=True)
-class LobeKey(Lobe):
-    """What two lobes must share to be added: all but the factors, what volumes have of
-    `engine.scene.Medium`, and where the normal is from.
-    """
-
-    factors: tuple = field(default=(), init=False, compare=False)
-    anisotropy: float = 0.0
-    anisotropy_output: int = -1
-    normal: Value | None = None  # of the shader that it comes from
-    follows: bool = False  # a small matt part of what shines, for which any normal does
-
-
-Closure = dict[LobeKey, Sum]
-
-PASSED = "PASSED"
-"""Kind of what rays to lights alone pass (`materials.passed_by_light`): of these all, or with
-`not_to_fibres` those of what is no strand.
-"""
 
 COLOR_NODES: dict[str, Callable[[NodeView, Any], Sum | None]] = {}
 """bl_idname -> function of the node and its output socket; None where a sum cannot say it."""
@@ -97,35 +73,6 @@ class Coordinates:
 
     def with_array(self, array: np.ndarray) -> Coordinates:
         return Coordinates(self.uv, tuple(tuple(float(x) for x in row) for row in array))
-
-
-def add_closures(*closures: Closure) -> Closure:
-    """The lobes of all, equal ones merged."""
-    total: Closure = {}
-    for closure in closures:
-        for key, weight in closure.items():
-            total[key] = add(total.get(key, ZERO), weight)
-    return {key: weight for key, weight in total.items() if weight}
-
-
-def without_normals(closure: Closure) -> Closure:
-    """The lobes with the material's normal, equal ones merged."""
-    return add_closures(
-        *({replace(key, normal=None, follows=False): terms} for key, terms in closure.items())
-    )
-
-
-def _with_normal(key: LobeKey, normal: Value) -> LobeKey:
-    """The lobe with the normal of the shader that made it, unless it has one."""
-    if key.normal is not None or key.kind not in _TURNED or key.follows:
-        return key
-    return replace(key, normal=normal)
-
-
-def scale_closure(closure: Closure, weight: Sum) -> Closure:
-    """Every lobe times a weight; lobes of weight 0 are gone."""
-    scaled = {key: multiply(terms, weight) for key, terms in closure.items()}
-    return {key: terms for key, terms in scaled.items() if terms}
 
 
 class Evaluator:
@@ -260,7 +207,7 @@ class Evaluator:
         def key_of(key: LobeKey) -> LobeKey:
             wanted = key.normal or own
             if (
-                key.kind in _TURNED - _MATT
+                key.kind in TURNED - MATT
                 and key.normal_output < 0
                 and wanted is not (normal or own)
             ):
@@ -275,7 +222,7 @@ class Evaluator:
         """
         own, shares = self.expressions.apply("normal"), dict[Value, Sum]()
         leads = {key: terms for key, terms in closure.items() if not key.follows}
-        kinds = _MATT if any(key.kind in _MATT for key in leads) else _TURNED
+        kinds = MATT if any(key.kind in MATT for key in leads) else TURNED
         for key, terms in leads.items():
             if key.kind in kinds:
                 normal = key.normal or own
@@ -400,7 +347,7 @@ class Evaluator:
         before, self._bent = self._bent, None
         closure = handler(NodeView(self, found))
         if self._bent is not None:
-            closure = {_with_normal(key, self._bent): terms for key, terms in closure.items()}
+            closure = {with_normal(key, self._bent): terms for key, terms in closure.items()}
         self._bent = before
         if self._trees.gives_light_alone:
             closure = {key: terms for key, terms in closure.items() if key.kind == "EMISSION"}

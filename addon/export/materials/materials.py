@@ -25,19 +25,10 @@ from ..shader_nodes.volume import VolumeReader
 from ..unsupported import is_corrected, note_material
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_sheen, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
+from .closures import PASSED, Closure, LobeKey, add_closures, scale_closure, without_normals
 from .compiled import Compiled, MaterialKey
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
-from .evaluator import (
-    NOT_FINITE,
-    PASSED,
-    Closure,
-    Evaluator,
-    LobeKey,
-    add_closures,
-    is_finite,
-    scale_closure,
-    without_normals,
-)
+from .evaluator import NOT_FINITE, Evaluator, is_finite
 from .expressions import Expressions
 from .graph import Place, images_behind, node_tree, output_of, read_tree, socket_named
 from .nodes_principled import plastic_closure

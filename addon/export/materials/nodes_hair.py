@@ -17,7 +17,8 @@ from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.table import BY_NAME
 from ....engine.scene import Lobe
 from ..shader_nodes.reader import ENCLOSED, FIBRE, HAIR
-from .evaluator import CLOSURE_NODES, PASSED, Closure, LobeKey, NodeView, add_closures
+from .closures import PASSED, Closure, LobeKey, add_closures
+from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import mean_across_fibre
 from .terms import RGB, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
 from .varying import Roughness
@@ -174,15 +175,7 @@ def _principled_hair(view: NodeView) -> Closure:
     more (after Zinke et al. 2008): what goes on straight to strands behind, what comes back, and
     what leaves a strand behind in all directions, by how much of it others enclose.
     """
-    how = view.node.parametrization
-    unused = {"Radial Roughness": 0.3} if how == "COLOR" else {}
-    if how in ("COLOR", "ABSORPTION"):  # that tell all of it
-        unused |= {"Random": 0.0, "Random Color": 0.0}
-    _note_unused(view, unused)
-    view.note(
-        "Light from strand to strand is not traced: in {} it goes straight on through strands, and "
-        "lobes that the strands round each point make stronger stand for the rest"
-    )
+    _note_limits(view)
     model = _MODELS.get(view.node.model, _MODELS["CHIANG"])
     roughness = _roughness(view)
     coat = view.constant("Coat", 0.0) if view.node.model == "CHIANG" else 0.0
@@ -238,6 +231,19 @@ def _principled_hair(view: NodeView) -> Closure:
         ),
         {LobeKey(PASSED): _on_strands(view, of_mass(*model.onward))},
         {LobeKey(PASSED, not_to_fibres=True): _on_strands(view, of_mass(*model.skin))},
+    )
+
+
+def _note_limits(view: NodeView) -> None:
+    """Inputs without effect, and what is not traced."""
+    how = view.node.parametrization
+    unused = {"Radial Roughness": 0.3} if how == "COLOR" else {}
+    if how in ("COLOR", "ABSORPTION"):  # that tell all of it
+        unused |= {"Random": 0.0, "Random Color": 0.0}
+    _note_unused(view, unused)
+    view.note(
+        "Light from strand to strand is not traced: in {} it goes straight on through strands, and "
+        "lobes that the strands round each point make stronger stand for the rest"
     )
 
 

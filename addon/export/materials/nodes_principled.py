@@ -9,7 +9,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from .anisotropy import Brush
-from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
+from .closures import Closure, LobeKey, add_closures, scale_closure
+from .evaluator import CLOSURE_NODES, NodeView
 from .nodes_shader import (
     LEFT_OUT,
     below_coat,

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from .anisotropy import Brush
-from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
+from .closures import Closure, LobeKey, add_closures, scale_closure
+from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
 from .roughness import (

@@ -6,7 +6,8 @@ import numpy as np
 
 from ....engine.program.graph import Value
 from ....engine.program.operations_vector import VectorMeasure
-from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView
+from .closures import Closure, LobeKey
+from .evaluator import CLOSURE_NODES, NodeView
 from .expressions import Expressions
 from .sheen import ROUGHNESS, sheen_table
 from .terms import Sum, multiply

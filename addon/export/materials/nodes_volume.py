@@ -15,7 +15,8 @@ from ....engine.program.graph import Value
 from ....engine.program.program import compile_program
 from ....engine.scene import Material, Medium, World
 from ..shader_nodes.spectra import blackbody_colors, blackbody_table
-from .evaluator import CLOSURE_NODES, Closure, Evaluator, LobeKey, NodeView, add_closures
+from .closures import Closure, LobeKey, add_closures
+from .evaluator import CLOSURE_NODES, Evaluator, NodeView
 from .graph import Place
 from .terms import RGB, Sum, complement, constant, constant_value, is_constant, multiply
 

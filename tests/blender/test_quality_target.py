@@ -56,7 +56,7 @@ def test_the_display_is_blenders_own(tmp_path):
         SCENE
         + """
 import numpy as np
-from glint.addon.render.aim import display_of
+from glint.addon.render.quality_target import display_of
 from glint.operators.pictures import read_picture
 scene.view_settings.view_transform, scene.view_settings.exposure, scene.view_settings.gamma = "AgX", 0.5, 1.25
 image = bpy.data.images.new("ramp", 16, 16, float_buffer=True)

@@ -58,7 +58,7 @@ class Display:
 
 
 @dataclass(frozen=True)
-class Aim:
+class QualityTarget:
     """What a render is to reach, and on which display."""
 
     target: Target
@@ -87,7 +87,7 @@ class Aim:
         return f"{forecast.line}; {end}"
 
 
-def aim_from(scene: bpy.types.Scene) -> tuple[Aim | None, list[str]]:
+def quality_target_of(scene: bpy.types.Scene) -> tuple[QualityTarget | None, list[str]]:
     """The target of the scene's final renders, None where the settings are the user's own; and what
     there is to say about it.
     """
@@ -98,7 +98,7 @@ def aim_from(scene: bpy.types.Scene) -> tuple[Aim | None, list[str]]:
     display, notes = displayed, []
     if settings.target == "LEVELS":
         display, notes = _display_or_srgb(scene)
-    return Aim(Target(settings.target, value), display), notes
+    return QualityTarget(Target(settings.target, value), display), notes
 
 
 def _display_or_srgb(

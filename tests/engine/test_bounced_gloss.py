@@ -1,0 +1,165 @@
+"""What gloss throws on, and what it shows of the light that surfaces throw."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bounced_scenes import ALBEDO, BACKENDS, VARNISH, added, lamp, matt, room
+from glint.engine import Settings, render
+from glint.engine.lights.bounced_light import bounced_light
+from glint.engine.reference.gloss import even_gloss
+from glint.engine.reference.materials import Term
+from glint.engine.reference.optics import blinn_phong, gloss
+from glint.engine.scene import (
+    Input,
+    Lobe,
+    Material,
+    Scene,
+)
+
+
+def test_varnish_throws_light_on_and_metal_does_not() -> None:
+    """What AMBIENT lobes say of gloss on something matt; a metal's gloss ends a walk."""
+
+    def power(*lobes: Lobe) -> float:
+        scene = replace(room(lamp()), materials=(Material("wall", lobes),))
+        found = bounced_light(scene, 1).bounces
+        return float((found.radiance[:, 0] * found.spreads).sum() / len(found.spreads))
+
+    matt_one = Lobe("DIFFUSE", (Input((0.5,) * 3),))
+    both = Lobe("AMBIENT", (Input((0.6,) * 3),))
+    gloss = Lobe("SPECULAR", (Input((0.1,) * 3),), exponent=20.0, masking=0.3)
+    plain = power(matt_one)
+    assert power(matt_one, both) == pytest.approx(plain, rel=1e-6)
+    assert power(matt_one, both, gloss) == pytest.approx(plain, rel=1e-6)
+    varnish = replace(gloss, fresnel=True, ior=1.5)
+    assert power(matt_one, both, varnish) == pytest.approx(1.2 * plain, rel=1e-6)
+
+
+def reflected_of_even_light(lobe: Lobe, cosine: float) -> float:
+    """Of radiance 1 from all sides of a surface, towards a direction so far from its normal."""
+    u, v = np.meshgrid((np.arange(800) + 0.5) / 800, (np.arange(800) + 0.5) / 800)
+    z, turn = u.ravel(), 2 * np.pi * v.ravel()
+    side = np.sqrt(1 - z * z)
+    l = np.stack([side * np.cos(turn), side * np.sin(turn), z])  # noqa: E741, the notes' letter
+    n = np.repeat([[0.0], [0.0], [1.0]], z.size, 1)
+    towards = np.repeat([[np.sqrt(1 - cosine * cosine)], [0.0], [cosine]], z.size, 1)
+    given = blinn_phong(n, towards, l, lobe.exponent) * gloss(
+        n, towards, l, lobe.masking, lobe.ior, lobe.fresnel, lobe.schlick
+    )
+    return 2 * given.mean() * lobe.factors[0].value[0]
+
+
+@functools.cache
+def added_to_matt_room(backend: str) -> np.ndarray:
+    return added(room(lamp()), backend)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("exponent", [14.0, 32.0, 400.0])
+def test_gloss_on_paint_shows_what_surfaces_throw(exponent: float, backend: str) -> None:
+    """A ball that is lit alike all over is as bright in its gloss as that gives back."""
+    size, alpha = (exponent + 2) / 8, float(np.sqrt(2 / (exponent + 2)))
+    lobe = replace(VARNISH[0], factors=(Input((size,) * 3),), exponent=exponent, masking=alpha)
+    plain = added_to_matt_room(backend)
+    varnished = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
+    ratio = (added(varnished, backend) - plain) / plain
+    truth = reflected_of_even_light(lobe, 1.0) / ALBEDO
+    assert np.abs(ratio[3:5, 3:5].mean((0, 1)) / truth - 1).max() < 0.08  # as `even_gloss` has it
+    assert np.abs(ratio.mean((0, 1)) / truth - 1).max() < 0.08
+
+
+PAINTS = {
+    0.2: ((0.0169, 7.2), (0.499, 53.0), (12.96, 305.7), (130.15, 1742.9)),
+    0.5: ((0.0441, 0.7), (0.599, 9.9), (3.179, 50.4)),
+}
+"""The sizes and exponents of the lobes of a Principled BSDF's gloss of a roughness."""
+
+
+@pytest.mark.parametrize("roughness", PAINTS)
+def test_what_gloss_gives_back_of_even_light(roughness: float) -> None:
+    """Beside sums over directions."""
+    lobes = [
+        replace(
+            VARNISH[0], factors=(Input((size,) * 3),), exponent=p, masking=roughness * roughness
+        )
+        for size, p in PAINTS[roughness]
+    ]
+    terms = [
+        Term(np.arange(1), np.full((3, 1), lobe.factors[0].value[0]), lobe, lobe.exponent,
+             lobe.masking, lobe.ior)
+        for lobe in lobes
+    ]  # fmt: skip
+    for cosine in (1.0, 0.8, 0.5, 0.3):
+        found = even_gloss(np.array([cosine]), terms)[0, 0]
+        truth = sum(reflected_of_even_light(lobe, cosine) for lobe in lobes)
+        assert abs(found / truth - 1) < 0.08, cosine
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_gloss_shows_of_surfaces_is_glossy_indirect(backend: str) -> None:
+    lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=14.0)
+    scene = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
+    names = {"Direct", "Indirect", "Color"}
+    settings = Settings(
+        samples=16,
+        light_samples=2,
+        filter_width=0.0,
+        diffuse_bounces=1,
+        backend=backend,
+        passes={
+            "Combined",
+            *(f"{kind} {name}" for kind in ("Diffuse", "Glossy") for name in names),
+        },
+    )
+    found = render(scene, settings).passes
+    none = render(scene, replace(settings, diffuse_bounces=0)).passes
+    assert np.allclose(found["Glossy Direct"], none["Glossy Direct"], rtol=1e-6)
+    assert not none["Glossy Indirect"].any()
+    shown = found["Combined"] - none["Combined"]
+    parts = sum(
+        found[f"{kind} Indirect"] * found[f"{kind} Color"] for kind in ("Diffuse", "Glossy")
+    )
+    assert found["Glossy Indirect"].min() > 0
+    np.testing.assert_allclose(parts, shown[..., :3], rtol=1e-4)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside(backend: str) -> None:
+    """Of metals, and of all rough surfaces where these reflect as well."""
+    lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=14.0)
+    varnished, metal = (
+        replace(room(lamp()), materials=(matt(ALBEDO, own),))
+        for own in (lobe, replace(lobe, fresnel=False))
+    )
+
+    def shown(scene: Scene, **settings) -> np.ndarray:
+        """What gloss shows of bounced light beside what is matt, without the rays' share."""
+        return added(scene, backend, **{"max_bounces": 0, **settings}) - added_to_matt_room(backend)
+
+    alone = shown(varnished)
+    assert alone.min() > 1e-3
+    assert shown(varnished, reflections="OFF").min() > 1e-3
+    assert np.abs(shown(metal)).max() < 1e-6
+    # rays end where light is thrown: they find it one bounce on, and not twice
+    every = {"reflections": "ALL", "max_bounces": 1}
+    once = shown(varnished, **every).mean((0, 1)) / ALBEDO
+    assert np.abs(once / alone.mean((0, 1)) - 1).max() < 0.06
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_glossy_shows_narrow_lobes_by_rays_and_wide_ones_evenly(backend: str) -> None:
+    def picture(exponent: float, which: str) -> np.ndarray:
+        lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=exponent)
+        varnished = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
+        return added(varnished, backend, reflections=which, max_bounces=1)
+
+    for exponent, alike in ((30.0, "METALS"), (200.0, "ALL")):
+        np.testing.assert_array_equal(picture(exponent, "GLOSSY"), picture(exponent, alike))
+    metals, glossy, everything = (picture(72.0, w) for w in ("METALS", "GLOSSY", "ALL"))
+    assert np.abs(everything - metals).max() > 1e-3
+    assert 0.48 < (glossy - metals).mean() / (everything - metals).mean() < 0.52
