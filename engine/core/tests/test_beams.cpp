@@ -115,7 +115,7 @@ RayEnds ends_of(const Ray* rays) {
 /// Rays that get another answer in a beam than alone, or are blocked without a hit or hit without
 /// being blocked. found: the hits, where they are none of these.
 int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t visibility,
-                   std::vector<Hit>* found = nullptr) {
+                   std::vector<Hit>* found = nullptr, const Opacity* opacity = nullptr) {
   std::vector<double> columns[8], t(rays.size());
   std::vector<uint32_t> instance(rays.size()), primitive(rays.size());
   std::vector<float> u(rays.size()), v(rays.size());
@@ -125,14 +125,18 @@ int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t vi
     for (int c = 0; c < 8; ++c) columns[c].push_back(values[c]);
   }
   Scratch scratch;
+  const auto some = [&](size_t first, size_t count) {
+    const auto column = [&](int c) { return columns[c].data() + first; };
+    return Rays{{column(0), column(1), column(2)},
+                {column(3), column(4), column(5)},
+                column(6),
+                column(7),
+                count,
+                visibility,
+                opacity};
+  };
   for (size_t k = 0; k < rays.size(); k += kSide * kSide) {  // where beams fail, others wait
-    const auto column = [&](int c) { return columns[c].data() + k; };
-    Rays all{{column(0), column(1), column(2)},
-             {column(3), column(4), column(5)},
-             column(6),
-             column(7),
-             kSide * kSide,
-             visibility};
+    Rays all = some(k, kSide * kSide);
     const RayEnds ends = ends_of(&rays[k]);
     all.ends = ends.earliest > 0 && k / (kSide * kSide) % 2 == 0 ? &ends : nullptr;
     accel.closest(all, Hits{&t[k], &instance[k], &primitive[k], &u[k], &v[k]}, scratch);
@@ -140,12 +144,10 @@ int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t vi
   }
   int count = 0;
   for (size_t k = 0; k < rays.size(); ++k) {
-    Ray alone = rays[k];
-    alone.visibility = visibility;
     Hit hit;
     uint8_t stopped = 0;
-    accel.closest(&alone, &hit, 1, scratch);
-    accel.occluded(&alone, &stopped, 1, scratch);
+    accel.closest(some(k, 1), Hits{&hit.t, &hit.instance, &hit.primitive, &hit.u, &hit.v}, scratch);
+    accel.occluded(some(k, 1), &stopped, scratch);
     count += !same(hit, {t[k], instance[k], primitive[k], u[k], v[k]}) || stopped != blocked[k] ||
              (hit.instance != Hit::kNone) != (stopped != 0);
     if (found) found->push_back(hit);
@@ -246,6 +248,50 @@ TEST(beams, several_trees_and_what_is_hidden) {
                     1e-6, random);
   for (uint32_t visibility : {kCamera, kMirror})
     CHECK(wrong_in_beams(*accel, rays, visibility) == 0);
+}
+
+/// Copies so large that few of them are in a beam's way, some where others are, some that cameras
+/// do not see or rays pass; one more in beams that see past them.
+TEST(beams, large_instances) {
+  Random random(15);
+  const Mesh meshes[] = {bumpy_sphere(20, 40), icosphere(2, 1, {}), slivers(random, 300)};
+  for (const char* isa : {"sse42", "avx2", "avx512"}) {
+    ask_for_isa(isa);
+    MixedShapes scene;
+    for (const Mesh& mesh : meshes) scene.add(mesh);
+    std::vector<uint8_t> kinds;
+    for (uint32_t k = 0; k < 9; ++k) {
+      const Affine place = random_affine(random, random.uniform(0.5, 3));
+      scene.place(k % 3, place);
+      if (k % 4 == 0) scene.place(k % 3, place);  // hits at one distance: the first one's
+    }
+    for (size_t k = 0; k < scene.instances.size(); ++k) {
+      if (k % 5 == 1) scene.instances[k].visibility = kMirror | kShadow;
+      kinds.push_back(k % 3 == 1 ? Opacity::kClear : Opacity::kSolid);
+    }
+    const auto accel = build(scene.geometries, scene.instances);
+    std::vector<Ray> rays;
+    for (int k = 0; k < rounds(60); ++k) {
+      const Vec3d eye = random.in_box(k % 3 ? 3 : 1);
+      add_beam(rays, eye, random.in_box(1), std::pow(10, random.uniform(-5, -1.3)), random,
+               k % 5 ? 0 : random.uniform(), k % 4 ? HUGE_VAL : random.uniform(0.6, 1.4));
+      const size_t mesh = random.below(3);
+      Mesh placed = meshes[mesh];
+      for (size_t v = 0; v < placed.vertices.size(); v += 3) {
+        const Vec3d p = point(scene.instances[mesh + 1].world_from_object,
+                              {double(placed.vertices[v]), double(placed.vertices[v + 1]),
+                               double(placed.vertices[v + 2])});
+        for (int c = 0; c < 3; ++c) placed.vertices[v + size_t(c)] = float(p[c]);
+      }
+      add_aimed_beam(rays, placed, eye, random.below(placed.count()), true, random);
+    }
+    const Opacity opacity{kinds.data(), nullptr, nullptr};
+    for (uint32_t visibility : {kCamera, kMirror}) {
+      CHECK(wrong_in_beams(*accel, rays, visibility) == 0);
+      CHECK(wrong_in_beams(*accel, rays, visibility, nullptr, &opacity) == 0);
+    }
+  }
+  ask_for_isa(nullptr);
 }
 
 /// Lights on a surface, or less from it than rays' ends are apart.
