@@ -29,7 +29,7 @@ import core_program
 from ray_tables import table
 
 RECORDED = Path(__file__).with_name("instructions.json")
-KINDS = ("primary", "shadow", "shadow_from_light", "mirror", "diffuse", "build")
+KINDS = ("primary", "camera", "shadow", "shadow_from_light", "mirror", "diffuse", "build")
 GROWTH_ALLOWED = 0.05
 
 

@@ -80,6 +80,18 @@ def test_ratios_take_the_best_mode_of_each_class(report):
     assert ray_tables.scaling({"a": report}, "primary") == [57 / 30]
 
 
+def test_camera_rays_are_beside_primary_ones(report):
+    report["traversal"].append(row("glint", 36, rays="camera"))
+    assert ray_tables.ratio(report, "camera", 1, robust=True) == 36 / 12
+    assert ray_tables.ratio(report, "primary", 1, robust=True) == 30 / 12
+    line = next(
+        line
+        for line in ray_tables.rates_table({"a": report}, 1).splitlines()
+        if line.startswith("a, camera")
+    )
+    assert "36.0" in line and "3.00" in line
+
+
 def test_meshes_without_a_ratio_are_left_out(report):
     assert ray_tables.ratios({"a": report, "b": {}}, "primary", 1, True) == {"a": 2.5}
 
@@ -122,7 +134,7 @@ def test_table_aligns_columns():
 def test_plot_is_xml_with_a_bar_per_mesh_and_kind(report):
     root = ElementTree.fromstring(ray_tables.plot({"a": report, "b": report}))
     titles = [node.text for node in root.iter("{http://www.w3.org/2000/svg}title")]
-    assert len(titles) == 8 and titles.count("a: 2.50") == 1
+    assert len(titles) == 2 * len(ray_tables.KINDS) and titles.count("a: 2.50") == 1
 
 
 def test_instruction_counts_may_grow_by_five_per_cent():

@@ -5,11 +5,14 @@
 // coherent or not) traces a quarter of the rays once, on one thread; those within `--keep` of the
 // best robust and of the best fast mode, four each at most, then take turns with Glint for
 // `--rounds` rounds, fewer where these take long; rates are medians. Embree's rays lie filled in
-// its own layout, Glint's in columns, before the clock starts; both write complete hits.
+// its own layout, Glint's in columns, before the clock starts; both write complete hits. The
+// primary rays are also made by Glint's core while the clock runs, as in whole frames: those are
+// its rays `camera`.
 #include <cstdlib>
 #include <cstring>
 #include <stdexcept>
 
+#include "camera_blocks.h"
 #include "clock.h"
 #include "embree_tracer.h"
 #include "report.h"
@@ -160,6 +163,7 @@ void add_builds(Report& report, const Options& options, const World& world) {
 struct Mode {
   std::string name;  // "glint" and its tree, or feed, coherence, quality
   bool embree = true, robust = true, coherent = false, fine = false;
+  bool camera = false;  // Glint makes the rays
   Quality quality = Quality::kMedium;
   Feed feed = Feed::kSingle;
   const RaySet* rays = nullptr;
@@ -178,6 +182,7 @@ class Traversal {
   Traversal(const Options& options, const World& world, Report& report)
       : options_(options),
         instanced_(!world.instances.empty()),
+        view_(world.view),
         report_(report),
         device_(device_config(options, options.threads)) {
     accels_[0] = build_glint(world, options.threads);
@@ -238,6 +243,10 @@ class Traversal {
     }
     for (const bool fine : {false, true}) {
       add_glint(kept, kind, false, fine);
+      if (kind.name == "primary") {
+        add_glint(kept, kind, false, fine);
+        kept.back().camera = true;
+      }
       if (kind.reversed) add_glint(kept, kind, true, fine);
     }
     return kept;
@@ -292,6 +301,7 @@ class Traversal {
   }
 
   double glint_seconds(const Mode& mode, const Kind& kind, int threads) {
+    if (mode.camera) return camera_seconds(*accels_[mode.fine], threads);
     make_room(mode.rays->size());
     const Accel& accel = *accels_[mode.fine];
     return parallel_seconds(mode.rays->size(), threads, [&](size_t first, size_t count) {
@@ -299,6 +309,19 @@ class Traversal {
       Scratch scratch;
       if (kind.any_hit) accel.occluded(rays, &blocked_[first], scratch);
       else accel.closest(rays, hits_->from(first), scratch);
+    });
+  }
+
+  double camera_seconds(const Accel& accel, int threads) {
+    return parallel_seconds(frame_.primary.size(), threads, [&](size_t first, size_t count) {
+      CameraBlocks blocks(view_, options_.size);
+      Scratch scratch;
+      for (const size_t end = first + count; first < end;) {
+        const size_t some =
+            std::min(end - first, CameraBlocks::kMost - first % CameraBlocks::kMost);
+        accel.closest(blocks.make(first, some), blocks.hits(), scratch);
+        first += some;
+      }
     });
   }
 
@@ -323,8 +346,9 @@ class Traversal {
     const double rate = median(mode.rates);
     const auto [low, high] = std::minmax_element(mode.rates.begin(), mode.rates.end());
     const char* tracer = mode.embree ? "embree" : "glint";
+    const std::string rays = mode.camera ? "camera" : kind.name;
     report_.lists["traversal"].push_back(Row()
-                                             .word("rays", kind.name)
+                                             .word("rays", rays)
                                              .number("threads", threads)
                                              .word("tracer", tracer)
                                              .word("mode", mode.name)
@@ -333,7 +357,7 @@ class Traversal {
                                              .number("slowest", *low)
                                              .number("fastest", *high)
                                              .number("count", double(mode.rays->size())));
-    std::printf("%-8s %d threads  %-7s %-45s %8.2f Mrays/s  (%.2f .. %.2f)\n", kind.name.c_str(),
+    std::printf("%-8s %d threads  %-7s %-45s %8.2f Mrays/s  (%.2f .. %.2f)\n", rays.c_str(),
                 threads, tracer, mode.name.c_str(), rate, *low, *high);
     std::fflush(stdout);
   }
@@ -394,6 +418,7 @@ class Traversal {
 
   const Options& options_;
   bool instanced_;
+  View view_;
   Report& report_;
   EmbreeDevice device_;
   std::unique_ptr<EmbreeScene> scenes_[3][2];

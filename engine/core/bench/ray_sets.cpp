@@ -47,6 +47,19 @@ Affine scattered(test::Random& random, double scale) {
   return {scale * a, scale * frame.t1, scale * frame.t2, random.in_box(1)};
 }
 
+/// So many copies of a ball of 70 000 triangles, which fill the picture together.
+World copies(size_t count) {
+  World world;
+  world.mesh = test::bumpy_sphere(132, 264);
+  test::Random random(5);
+  for (size_t k = 0; k < count; ++k) {
+    Affine placed = scattered(random, 0.75);
+    placed.t = 0.5 * placed.t;
+    world.instances.push_back(placed);
+  }
+  return world;
+}
+
 World instances(size_t count) {
   World world;
   world.mesh = test::icosphere(3, 1, {});
@@ -56,16 +69,6 @@ World instances(size_t count) {
   world.view.eye = {2.6, -3.5, 1.8};
   world.view.half_width = 0.35;
   return world;
-}
-
-/// Pixel of the k-th primary ray: the bits of k are row and column within 4x4, then turn by turn.
-void pixel_of(uint32_t k, uint32_t& column, uint32_t& row) {
-  column = k & 3;
-  row = (k >> 2) & 3;
-  for (uint32_t bit = 2, rest = k >> 4; rest; ++bit, rest >>= 2) {
-    column |= (rest & 1) << bit;
-    row |= ((rest >> 1) & 1) << bit;
-  }
 }
 
 RaySet primary_rays(const View& view, uint32_t size) {
@@ -109,6 +112,15 @@ std::vector<uint32_t> shuffled(size_t count) {
 
 }  // namespace
 
+void pixel_of(uint32_t k, uint32_t& column, uint32_t& row) {
+  column = k & 3;
+  row = (k >> 2) & 3;
+  for (uint32_t bit = 2, rest = k >> 4; rest; ++bit, rest >>= 2) {
+    column |= (rest & 1) << bit;
+    row |= ((rest >> 1) & 1) << bit;
+  }
+}
+
 World load_world(const std::string& name) {
   const size_t colon = name.find(':');
   const std::string kind = name.substr(0, colon),
@@ -119,6 +131,7 @@ World load_world(const std::string& name) {
   if (kind == "icosphere" && found == 1) world.mesh = test::icosphere(int(a), 1, {});
   else if (kind == "bumpy" && found == 2) world.mesh = test::bumpy_sphere(int(a), int(b));
   else if (kind == "instances" && found == 1) world = instances(a);
+  else if (kind == "copies" && found == 1) world = copies(a);
   else world = read_world(name);
   world.mesh.vertices.reserve(world.mesh.vertices.size() +
                               1);  // Embree reads 16 bytes at the last vertex

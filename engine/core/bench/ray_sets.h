@@ -26,9 +26,10 @@ struct World {
 };
 
 /// `icosphere:LEVEL`, `bumpy:ROWSxCOLUMNS`, `instances:COUNT` (of icosphere:3, scattered in a box,
-/// any orientation), or the path of a file: 8 bytes "GLINTRAY", uint64 vertices, uint64 triangles,
-/// 13 float32 (eye, target, up, half width, light), then float32 vertices and uint32 triangles, all
-/// little-endian. Throws std::runtime_error with the reason.
+/// any orientation), `copies:COUNT` (of bumpy:132x264, so large that few fill the picture), or the
+/// path of a file: 8 bytes "GLINTRAY", uint64 vertices, uint64 triangles, 13 float32 (eye, target,
+/// up, half width, light), then float32 vertices and uint32 triangles, all little-endian. Throws
+/// std::runtime_error with the reason.
 World load_world(const std::string& name);
 
 /// Rays by component. The numbers are float32, so that every tracer gets the same ones.
@@ -67,6 +68,9 @@ struct FrameRays {
   RaySet mirror;             // reflected about the geometric normal
   RaySet diffuse;  // one a hit, cosine-weighted round the geometric normal, in random order
 };
+
+/// Pixel of the k-th primary ray: the bits of k are row and column within 4x4, then turn by turn.
+void pixel_of(uint32_t k, uint32_t& column, uint32_t& row);
 
 /// `size` x `size` pixels, size a power of two from 4 on. Reproducible: the random numbers have
 /// fixed seeds.

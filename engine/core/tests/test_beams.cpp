@@ -1,5 +1,6 @@
 // Beams (kernel_beam.h) and packets against the same rays one by one, with every instruction set:
 // the same bits, however near a ray comes to an edge or two surfaces to each other.
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -99,6 +100,18 @@ void add_rounded_beam(std::vector<Ray>& rays, Vec3d from, Vec3d light, double st
   }
 }
 
+/// What who made a beam's rays knows of them; nothing (`earliest` 0) where they do not begin at one
+/// point, each before all others end.
+RayEnds ends_of(const Ray* rays) {
+  RayEnds ends{0, HUGE_VAL};
+  for (const Ray* r = rays; r != rays + kSide * kSide; ++r) {
+    if (any(r->o - rays->o) || !(r->t_min >= 0)) return {};
+    ends.latest = std::max(ends.latest, r->t_min);
+    ends.earliest = std::min(ends.earliest, r->t_max);
+  }
+  return ends.latest < ends.earliest ? ends : RayEnds{};
+}
+
 /// Rays that get another answer in a beam than alone, or are blocked without a hit or hit without
 /// being blocked. found: the hits, where they are none of these.
 int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t visibility,
@@ -114,12 +127,14 @@ int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t vi
   Scratch scratch;
   for (size_t k = 0; k < rays.size(); k += kSide * kSide) {  // where beams fail, others wait
     const auto column = [&](int c) { return columns[c].data() + k; };
-    const Rays all{{column(0), column(1), column(2)},
-                   {column(3), column(4), column(5)},
-                   column(6),
-                   column(7),
-                   kSide * kSide,
-                   visibility};
+    Rays all{{column(0), column(1), column(2)},
+             {column(3), column(4), column(5)},
+             column(6),
+             column(7),
+             kSide * kSide,
+             visibility};
+    const RayEnds ends = ends_of(&rays[k]);
+    all.ends = ends.earliest > 0 && k / (kSide * kSide) % 2 == 0 ? &ends : nullptr;
     accel.closest(all, Hits{&t[k], &instance[k], &primitive[k], &u[k], &v[k]}, scratch);
     accel.occluded(all, &blocked[k], scratch);
   }

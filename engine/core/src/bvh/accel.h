@@ -59,6 +59,12 @@ struct Opacity {
   bool alone = false;
 };
 
+/// What is known of rays that begin at one point by who made them: 0 <= t_min <= latest < earliest
+/// <= t_max.
+struct RayEnds {
+  double latest, earliest;
+};
+
 /// Many rays by component, `count` numbers each, all looking for the same visibility: what the
 /// kernels read.
 struct Rays {
@@ -69,6 +75,7 @@ struct Rays {
   size_t count;
   uint32_t visibility;
   const Opacity* opacity = nullptr;  // null: surfaces are met wherever they are
+  const RayEnds* ends = nullptr;     // null: they may begin anywhere
 };
 
 struct Hit {

@@ -169,7 +169,9 @@ Buffer<Ref> collect(const std::vector<Source>& sources, ThreadPool& pool,
 /// What the leaves need of the refs, a quarter of their size; `instance` is the number of the
 /// source until `name_instances`.
 Buffer<PrimitiveId> origins(const Buffer<Ref>& refs, ThreadPool& pool) {
-  Buffer<PrimitiveId> ids(refs.size);
+  Buffer<PrimitiveId> ids(refs.size + kMaxLeaf);  // as of floats
+  std::fill_n(ids.data.get() + refs.size, kMaxLeaf, PrimitiveId{});
+  ids.size = refs.size;
   each_chunk(ids.size, kChunk, pool,
              [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
   return ids;

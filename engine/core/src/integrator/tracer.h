@@ -143,6 +143,8 @@ class Tracer {
   SceneQueries queries_;
   MediaSpans media_;
   std::vector<Vec3d> clear_;  // weights of the batch's rays before media dim them
+  RayEnds camera_ends_;       // of camera rays
+  bool from_eye_ = false;     // these all begin there, and nothing cuts them
   std::vector<double> ends_;  // of the batch's rays, where media are asked for
   LayersAhead ahead_;
   Batch batch_;

@@ -29,10 +29,15 @@ void Tracer::camera_rays() {
   }
   stage.t_min = first_.column(Queue::kTMin);
   stage.t_max = first_.column(Queue::kTMax);
+  stage.latest = &camera_ends_.latest;
+  stage.earliest = &camera_ends_.earliest;
   stages_.camera(stage);
   camera_.clip(stage);
   const Vec3d eye = plan_.camera_frames ? Vec3d{} : camera_.eye();  // frames have their own
   const bool beside = !camera_.has_one_eye() || plan_.is_spread();
+  // What the kernels need not find out.
+  from_eye_ = !beside && !plan_.camera_frames && !stage.panorama && !camera_.clips() &&
+              stage.clip_start >= 0 && camera_ends_.latest < camera_ends_.earliest;
   for (size_t k = 0; any(eye) && k < 3; ++k)
     for (size_t i = 0; i < stage.count; ++i)
       stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
@@ -54,6 +59,7 @@ void Tracer::find_hits(const Queue& queue) {
   {
     const Timer timer(counts_.tracing);
     Rays rays = queue.rays();
+    if (&queue == &first_ && from_eye_) rays.ends = &camera_ends_;
     // Every surface counts for what is remembered, and for passes that tell of holes as of other
     // surfaces.
     const bool all = batch_.first_hits || film_.wants(GLINT_PASS_COST) ||

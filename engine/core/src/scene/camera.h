@@ -50,6 +50,7 @@ class CameraRays {
     return s;
   }
 
+  bool clips() const { return camera_.clip_plane_count != 0; }
   /// Cuts the rays of a stage to where they are inside the clip planes.
   void clip(const CameraStage& s) const {
     for (size_t k = 0; camera_.clip_plane_count && k < s.count; ++k) {

@@ -10,6 +10,7 @@ namespace {
 template <bool HasLens, bool Moves>
 void camera_of(const CameraStage& c) {
   Three mx = splat3(c.u), my = splat3(c.v), mz = splat3(c.w);
+  Doubles latest{}, earliest = splat(__builtin_inf());
   const auto column = [&](size_t k, size_t number) {
     return Three{load(c.frame[number] + k), load(c.frame[number + 4] + k),
                  load(c.frame[number + 8] + k)};
@@ -36,10 +37,19 @@ void camera_of(const CameraStage& c) {
     store3(c.d, k, d);
     const Doubles step =
         dot(towards, d) * c.scale;  // anchored length of one unit of depth along the ray
-    store(c.t_min + k,
-          c.clip_start * step *
-              (1 - 0x1p-50));  // the bounds themselves count, the ray's interval is open
-    store(c.t_max + k, c.clip_end * step * (1 + 0x1p-50));
+    // The bounds themselves count, the ray's interval is open.
+    const Doubles t_min = c.clip_start * step * (1 - 0x1p-50),
+                  t_max = c.clip_end * step * (1 + 0x1p-50);
+    store(c.t_min + k, t_min);
+    store(c.t_max + k, t_max);
+    latest = larger(t_min, latest);
+    earliest = smaller(t_max, earliest);
+  }
+  *c.latest = latest[0];
+  *c.earliest = earliest[0];
+  for (int j = 1; j < kLanes; ++j) {
+    *c.latest = latest[j] > *c.latest ? latest[j] : *c.latest;
+    *c.earliest = earliest[j] < *c.earliest ? earliest[j] : *c.earliest;
   }
 }
 

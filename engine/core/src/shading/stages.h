@@ -23,6 +23,7 @@ struct CameraStage {
       frame[12];     // world_from_camera of each ray, row by row; null where all have u, v, w
   double origin[3];  // of anchored space
   double *o[3], *d[3], *t_min, *t_max;  // o: only where it is not the eye of all
+  double *latest, *earliest;            // the largest t_min and the least t_max; not of panoramas
   const GlintCamera* panorama;          // null for none; its rays that see nothing end at -1
 };
 

@@ -51,6 +51,22 @@ inline Floats read_at(const float* p, Ints index) {
 #endif
 }
 
+#if defined(__AVX2__)
+/// The numbers at row + place, places modulo kFloats.
+inline Floats pick(const float* row, Ints place) {
+  return Floats(_mm256_permutevar8x32_ps(__m256(load(row)), __m256i(place)));
+}
+/// The same modulo 2 kFloats.
+inline Floats pick_of_two(const float* row, Ints place) {
+#if defined(__AVX512F__)
+  return Floats(
+      _mm256_permutex2var_ps(__m256(load(row)), __m256i(place), __m256(load(row + kFloats))));
+#else
+  return choose(place << 28, pick(row + kFloats, place), pick(row, place));
+#endif
+}
+#endif
+
 /// The larger and the smaller number; where one is NaN, the second argument.
 inline Floats larger(Floats a, Floats b) {
 #if defined(__AVX__)

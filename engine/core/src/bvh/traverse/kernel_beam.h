@@ -36,39 +36,16 @@ inline void finish_beam(const Beam& beam, const TreeView& tree, const Answers& a
     store(answers.v + k, Floats{});
     return;
   }
-  const Ints leaf_at = load(beam.leaf_at + k), some = pending != Ints{};
-  const int r = k + __builtin_ctz(hits);
-  const Triangles leaf(tree, beam.pending[r]);
-  const int place = int(beam.leaf_at[r]);
-  const bool one = all_zero(
-      ((pending ^ int32_t(beam.pending[r])) | (leaf_at ^ int32_t(beam.leaf_at[r]))) & some);
+  const Picked triangles(tree, beam.pending + k, beam.leaf_at + k, hits, order.axes);
   alignas(64) float corner[9][kFloats];
-  Ints instance, primitive;
-  if (one) {
-    const PrimitiveId id = tree.ids[leaf_first(beam.pending[r]) + beam.leaf_at[r]];
-    instance = Ints{} + int32_t(id.instance);
-    primitive = Ints{} + int32_t(id.primitive);
-  } else {
-    const Ints ordinal = pending & some & int32_t(kOrdinal), in_leaf = leaf_at & some,
-               n = ((pending >> kCountShift & 7) + 1) & some;
-    for (int a = 0; a < 3; ++a) {
-      Ints at = 9 * ordinal + in_leaf + order.axes[a] * n;
-      for (int j = 0; j < 3; ++j, at += 3 * n) store(corner[3 * j + a], read_at(tree.floats, at));
-    }
-    const Ints id = 2 * (ordinal + in_leaf);
-    const float* ids = reinterpret_cast<const float*>(tree.ids);
-    instance = Ints(read_at(ids, id));
-    primitive = Ints(read_at(ids, id + 1));
-  }
+  for (int c = 0; c < 9; ++c) store(corner[c], triangles.corner[c]);
   alignas(64) float u[kFloats], v[kFloats];
   uint32_t close = 0;
   for (int h = 0; h < kFloats; h += kLanes) {
     const BeamSource& s = beam.source;
     Doubles p[3][3];
     for (int j = 0; j < 3; ++j)
-      for (int a = 0; a < 3; ++a)
-        p[j][a] =
-            one ? splat(double(leaf.at(j, order.axes[a])[place])) : widen(corner[3 * j + a] + h);
+      for (int a = 0; a < 3; ++a) p[j][a] = widen(corner[3 * j + a] + h);
     const Doubles along = load(s.d[2] + k + h), inverse = 1 / along;
     Exact<Doubles> e;
     e.see(p, {splat(*s.o[0]), splat(*s.o[1]), splat(*s.o[2])},
@@ -82,8 +59,8 @@ inline void finish_beam(const Beam& beam, const TreeView& tree, const Answers& a
     close |= bits(at_most(magnitude(e.off_x), margin) & at_most(magnitude(e.off_y), margin)) << h;
   }
   close &= beam.source.own(k, kFloats);
-  store(answers.instance + k, choose(none, Ints{} - 1, instance));
-  store(answers.primitive + k, choose(none, Ints{}, primitive));
+  store(answers.instance + k, choose(none, Ints{} - 1, triangles.instance));
+  store(answers.primitive + k, choose(none, Ints{}, triangles.primitive));
   store(answers.u + k, choose(none, Floats{}, load(u)));
   store(answers.v + k, choose(none, Floats{}, load(v)));
   for (uint32_t edges = hits & ~close; edges; edges &= edges - 1)
@@ -100,7 +77,6 @@ __attribute__((noinline)) Beamed trace_beam(const TreeView& tree, const Rays& ra
   Beam beam;
   if (!set_from_apex(beam, tree, rays, first) && !(Any && set_to_apex(beam, tree, rays, first)))
     return Beamed::kUnfit;
-  if (!set_places(beam)) return Beamed::kUnfit;
   BeamWalk<Any> walk{tree, beam, answers};
   walk.set_end();
   if (!walk.walk()) return Beamed::kParted;

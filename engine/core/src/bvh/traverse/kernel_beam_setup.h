@@ -10,13 +10,12 @@ struct BeamSpan {
   double shortest, longest, earliest, latest;
 };
 
-/// Whether the rays from `first` on are of one axis class or nearly so, and alive.
-inline bool set_source(Beam& beam, const Rays& rays, size_t first, BeamSpan& span) {
+/// Where the rays from `first` on are, in the order of the first one.
+inline void set_source(Beam& beam, const Rays& rays, size_t first) {
   const Order& order =
       kOrders[axis_class_of({rays.d[0][first], rays.d[1][first], rays.d[2][first]})];
   BeamSource& s = beam.source;
   beam.order = s.order = &order;
-  s.mixed = false;
   s.t_min = rays.t_min + first;
   s.t_max = rays.t_max + first;
   for (int a = 0; a < 3; ++a) {
@@ -25,27 +24,90 @@ inline bool set_source(Beam& beam, const Rays& rays, size_t first, BeamSpan& spa
     s.d[a] = rays.d[order.axes[a]] + first;
     s.o[a] = rays.o[order.axes[a]] + first;
   }
-  const Doubles sign = splat(double(order.sign)), zero{};
-  Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf), latest{};
+}
+
+/// Whether all rays are alive; between which ray parameters they are.
+inline bool set_ends(const Beam& beam, const Rays& rays, BeamSpan& span) {
+  if (rays.ends) {
+    span.earliest = rays.ends->earliest;
+    span.latest = rays.ends->latest;
+    return true;
+  }
+  const BeamSource& s = beam.source;
+  const Doubles zero{};
+  Doubles earliest = splat(kInf), latest{};
+  DoubleMask good = less(zero, earliest);
   for (int k = 0; k < kBeam; k += kLanes) {
-    constexpr uint32_t kAll = (1u << kLanes) - 1;
-    const Doubles ahead = flip(load(s.d[2] + k), sign), t_min = load(s.t_min + k),
-                  t_max = load(s.t_max + k);
-    if (bits(at_most(zero, t_min) & less(t_min, t_max)) != kAll) return false;
-    if (bits(s.of_order(k)) != kAll) {
-      const Doubles most = ahead + ahead;
-      if (bits(at_most(magnitude(load(s.d[0] + k)), most) &
-               at_most(magnitude(load(s.d[1] + k)), most)) != kAll)
-        return false;
-      s.mixed = true;
-    }
-    shortest = smaller(ahead, shortest);
-    longest = larger(ahead, longest);
+    const Doubles t_min = load(s.t_min + k), t_max = load(s.t_max + k);
+    good = good & at_most(zero, t_min) & less(t_min, t_max);
     earliest = smaller(t_max, earliest);
     latest = larger(t_min, latest);
   }
-  span = {least_of(shortest), most_of(longest), least_of(earliest), most_of(latest)};
-  return span.shortest > 0x1p-60 && span.longest < 0x1p60;
+  span.earliest = least_of(earliest);
+  span.latest = most_of(latest);
+  return bits(good) == (1u << kLanes) - 1;
+}
+
+/// The rays' places. False where they are not of one axis class or nearly so, or where their slices
+/// do not share the places out.
+inline bool set_places(Beam& beam, BeamSpan& span) {
+  BeamSource& s = beam.source;
+  const double sign = double(beam.order->sign);
+  const Broad forward = spread(s.order->sign), sense = forward * spread(beam.order->sign);
+  Broad shortest = spread(kFar), longest{};
+  BroadMask good = at_most(longest, shortest), straight = good;
+  for (int a = 0; a < 2; ++a)
+    beam.middle[a] =
+        float(0.5 * sign * (s.d[a][0] / s.d[2][0] + s.d[a][kBeam - 1] / s.d[2][kBeam - 1]));
+  float low[2] = {kFar, kFar}, high[2] = {-kFar, -kFar};
+  for (int g = 0; g < kSlices; ++g) {
+    const int k = g * kBroad;
+    const Broad ahead = narrow_broad(s.d[2] + k) * forward, inverse = sense / ahead;
+    shortest = smaller(ahead, shortest);
+    longest = larger(ahead, longest);
+    for (int a = 0; a < 2; ++a) {
+      const Broad slope = narrow_broad(s.d[a] + k) * inverse, steep = magnitude(slope),
+                  place = slope - spread(beam.middle[a]);
+      good = good & at_most(steep, spread(2 - 0x1p-20f));
+      straight = straight & at_most(steep, spread(1 - 0x1p-20f));
+      store_broad(beam.place[a] + k, place);
+      const float least = smallest(place), most = largest(place);
+      beam.center[a][g] = 0.5f * (least + most);
+      beam.half[a][g] = 0.5f * (most - least);
+      low[a] = smaller(low[a], least);
+      high[a] = larger(high[a], most);
+    }
+  }
+  constexpr uint32_t kAll = uint32_t((uint64_t(1) << kBroad) - 1);
+  span.shortest = double(smallest(shortest));
+  span.longest = double(largest(longest));
+  if (bits(good) != kAll || !(span.shortest > 0x1p-60 && span.longest < 0x1p60)) return false;
+  s.mixed = bits(straight) != kAll;
+  beam.slope = 0;
+  for (int a = 0; a < 2; ++a) {
+    beam.width[a] = larger(-low[a], high[a]);
+    beam.slope = larger(beam.slope, magnitude(beam.middle[a]) + beam.width[a]);
+  }
+  float area = 0;
+  const float room[2] = {beam.width[0] / 16, beam.width[1] / 16};
+  for (int g = 0; g < kSlices; ++g)
+    area += (beam.half[0][g] + room[0]) * (beam.half[1][g] + room[1]);
+  const float whole = beam.width[0] * beam.width[1];
+  return 4 * area >= whole && area <= 4 * whole;
+}
+
+/// Bounds of 1 / depth where rays end, whose depths are in `farthest` unless they have no end; and
+/// those of slices.
+inline void set_farthest(Beam& beam, bool endless) {
+  for (int g = 0; g < kSlices; ++g) {
+    float *farthest = beam.farthest + g * kBroad, *nearest = beam.nearest + g * kBroad;
+    const Broad end = endless ? Broad{} : 1 / load_broad(farthest),
+                low = end * spread(1 - 0x1p-21f);
+    store_broad(farthest, low);
+    store_broad(nearest, end * spread(1 + 0x1p-21f));
+    store_broad(reinterpret_cast<float*>(beam.pending + g * kBroad), Broad{});
+    beam.end[g] = endless ? 0 : smallest(low);
+  }
 }
 
 /// Whether all rays begin no more than four radii from the tree's ball: there the rays of all
@@ -66,23 +128,23 @@ inline bool set_from_apex(Beam& beam, const TreeView& tree, const Rays& rays, si
     if (!(o == rays.o[a][first + kBeam - 1])) return false;
     square += f * f;
   }
-  BeamSpan span;
-  if (!set_room(beam, tree, square) || !set_source(beam, rays, first, span)) return false;
+  if (!set_room(beam, tree, square)) return false;
+  set_source(beam, rays, first);
   const BeamSource& s = beam.source;
-  for (int k = 0; k < kBeam; k += kLanes) {
+  for (int k = 0; !rays.ends && k < kBeam; k += kLanes) {
     Longs other{};
     for (const double* p : s.o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
     if (any(Longs(other != Longs{}))) return false;
   }
+  BeamSpan span;
+  if (!set_ends(beam, rays, span) || !set_places(beam, span)) return false;
   beam.apex = origin_at({*s.o[0], *s.o[1], *s.o[2]}, *beam.order);
   beam.off = beam.past = 0;
   beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
   const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
-  for (int k = 0; k < kBeam; k += kLanes) {
-    const Doubles end = endless ? Doubles{} : 1 / magnitude(load(s.t_max + k) * load(s.d[2] + k));
-    narrow(beam.farthest + k, end * (1 - 0x1p-21));
-    narrow(beam.nearest + k, end * (1 + 0x1p-21));
-  }
+  for (int k = 0; !endless && k < kBeam; k += kLanes)
+    narrow(beam.farthest + k, magnitude(load(s.t_max + k) * load(s.d[2] + k)));
+  set_farthest(beam, endless);
   return true;
 }
 
@@ -121,78 +183,53 @@ inline bool set_to_apex(Beam& beam, const TreeView& tree, const Rays& rays, size
       return false;
   BeamSpan span;
   double apex[3];
-  if (!set_source(beam, rays, first, span) || !set_meeting(beam, apex)) return false;
+  set_source(beam, rays, first);
   const BeamSource& s = beam.source;
   const Order& order = kOrders[uint32_t(s.order - kOrders) ^ 4];
   beam.order = &order;
-  const Doubles sign = splat(double(order.sign));
-  Doubles off{}, square{}, nearest = splat(kInf), farthest{}, end{}, past = splat(kInf);
+  if (!set_places(beam, span) || !set_meeting(beam, apex)) return false;
+  const double turn = double(order.sign);
+  const Doubles sign = splat(turn), zero{};
+  Doubles off{}, apart{}, square{}, nearest = splat(kInf), farthest{}, end{}, past = splat(kInf);
+  DoubleMask good = less(zero, nearest);
   for (int k = 0; k < kBeam; k += kLanes) {
-    const Doubles along = load(s.d[2] + k), length = magnitude(along),
-                  way = load(s.o[2] + k) - splat(apex[2]), steps = way / along;
-    Doubles distance{};
+    const Doubles t_min = load(s.t_min + k), t_max = load(s.t_max + k);
+    Doubles o[3], missed[3], distance{};  // missed: from the apex to where the ray ends
     for (int a = 0; a < 3; ++a) {
-      const Doubles o = load(s.o[a] + k), f = splat(tree.center[order.axes[a]]) - o;
+      o[a] = load(s.o[a] + k);
+      missed[a] = o[a] + t_max * load(s.d[a] + k) - splat(apex[a]);
+      const Doubles f = splat(tree.center[order.axes[a]]) - o[a];
       distance += f * f;
-      if (a < 2) off = larger(magnitude(o - load(s.d[a] + k) * steps - splat(apex[a])), off);
     }
-    const Doubles from = flip(way, sign), start = from - load(s.t_min + k) * length,
-                  rest = from - load(s.t_max + k) * length, inverse = 1 / start;
+    for (int a = 0; a < 2; ++a) {
+      const Doubles slope = sign * (widen(beam.place[a] + k) + splat(double(beam.middle[a])));
+      off = larger(magnitude(missed[a] - slope * missed[2]), off);
+    }
+    const Doubles length = magnitude(load(s.d[2] + k)), from = flip(o[2] - splat(apex[2]), sign),
+                  start = from - t_min * length, rest = flip(missed[2], sign);
+    good = good & at_most(zero, t_min) & less(t_min, t_max) & less(zero, start);
+    apart = larger(magnitude(rest), apart);
     square = larger(distance, square);
     nearest = smaller(start, nearest);
     farthest = larger(from, farthest);
     end = larger(rest, end);
     past = smaller(rest, past);
-    narrow(beam.farthest + k, inverse * (1 - 0x1p-21));
-    narrow(beam.nearest + k, inverse * (1 + 0x1p-21));
+    narrow(beam.farthest + k, start);
   }
+  if (bits(good) != (1u << kLanes) - 1) return false;
   const double size = reach_of(tree), tiny = 0x1p-40 * size, reach = most_of(farthest),
-               miss = most_of(off) + tiny, behind = tiny - smaller(least_of(past), 0.0);
+               miss = most_of(off) + tiny + 0x1p-20 * most_of(apart),
+               behind = tiny - smaller(least_of(past), 0.0);
   if (!set_room(beam, tree, most_of(square)) || !(reach < 16 * size) || !(miss < 0x1p-20 * reach) ||
       !(least_of(nearest) > 0x1p-16 * size) || !(behind < 0x1p-18 * reach))
     return false;
+  set_farthest(beam, false);
   beam.off = float(miss);
   beam.past = float(behind);
   beam.room += 2 * beam.off + 8 * beam.past;
   beam.begin = float((1 - 0x1p-19) / (most_of(end) + tiny));
   beam.apex = origin_at(apex, order);
   return true;
-}
-
-/// False when the rays' slices do not share out their places.
-inline bool set_places(Beam& beam) {
-  const BeamSource& s = beam.source;
-  const Broad sign = spread(beam.order->sign);
-  float low[2] = {kFar, kFar}, high[2] = {-kFar, -kFar};
-  for (int a = 0; a < 2; ++a)
-    beam.middle[a] = float(0.5 * double(beam.order->sign) *
-                           (s.d[a][0] / s.d[2][0] + s.d[a][kBeam - 1] / s.d[2][kBeam - 1]));
-  for (int g = 0; g < kSlices; ++g) {
-    const int k = g * kBroad;
-    const Broad inverse = 1 / (narrow_broad(s.d[2] + k) * sign);
-    for (int a = 0; a < 2; ++a) {
-      const Broad place = narrow_broad(s.d[a] + k) * inverse - spread(beam.middle[a]);
-      store_broad(beam.place[a] + k, place);
-      const float least = smallest(place), most = largest(place);
-      beam.center[a][g] = 0.5f * (least + most);
-      beam.half[a][g] = 0.5f * (most - least);
-      low[a] = smaller(low[a], least);
-      high[a] = larger(high[a], most);
-    }
-    beam.end[g] = smallest(load_broad(beam.farthest + k));
-    store_broad(reinterpret_cast<float*>(beam.pending + k), Broad{});
-  }
-  beam.slope = 0;
-  for (int a = 0; a < 2; ++a) {
-    beam.width[a] = larger(-low[a], high[a]);
-    beam.slope = larger(beam.slope, magnitude(beam.middle[a]) + beam.width[a]);
-  }
-  float area = 0;
-  const float room[2] = {beam.width[0] / 16, beam.width[1] / 16};
-  for (int g = 0; g < kSlices; ++g)
-    area += (beam.half[0][g] + room[0]) * (beam.half[1][g] + room[1]);
-  const float whole = beam.width[0] * beam.width[1];
-  return 4 * area >= whole && area <= 4 * whole;
 }
 
 }  // namespace

@@ -41,25 +41,15 @@ inline uint32_t exact_hits(const Tile& tile, int k, const Triangles& leaf, int p
   return close;
 }
 
-/// The pending hits of the rays [k, k + kFloats): corner by corner, coordinates in the rays' order,
-/// and whose triangles they are. Lanes without one get any.
-inline void gather_corners(const Tile& tile, int k, float (&corner)[9][kFloats], Ints& instance,
-                           Ints& primitive) {
-  const TreeView& tree = *tile.tree;
-  const Ints pending = load(tile.pending + k), some = pending != Ints{},
-             ordinal = pending & some & int32_t(kOrdinal);
-  const Ints n = ((pending >> kCountShift & 7) + 1) & some,
-             first = 9 * ordinal + (load(tile.place + k) & some);
-  const Ints axis[3] = {across(load(tile.axis_class + k), 0), across(load(tile.axis_class + k), 1),
-                        load(tile.axis_class + k) & 3};
-  for (int a = 0; a < 3; ++a) {
-    Ints at = first + axis[a] * n;
-    for (int j = 0; j < 3; ++j, at += 3 * n) store(corner[3 * j + a], read_at(tree.floats, at));
+/// Triangles with corners x, y, z to the order of rays of these kinds: corner by corner.
+inline void turn(const Picked& triangles, Ints kind, float (&corner)[9][kFloats]) {
+  const FloatMask x = equal(kind, Ints{}), y = equal(kind, Ints{} + 1);
+  for (int c = 0; c < 9; c += 3) {
+    const Floats* p = triangles.corner + c;
+    store(corner[c], choose(x, p[1], choose(y, p[2], p[0])));
+    store(corner[c + 1], choose(x, p[2], choose(y, p[0], p[1])));
+    store(corner[c + 2], choose(x, p[0], choose(y, p[1], p[2])));
   }
-  const Ints id = 2 * (ordinal + (load(tile.place + k) & some));
-  const float* ids = reinterpret_cast<const float*>(tree.ids);
-  instance = tile.instances ? load(tile.instances + k) : Ints(read_at(ids, id));
-  primitive = Ints(read_at(ids, id + 1));
 }
 
 /// Hits of the rays [k, k + kFloats), computed.
@@ -72,22 +62,11 @@ struct Found {
 
 /// The pending hits of the rays [k, k + kFloats), those of `mask`.
 inline void find_hits(const Tile& tile, int k, uint32_t mask, Found& f) {
-  const int r = k + __builtin_ctz(mask);
-  const ChildRef leaf = tile.pending[r];
-  const Ints other = (load(tile.pending + k) ^ int32_t(leaf)) |
-                     (load(tile.place + k) ^ int32_t(tile.place[r])) |
-                     (load(tile.axis_class + k) ^ int32_t(tile.axis_class[r]));
-  if (all_zero(other)) {
-    const int place = int(tile.place[r]);
-    const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
-    f.instance = tile.instances ? load(tile.instances + k) : Ints{} + int32_t(id.instance);
-    f.primitive = Ints{} + int32_t(id.primitive);
-    f.close =
-        exact_hits(tile, k, Triangles(*tile.tree, leaf), place, order_of(tile, r), f.t, f.u, f.v);
-    return;
-  }
+  const Picked triangles(*tile.tree, tile.pending + k, tile.place + k, mask, {0, 1, 2});
   alignas(64) float corner[9][kFloats];
-  gather_corners(tile, k, corner, f.instance, f.primitive);
+  turn(triangles, load(tile.axis_class + k) & 3, corner);
+  f.instance = tile.instances ? load(tile.instances + k) : triangles.instance;
+  f.primitive = triangles.primitive;
   f.close = 0;
   for (int h = 0; h < kFloats; h += kLanes)
     f.close |= exact_hits(tile, k, h, corner, f.t, f.u, f.v) << h;

@@ -35,5 +35,47 @@ __attribute__((always_inline)) inline void corners_from(const Origin& from, cons
     }
 }
 
+/// A triangle each of kFloats rays, in registers.
+struct Picked {
+  Floats corner[9];  // coordinate a of corner j: 3 j + a
+  Ints instance, primitive;
+
+  /// Those of some rays, places in leaves; others get any. axes: which coordinates. Processors pick
+  /// from a leaf's rows, for all rays whose triangles are in it, sooner than they gather.
+  __attribute__((always_inline)) Picked(const TreeView& tree, const uint32_t* leaves,
+                                        const uint32_t* places, uint32_t rays,
+                                        const int (&axes)[3]) {
+    const Ints leaf_of = load(leaves), place = load(places);
+    const float* const ids = reinterpret_cast<const float*>(tree.ids);
+#if defined(__AVX2__)
+    const auto add = [&](ChildRef ref, auto keep) {
+      const Triangles leaf(tree, ref);
+      const float* const id = ids + 2 * size_t(leaf_first(ref));
+      for (int j = 0; j < 3; ++j)
+        for (int a = 0; a < 3; ++a)
+          corner[3 * j + a] = keep(corner[3 * j + a], pick(leaf.at(j, axes[a]), place));
+      instance = Ints(keep(Floats(instance), pick_of_two(id, place + place)));
+      primitive = Ints(keep(Floats(primitive), pick_of_two(id, place + place + 1)));
+    };
+    ChildRef ref = leaves[__builtin_ctz(rays)];
+    add(ref, [](Floats, Floats picked) { return picked; });
+    while (rays &= ~bits(equal(leaf_of, Ints{} + int32_t(ref)))) {
+      ref = leaves[__builtin_ctz(rays)];
+      const FloatMask same = equal(leaf_of, Ints{} + int32_t(ref));
+      add(ref, [&](Floats old, Floats picked) { return choose(same, picked, old); });
+    }
+#else
+    const Ints some = leaf_of != Ints{}, n = ((leaf_of >> kCountShift & 7) + 1) & some,
+               first = leaf_of & some & int32_t(kOrdinal), at = place & some;
+    for (int a = 0; a < 3; ++a)
+      for (int j = 0; j < 3; ++j)
+        corner[3 * j + a] = read_at(tree.floats, 9 * first + at + (3 * j + axes[a]) * n);
+    instance = Ints(read_at(ids, 2 * (first + at)));
+    primitive = Ints(read_at(ids, 2 * (first + at) + 1));
+    static_cast<void>(rays);
+#endif
+  }
+};
+
 }  // namespace
 }  // namespace glint
