@@ -25,8 +25,8 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Culling:
-    """As Cycles decides. frame_margin: shares of the frame on each side; None where the frame culls
-    nothing. distance: None where that culls nothing.
+    """As Cycles decides; equal for what leaves out the same things. frame_margin: shares of the
+    frame on each side; None where the frame culls nothing. distance: None where that culls nothing.
     """
 
     camera: Camera
@@ -38,12 +38,31 @@ class Culling:
         """None where an evaluated scene culls nothing: several views see other things, and
         panoramas all round.
         """
-        if not culls(scene) or scene.render.use_multiview or camera.kind == "PANORAMA":
+        if not culls(scene) or camera.kind == "PANORAMA":
             return None
         settings = scene.cycles
         margin = settings.camera_cull_margin if settings.use_camera_cull else None
         distance = settings.distance_cull_margin if settings.use_distance_cull else None
         return Culling(camera, margin, distance or None)
+
+    @property
+    def _key(self) -> tuple:
+        camera = self.camera
+        return (
+            camera.kind,
+            camera.world_from_camera.tobytes(),
+            camera.window,
+            camera.clip_start,
+            camera.clip_end,
+            self.frame_margin,
+            self.distance,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Culling) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
 
     def bounds(self, thing: Any) -> Bounds | None:
         """Of an evaluated object; None for what stays wherever it is, as lamps do."""
@@ -130,10 +149,14 @@ class Culled:
 
 
 def culls(scene: Any) -> bool:
-    """Whether Simplify of an evaluated scene may leave objects out of renders."""
-    settings = getattr(scene, "cycles", None)
+    """Whether Simplify of an evaluated scene may leave objects out of renders: of what several
+    views or a panorama see it does not.
+    """
+    settings, camera = getattr(scene, "cycles", None), scene.camera
     return (
         settings is not None
         and scene.render.use_simplify
         and (settings.use_camera_cull or settings.use_distance_cull)
+        and not scene.render.use_multiview
+        and not (camera is not None and camera.type == "CAMERA" and camera.data.type == "PANO")
     )

@@ -53,6 +53,12 @@ def note_object(name: str, owner: Any, report: Report) -> None:
             "light; hide it from the render, or exclude it in another view layer",
             name,
         )
+    if not owner.visible_volume_scatter:
+        report.note(
+            "Media see {} whatever its ray visibility says of Volume Scatter: turn that on, and "
+            "Shadow off to keep its shadow out of them",
+            name,
+        )
     shading = getattr(owner, "shadow_terminator_shading_offset", 0.0)
     geometry = getattr(owner, "shadow_terminator_geometry_offset", 0.1)
     if shading != 0.0 or abs(geometry - 0.1) > _SAME:

@@ -20,6 +20,7 @@ import numpy as np
 from ... import engine
 from ...engine.scene import Camera, Scene, SceneDelta
 from ..export import ExportError
+from ..export.culling import Culling
 from ..export.darkness import darkness
 from ..export.light_groups import NO_MEMBERS, LightGroups, Members
 from ..export.sync.incremental import NO_CAMERA, shown_in
@@ -30,7 +31,7 @@ from .draw import Picture, as_colors
 from .pacing import Motion, Pacer
 from .sharing import SharedExport, export_of
 from .surroundings import Surroundings, read_surroundings
-from .view import View, camera_notes, read_view
+from .view import View, camera_notes, culling_of, read_view
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +62,7 @@ class _ViewOptions:
     changes.
 
     settings: with the estimated error, which the status line tells.  groups: light groups and what
-    is in them, where one is shown.
+    is in them, where one is shown.  culling: what Simplify leaves out.
     """
 
     settings: engine.Settings
@@ -69,6 +70,7 @@ class _ViewOptions:
     surroundings: Surroundings
     shown: tuple
     groups: Members = NO_MEMBERS
+    culling: Culling | None = None
 
     @classmethod
     def of(cls, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> _ViewOptions:
@@ -87,12 +89,13 @@ class _ViewOptions:
             read_surroundings(context.space_data),
             shown_in(context.space_data),
             groups,
+            culling_of(context.space_data, context.region_data, depsgraph),
         )
 
     @property
     def export(self) -> dict[str, Any]:
         """What they want of the export, but for the view itself."""
-        return {"passes": self.settings.passes, "groups": self.groups}
+        return {"passes": self.settings.passes, "groups": self.groups, "culling": self.culling}
 
 
 class Session:

@@ -17,6 +17,7 @@ import numpy as np
 from ...engine.scene import Camera
 from ..export import ExportError
 from ..export.camera import border, export_camera, flat_window, inverse_axes, resolution
+from ..export.culling import Culling, culls
 from ..export.report import Report
 
 Rectangle = tuple[int, int, int, int]
@@ -194,6 +195,22 @@ def camera_notes(looks: Any, scene: Any) -> tuple[str, ...]:
         if seen.kind == "PANORAMA" and looks.use_clip_planes:
             report.note("The clipping region of the view does not cut panoramas: turn it off")
     return report.notes()
+
+
+def culling_of(space: Any, region_data: Any, depsgraph: Any) -> Culling | None:
+    """What Simplify leaves out of a view: of one through a camera what it leaves out of the render.
+    Other views show all; Cycles' leave out what was not in view when something was edited last.
+    """
+    scene = depsgraph.scene_eval
+    if not culls(scene):
+        return None
+    through = _camera_object(space, region_data, depsgraph)
+    if through is None:
+        return None
+    with suppress(ExportError):  # drawing says so
+        render = scene.render
+        return Culling.of(scene, export_camera(through, render, resolution(render), Report()))
+    return None
 
 
 def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Camera, Frame | None]:

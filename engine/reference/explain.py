@@ -20,7 +20,7 @@ from .explained import Hit, LightTerm, Numbers, Ray
 from .gathering import Shares, gathering, seen_lobes
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import Lighting, balance
+from .lighting import Lighting
 from .lights import LightSample, Source
 from .lobe_light import fibres, highlight, matt_lobes, ways_through
 from .materials import Coefficients, Term
@@ -388,7 +388,7 @@ class Explainer:
             np.zeros(3),
         )
         seen = np.zeros(1, np.intp)
-        specular = specular * balance(narrow, seen, sample)
+        specular = specular * (narrow.balance(seen, sample) if narrow else 1.0)
         if coefficients.fibres:
             all_ = fibres(surface, coefficients.fibres, seen, sample.direction, matt=False)
             specular = specular + all_[:, 0]
@@ -445,7 +445,8 @@ class Explainer:
             else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
         )
         direction = sample.direction if sample.end is None else unit(sample.end - start)
-        found = shadows.first_met(IncoherentRays.of(start, direction, np.zeros(1), far))
+        met_by = shadows.in_mirrors() if sample.drawn else shadows
+        found = met_by.first_met(IncoherentRays.of(start, direction, np.zeros(1), far))
         if found.primitive[0] == NOTHING:
             return shadow, "", np.inf
         row = self.stage.geometry.row[found.primitive[0]]

@@ -73,7 +73,8 @@ class Geometry:
     in the scene. row: (p,) int32 of `Placements`.  material: (p,) int32 index into
     `Scene.materials`, -1 for the default one. lower, upper: (3, s) bounds of the s spheres,
     polygons and segments.  reach: largest coordinate. visible: for each kind of ray the primitives
-    it sees, (p,) bool, or None for all.  left_out: sentences.
+    it sees, (p,) bool, or None for all.  mirrors_differ: whether some instances are seen in mirrors
+    and cast no shadow, or the other way.  left_out: sentences.
     """
 
     placements: Placements
@@ -89,6 +90,7 @@ class Geometry:
     upper: Array
     reach: float
     visible: dict[str, Array | None]
+    mirrors_differ: bool
     left_out: tuple[str, ...]
 
     @property
@@ -150,6 +152,7 @@ def gather(scene: Scene, eye: Array) -> Geometry:
         upper,
         float(reach),
         {kind: _visible(scene, ordered, kind) for kind in KINDS},
+        any(block.visible_mirror != block.visible_shadow for block in scene.instances),
         tuple(text for d in drawn for text in d.left_out),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..settings import GLOSSY_EXPONENTS
 from . import stretching
-from .lights import LightPoint, Source
+from .lights import LightPoint, LightSample, Source
 from .materials import Term, taken
 from .optics import blinn_phong, fresnel
 from .surface import Surface
@@ -73,15 +73,22 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
 
 class Narrow:
     """Of n points of the surface the highlights narrower than a light. weight: (3, n) T of the rays
-    that see the points.
+    that see the points. evenly: directions weigh by squares, as if one were drawn for each sample
+    of the light, and are drawn from wider lobes too.
     """
 
     def __init__(
-        self, surface: Surface, terms: list[Term], weight: Array, source: Source | Reflections
+        self,
+        surface: Surface,
+        terms: list[Term],
+        weight: Array,
+        source: Source | Reflections,
+        evenly: bool = False,
     ) -> None:
-        self._surface, self._terms, self._draws = surface, [], source.draws
+        self._surface, self._terms = surface, []
+        self._draws, self._evenly = source.draws, evenly
         self._total = np.zeros(len(surface))
-        least = source.least_exponent(surface.x)
+        least = source.least_exponent(surface.x) * (1 / 8 if evenly else 1.0)
         for term in terms:
             k = np.where(
                 term.exponent >= least[term.index],
@@ -94,6 +101,19 @@ class Narrow:
 
     def __bool__(self) -> bool:
         return bool(self._terms)
+
+    def balance(self, seen: Array, sample: LightSample) -> Array:
+        """(m,) the share of a highlight that the sample stands for, drawn or on the light: by how
+        densely each of them falls there.
+        """
+        density = self.density(seen, sample.direction)
+        if not self._evenly:
+            return 1 / (1 + density * sample.spread)
+        times = density / self._draws * sample.spread
+        if not sample.drawn:
+            return 1 / (1 + times * times)
+        with np.errstate(divide="ignore"):
+            return 1 / self._draws / (times + 1 / times)
 
     def density(self, seen: Array, direction: Array) -> Array:
         """(m,) how densely, a steradian and for each sample of the light, directions are drawn

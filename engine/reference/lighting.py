@@ -344,7 +344,7 @@ class Lighting:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
         terms = coefficients.highlights if source.has_highlights else []
-        narrow = Narrow(surface, terms, weight, source)
+        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ)
         numbers = [
             number
             for number in source.surface_numbers(sample, n)
@@ -367,7 +367,11 @@ class Lighting:
                 chosen = source.sample_at(surface.x, direction, n)
                 yield (
                     narrow,
-                    replace(chosen, intensity=np.where(drawn, chosen.intensity, 0.0)),
+                    replace(
+                        chosen,
+                        intensity=np.where(drawn, chosen.intensity, 0.0),
+                        drawn=True,
+                    ),
                     np.zeros_like(coefficients.diffuse),
                 )
 
@@ -445,7 +449,7 @@ class Lighting:
         specular = (
             highlights(surface, terms, seen, chosen.direction)
             * light
-            * balance(narrow, seen, chosen)
+            * (narrow.balance(seen, chosen) if narrow else 1.0)
         )
         gloss = pick(self.even_gloss(source, surface, coefficients), seen)
         specular = specular + gloss * light * np.where(front, cosine[seen], 0.0) * far
@@ -468,10 +472,3 @@ def _is_apart(term: Term, surface: Surface) -> Array | bool:
         return True
     other = (term.normals(surface) != pick(surface.n, term.index)).any(0)
     return other if term.stretch is None else other | term.stretch.any(0)
-
-
-def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:
-    """(m,) the share of a highlight that the sample stands for, drawn or on the light: by how
-    densely each of them falls there.
-    """
-    return 1 / (1 + narrow.density(seen, sample.direction) * sample.spread) if narrow else 1.0

@@ -44,19 +44,37 @@ class Shadows:
         self._visibility, self._geometry, self._shader = visibility, visibility.geometry, shader
         self._attributes, self._rays, self._media = attributes, rays, media
         self._seen = visibility.geometry.visible["shadow"]
+        self._blockers: Array | None = None
+
+    @property
+    def mirrors_differ(self) -> bool:
+        """Whether some things are seen in mirrors and cast no shadow, or the other way."""
+        return self._geometry.mirrors_differ
 
     def cast_by(self, blockers: Array) -> Shadows:
         """Those of some rows of the placements alone, (r,) bool."""
         result = copy.copy(self)
-        seen = blockers[self._geometry.row]
-        result._seen = seen if self._seen is None else seen & self._seen
+        result._blockers = blockers
+        result._seen = self._of_blockers(blockers, self._seen)
         result._media = self._media.of(blockers)
         return result
+
+    def _of_blockers(self, blockers: Array, seen: Array | None) -> Array:
+        mine = blockers[self._geometry.row]
+        return mine if seen is None else mine & seen
 
     def of_strands(self) -> Shadows:
         """Those of points on strands."""
         result = copy.copy(self)
         result.to_fibres = True
+        return result
+
+    def in_mirrors(self) -> Shadows:
+        """Those of what mirrors show; media stay."""
+        result = copy.copy(self)
+        result._seen = self._geometry.visible["mirror"]
+        if self._blockers is not None:
+            result._seen = self._of_blockers(self._blockers, result._seen)
         return result
 
     def first_met(self, rays: IncoherentRays) -> Hits:
@@ -75,7 +93,8 @@ class Shadows:
             if sample.end is not None:
                 through = np.minimum(through, length(sample.end - start) / 2)
             start = start + through * sample.direction
-        return self.from_points(start, sample, counted=True)
+        shadows = self.in_mirrors() if sample.drawn else self
+        return shadows.from_points(start, sample, counted=True)
 
     def near(self, surface: Surface, direction: Array, reach: float) -> Array:
         """(3, n) what is open over all points of the surface in the unit directions (3, n), as far

@@ -19,7 +19,7 @@ import numpy as np
 from ....engine.scene import Camera, Scene, SceneDelta, settled
 from ..cache import ExportCache, WorldKey
 from ..collector import Collector
-from ..culling import culls
+from ..culling import Culling, culls
 from ..export import world_of
 from ..images.images import Images
 from ..instances import VisitedObjects, walk
@@ -42,11 +42,14 @@ NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
 
 
 class Asked(NamedTuple):
-    """What a view wants of meshes, what it shows (`shown_in`), and light groups."""
+    """What a view wants of meshes, what it shows (`shown_in`), light groups, and what Simplify
+    leaves out of it.
+    """
 
     required: RequiredAttributes
     shown: tuple
     groups: Members
+    culling: Culling | None
 
 
 class LiveExport:
@@ -78,6 +81,8 @@ class LiveExport:
         self._cache.shapes.keep_views(self._indices)
         self._given = {a: given for a, given in self._given.items() if a in self._indices}
         self._deltas = {}
+        # What moves may come into view.
+        self._indices = {a: index for a, index in self._indices.items() if a.culling is None}
         turns = self._turns_images(depsgraph.scene_eval)
         if turns:
             self._indices = {}
@@ -124,14 +129,16 @@ class LiveExport:
         passes: frozenset[str] = frozenset(),
         space: Any = None,
         groups: Members = NO_MEMBERS,
+        culling: Culling | None = None,
     ) -> Scene:
         """The scene as of the updates that were applied. What several views ask for is walked over
         once for all that see the same.
 
         space: the 3D view whose local view and visibility count, None for none.  passes: as for
-        `export_scene`.  groups: `LightGroups.members` where light groups are shown.
+        `export_scene`.  groups: `LightGroups.members` where light groups are shown.  culling: what
+        is left out of the view.
         """
-        asked = _asked(passes, space, groups)
+        asked = _asked(passes, space, groups, culling)
         if asked not in self._indices:
             self._indices[asked] = self._walked(depsgraph, asked, space, asked.required)
         index, before = self._indices[asked], self._given.get(asked)
@@ -141,20 +148,28 @@ class LiveExport:
         return replace(index.scene, camera=camera)
 
     def delta(
-        self, passes: frozenset[str] = frozenset(), space: Any = None, groups: Members = NO_MEMBERS
+        self,
+        passes: frozenset[str] = frozenset(),
+        space: Any = None,
+        groups: Members = NO_MEMBERS,
+        culling: Culling | None = None,
     ) -> SceneDelta | None:
         """How the scene that `scene` gave last for the same view differs from the one that it gave
         before what was heard last; None where there is none.
         """
-        return self._deltas.get(_asked(passes, space, groups))
+        return self._deltas.get(_asked(passes, space, groups, culling))
 
     def notes(
-        self, passes: frozenset[str] = frozenset(), space: Any = None, groups: Members = NO_MEMBERS
+        self,
+        passes: frozenset[str] = frozenset(),
+        space: Any = None,
+        groups: Members = NO_MEMBERS,
+        culling: Culling | None = None,
     ) -> tuple[str, ...]:
         """What could not be exported as it is, of the scene that `scene` gave last for the same
         view.
         """
-        index, report = self._indices[_asked(passes, space, groups)], Report()
+        index, report = self._indices[_asked(passes, space, groups, culling)], Report()
         for part in (index.report, *(compiled.report for _, compiled in index.sources)):
             report.add(part)
         return report.notes()
@@ -174,16 +189,17 @@ class LiveExport:
             lambda thing: space is None or thing.visible_in_viewport_get(space),
             visited,
             collector.meet_hair,
+            asked.culling,
         )
         self._cache.shapes.keep(asked, collector.met)
         everywhere = required | collector.materials.sampled
         if everywhere != required:
             return self._walked(depsgraph, asked, space, everywhere)
         note_scene(depsgraph.scene_eval, report)
-        if culls(depsgraph.scene_eval):
+        if asked.culling is None and culls(depsgraph.scene_eval):
             report.note(
-                "Camera and distance culling is for renders: the viewport shows all objects; hide "
-                "in it what makes it slow"
+                "Camera and distance culling is for renders and views through the camera: this one "
+                "shows all objects; hide in it what makes it slow"
             )
         note_missing(depsgraph, report)
         world = world_of(depsgraph, depsgraph.scene_eval)
@@ -226,11 +242,12 @@ class LiveExport:
         return sky
 
 
-def _asked(passes: frozenset[str], space: Any, groups: Members) -> Asked:
+def _asked(passes: frozenset[str], space: Any, groups: Members, culling: Culling | None) -> Asked:
     return Asked(
         RequiredAttributes(frozenset({""}) if "UV" in passes else frozenset()),
         shown_in(space),
         groups,
+        culling,
     )
 
 

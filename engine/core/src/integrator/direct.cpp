@@ -88,6 +88,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.turns_lobes = scene_.materials.turns_lobes;
   stage_.stretches_lobes = scene_.materials.stretches_lobes;
   stage_.specular_columns = scene_.materials.specular_columns;
+  stage_.evenly = scene_.instances.mirrors_differ;
 }
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
@@ -155,7 +156,9 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
       if (stage_.draws && point.draws) {
         const size_t drawn = stages_.gloss(stage_);
         met_ = light.is_mesh();
+        met_by_ = kMirror;
         add_lit(batch, light, met_ ? meet_emitters(light, drawn) : drawn, nullptr, counts);
+        met_by_ = kShadow;
         met_ = false;
       }
     }
@@ -272,7 +275,8 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, on_strands_);
+    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, on_strands_,
+                               met_by_);
   } else {
     if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));
@@ -307,8 +311,10 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
     const LightMeeting met =
         light.meeting(emitter, row(stage_.points_x, point_[k]), row(stage_.origin, point_[k]), q, l,
                       uint32_t(stage_.share));
-    const Vec3d given = met.factor / (1 + stage_.density_out[k] * met.spread / stage_.share) *
-                        met.color * row(stage_.diffuse_out, k);
+    const double times = stage_.density_out[k] * met.spread,
+                 factor = stage_.evenly ? stage_.share * met.factor / (times + 1 / times)
+                                        : met.factor / (1 + times / stage_.share);
+    const Vec3d given = factor * met.color * row(stage_.diffuse_out, k);
     if (!any(given) || (!met.front && dot(row(stage_.g, point_[k]), l) <= 0)) continue;
     const Vec3d start = shadow_start(point_[k], met.end), to = met.end - start;
     point_[kept] = point_[k];
@@ -382,6 +388,7 @@ void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
   if (known && read_shadow_cache(known, count)) return;
   const Timer timer(counts.tracing);
   Rays rays = shadow_rays(count);
+  rays.visibility = met_by_;
   // Else it is asked for after what is solid is known.
   if (light.passed_sets || alone_) rays.opacity = opacity(light);
   scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);

@@ -50,8 +50,9 @@ void TransparentShadows::begin(const LightStage& light, size_t count, double* co
 
 void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
                                const double* starts, size_t count, double* const (&shadow)[3],
-                               RayCounts& counts, bool to_fibres) {
+                               RayCounts& counts, bool to_fibres, uint32_t visibility) {
   begin(light, count, shadow, opacity, to_fibres);
+  visibility_ = visibility;
   counts.shadow += count;
   const double* const* o = light.o;
   const double* const* d = light.to;
@@ -63,7 +64,7 @@ void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
           starts + k,
           light.t_max + k,
           std::min(count - k, kAtOnce),
-          kShadow,
+          visibility_,
           opacity_},
          counts);
   }
@@ -73,6 +74,7 @@ void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
 void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
                                 double* const (&shadow)[3], RayCounts& counts, bool to_fibres) {
   begin(light, count, shadow, scene_.trees.opacity(), to_fibres);
+  visibility_ = kShadow;
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);
@@ -84,7 +86,7 @@ void TransparentShadows::wait(const LightStage& light, uint32_t number, double t
 }
 
 void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
-  waiting_.trace(ray_number_, kShadow, opacity_, [&](const Rays& rays) {
+  waiting_.trace(ray_number_, visibility_, opacity_, [&](const Rays& rays) {
     pass(light, rays, counts);
     if (cancel_) waiting_.drop();
   });

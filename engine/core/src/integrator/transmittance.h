@@ -19,9 +19,10 @@ class TransparentShadows {
                      Scratch& scratch);
 
   /// Of rays of which nothing is known. starts: of the rays, 0. opacity: as of the scene's light.
-  /// to_fibres: the points are on strands.
+  /// to_fibres: the points are on strands. visibility: of what they meet.
   void trace(const LightStage& light, const Opacity* opacity, const double* starts, size_t count,
-             double* const (&shadow)[3], RayCounts& counts, bool to_fibres);
+             double* const (&shadow)[3], RayCounts& counts, bool to_fibres,
+             uint32_t visibility = kShadow);
   /// Of rays of which it is known whether anything is on their way.
   void follow(const LightStage& light, const uint8_t* blocked, size_t count,
               double* const (&shadow)[3], RayCounts& counts, bool to_fibres);
@@ -51,6 +52,7 @@ class TransparentShadows {
   Scratch& scratch_;
   TransmittanceStage stage_{};
   const Opacity* opacity_ = nullptr;
+  uint32_t visibility_ = kShadow;
   double* shadow_[3] = {};
   WaitingRays waiting_;
   // Of the rays that are passed at once:

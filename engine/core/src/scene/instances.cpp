@@ -149,6 +149,8 @@ void shape_instances(InstanceTable& t, const Anchor& anchor, const MaterialTable
     t.group_shapes.push_back(shape_of(t, group, materials.holdout()));
     t.only_meshes = t.only_meshes && t.geometry(group).kind == GLINT_MESH;
     t.has_strands = t.has_strands || t.geometry(group).kind == GLINT_STRANDS;
+    t.mirrors_differ = t.mirrors_differ || !(group.flags & GLINT_VISIBLE_MIRROR) !=
+                                               !(group.flags & GLINT_VISIBLE_SHADOW);
   }
   t.shapes.reserve(t.placements.size());
   for (size_t i = 0; i < t.placements.size(); ++i) {

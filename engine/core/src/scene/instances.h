@@ -26,6 +26,7 @@ struct InstanceTable {
   size_t triangles = 0, primitives = 0, dropped = 0;
   uint32_t default_material = 0;
   bool only_meshes = true, has_strands = false;
+  bool mirrors_differ = false;  // some are seen in mirrors and cast no shadow, or the other way
 
   const GlintInstances& group(uint32_t instance) const {
     return groups[placements[instance].group];

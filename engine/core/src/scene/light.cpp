@@ -47,6 +47,9 @@ bool sound(const GlintLight& g) {
   return good;
 }
 
+/// By how much wider lobes may be for directions to be drawn from them.
+double wider(const LightStage& stage) { return stage.evenly ? 1.0 / 8 : 1; }
+
 }  // namespace
 
 void set_place(LightStage& stage, double x, double y) {
@@ -129,8 +132,8 @@ void Light::set_wide(LightStage& stage, const LightPoint& p, uint32_t count) con
   stage.share = count;
   stage.versine = 0;
   stage.least_near = 0;
-  stage.least = kLeastWide;
-  stage.draws = stage.most_exponent >= kLeastWide;
+  stage.least = kLeastWide * wider(stage);
+  stage.draws = stage.most_exponent >= stage.least;
   set_place(stage, p.x, p.y);
 }
 
@@ -209,8 +212,8 @@ void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
     stage.across[c] = right[c] / (x * x);
     stage.upward[c] = up[c] / (y * y);
   }
-  stage.least_near = endless() ? 0 : 8 * kPi / stage.area;
-  stage.least = endless() ? 4 / versine - 1 : 3;
+  stage.least_near = endless() ? 0 : wider(stage) * (8 * kPi / stage.area);
+  stage.least = wider(stage) * (endless() ? 4 / versine - 1 : 3);
   stage.draws = soft && (endless() || stage.area > 0) && stage.most_exponent >= stage.least;
   set_place(stage, q.x, q.y);
 }

@@ -101,6 +101,7 @@ struct LightStage {
       upward[3];  // kPlaneSource, kRectangleSource: what takes their sides, or axes, to 1
   bool draws;     // whether directions are drawn from lobes whose exponent at the distance d is
                   // least_near d^2 + least
+  bool evenly;    // they weigh by squares, as if there were one for each point of the light
   double least_near, least, radius2,
       azimuth[2];         // or more; where in a lobe: the unit disc's radius^2 and unit direction
   double most_exponent;   // of the scene

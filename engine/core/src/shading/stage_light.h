@@ -113,14 +113,21 @@ inline Three color_of(const LightStage& s, const AnySample& at) {
           choose(front, splat(s.color[2]), splat(s.back[2]))};
 }
 
-/// Points of the light and drawn directions, weighed by how densely each of them falls there (the
-/// balance heuristic): both get the same.
+/// How many directions are drawn for each point of the light.
 template <int Shape>
-inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights& seen) {
-  // for each point
+inline double draws_of(const LightStage& s) {
   constexpr bool sky = Shape == kSky || Shape == kOpenSky;
-  const double draws = sky ? 1.0 / kSkyDraws : Shape == kMeshSource ? 1 / s.share : 1;
-  return at.factor / (1 + draws * seen.density * at.spread);
+  return sky ? 1.0 / kSkyDraws : Shape == kMeshSource ? 1 / s.share : 1;
+}
+
+/// Points of the light and drawn directions, weighed by how densely each of them falls there (the
+/// balance heuristic): both get the same. Evenly: by the squares of that (the power heuristic).
+template <int Shape, bool Drawn = false>
+inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights& seen) {
+  const double draws = draws_of<Shape>(s);
+  if (!s.evenly) return at.factor / (1 + draws * seen.density * at.spread);
+  const Doubles times = seen.density * at.spread;
+  return Drawn ? at.factor / draws / (times + 1 / times) : at.factor / (1 + times * times);
 }
 
 /// to(sample, reached, diffuse, specular): what a sample gives to a group of points before shadows,
@@ -200,7 +207,7 @@ __attribute__((always_inline)) inline void give_drawn(const LightStage& s, size_
       lit & drawn.good & at.good & front & ~bump_shadow<Bent>(s, k, n, at.l).hidden;
   if (!any(reached)) return;
   const Highlights seen = highlights<false, Bent>(s, k, n, at.l, cosine, &narrow);
-  to(at, reached, Three{}, balanced<Shape>(s, at, seen) * (color * seen.light));
+  to(at, reached, Three{}, balanced<Shape, true>(s, at, seen) * (color * seen.light));
 }
 
 template <int Shape, bool Bent, bool Drawn, class To>

@@ -1,0 +1,81 @@
+"""Objects that some rays do not see, over floors that reflect, beside Cycles' full light."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+from cycles_reference import bpy
+from glint.engine import Settings
+from glint.engine.settings import OFFERED
+from glint_picture import render_glint
+from small_scenes import add, add_camera, add_light, cube, lambert, moved, plane
+
+SIDE = 40
+
+
+def principled(roughness: float, metallic: float, gray: float):
+    material = bpy.data.materials.new("Paint")
+    cycles.use_nodes(material)
+    node = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    node.inputs["Base Color"].default_value = (gray, gray, gray, 1)
+    node.inputs["Roughness"].default_value, node.inputs["Metallic"].default_value = (
+        roughness,
+        metallic,
+    )
+    return material
+
+
+def sky() -> None:
+    """A world that is brighter above."""
+    tree = bpy.context.scene.world.node_tree
+    place, parts = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    ramp = tree.nodes.new("ShaderNodeMapRange")
+    ramp.inputs["From Min"].default_value, ramp.inputs["To Min"].default_value = -1.0, 0.2
+    tree.links.new(place.outputs["Generated"], parts.inputs[0])
+    tree.links.new(parts.outputs["Z"], ramp.inputs["Value"])
+    background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
+    tree.links.new(ramp.outputs[0], background.inputs["Strength"])
+
+
+def box_on_a_floor(paint: tuple, lit: str, flag: str):
+    scene = cycles.empty_scene(SIDE, SIDE)
+    add(scene, "floor", plane(4, principled(*paint)))
+    box = add(scene, "box", cube(lambert((0.6, 0.3, 0.1))), moved(0, 0.6, 1.1, 1.2, 0.4, 1.0))
+    if lit == "lamp":
+        add_light(scene, "AREA", (0, 3, 3.2), (0, 0, 0.3), energy=500).data.size = 3.0
+    else:
+        cycles.set_world(scene, (0.5, 0.6, 0.8))
+        if lit == "sky":
+            sky()
+    setattr(box, flag, False)
+    add_camera(scene, (0, -6, 2.5), (0, 0, 0.5), lens=40)
+    return scene
+
+
+def before_the_box(scene) -> tuple[float, float]:
+    """Means of what is seen of the floor in front, of both engines as they are at first."""
+    names = {field.name for field in fields(Settings)} - {"passes", "region", "backend"}
+    offered = {name: getattr(OFFERED, name) for name in names}
+    glint = render_glint(scene, "NATIVE", **{**offered, "samples": 32}).combined
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = 256, False
+    scene.cycles.use_adaptive_sampling = False
+    truth = cycles.render_passes(scene)["Combined"]
+    here = np.s_[3 : SIDE * 2 // 5, SIDE // 5 : SIDE * 4 // 5, :3]
+    return float(glint[here].mean()), float(truth[here].mean())
+
+
+METAL, ROUGHER, PLASTIC = (0.15, 1.0, 0.8), (0.4, 1.0, 0.8), (0.2, 0.0, 0.05)
+
+
+@pytest.mark.parametrize("flag", ["visible_glossy", "visible_shadow"])
+@pytest.mark.parametrize("lit", ["world", "sky", "lamp"])
+@pytest.mark.parametrize("paint", [METAL, ROUGHER, PLASTIC])
+def test_what_some_rays_do_not_see_is_as_bright_in_floors(paint, lit, flag):
+    """Lamps less closely: what is drawn from lobes, and how much it weighs, is Cycles' own."""
+    glint, truth = before_the_box(box_on_a_floor(paint, lit, flag))
+    assert glint == pytest.approx(truth, rel=0.12 if lit == "lamp" else 0.06)
