@@ -106,7 +106,7 @@ def met(paths: Paths, hit: Array, surface: Surface) -> Surface:
 
 
 def joined(paths: list[Paths]) -> Paths:
-    """Bundles of one depth and past as one."""
+    """Paths of one depth and past as one."""
     parts = [p.rays for p in paths]
     origin, direction = (
         np.concatenate([getattr(b, name) for b in parts], 1) for name in ("origin", "direction")

@@ -1,24 +1,19 @@
 """Settings: they survive a file, and they arrive in the engine."""
 
 from blender_process import REGISTER_TREE, Blender
+from glint.engine.settings import DECLARED, OFFERED
 
-VALUES = {
-    "samples": 9,
-    "error_threshold": 2.5,
-    "light_samples": 3,
-    "lamp_shadows": 24,
-    "volume_samples": 7,
-    "max_bounces": 2,
-    "cutoff": 0.25,
-    "illumination": "CLASSIC",
-    "world_light": "CONSTANT",
-    "mesh_light": "OFF",
-    "diffuse_bounces": 3,
-    "reflections": "ALL",
-    "backend": "NUMPY",
-    "acceleration": "FAST",
-    "threads": 5,
-}
+
+def _another(name: str) -> int | float | str:
+    """A value of a setting that is neither the engine's default nor what is offered."""
+    declared, offered = DECLARED[name], getattr(OFFERED, name)
+    if declared.choices:
+        names = [choice for choice, _, _ in declared.choices]
+        return next(choice for choice in names if choice not in (declared.default, offered))
+    return declared.default + (1 if declared.is_whole() else 0.25)
+
+
+VALUES = {name: _another(name) for name, declared in DECLARED.items() if declared.label}
 
 
 def test_settings_and_switches_survive_saving_and_loading(tmp_path):

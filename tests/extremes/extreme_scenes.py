@@ -53,11 +53,6 @@ def moved_to(place, scale: float = 1.0, shift=(0.0, 0.0, 0.0)):
     return build.moved(*(np.multiply(place, scale) + shift))
 
 
-def sun_at(direction):
-    """A 4×4 matrix whose z axis points to `direction`."""
-    return build.looking_at(direction, (0.0, 0.0, 0.0))
-
-
 def grid_mesh(count: int, size: float, heights=None, material=None, turn=None):
     """A grid of count × count quads over [-size, size]²; heights (count + 1, count + 1); turned by
     a (3, 3) matrix before float32.

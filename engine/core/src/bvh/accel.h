@@ -1,4 +1,4 @@
-// The accelerator's door: a tree per geometry, a tree over instances, closest and any hit for
+// The accelerator: a tree per geometry, a tree over instances, closest and any hit for
 // batches of rays. All world quantities are doubles in anchored space (scene/anchor.h): camera at
 // the origin, scene radius about one.
 #pragma once

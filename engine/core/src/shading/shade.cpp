@@ -5,22 +5,13 @@
 
 #include "math/math.h"
 #include "shading/light_program.h"
+#include "shading/stage_math.h"
 
 namespace glint {
 namespace {
 
 constexpr uint32_t kMostLevels = 64;    // of lobe points
 constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transparent ray
-
-/// Of a smooth dielectric, unpolarised; 1 at total reflection (Fresnel 1823).
-double reflectance(double cosine, double relative_ior) {
-  const double sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior);
-  if (sine2 >= 1) return 1;
-  const double inner = std::sqrt(std::fmax(0, 1 - sine2)),
-               across = (cosine - relative_ior * inner) / (cosine + relative_ior * inner),
-               along = (relative_ior * cosine - inner) / (relative_ior * cosine + inner);
-  return 0.5 * (across * across + along * along);
-}
 
 /// What a stage reads of a batch's points and of the rays that arrived there.
 PassStage stage_of(const Batch& batch) {
@@ -99,7 +90,9 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
                  ior = batch.outside[k] ? given : 1 / given;
     const bool mirrors = lobe->kind == GLINT_MIRROR, refracts = lobe->kind == GLINT_REFRACTION;
     const double cosine = std::fabs(dot(batch.passing_normal(k, i, n), d)),
-                 R = lobe->fresnel && (mirrors || refracts) ? reflectance(cosine, ior) : 0;
+                 R = lobe->fresnel && (mirrors || refracts)
+                         ? fresnel_reflectance(splat(cosine), splat(ior))[0]
+                         : 0;
     if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * batch.passing(k, i);
     if (refracts) gives.refracted += (1 - R) * batch.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;

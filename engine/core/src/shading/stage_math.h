@@ -40,7 +40,7 @@ inline Doubles seen_cosine(const Three& n, const Three& d) {
   return smaller(larger(-dot(n, d), splat(0)), splat(1));
 }
 
-/// Unpolarised reflectance of a dielectric.
+/// Unpolarised reflectance of a smooth dielectric, 1 at total reflection (Fresnel 1823).
 inline Doubles fresnel_reflectance(Doubles cosine, Doubles relative_ior) {
   const Doubles sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior),
                 beyond = root(1 - sine2);
