@@ -43,6 +43,19 @@ sys.excepthook = fail
 atexit.register(leave)
 glint.register()
 """
+COMPOSITOR = """
+if hasattr(scene, "compositing_node_group"):
+    tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    scene.compositing_node_group = tree
+    output = tree.nodes.new("NodeGroupOutput")
+else:
+    scene.use_nodes = True
+    tree = scene.node_tree
+    tree.nodes.clear()
+    output = tree.nodes.new("CompositorNodeComposite")
+"""
+"""An empty compositor of `scene` and its output, before Blender 5.0 and since."""
 ANSWER = "ANSWER "
 
 

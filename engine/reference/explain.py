@@ -245,8 +245,7 @@ class Explainer:
         paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             point = self.stage.lobe_point(0, paths.depth)
-            cutoff = self.stage.settings.cutoff
-            for after in bounced(at, cutoff, point):
+            for after in bounced(at, self.stage.settings, point):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0
                 yield self.follow(after, "mirror" if is_mirror else "refraction")

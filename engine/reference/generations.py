@@ -55,7 +55,7 @@ def reflected(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     if not terms:
         return []
     point = stage.lobe_point(sample, at.paths.reflections)
-    found = reflected_by_lobes(at, terms, point, settings.cutoff)
+    found = reflected_by_lobes(at, terms, point, settings)
     return [] if found is None else [found]
 
 
@@ -170,7 +170,7 @@ class Generations:
         """Rays of mirrors, glass and rough surfaces."""
         stage = self._stage
         point = stage.lobe_point(self._sample, at.paths.depth)
-        deeper = bounced(at, stage.settings.cutoff, point, stage.splits)
+        deeper = bounced(at, stage.settings, point, stage.splits)
         self._note_rough_glass(at)
         reflections = reflected(stage, at, self._sample)
         for some in reflections:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..settings import Settings
 from .gloss import Narrow, Reflections, half_vector
 from .lights import LightPoint
 from .lobe_light import highlights
@@ -156,12 +157,14 @@ def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:
     )
 
 
-def bounced(at: Interaction, cutoff: float, point: LightPoint, splits: bool = False) -> list[Paths]:
+def bounced(
+    at: Interaction, settings: Settings, point: LightPoint, splits: bool = False
+) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
     cutoff. point: where in rough REFRACTION lobes they go on.
     splits: it is to be known which surface they left first.
     """
-    found = [*_mirrored(at, cutoff), *_refracted(at, cutoff, point, splits)]
+    found = [*_mirrored(at, settings.cutoff), *_refracted(at, settings.cutoff, point, splits)]
     return [paths for paths in found if len(paths)]
 
 
@@ -238,7 +241,7 @@ def refracted_roughly(
 
 
 def reflected_by_lobes(
-    at: Interaction, terms: list[Term], point: LightPoint, cutoff: float
+    at: Interaction, terms: list[Term], point: LightPoint, settings: Settings
 ) -> Paths | None:
     """A ray from each point in the direction in which the half vector at `point` of the lobes
     mirrors the one that met it.
@@ -253,7 +256,8 @@ def reflected_by_lobes(
     k = highlights(surface, terms, go, d) / (np.pi * narrow.density(go, d))
     own = np.exp2(np.clip(np.floor(np.log2(np.maximum(exponent[go], 1.0))), 0, 60))
     wide = replace(paths, widest=_with(paths.widest, hit[go], own))
-    found = leaving(wide, hit[go], some, d, np.where(np.isfinite(k), k, 0.0), cutoff)
+    k = np.where(np.isfinite(k), k, 0.0)
+    found = leaving(wide, hit[go], some, d, k, settings.cutoff)
     if not len(found):
         return None
     return replace(found, reflections=paths.reflections + 1, glossy=True)

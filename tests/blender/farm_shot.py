@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from blender_process import REGISTER_TREE, Blender, Run
+from blender_process import COMPOSITOR, REGISTER_TREE, Blender, Run
 
 # What stands for the program `blender`: the bpy of this environment with the tree as its add-on.
 PROGRAM = (
@@ -72,17 +72,9 @@ class Shot:
 
 
 # The picture is blurred, and written to files of its own too.
-COMPOSITED = """
-if hasattr(scene, "compositing_node_group"):
-    tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    scene.compositing_node_group = tree
-    output = tree.nodes.new("NodeGroupOutput")
-else:
-    scene.use_nodes = True
-    tree = scene.node_tree
-    tree.nodes.clear()
-    output = tree.nodes.new("CompositorNodeComposite")
+COMPOSITED = (
+    COMPOSITOR
+    + """
 layers = tree.nodes.new("CompositorNodeRLayers")
 blur = tree.nodes.new("CompositorNodeBlur")
 if "Size" in blur.inputs and blur.inputs["Size"].type == "VECTOR":
@@ -99,3 +91,4 @@ else:
     files.base_path = str(FOLDER / "composited")
 tree.links.new(blur.outputs["Image"], files.inputs[0])
 """
+)

@@ -6,6 +6,7 @@ Cycles show.
 from __future__ import annotations
 
 from glint.addon.export.approximations import APPROXIMATED
+from glint.addon.export.materials.graph import INLINED
 
 __all__ = ["APPROXIMATED", "NOTED", "STRUCTURE"]
 
@@ -20,24 +21,7 @@ STRUCTURE: dict[str, str] = {
     "NodeGroupOutput": "exact",
     "NodeReroute": "exact",
     "NodeFrame": "exact",
-    **dict.fromkeys(
-        (
-            "GeometryNodeMenuSwitch",
-            "GeometryNodeRepeatInput",
-            "GeometryNodeRepeatOutput",
-            "NodeClosureInput",
-            "NodeClosureOutput",
-            "NodeCombineBundle",
-            "NodeEvaluateClosure",
-            "NodeJoinBundle",
-            "NodeSeparateBundle",
-            "FunctionNodeInputBool",
-            "FunctionNodeInputInt",
-            "FunctionNodeInputMenu",
-            "FunctionNodeInputVector",
-        ),
-        f"exact: {INSIDE}",
-    ),
+    **dict.fromkeys(INLINED, f"exact: {INSIDE}"),
 }
 """Nodes that hold trees together."""
 

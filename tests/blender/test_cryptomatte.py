@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_process import Blender
+from blender_process import COMPOSITOR, Blender
 from glint.engine.cryptomatte import id_of, name_hash
 from test_addon_passes import DRAW, read_channels
 
@@ -123,16 +123,9 @@ def test_blenders_node_finds_the_same(tmp_path):
 cube.name = "first"
 scene.render.filepath = str(FOLDER / "crypto.exr")
 bpy.ops.render.render(write_still=True)
-if hasattr(scene, "compositing_node_group"):
-    tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    scene.compositing_node_group = tree
-    output = tree.nodes.new("NodeGroupOutput")
-else:
-    scene.use_nodes = True
-    tree = scene.node_tree
-    tree.nodes.clear()
-    output = tree.nodes.new("CompositorNodeComposite")
+"""
+        + COMPOSITOR
+        + """
 node = tree.nodes.new("CompositorNodeCryptomatteV2")
 node.source, node.scene = "RENDER", scene
 node.layer_name = "ViewLayer.CryptoObject"
