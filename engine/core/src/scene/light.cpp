@@ -169,6 +169,10 @@ void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) con
   }
 }
 
+void Light::widen(LightStage& stage, const LightPoint& p, uint32_t count) const {
+  stage.near2 = scale2 * p.drawn[9] / merged(count, is_bounced());
+}
+
 void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
   if (is_dome()) return set_dome(stage, p, count);
   if (is_surface()) return set_mesh(stage, p, count);
