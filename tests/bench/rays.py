@@ -29,6 +29,7 @@ GENERATED = {
     "bumpy_70k": "bumpy:132x264",
     "bumpy_2M": "bumpy:708x1414",
     "instances_10k": "instances:10000",
+    "instances_3": "copies:3",
 }
 """Made by the program itself: name → its --mesh."""
 QUICK = ("icosphere_5k", "suzanne_16k", "living_room", "bumpy_70k", "instances_10k")

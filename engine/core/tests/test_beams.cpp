@@ -115,7 +115,7 @@ RayEnds ends_of(const Ray* rays) {
 /// Rays that get another answer in a beam than alone, or are blocked without a hit or hit without
 /// being blocked. found: the hits, where they are none of these.
 int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t visibility,
-                   std::vector<Hit>* found = nullptr) {
+                   std::vector<Hit>* found = nullptr, const Opacity* opacity = nullptr) {
   std::vector<double> columns[8], t(rays.size());
   std::vector<uint32_t> instance(rays.size()), primitive(rays.size());
   std::vector<float> u(rays.size()), v(rays.size());
@@ -125,14 +125,18 @@ int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t vi
     for (int c = 0; c < 8; ++c) columns[c].push_back(values[c]);
   }
   Scratch scratch;
+  const auto some = [&](size_t first, size_t count) {
+    const auto column = [&](int c) { return columns[c].data() + first; };
+    return Rays{{column(0), column(1), column(2)},
+                {column(3), column(4), column(5)},
+                column(6),
+                column(7),
+                count,
+                visibility,
+                opacity};
+  };
   for (size_t k = 0; k < rays.size(); k += kSide * kSide) {  // where beams fail, others wait
-    const auto column = [&](int c) { return columns[c].data() + k; };
-    Rays all{{column(0), column(1), column(2)},
-             {column(3), column(4), column(5)},
-             column(6),
-             column(7),
-             kSide * kSide,
-             visibility};
+    Rays all = some(k, kSide * kSide);
     const RayEnds ends = ends_of(&rays[k]);
     all.ends = ends.earliest > 0 && k / (kSide * kSide) % 2 == 0 ? &ends : nullptr;
     accel.closest(all, Hits{&t[k], &instance[k], &primitive[k], &u[k], &v[k]}, scratch);
@@ -140,12 +144,10 @@ int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t vi
   }
   int count = 0;
   for (size_t k = 0; k < rays.size(); ++k) {
-    Ray alone = rays[k];
-    alone.visibility = visibility;
     Hit hit;
     uint8_t stopped = 0;
-    accel.closest(&alone, &hit, 1, scratch);
-    accel.occluded(&alone, &stopped, 1, scratch);
+    accel.closest(some(k, 1), Hits{&hit.t, &hit.instance, &hit.primitive, &hit.u, &hit.v}, scratch);
+    accel.occluded(some(k, 1), &stopped, scratch);
     count += !same(hit, {t[k], instance[k], primitive[k], u[k], v[k]}) || stopped != blocked[k] ||
              (hit.instance != Hit::kNone) != (stopped != 0);
     if (found) found->push_back(hit);
@@ -246,6 +248,39 @@ TEST(beams, several_trees_and_what_is_hidden) {
                     1e-6, random);
   for (uint32_t visibility : {kCamera, kMirror})
     CHECK(wrong_in_beams(*accel, rays, visibility) == 0);
+}
+
+/// Few copies, so large that beams go into them as beams; some where others are, some that cameras
+/// do not see or rays pass.
+TEST(beams, large_instances) {
+  Random random(15);
+  for (const char* isa : {"sse42", "avx2", "avx512"}) {
+    ask_for_isa(isa);
+    for (int scene_number = 0; scene_number < rounds(12); ++scene_number) {
+      MixedShapes scene;
+      const Mesh mesh = scene_number % 3 ? bumpy_sphere(12, 24) : box_grid(3, 1, {});
+      scene.add(mesh);
+      for (uint32_t k = 0; k < 4; ++k) {
+        const Affine place = k == 3 ? scene.instances[scene_number % 3].world_from_object
+                                    : random_affine(random, random.uniform(0.2, 3));
+        scene.place(0, place);
+      }
+      scene.instances[1].visibility = kMirror | kShadow;
+      const uint8_t kinds[] = {Opacity::kSolid, Opacity::kSolid, Opacity::kClear, Opacity::kSolid};
+      const auto accel = build(scene.geometries, scene.instances);
+      std::vector<Ray> rays;
+      for (int k = 0; k < 20; ++k)
+        add_beam(rays, random.in_box(k % 3 ? 3 : 1), random.in_box(1),
+                 std::pow(10, random.uniform(-5, -2)), random, k % 5 ? 0 : random.uniform(),
+                 k % 4 ? HUGE_VAL : random.uniform(0.6, 1.4));
+      const Opacity opacity{kinds, nullptr, nullptr};
+      for (uint32_t visibility : {kCamera, kMirror}) {
+        CHECK(wrong_in_beams(*accel, rays, visibility) == 0);
+        CHECK(wrong_in_beams(*accel, rays, visibility, nullptr, &opacity) == 0);
+      }
+    }
+  }
+  ask_for_isa(nullptr);
 }
 
 /// Lights on a surface, or less from it than rays' ends are apart.

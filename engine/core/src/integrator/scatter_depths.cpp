@@ -129,7 +129,10 @@ void ScatterDepths::aim_at(size_t k, const Light& light, const LightPlace& place
         last_to = endless_ ? at : s / (D + std::sqrt(D * D + s * s));
       }
       to = last_to;
-      const double along = (at - rung.from) / (rung.to - rung.from),
+      // at its ends, most often, without a division
+      const double along = at == rung.from ? 0
+                           : at == rung.to ? 1
+                                           : (at - rung.from) / (rung.to - rung.from),
                    density = rung.first + (rung.last - rung.first) * along;
       weight = endless_ ? density : density * 2 / (1 + to * to);
     };

@@ -223,6 +223,15 @@ struct BeamWalk {
   }
   /// False when it came to more leaves than it is meant for, or to what rays may pass.
   bool walk() {
+    return walk(leaves_allowed(Any), [this](ChildRef at) {
+      if (answers.opacity && !opaque(at)) return false;
+      leaf(at);
+      return true;
+    });
+  }
+  /// False when it came to more leaves than `leaves`, or at_leaf(leaf) says so.
+  template <class AtLeaf>
+  __attribute__((always_inline)) bool walk(int leaves, AtLeaf at_leaf) {
     const Order& order = *beam.order;
     Floats m[kLines], c[kLines];
     FloatMask falls[kLines];
@@ -238,12 +247,11 @@ struct BeamWalk {
     ChildRef waiting[kStack];
     float distance[kStack];
     alignas(64) float front[kWidth];
-    int top = 0, leaves = leaves_allowed(Any);
+    int top = 0;
     ChildRef at = tree.root;
     for (;;) {
       if (at & kLeaf) {
-        if (--leaves < 0 || (answers.opacity && !opaque(at))) return false;
-        leaf(at);
+        if (--leaves < 0 || !at_leaf(at)) return false;
       } else {
         const Node& n = tree.nodes[at];
         uint32_t mask = 0;

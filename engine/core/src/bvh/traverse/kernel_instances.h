@@ -37,14 +37,16 @@ template <class V>
 struct OpenRay {
   V o[3], d[3];
   OpenRay() = default;
-  OpenRay(const Tile& tile, int r) {
+  template <class Source>
+  OpenRay(const Source& tile, int r) {
     for (int a = 0; a < 3; ++a) {
       take(tile.xyz_o[a] + r, o[a]);
       take(tile.xyz_d[a] + r, d[a]);
     }
   }
   /// In the space of an instance's tree.
-  OpenRay(const InstanceRecord& i, const Tile& tile, int r) {
+  template <class Source>
+  OpenRay(const InstanceRecord& i, const Source& tile, int r) {
     const OpenRay world(tile, r);
     const V p[3] = {world.o[0] - i.origin[0], world.o[1] - i.origin[1], world.o[2] - i.origin[2]};
     for (int a = 0; a < 3; ++a) {

@@ -1,7 +1,7 @@
 // Batches of rays through the trees: as beams where they begin or end at one point, else as tiles
 // of 64, whose rays of one axis class are a packet.
 #pragma once
-#include "bvh/traverse/kernel_beam.h"
+#include "bvh/traverse/kernel_beam_instances.h"
 #include "bvh/traverse/kernel_packets.h"
 
 namespace glint {
@@ -165,29 +165,11 @@ inline Answers answers_of(const TopLevelView& world, const Rays& rays, size_t fi
   return a;
 }
 
-/// The rays from `first` on, as many as one beam has. False when they are none.
-template <bool Any, class AnswersFrom>
-inline Beamed trace_in_beam(const TopLevelView& world, const Rays& rays, size_t first,
-                            const AnswersFrom& answers_from) {
-  if (rays.count - first < kBeam || (Any && rays.opacity && rays.opacity->onward))
-    return Beamed::kUnfit;
-  if (world.tree_count == 0 || world.trees->kind != kTriangleLeaf) return Beamed::kUnfit;
-  Answers answers = answers_from(first);
-  if (answers.fallbacks) fill(answers.fallbacks, kBeam, uint8_t(0));
-  if (answers.layers.hits) fill(answers.layers.count, kBeam, uint8_t(0));
-  const Beamed beamed = trace_beam<Any>(world.trees[0], rays, first, answers);
-  if (beamed != Beamed::kTraced) return beamed;
-  for (size_t k = first; world.tree_count > 1 && k < first + kBeam; k += kTile) {
-    Answers part = answers_from(k);
-    trace<Any>(world, rays, k, kTile, part, 1);
-  }
-  return Beamed::kTraced;
-}
-
 /// When to try a beam again: the more often they failed in a row, the later.
 struct Trials {
   size_t next = 0, wait = 2;  // the ray from which on; in beams
 
+  bool due(size_t k) const { return k >= next; }
   /// Notes how a beam from k on has fared.
   bool note(Beamed beamed, size_t k) {
     if (beamed == Beamed::kUnfit) return false;
@@ -200,20 +182,53 @@ struct Trials {
 
 /// All rays, in beams as large as they allow. answers_from: Answers of the rays from one on.
 template <bool Any, class AnswersFrom>
+struct Batch {
+  const TopLevelView& world;
+  const Rays& rays;
+  const AnswersFrom& answers_from;
+  Trials trials = {};
+
+  void trace_all() {
+    const bool beams = world.tree_count && !(Any && rays.opacity && rays.opacity->onward);
+    for (size_t k = 0; k < rays.count;) {
+      const size_t done = beams && rays.count - k >= kBeam ? trace_in_beam(k) : 0;
+      const size_t count = done ? kBeam : size_t(tile_size(rays, k));
+      if (!done || done < world.tree_count) trace_in_tiles(k, count, done);
+      k += count;
+    }
+  }
+  /// A beam from `first` on through the first tree: how many trees that does.
+  size_t trace_in_beam(size_t first) {
+    const TreeView& tree = *world.trees;
+    const bool placed = tree.kind == kInstanceLeaf;
+    if (tree.kind != kTriangleLeaf && !(placed && !Any)) return 0;
+    if (!trials.due(first)) return 0;
+    Answers answers = answers_from(first);
+    if (answers.fallbacks) fill(answers.fallbacks, kBeam, uint8_t(0));
+    if (answers.layers.hits) fill(answers.layers.count, kBeam, uint8_t(0));
+    Beamed beamed;
+    if constexpr (!Any) {
+      if (placed) clear<Any>(answers, kBeam);
+      beamed = placed ? trace_placed_beam(world, tree, rays, first, answers)
+                      : trace_beam<Any>(tree, rays, first, answers);
+    } else beamed = trace_beam<Any>(tree, rays, first, answers);
+    return trials.note(beamed, first);
+  }
+  /// The rays from `first` on through the trees from `tree` on.
+  void trace_in_tiles(size_t first, size_t count, size_t tree) {
+    for (size_t k = first; k < first + count; k += kTile) {
+      const int some = int(count < kTile ? count : kTile);
+      Answers answers = answers_from(k);
+      if (tree == 0) clear<Any>(answers, some);
+      trace<Any>(world, rays, k, some, answers, tree);
+    }
+  }
+};
+
+template <bool Any, class AnswersFrom>
 inline void trace_all(const TopLevelView& world, const Rays& rays,
                       const AnswersFrom& answers_from) {
-  Trials beams;
-  for (size_t k = 0; k < rays.count;) {
-    if (k >= beams.next && beams.note(trace_in_beam<Any>(world, rays, k, answers_from), k)) {
-      k += kBeam;
-      continue;
-    }
-    const int count = tile_size(rays, k);
-    Answers answers = answers_from(k);
-    clear<Any>(answers, count);
-    trace<Any>(world, rays, k, count, answers);
-    k += size_t(count);
-  }
+  Batch<Any, AnswersFrom>{world, rays, answers_from}.trace_all();
 }
 
 void closest(const TopLevelView& world, const Rays& rays, const Hits& hits, RayStacks& stacks) {
