@@ -89,7 +89,10 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
     `each` points, as `mesh_lights.mesh_table`.
     """
     assert light.bounces is not None
-    b = _even(light.bounces, each)
+    dense = light.bounces
+    b = _even(dense, each)
+    near = gather_reach(b, each)
+    widest = np.minimum(dense.spreads, MERGED * np.pi * each * near * near)
     count = tabled(samples, each)
     u = dome_points(count)
     index, share = _taken(b, count)
@@ -107,8 +110,9 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
         each,
         b.caught[index],
         b.light_group[index],
-        gather_reach(b, each),
+        near,
         b.last[index],
+        np.maximum(b.spreads, widest)[index],
     )
 
 

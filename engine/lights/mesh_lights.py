@@ -353,7 +353,8 @@ class MeshTable:
     unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
     light_group: (k,) int, -1 for none.  near: within that distance, world units, rays look for
     surfaces that throw light on, in place of these points; 0: none do.  last: (k,) bool, points
-    that do not light those surfaces.
+    that do not light those surfaces.  wide: (k,) `spread` of the discs that light what gather rays
+    and rough reflections meet.
     """
 
     point: Array
@@ -368,6 +369,7 @@ class MeshTable:
     light_group: Array
     near: float = 0.0
     last: Array | None = None
+    wide: Array | None = None
 
     def first(self, count: int) -> MeshTable:
         """The first `count` of the points of each sample."""

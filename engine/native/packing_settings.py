@@ -171,7 +171,8 @@ def _add_bounced(
 def _point_rows(t: MeshTable) -> np.ndarray:
     """(k, 18) as glint.h has mesh_table."""
     flags = t.caught + 2 * (0 if t.last is None else t.last)
-    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc, flags)
+    back = t.back if t.wide is None else np.column_stack((t.wide, t.back[:, 1:]))
+    columns = (t.point, t.normal, t.front, back, t.spread, t.reach, t.disc, flags)
     return np.column_stack((*columns, 1 + t.light_group))
 
 

@@ -86,8 +86,8 @@ class Stage:
         near = [source.reach for source in self.sources if isinstance(source, BouncedSource)]
         self.reach = 0.0 if self.catches or not near else near[0]
         self._lighting_of_far = replace(self.lighting, reach=self.reach)
-        parts = (s.in_parts(SKY_PARTS) if isinstance(s, Dome) else s for s in self.sources)
-        self._lighting_of_blurred = replace(self.lighting, sources=tuple(parts))
+        blurred = tuple(self._blurred(source) for source in self.sources)
+        self._lighting_of_blurred = replace(self.lighting, sources=blurred)
         self._lighting_of_near = replace(self._lighting_of_blurred, gathered=True)
         self._lobe_points = lobe_points(settings.samples)
         self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
@@ -100,6 +100,12 @@ class Stage:
         self.ambient, self.background = (
             np.array(c, np.float64)[:, None] for c in (scene.world.ambient, scene.world.background)
         )
+
+    def _blurred(self, source: Source) -> Source:
+        """A light as rough reflections and gather rays show what it lights."""
+        if isinstance(source, BouncedSource):
+            return source.widened() if self.reach > 0 else source
+        return source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
 
     def background_of(self, along: Array, kind: str) -> Array:
         """(3, n) or (3, 1): what rays of a kind in the directions (3, n) see that hit nothing."""

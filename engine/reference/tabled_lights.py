@@ -320,6 +320,7 @@ class BouncedSource(MeshSource):
 
     has_highlights = False
     merged = BOUNCES_MERGED
+    _is_wide = False
 
     def drawn_at(self, number: int, point: MeshPoint) -> None:
         return None
@@ -331,6 +332,14 @@ class BouncedSource(MeshSource):
     def fewer(self, count: int) -> BouncedSource:
         """The first so many of the points of each sample, in place of them all."""
         return BouncedSource(self.light, self._eye, self._table.first(count))
+
+    def widened(self) -> BouncedSource:
+        """The same light of discs no smaller than their points' density says, but for the largest:
+        where no rays look for what is near, small ones of much power would be spots.
+        """
+        found = copy.copy(self)
+        found._is_wide = True
+        return found
 
     def seen_from(
         self, x: Array, n: Array, numbers: Sequence[int], count: int
@@ -358,7 +367,9 @@ class BouncedSource(MeshSource):
         return seen
 
     def _radius2(self, number: int) -> float:
-        return float(merged(self._table.spread[number], self._table.each, self.merged))
+        wide = self._table.wide if self._is_wide else None
+        spread = self._table.spread if wide is None else wide
+        return float(merged(spread[number], self._table.each, self.merged))
 
     def _disc(
         self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None

@@ -412,7 +412,8 @@ typedef struct GlintNeighbour {
  * its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the
  * unit disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for
  * points on catchers in place of the 0, and 2 more for those whose light goes on from no other
- * surface that gather rays find. Tables may be null where the scene has no such light.
+ * surface that gather rays find, and in place of back[0] the spread of the disc where no rays
+ * gather what is near. Tables may be null where the scene has no such light.
  * lobe_points: (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a
  * path, where in the lobes of rough surfaces its rays are reflected; null only where none are.
  * error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it

@@ -219,6 +219,7 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
     if (is_gathered && point.is_last) continue;
     LightStage stage = stage_;
     light.set(stage, point, all, plan_.physical());
+    if (light.is_bounced() && reach_ > 0 && stage.gather2 == 0) light.widen(stage, point, all);
     if (parts > 1) stage.share = count;
     stage.lit = lit;
     for (const bool drawn : {false, true}) {

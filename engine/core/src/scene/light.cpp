@@ -165,8 +165,12 @@ void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) con
     stage.end[c] = stage.center[c] = q[c];
     stage.axis[c] = n[c];
     stage.color[c] = saturate(row[6 + c]);
-    stage.back[c] = saturate(row[9 + c]);
+    stage.back[c] = is_bounced() ? 0 : saturate(row[9 + c]);
   }
+}
+
+void Light::widen(LightStage& stage, const LightPoint& p, uint32_t count) const {
+  stage.near2 = scale2 * p.drawn[9] / merged(count, is_bounced());
 }
 
 void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {

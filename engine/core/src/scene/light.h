@@ -79,6 +79,8 @@ struct Light {
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
   /// the centre).
   void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
+  /// Then, of a disc of bounced light: as large as it is where no rays look for what is near.
+  void widen(LightStage& stage, const LightPoint& p, uint32_t count) const;
 
   /// From where to where it shines on a line.
   struct Part {
