@@ -19,7 +19,6 @@ REMEDIES: dict[str, str] = {
     "Meshes whose number of vertices or faces changes while the shutter is open keep their shape: …": "Remesh after the animation, or turn off Object properties → Motion Blur → Deformation",
     "Ray visibility hides the shape of a light, not its light: … light matt and glossy surfaces": "Use light linking to keep its light off things, or hide the lamp",
     "Ray visibility hides the shape of a light, not its light: … shine through what refracts": "Use light linking to keep its light off things, or hide the lamp",
-    "Refracted rays see what glossy rays see, whatever the transmission visibility of … says": "Set Ray Visibility → Glossy and Transmission alike",
     "Shadow caustics are not rendered: … cast none; light passes glass straight on": "Nothing: glass is lit and lets light pass; put a lamp where the caustic is missed",
     "Bump Map Correction is not switched off for mirrors of …: bent normals are kept from showing what is behind the surface": "Lower the strength of the bump where it looks flat",
     "Lights have a colour that is not finite (…): its bad channels are black": "Set the light's colour anew",

@@ -239,6 +239,7 @@ class Collector:
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
             asset=placed.asset, catcher=flags.catcher, light_group=placed.light_group,
             receivers=flags.receivers, blockers=flags.blockers,
+            visible_transmission=flags.transmission,
         )  # fmt: skip
 
     @cached_property

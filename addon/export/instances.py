@@ -34,6 +34,7 @@ class Flags(NamedTuple):
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
     catcher: bool = False
+    transmission: bool = True
 
 
 @dataclass(eq=False)
@@ -230,12 +231,6 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
             )
         return
     note_object(thing.name, owner, report)
-    if owner.visible_transmission != owner.visible_glossy:
-        report.note(
-            "Refracted rays see what glossy rays see, whatever the transmission visibility of {} "
-            "says",
-            thing.name,
-        )
 
 
 def collections_cut(layer_collection: Any) -> bool:
@@ -272,14 +267,16 @@ def flags_of(
         )
     _note_light_settings(thing, thing, report)
     camera, mirror, shadow = thing.visible_camera, thing.visible_glossy, thing.visible_shadow
-    catcher = thing.is_shadow_catcher
+    catcher, transmission = thing.is_shadow_catcher, thing.visible_transmission
     if instancer is not thing:
         _note_light_settings(thing, instancer, report)
         camera, mirror = camera and instancer.visible_camera, mirror and instancer.visible_glossy
         shadow = shadow and instancer.visible_shadow
         catcher = catcher or instancer.is_shadow_catcher
+        transmission = transmission and instancer.visible_transmission
     camera = camera and not indirect_only
     if links is None:
-        return Flags(camera, mirror, shadow, holdout, catcher=catcher)
+        return Flags(camera, mirror, shadow, holdout, catcher=catcher, transmission=transmission)
     lit, shaded = links.lit_by(owner), links.shaded_by(owner)
-    return Flags(camera, mirror, shadow, holdout, links.set_of(owner), lit, shaded, catcher)
+    linked = links.set_of(owner), lit, shaded
+    return Flags(camera, mirror, shadow, holdout, *linked, catcher, transmission)

@@ -124,10 +124,11 @@ def note_linked_glow(
     worn = {k for block in instances for k in block.materials}
     mirrors = any(not kinds[k].isdisjoint({"MIRROR", "REFRACTION"}) for k in worn)
     for block in linked if mirrors else ():
-        if block.visible_mirror and any("EMISSION" in kinds[k] for k in block.materials):
+        shown = block.visible_mirror or block.visible_transmission
+        if shown and any("EMISSION" in kinds[k] for k in block.materials):
             report.note(
                 "Mirrors and glass show what glows also where its light linking leaves them out: "
-                "{}; turn off its Glossy in Ray Visibility to hide it from all",
+                "{}; turn off Glossy and Transmission in its Ray Visibility to hide it from all",
                 block.name,
             )
 

@@ -42,6 +42,7 @@ _LIKENESS = attrgetter(
     "visible_camera",
     "visible_mirror",
     "visible_shadow",
+    "visible_transmission",
     "holdout",
     "light_set",
     "catcher",

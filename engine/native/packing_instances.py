@@ -91,7 +91,9 @@ def _moved_instances(groups: tuple[Instances, ...], before: Part, changed: tuple
     return Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
 
 
-_CAMERA, _MIRROR, _SHADOW, _HOLDOUT, _CATCHER = (flag.value for flag in core_types.InstanceFlags)
+_CAMERA, _MIRROR, _SHADOW, _HOLDOUT, _CATCHER, _TRANSMISSION = (
+    flag.value for flag in core_types.InstanceFlags
+)
 
 
 def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
@@ -99,6 +101,7 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         _CAMERA * group.visible_camera
         | _MIRROR * group.visible_mirror
         | _SHADOW * group.visible_shadow
+        | _TRANSMISSION * group.visible_transmission
         | _HOLDOUT * group.holdout
         | _CATCHER * group.catcher
     )

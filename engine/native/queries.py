@@ -19,7 +19,8 @@ from .packing import pack_scene
 Array = np.ndarray
 
 _VISIBLE: dict[str | None, int] = {
-    kind: InstanceFlags[f"VISIBLE_{kind.upper()}"].value for kind in ("camera", "mirror", "shadow")
+    kind: InstanceFlags[f"VISIBLE_{kind.upper()}"].value
+    for kind in ("camera", "mirror", "shadow", "transmission")
 }
 _VISIBLE[None] = sum(_VISIBLE.values())
 

@@ -82,12 +82,12 @@ class Explainer:
         block = (x0, min(x0 + GATHER_BLOCK, width)), (y0, min(y0 + GATHER_BLOCK, height))
         own = (y - y0) * (block[0][1] - x0) + x - x0
         paths = self._camera_paths(*block)
-        found = stage.visibility.closest(paths.rays, paths.kind)
+        found = stage.visibility.closest(paths.rays, paths.visibility)
         hit = np.flatnonzero(found.primitive != NOTHING)
         if not len(hit):
             return []
         if stage.media:
-            spans = stage.media.spans(paths.rays, paths.kind, found.depth)
+            spans = stage.media.spans(paths.rays, paths.visibility, found.depth)
             passed = stage.media.passed(spans, paths.rays.near, found.depth)
             paths = replace(paths, weight=paths.weight * passed)
         surface = self._surface(paths, hit, found.primitive[hit], found.depth[hit])
@@ -134,8 +134,10 @@ class Explainer:
         """One ray and all that follow from it."""
         stage = self.stage
         o, d = paths.rays.lines(np.zeros(1, np.intp))
-        found = stage.visibility.closest(paths.rays, paths.kind)
-        spans = stage.media.spans(paths.rays, paths.kind, found.depth) if stage.media else None
+        found = stage.visibility.closest(paths.rays, paths.visibility)
+        spans = (
+            stage.media.spans(paths.rays, paths.visibility, found.depth) if stage.media else None
+        )
         shapes = tuple(self._shapes(paths, o, d, found.depth, spans))
         sent, passed = paths.weight[:, 0], np.ones((3, 1))
         media: tuple[tuple[str, Numbers], ...] = ()
@@ -244,8 +246,9 @@ class Explainer:
     def _next(self, at: Interaction, depth: Array) -> Iterator[Ray]:
         paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
-            point = self.stage.lobe_point(0, paths.depth)
-            for after in bounced(at, self.stage.settings, point):
+            stage = self.stage
+            point, differs = stage.lobe_point(0, paths.depth), stage.geometry.glass_differs
+            for after in bounced(at, stage.settings, point, glass_differs=differs):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0
                 yield self.follow(after, "mirror" if is_mirror else "refraction")

@@ -61,7 +61,10 @@ def reflected(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [(p.reflections, p.glossy, p.transmitted, p.gathers, p.shared) for p in paths]
+    pasts = [
+        (p.reflections, p.glossy, p.transmitted, p.gathers, p.shared, p.through_glass)
+        for p in paths
+    ]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 
@@ -103,7 +106,7 @@ class Generations:
         self._blocks = None  # only what camera rays meet first is shared
         stage.rays["gather" if paths.gathers else paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
-        hits = stage.visibility.closest(paths.rays, paths.kind, strips)
+        hits = stage.visibility.closest(paths.rays, paths.visibility, strips)
         if stage.media:
             paths = self._dim(paths, hits.depth)
         else:
@@ -170,7 +173,8 @@ class Generations:
         """Rays of mirrors, glass and rough surfaces."""
         stage = self._stage
         point = stage.lobe_point(self._sample, at.paths.depth)
-        deeper = bounced(at, stage.settings, point, stage.splits)
+        differs = stage.geometry.glass_differs
+        deeper = bounced(at, stage.settings, point, stage.splits, differs)
         self._note_rough_glass(at)
         reflections = reflected(stage, at, self._sample)
         for some in reflections:
@@ -240,7 +244,7 @@ class Generations:
     def _dim(self, paths: Paths, depth: Array) -> Paths:
         """The paths with what media let through of them, once lights before these are seen."""
         media = self._stage.media
-        spans = media.spans(paths.rays, paths.kind, depth)
+        spans = media.spans(paths.rays, paths.visibility, depth)
         self._see_lights(paths, depth, spans)
         if media.emits and not paths.gathers:
             glow = media.pieces(spans, paths.rays.near, depth).glow()

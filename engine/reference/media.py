@@ -214,8 +214,9 @@ class Media:
         return result
 
     def spans(self, rays: Rays, kind: str, far: Array) -> Spans:
-        """Where rays of a kind are, from where they begin to look on, beyond what they meet at far
-        (n,) too; media that vary only up to there, cut as the present sample cuts them.
+        """Where rays that obey visible_<kind> are, from where they begin to look on, beyond what
+        they meet at far (n,) too; media that vary only up to there, cut as the present sample cuts
+        them.
         """
         n = len(rays)
         origin, along = rays.lines(np.arange(n))
@@ -236,6 +237,7 @@ class Media:
         if self._marching is None:
             return spans
         lines = origin, along
+        kind = "mirror" if kind == "transmission" else kind  # as programs have it
         return self._marching.marched(
             spans, self._boxes, lines, rays.near, far, self.moment.sample, kind
         )

@@ -36,8 +36,9 @@ class Paths:
     (n,) the largest exponent of highlights that they meet, that of the widest lobe on their way.
     refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
     was. transmitted: the first surface that they left refracted them, where passes ask for that.
-    gathers: they look for surfaces that throw light on, near by.  shared: what they find goes to
-    the pixels that `gathering.Shares` has for theirs.
+    through_glass: they obey `visible_transmission`, where that is not `visible_mirror` of all
+    instances.  gathers: they look for surfaces that throw light on, near by.  shared: what they
+    find goes to the pixels that `gathering.Shares` has for theirs.
     """
 
     rays: Rays
@@ -53,14 +54,20 @@ class Paths:
     transmitted: bool = False
     gathers: bool = False
     shared: bool = False
+    through_glass: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)
 
     @property
     def kind(self) -> str:
-        """Which flag of an object they obey."""
+        """As programs and lights have it."""
         return "mirror" if self.depth else "camera"
+
+    @property
+    def visibility(self) -> str:
+        """Which flag of an object they obey."""
+        return "transmission" if self.through_glass else self.kind
 
     def part(self, name: str) -> str:
         """The part of the picture that they add to."""
@@ -158,13 +165,20 @@ def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:
 
 
 def bounced(
-    at: Interaction, settings: Settings, point: LightPoint, splits: bool = False
+    at: Interaction,
+    settings: Settings,
+    point: LightPoint,
+    splits: bool = False,
+    glass_differs: bool = False,
 ) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
     cutoff. point: where in rough REFRACTION lobes they go on.
-    splits: it is to be known which surface they left first.
+    splits: it is to be known which surface they left first.  glass_differs: as of `Geometry`.
     """
-    found = [*_mirrored(at, settings.cutoff), *_refracted(at, settings.cutoff, point, splits)]
+    through = list(_refracted(at, settings.cutoff, point, splits))
+    if glass_differs:
+        through = [replace(paths, through_glass=True) for paths in through]
+    found = [*_mirrored(at, settings.cutoff), *through]
     return [paths for paths in found if len(paths)]
 
 

@@ -32,6 +32,7 @@ _PLACES = frozenset(
         "visible_camera",
         "visible_mirror",
         "visible_shadow",
+        "visible_transmission",
     }
 )
 """Fields of instances by which rays meet other things, or elsewhere."""

@@ -141,9 +141,10 @@ class Instances:
     world_from_object: (k, 3, 4) float64; mirrored, sheared and flattened matrices are welcome.
     materials: for each material slot an index into `Scene.materials`; a slot beyond the end uses
     the last one. object_index: Blender's pass index. visible_camera, visible_mirror,
-    visible_shadow: seen by camera rays (and what passes straight through them), by mirror and
-    refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture. catcher:
-    camera rays see what other things change of its light, over what is behind it.
+    visible_shadow, visible_transmission: seen by camera rays (and what passes straight through
+    them), by mirror rays, by shadow rays, by refraction rays. holdout: cuts a hole of alpha 0 into
+    the picture. catcher: camera rays see what other things change of its light, over what is behind
+    it.
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
     which lights reach it.  motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even
     times while the shutter is open; None for what stands still.  asset: what it is part of, "" for
@@ -169,3 +170,4 @@ class Instances:
     light_group: int = -1
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
+    visible_transmission: bool = True

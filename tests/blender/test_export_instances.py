@@ -197,6 +197,7 @@ FLAGS = {
     "visible_camera": "visible_camera",
     "visible_glossy": "visible_mirror",
     "visible_shadow": "visible_shadow",
+    "visible_transmission": "visible_transmission",
     "is_holdout": "holdout",
     "is_shadow_catcher": "catcher",
 }

@@ -108,10 +108,10 @@ def test_ray_visibility_is_told(scene):  # noqa: F811
     thing = quad("Thing")
     assert not export().notes
     lamp.visible_diffuse = False
-    thing.visible_transmission = False
+    thing.visible_diffuse = False
     notes = export().notes
     assert any("light matt and glossy surfaces" in note and "'Lamp'" in note for note in notes)
-    assert any("Refracted rays" in note and "'Thing'" in note for note in notes)
+    assert any("Matt surfaces see" in note and "'Thing'" in note for note in notes)
 
 
 SHINING = {"ShaderNodeBsdfPrincipled", "ShaderNodeBsdfTransparent", "ShaderNodeEmission"}

@@ -287,14 +287,14 @@ def of_settings():
     return [rows(kind) for kind in ("UNLIKE", "CARRIED", "KEPT")]
 first, before = told(), of_settings()
 cube.visible_diffuse = True
-cube.visible_transmission = False
+cube.visible_volume_scatter = False
 stale = told()
 bpy.ops.glint.list_changed()
 answer([first, stale, told(), before == of_settings() and len(before[0]) > 0])
 """,
     )
-    matt, refracted = "Matt surfaces see", "Refracted rays see"
+    matt, media = "Matt surfaces see", "Media see"
     assert any(text.startswith(matt) for text in first) and stale == first
     assert not any(text.startswith(matt) for text in again)
-    assert any(text.startswith(refracted) for text in again)
+    assert any(text.startswith(media) for text in again)
     assert settings

@@ -149,7 +149,7 @@ def instances(draw: Any, dice: Dice, number: int, materials: int) -> s.Instances
     rows = np.concatenate(
         [np.eye(3) + dice.normal(0, 0.3, (count, 3, 3)), dice.normal(0, 1.2, (count, 3, 1))], 2
     )
-    seen = {f"visible_{by}": draw(mostly) for by in ("camera", "mirror", "shadow")}
+    seen = {f"visible_{by}": draw(mostly) for by in ("camera", "mirror", "shadow", "transmission")}
     return s.Instances(
         f"i{number}",
         number,

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from engine_scenes import SCENES
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.accelerator import KINDS
 from native_tools import needs_core
 from ray_scenes import DOWN, HALVES, SQUARE, at, both, random_rays
 from ray_tools import box_grid, brute_force, bumpy, icosphere
@@ -144,7 +145,7 @@ def check(
 
 @needs_core
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", ["camera", "mirror", "shadow", None])
+@pytest.mark.parametrize("kind", [*KINDS, None])
 def test_core_against_reference(name: str, kind: str | None) -> None:
     """Meshes, spheres, polygons, instances and visibility of the engine's own scenes."""
     scene = SCENES[name]()
@@ -308,19 +309,19 @@ def test_rays_that_miss_by_definition(backend: str, dtype: type) -> None:
 @both
 def test_visibility(backend: str) -> None:
     mesh = s.Mesh("square", SQUARE, HALVES)
-    shown = (
-        {"visible_mirror": False, "visible_shadow": False},
-        {"visible_camera": False, "visible_shadow": False},
-    )
-    groups = [s.Instances(str(k), 0, at(0, 0, -k), (), **flags) for k, flags in enumerate(shown)]
-    hidden = dict.fromkeys(("visible_camera", "visible_mirror", "visible_shadow"), False)
+    hidden = {f"visible_{kind}": False for kind in KINDS}
+    shown = ("visible_camera", "visible_mirror", "visible_transmission")
+    groups = [
+        s.Instances(flag, 0, at(0, 0, -k), (), **{**hidden, flag: True})
+        for k, flag in enumerate(shown)
+    ]
     groups.append(s.Instances("hidden", 0, at(0, 0, 1), (), **hidden))
     with engine.Accelerator((mesh,), groups, backend=backend) as tree:
         seen = {
             kind: tree.closest([0.2, 0.1, 3.0], DOWN, visibility=kind).instance[0]
-            for kind in ("camera", "mirror", "shadow", None)
+            for kind in (*KINDS, None)
         }
-    assert seen == {"camera": 0, "mirror": 1, "shadow": -1, None: 0}
+    assert seen == {"camera": 0, "mirror": 1, "shadow": -1, "transmission": 2, None: 0}
 
 
 @both

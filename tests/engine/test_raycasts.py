@@ -9,6 +9,7 @@ import pytest
 
 from engine_scenes import SCENES, at
 from glint.engine import scene as s
+from glint.engine.accelerator import KINDS
 from native_tools import draw, needs_core, square
 from ray_node_scenes import (
     BACKENDS,
@@ -98,8 +99,8 @@ def test_rays_from_elsewhere(backend: str) -> None:
 def test_what_is_unseen_by_some_rays_stops_these(backend: str) -> None:
     """Not what no rays see."""
     scene = floor_of(cast(HIT), CEILING)
-    unseen = dict.fromkeys(("visible_camera", "visible_mirror", "visible_shadow"), False)
-    for seen_by in ("visible_mirror", "visible_shadow", None):
+    unseen = dict.fromkeys([f"visible_{kind}" for kind in KINDS], False)
+    for seen_by in ("visible_mirror", "visible_shadow", "visible_transmission", None):
         there = seen_by is not None
         more = {**unseen, **({seen_by: True} if there else {})}
         block = replace(scene.instances[1], **more)

@@ -133,7 +133,7 @@ class SceneIndex:
         flags = flags_of(thing, thing, view_layer, report)
         if report.mentions(thing.name) or self.report.mentions(thing.name):
             return False  # what is said of it may be another thing now
-        now = (thing.pass_index, *flags[:4], flags.catcher)
+        now = (thing.pass_index, *flags[:4], flags.catcher, flags.transmission)
         groups = [self.scene.instances[number] for number in place.instances]
         if any(group.values for group in groups):
             return False  # materials read what an edit of the object may have changed
@@ -146,6 +146,7 @@ class SceneIndex:
                 g.visible_shadow,
                 g.holdout,
                 g.catcher,
+                g.visible_transmission,
             )
             for g in groups
         )

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 53
+#define GLINT_ABI_VERSION 54
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -71,7 +71,8 @@ enum GlintInstanceFlags {
   GLINT_VISIBLE_MIRROR = 2,
   GLINT_VISIBLE_SHADOW = 4,
   GLINT_HOLDOUT = 8,
-  GLINT_CATCHER = 16 /* of shadows: camera rays see what others change of its light, not it */
+  GLINT_CATCHER = 16, /* of shadows: camera rays see what others change of its light, not it */
+  GLINT_VISIBLE_TRANSMISSION = 32 /* to refracted rays */
 };
 
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count

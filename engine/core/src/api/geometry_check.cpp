@@ -155,8 +155,9 @@ std::string rays_problems(const Rays& rays) {
   report.add(row(rays.origin_stride) && row(rays.direction_stride),
              "strides of %u and %u for rows of 3 numbers", rays.origin_stride,
              rays.direction_stride);
-  constexpr uint32_t all = GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW;
-  report.add(rays.visibility != 0 && rays.visibility <= all, "unknown visibility %u",
+  constexpr uint32_t all = GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW |
+                           GLINT_VISIBLE_TRANSMISSION;
+  report.add(rays.visibility != 0 && !(rays.visibility & ~all), "unknown visibility %u",
              rays.visibility);
   return report.text();
 }

@@ -96,8 +96,7 @@ std::vector<InstanceView> instance_views(const GlintAccelData& data) {
   for (uint64_t i = 0; i < data.instances_count; ++i) {
     const GlintInstances& g = data.instances[i];
     for (uint64_t row = g.first_row; row < g.first_row + g.row_count; ++row)
-      views.push_back({g.geometry, g.flags & (kCamera | kMirror | kShadow),
-                       affine(data.world_from_object + 12 * row)});
+      views.push_back({g.geometry, g.flags & kAnyRay, affine(data.world_from_object + 12 * row)});
   }
   return views;
 }

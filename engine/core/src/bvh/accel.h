@@ -13,7 +13,13 @@
 
 namespace glint {
 
-enum Visibility : uint32_t { kCamera = 1, kMirror = 2, kShadow = 4 };
+enum Visibility : uint32_t {
+  kCamera = 1,
+  kMirror = 2,
+  kShadow = 4,
+  kTransmission = 32,
+  kAnyRay = kCamera | kMirror | kShadow | kTransmission
+};
 
 /// Borrowed arrays; they outlive the accelerator. Object space, float32.
 struct GeometryView {
@@ -29,7 +35,7 @@ struct GeometryView {
 
 struct InstanceView {
   uint32_t geometry = 0;
-  uint32_t visibility = kCamera | kMirror | kShadow;
+  uint32_t visibility = kAnyRay;
   Affine world_from_object;
 };
 

@@ -29,6 +29,19 @@ void Queue::push(const Ray& ray, const Path& path) {
   if (path.wants_data) want_data(k);
 }
 
+void Queue::give_refracted(Queue& to) {
+  size_t kept = 0;
+  for (size_t k = 0; k < size_; ++k) {
+    const bool leaves = is_refracted(k);
+    if (leaves) to.reserve(to.size_ + 1);
+    Queue& queue = leaves ? to : *this;
+    const size_t place = leaves ? to.size_++ : kept++;
+    for (size_t c = 0; c < kColumns; ++c) queue.columns_[c][place] = columns_[c][k];
+    queue.tags_[place] = tags_[k];
+  }
+  size_ = kept;
+}
+
 void Queue::start_at_camera(size_t count) {
   if (count > columns_.rows()) {
     reserve(count);

@@ -22,7 +22,8 @@ struct Path {
   double widest = HUGE_VAL;                      // see Queue
 };
 
-/// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror.
+/// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror, or
+/// kTransmission, where instances differ in these.
 class Queue : public RayLayout {
  public:
   explicit Queue(uint32_t visibility_ = kMirror) : visibility(visibility_) {}
@@ -32,6 +33,8 @@ class Queue : public RayLayout {
   /// Room for so many rays in all.
   void reserve(size_t count);
   void push(const Ray& ray, const Path& path);
+  /// Moves the rays whose last bounce was a refraction to another queue, in order.
+  void give_refracted(Queue& to);
   /// Where a stage adds rays.
   RayEnd end() { return {columns_[0], columns_.stride(), tags_.data(), &size_}; }
   /// `count` rays from o = start = 0 with weight 1, but for what was written there after an earlier
@@ -64,6 +67,7 @@ class Queue : public RayLayout {
     tags_[k] |= int64_t(1) << RayTag::kWantsAovs;
     numbered_ = 0;
   }
+  bool is_refracted(size_t k) const { return tags_[k] >> RayTag::kRefracted & 1; }
   bool is_transmitted(size_t k) const { return tags_[k] >> RayTag::kTransmitted & 1; }
   uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }
   Rays rays() const;

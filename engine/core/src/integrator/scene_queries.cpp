@@ -94,9 +94,8 @@ void SceneQueries::each_choice(const ProgramPoints& points, size_t count, const 
     const Timer timer(counts_->tracing);
     body(some);
   };
-  constexpr uint32_t kAny = kCamera | kMirror | kShadow;
   if (of != AskedOf::kOwn) {
-    const uint32_t seen = of == AskedOf::kShadows ? uint32_t(kShadow) : kAny;
+    const uint32_t seen = of == AskedOf::kShadows ? uint32_t(kShadow) : uint32_t(kAnyRay);
     if (choose([](uint32_t) { return true; })) run(chosen_.rays(seen, nullptr));
     return;
   }
@@ -107,7 +106,7 @@ void SceneQueries::each_choice(const ProgramPoints& points, size_t count, const 
       is_new = !(is_asked(k) && points.instance[k] == instance);
     if (!is_new || !choose([&](uint32_t k) { return points.instance[k] == instance; })) continue;
     alone_[instance] = own;
-    run(chosen_.rays(kAny, &own_));
+    run(chosen_.rays(kAnyRay, &own_));
     alone_[instance] = Opacity::kClear;
   }
 }

@@ -37,6 +37,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
       catches_(scene.features & GLINT_FEATURE_SHADOW_CATCHER),
+      glass_differs_(scene.instances.glass_differs && scene.features & GLINT_FEATURE_REFRACTION),
       program_slots_(size_t(scene.programs.most_slots) * kBlock) {}
 
 Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool gathers,
@@ -175,7 +176,8 @@ void Tracer::follow(uint32_t sample) {
 
 /// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
 void Tracer::follow_queue(Queue& queue, uint32_t sample) {
-  const bool apart = queue.visibility == kCamera || queue.glossy;  // else straight on is a mirror's
+  // Else what goes straight on is a mirror's; pieces of a queue forget what refracted them last.
+  const bool apart = queue.visibility == kCamera || queue.glossy || glass_differs_;
   const bool shares = plan_.shares_gathers && &queue == &first_;
   NextRays next{
       take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
@@ -186,6 +188,11 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   wait(std::move(next.gathering));
   wait(std::move(next.behind));
   wait(std::move(next.straight));
+  if (glass_differs_) {
+    Queue refracted = take(kTransmission, queue.reflections);
+    next.bounced.give_refracted(refracted);
+    wait(std::move(refracted));
+  }
   wait(std::move(next.bounced));
   wait(std::move(next.glossy));
 }

@@ -148,8 +148,9 @@ class Tracer {
   std::vector<double> ends_;  // of the batch's rays, where media are asked for
   LayersAhead ahead_;
   Batch batch_;
-  const WindowReach reach_;  // of all samples
-  const bool catches_;       // there are catchers of shadows
+  const WindowReach reach_;   // of all samples
+  const bool catches_;        // there are catchers of shadows
+  const bool glass_differs_;  // refracted rays see other things than mirrored ones
   const Tile* tile_ = nullptr;
   uint32_t sample_ = 0;
   bool surely_empty_ = false;  // nothing can be hit in the tile

@@ -151,6 +151,8 @@ void shape_instances(InstanceTable& t, const Anchor& anchor, const MaterialTable
     t.has_strands = t.has_strands || t.geometry(group).kind == GLINT_STRANDS;
     t.mirrors_differ = t.mirrors_differ || !(group.flags & GLINT_VISIBLE_MIRROR) !=
                                                !(group.flags & GLINT_VISIBLE_SHADOW);
+    t.glass_differs = t.glass_differs || !(group.flags & GLINT_VISIBLE_MIRROR) !=
+                                             !(group.flags & GLINT_VISIBLE_TRANSMISSION);
   }
   t.shapes.reserve(t.placements.size());
   for (size_t i = 0; i < t.placements.size(); ++i) {

@@ -11,18 +11,17 @@
 namespace glint {
 namespace {
 
-constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
-
 std::vector<InstanceView> instance_views(const InstanceTable& t, const Anchor& anchor) {
   static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) &&
                 kMirror == uint32_t(GLINT_VISIBLE_MIRROR));
-  static_assert(kShadow == uint32_t(GLINT_VISIBLE_SHADOW));
+  static_assert(kShadow == uint32_t(GLINT_VISIBLE_SHADOW) &&
+                kTransmission == uint32_t(GLINT_VISIBLE_TRANSMISSION));
   std::vector<InstanceView> views;
   views.reserve(t.placements.size());
   for (const Placement& p : t.placements) {
     const GlintInstances& group = t.groups[p.group];
     views.push_back(
-        {group.geometry, group.flags & kVisibility, anchor.matrix(affine(t.matrix_row(p.row)))});
+        {group.geometry, group.flags & kAnyRay, anchor.matrix(affine(t.matrix_row(p.row)))});
   }
   return views;
 }
@@ -35,7 +34,7 @@ bool same_placements(const Scene& a, const Scene& b, const std::vector<uint32_t>
   for (uint32_t i = 0; i < here.placements.size(); ++i) {
     const GlintInstances &g = here.group(i), &h = there.group(i);
     if (geometry_there[g.geometry] != h.geometry || g.geometry != h.geometry ||
-        ((g.flags ^ h.flags) & kVisibility))
+        ((g.flags ^ h.flags) & kAnyRay))
       return false;
     if (!stands(here, there, i)) return false;
   }
@@ -146,7 +145,7 @@ bool SceneTrees::build_emitters(const LightTable& lights, int threads,
                             nullptr,
                             light->emitter_count};
     auto& tree = trees[light->mesh_number];
-    tree = Accel::build({view}, {{0, kVisibility, light->placed}}, threads, cancel);
+    tree = Accel::build({view}, {{0, kAnyRay, light->placed}}, threads, cancel);
     if (!tree) return false;
   }
   emitter_accels_ = std::move(trees);
