@@ -11,6 +11,8 @@ import pytest
 from glint.engine import Settings
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.program.graph import Graph
+from glint.engine.program.table import BY_NAME
 from native_tools import (
     color,
     constant,
@@ -22,6 +24,7 @@ from native_tools import (
     square,
     view_from_above,
 )
+from ray_node_scenes import shown
 
 pytestmark = needs_core
 
@@ -154,3 +157,19 @@ def test_a_pixel_that_is_explained_sees_what_it_shows() -> None:
         shown = color(scene, samples=1, max_bounces=6, backend="NUMPY")[4, 4]
         ray = PixelExplainer(scene, settings).pixel(4, 4)
         np.testing.assert_allclose(ray.color, shown, rtol=1e-4, atol=1e-6)
+
+
+def test_what_a_program_reads_of_a_path_stays_where_many_rays_are_parted() -> None:
+    """Six panes send every ray on in many ways: more of a tile than are traced at once."""
+    graph = Graph()
+    refracted = graph.apply(BY_NAME["ray_depth"])[3]
+    scene = before_a_sheet(GLASS, *[GLASS] * 5)
+    told = replace(
+        scene,
+        camera=view_from_above(32),
+        materials=(*scene.materials[:-1], shown(graph, refracted)),
+    )
+    whole = color(told, samples=1, max_bounces=8, cutoff=0.0)
+    assert whole.max() > 0.1
+    part = color(told, samples=1, max_bounces=8, cutoff=0.0, region=(8, 8, 11, 11))
+    assert np.array_equal(part, whole[8:11, 8:11])

@@ -29,17 +29,16 @@ void Queue::push(const Ray& ray, const Path& path) {
   if (path.wants_data) want_data(k);
 }
 
+void Queue::append(const Queue& from, size_t k) {
+  reserve(size_ + 1);
+  for (size_t c = 0; c < kColumns; ++c) columns_[c][size_] = from.columns_[c][k];
+  tags_[size_++] = from.tags_[k];
+}
+
 void Queue::give_refracted(Queue& to) {
-  size_t kept = 0;
-  for (size_t k = 0; k < size_; ++k) {
-    const bool leaves = is_refracted(k);
-    if (leaves) to.reserve(to.size_ + 1);
-    Queue& queue = leaves ? to : *this;
-    const size_t place = leaves ? to.size_++ : kept++;
-    for (size_t c = 0; c < kColumns; ++c) queue.columns_[c][place] = columns_[c][k];
-    queue.tags_[place] = tags_[k];
-  }
-  size_ = kept;
+  const size_t count = size_;
+  size_ = 0;
+  for (size_t k = 0; k < count; ++k) (is_refracted(k) ? to : *this).append(*this, k);
 }
 
 void Queue::start_at_camera(size_t count) {
@@ -80,7 +79,7 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
       pieces.push_back(none);
     for (size_t k = begin; k < end; ++k) {
       if (pieces.back().size() == limit) pieces.push_back(none);
-      pieces.back().push(queue.ray(order[k]), queue.path(order[k]));
+      pieces.back().append(queue, order[k]);
     }
   }
   return pieces;
