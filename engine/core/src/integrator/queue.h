@@ -33,7 +33,7 @@ class Queue : public RayLayout {
   /// Room for so many rays in all.
   void reserve(size_t count);
   void push(const Ray& ray, const Path& path);
-  /// Adds ray k of another queue, or of this one, of which no more than k are kept before.
+  /// Adds ray k of another queue as it is; of this one where at most k rays are left in it.
   void append(const Queue& from, size_t k);
   /// Moves the rays whose last bounce was a refraction to another queue, in order.
   void give_refracted(Queue& to);

@@ -176,8 +176,7 @@ void Tracer::follow(uint32_t sample) {
 
 /// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
 void Tracer::follow_queue(Queue& queue, uint32_t sample) {
-  // Else what goes straight on is a mirror's; pieces of a queue forget what refracted them last.
-  const bool apart = queue.visibility == kCamera || queue.glossy || glass_differs_;
+  const bool apart = queue.visibility == kCamera || queue.glossy;  // else straight on is a mirror's
   const bool shares = plan_.shares_gathers && &queue == &first_;
   NextRays next{
       take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
