@@ -48,14 +48,15 @@ struct Picked {
     const Ints leaf_of = load(leaves), place = load(places);
     const float* const ids = reinterpret_cast<const float*>(tree.ids);
 #if defined(__AVX2__)
+    const Ints twice = 2 * (place & int32_t(kFloats - 1));  // others may have any place
     const auto add = [&](ChildRef ref, auto keep) {
       const Triangles leaf(tree, ref);
       const float* const id = ids + 2 * size_t(leaf_first(ref));
       for (int j = 0; j < 3; ++j)
         for (int a = 0; a < 3; ++a)
           corner[3 * j + a] = keep(corner[3 * j + a], pick(leaf.at(j, axes[a]), place));
-      instance = Ints(keep(Floats(instance), pick_of_two(id, place + place)));
-      primitive = Ints(keep(Floats(primitive), pick_of_two(id, place + place + 1)));
+      instance = Ints(keep(Floats(instance), pick_of_two(id, twice)));
+      primitive = Ints(keep(Floats(primitive), pick_of_two(id, twice + 1)));
     };
     ChildRef ref = leaves[__builtin_ctz(rays)];
     add(ref, [](Floats, Floats picked) { return picked; });
