@@ -208,6 +208,7 @@ void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, Ra
     path.from = 0;
     path.straight = 0;
     path.wants_data = false;
+    path.skyless = true;
     path.widest = std::min(path.widest, stage_.t_max[k]);
     ++path.depth;
     if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);
