@@ -14,9 +14,9 @@ constexpr size_t kColumns =
     1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 +
     2;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky, density and distance
 
-/// GLINT_REFLECT_GLOSSY: exponents of dielectrics' lobes up to which reflected rays show none of
-/// them, and from which on all (the narrowest of a Principled BSDF of roughness 0.5 and 0.41).
-constexpr double kNotShown = 52, kWhollyShown = 92;
+/// GLINT_REFLECT_GLOSSY: the masking^2 of dielectrics from which on reflected rays show none of
+/// their lobes, and up to which all (of a roughness of 0.5, and of 0.41).
+constexpr double kNotShown = 1.0 / 16, kWhollyShown = 1.0 / 36;
 
 }  // namespace
 
@@ -186,7 +186,7 @@ bool DirectLight::reflects() const {
   switch (plan_.reflections) {
     case GLINT_REFLECT_METALS: return materials.has_metals;
     case GLINT_REFLECT_GLOSSY:
-      return materials.has_metals || materials.most_varnish_exponent > kNotShown;
+      return materials.has_metals || materials.least_varnish_masking2 < kNotShown;
     case GLINT_REFLECT_ALL: return materials.has_gloss;
     default: return false;
   }
