@@ -319,8 +319,8 @@ class Explainer:
                 yield self._rest(surface, coefficients, source, j + 1)
 
     def _lighting(self, surface: Surface, paths: Paths) -> Lighting:
-        lighting = self.stage.lighting_of(paths)
-        return lighting.of_strands if surface.primitive[0] >= lighting.first_rod else lighting
+        kinds = self.stage.lighting_of(paths).kinds(surface, paths.weight)
+        return next(lighting for lighting, points in kinds if points[0])
 
     def _lights_behind(
         self, surface: Surface, coefficients: Coefficients, depth: Array, paths: Paths

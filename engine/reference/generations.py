@@ -61,10 +61,7 @@ def reflected(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [
-        (p.reflections, p.transmitted, p.gathers, p.shared, p.through_glass)
-        for p in paths
-    ]
+    pasts = [(p.reflections, p.transmitted, p.gathers, p.shared, p.through_glass) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 

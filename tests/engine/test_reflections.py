@@ -128,7 +128,9 @@ def test_a_sky_behind_glass_is_not_counted_twice(backend):
     np.testing.assert_array_equal(drawn(behind_glass(clear), **few), lit)
     seen = drawn(behind_glass(), backend, samples=256)
     assert drawn(behind_glass(), max_bounces=0, **few).max() == 0
-    np.testing.assert_allclose(seen, drawn(under_a_sky(metal(100.0)), samples=1024) * 0.6, rtol=0.02)
+    np.testing.assert_allclose(
+        seen, drawn(under_a_sky(metal(100.0)), samples=1024) * 0.6, rtol=0.02
+    )
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -60,6 +60,7 @@ class Queue : public RayLayout {
             is_skyless(k),
             widest(k)};
   }
+  Vec3d weight(size_t k) const { return at(kT, k); }
   uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
   bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }
   void want_data(size_t k) {

@@ -174,13 +174,13 @@ void Tracer::follow(uint32_t sample) {
 
 /// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
 void Tracer::follow_queue(Queue& queue, uint32_t sample) {
-  const bool apart = queue.visibility == kCamera || queue.gathers;  // else straight on is a mirror's
+  const bool apart =
+      queue.visibility == kCamera || queue.gathers;  // else straight on is a mirror's
   const bool shares = plan_.shares_gathers && &queue == &first_;
-  NextRays next{
-      take(queue.visibility, queue.reflections, queue.gathers, queue.shared),
-      take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1),
-      take(kMirror, queue.reflections + 1, true, shares),
-      take(kMirror, queue.reflections + 1, true)};
+  NextRays next{take(queue.visibility, queue.reflections, queue.gathers, queue.shared),
+                take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1),
+                take(kMirror, queue.reflections + 1, true, shares),
+                take(kMirror, queue.reflections + 1, true)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));
   wait(std::move(next.behind));

@@ -47,8 +47,7 @@ class Tracer {
   void miss(const Queue& queue);
   /// The material of its rays that hit nothing.
   uint32_t missed(const Queue& queue) const {
-    const bool sees_nothing =
-        scene_.world.transparent_film && queue.visibility == kCamera;
+    const bool sees_nothing = scene_.world.transparent_film && queue.visibility == kCamera;
     return sees_nothing ? scene_.materials.nothing() : scene_.materials.surroundings();
   }
   void camera_rays();

@@ -156,8 +156,8 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   add(RayLayout::kFrom, splat(0));
   // Shadow rays saw the surroundings through this material, but not mirrored in it.
   const bool was_lit = refracted && has(s, GLINT_TRANSPARENT);
-  const Mask kept = tag & (int64_t(0xffffffff) | RayTag::kPast) &
-                    ~(int64_t(!was_lit) << RayTag::kSkyless);
+  const Mask kept =
+      tag & (int64_t(0xffffffff) | RayTag::kPast) & ~(int64_t(!was_lit) << RayTag::kSkyless);
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   add.tag(kept | first | depth << RayTag::kDepth | glass);
   return add.count();

@@ -143,12 +143,12 @@ struct RayLayout {
 /// that it comes from see these. The last bit: whether the first surface that it left refracted it.
 struct RayTag {
   static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48, kWantsAovs = 49,
-                       kRefracted = 50, kRefractions = 51, kWidth = 56, kSkyless = 62, kTransmitted = 63;
+                       kRefracted = 50, kRefractions = 51, kWidth = 56, kSkyless = 62,
+                       kTransmitted = 63;
   static constexpr int64_t kWants = int64_t(1) << kWantsData | int64_t(1) << kWantsAovs;
   static constexpr int64_t kWidths = int64_t(0x3f) << kWidth;
   /// What rays keep of those that they come from.
-  static constexpr int64_t kPast =
-      kWidths | int64_t(1) << kSkyless | int64_t(1) << kTransmitted;
+  static constexpr int64_t kPast = kWidths | int64_t(1) << kSkyless | int64_t(1) << kTransmitted;
   static constexpr int64_t kMostRefractions = 31,
                            kAllRefractions = kMostRefractions << kRefractions,
                            kGlass = int64_t(1) << kRefracted | kAllRefractions;
