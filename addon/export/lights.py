@@ -30,7 +30,7 @@ _SAME_LENGTH = 1e-5
 @dataclass(frozen=True)
 class Seen:
     """By which rays the light's own shape is seen, what it lights and what shades it, as
-    `Light.receivers` and `Light.blockers`, and its light group.
+    `Light.receivers` and `Light.blockers`, its light group, and which lobes and media it lights.
     """
 
     camera: bool
@@ -38,6 +38,9 @@ class Seen:
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
     light_group: int = -1
+    matt: bool = True
+    gloss: bool = True
+    media: bool = True
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,9 @@ class Lights:
             receivers=seen.receivers,
             blockers=seen.blockers,
             light_group=seen.light_group,
+            lights_matt=seen.matt,
+            lights_gloss=seen.gloss,
+            lights_media=seen.media,
             program=emission.program,
             textures=emission.textures,
             **shape,

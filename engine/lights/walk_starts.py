@@ -58,7 +58,7 @@ def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[S
     light in proportion to what it gives.
     """
     far = _Far(scene, origin, bounds)
-    powers = np.array([_power(light, far) for light in scene.lights])
+    powers = np.array([light.lights_matt and _power(light, far) for light in scene.lights])
     powers = np.where(np.isfinite(powers), powers, 0.0)
     if not powers.any():
         return

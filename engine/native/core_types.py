@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 54
+ABI_VERSION = 55
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -113,6 +113,9 @@ class LightFlags(IntEnum):
     SEEN_BY_MIRROR = 4
     SOFT_FALLOFF = 8
     ELLIPSE = 16
+    NOT_ON_MATT = 32
+    NOT_ON_GLOSS = 64
+    NOT_IN_MEDIA = 128
 
 
 class CameraKind(IntEnum):

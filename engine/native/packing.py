@@ -325,6 +325,9 @@ def _light(light: Light, level: int, first_emitter: int, emitter_count: int) -> 
         | bits.SEEN_BY_MIRROR * light.visible_mirror
         | bits.SOFT_FALLOFF * light.soft_falloff
         | bits.ELLIPSE * LIGHT_SHAPES.index(light.shape)
+        | bits.NOT_ON_MATT * (not light.lights_matt)
+        | bits.NOT_ON_GLOSS * (not light.lights_gloss)
+        | bits.NOT_IN_MEDIA * (not light.lights_media)
     )
     return (
         np.asarray(light.world_from_light, float).reshape(12),

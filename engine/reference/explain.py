@@ -400,6 +400,7 @@ class Explainer:
         matt = matt_lobes(surface, coefficients, seen, sample.direction)
         diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) * far + matt[:, 0]
         diffuse = share * diffuse
+        diffuse, specular = source.on_lobes(diffuse, specular)
         shadow, blocker, distance = (
             self._shadow(surface, source, sample, coefficients.fibres)
             if lit

@@ -189,6 +189,10 @@ class Source:
         """The same for surfaces, which may take more than points of media do."""
         return self.numbers(sample, n)
 
+    def on_lobes(self, matt: Array, gloss: Array) -> tuple[Array, Array]:
+        """Of what matt lobes and others would give back, what they do."""
+        return matt * self.light.lights_matt, gloss * self.light.lights_gloss
+
     def drawn_at(self, number: int, point: LightPoint) -> LightPoint | None:
         """Where in the lobes of highlights a direction is drawn beside sample `number` of all
         samples of a pixel, which is at `point`; None for nowhere.

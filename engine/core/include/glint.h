@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 54
+#define GLINT_ABI_VERSION 55
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -209,7 +209,10 @@ enum GlintLightFlags {
   GLINT_SEEN_BY_CAMERA = 2,
   GLINT_SEEN_BY_MIRROR = 4,
   GLINT_SOFT_FALLOFF = 8,
-  GLINT_ELLIPSE = 16
+  GLINT_ELLIPSE = 16,
+  GLINT_NOT_ON_MATT = 32,  /* DIFFUSE, SHEEN, TRANSLUCENT and FIBRE_DIFFUSE lobes get no light */
+  GLINT_NOT_ON_GLOSS = 64, /* other lobes get none */
+  GLINT_NOT_IN_MEDIA = 128
 };
 
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out

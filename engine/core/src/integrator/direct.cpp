@@ -162,7 +162,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
         met_ = false;
       }
     }
-    if (light.is_dome()) add_rest(batch, light, sample, parts);
+    if (light.is_dome() && light.lights_matt()) add_rest(batch, light, sample, parts);
   }
   for (SharedLight* shared : {&lamps_, &bounced_})
     if (shared->on && !cancel_) share(*shared, batch, sample, counts);

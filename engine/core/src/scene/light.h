@@ -71,9 +71,13 @@ struct Light {
   bool lights(uint32_t light_set) const { return !(excluded_sets >> light_set & 1); }
   /// Whether far points see it in a cluster with others.
   bool is_clustered() const {
-    return level >= 0 && kind == GLINT_POINT_LIGHT && !program && lights_all() && casts_shadow() &&
-           color.x >= 0 && color.y >= 0 && color.z >= 0 && any(color);
+    return level >= 0 && kind == GLINT_POINT_LIGHT && !program && lights_all() && lights_matt() &&
+           lights_gloss() && casts_shadow() && color.x >= 0 && color.y >= 0 && color.z >= 0 &&
+           any(color);
   }
+  bool lights_matt() const { return !(flags & GLINT_NOT_ON_MATT); }
+  bool lights_gloss() const { return !(flags & GLINT_NOT_ON_GLOSS) && !is_bounced(); }
+  bool lights_media() const { return !(flags & GLINT_NOT_IN_MEDIA); }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
@@ -110,6 +114,7 @@ struct Light {
   Vec3d radiance(Vec3d o, Vec3d d, bool physical) const;
 
  private:
+  void set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
   void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const;

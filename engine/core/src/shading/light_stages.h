@@ -128,7 +128,7 @@ struct LightStage {
   bool has_sheen, has_fibre;        // among the lobes
   bool turns_lobes;                 // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes;             // or be stretched
-  bool matt_alone;                  // lights no highlights
+  bool matt_alone, gloss_alone;     // lights no highlights, or nothing else
 };
 
 /// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.
