@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 55
+ABI_VERSION = 56
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -37,6 +37,7 @@ class InstanceFlags(IntEnum):
     HOLDOUT = 8
     CATCHER = 16
     VISIBLE_TRANSMISSION = 32
+    VISIBLE_DIFFUSE = 64
 
 
 class TextureType(IntEnum):

@@ -448,7 +448,7 @@ class Explainer:
             else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
         )
         direction = sample.direction if sample.end is None else unit(sample.end - start)
-        met_by = shadows.in_mirrors() if sample.drawn else shadows
+        met_by = shadows.met_by(sample.met_by)
         found = met_by.first_met(IncoherentRays.of(start, direction, np.zeros(1), far))
         if found.primitive[0] == NOTHING:
             return shadow, "", np.inf

@@ -346,7 +346,7 @@ class Lighting:
             return
         glossy = source.has_highlights and source.light.lights_gloss
         terms = coefficients.highlights if glossy else []
-        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ)
+        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ(source))
         numbers = [
             number
             for number in source.surface_numbers(sample, n)
@@ -372,7 +372,7 @@ class Lighting:
                     replace(
                         chosen,
                         intensity=np.where(drawn, chosen.intensity, 0.0),
-                        drawn=True,
+                        met_by="mirror",
                     ),
                     np.zeros_like(coefficients.diffuse),
                 )

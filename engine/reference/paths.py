@@ -67,6 +67,8 @@ class Paths:
     @property
     def visibility(self) -> str:
         """Which flag of an object they obey."""
+        if self.gathers:
+            return "diffuse"
         return "transmission" if self.through_glass else self.kind
 
     def part(self, name: str) -> str:

@@ -103,14 +103,6 @@ def test_grease_pencil_is_blenders(scene):  # noqa: F811
     assert after.notes == () and len(after.scene.instances) == len(before.scene.instances)
 
 
-def test_ray_visibility_is_told(scene):  # noqa: F811
-    thing = quad("Thing")
-    assert not export().notes
-    thing.visible_diffuse = False
-    notes = export().notes
-    assert any("Matt surfaces see" in note and "'Thing'" in note for note in notes)
-
-
 SHINING = {"ShaderNodeBsdfPrincipled", "ShaderNodeBsdfTransparent", "ShaderNodeEmission"}
 """Shaders that count where there is no surface, or give nothing as they are meant to."""
 
@@ -163,7 +155,6 @@ def _lamp():
 
 
 SET = {
-    "matt surfaces": (lambda: setattr(quad(), "visible_diffuse", False), "ray visibility"),
     "media": (lambda: setattr(quad(), "visible_volume_scatter", False), "Volume Scatter"),
     "lamps through glass": (lambda: setattr(_lamp(), "visible_transmission", False), "refracts"),
     "caustics": (lambda: setattr(_lamp().data.cycles, "is_caustics_light", True), "caustics"),

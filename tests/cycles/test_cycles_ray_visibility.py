@@ -70,6 +70,7 @@ def before_the_box(scene) -> tuple[float, float]:
 
 
 METAL, ROUGHER, PLASTIC = (0.15, 1.0, 0.8), (0.4, 1.0, 0.8), (0.2, 0.0, 0.05)
+PAINT, MATT = (0.5, 0.0, 0.5), (1.0, 0.0, 0.8)
 
 
 @pytest.mark.parametrize("flag", ["visible_glossy", "visible_shadow"])
@@ -81,7 +82,11 @@ def test_what_some_rays_do_not_see_is_as_bright_in_floors(paint, lit, flag):
     assert glint == pytest.approx(truth, rel=0.12 if lit == "lamp" else 0.06)
 
 
-PAINT, MATT = (0.5, 0.0, 0.5), (1.0, 0.0, 0.5)
+@pytest.mark.parametrize("flag", ["visible_diffuse", "visible_shadow"])
+@pytest.mark.parametrize("lit", ["world", "sky", "lamp"])
+def test_matt_floors_before_what_some_rays_do_not_see(lit, flag) -> None:
+    glint, truth = before_the_box(box_on_a_floor(MATT, lit, flag))
+    assert glint == pytest.approx(truth, rel=0.035)
 
 
 def lit_floor(paint: tuple, kind: str, flag: str, fog: float):

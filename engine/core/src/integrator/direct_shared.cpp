@@ -297,7 +297,7 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   const size_t count = drawn ? stages_.gloss(stage_) : stages_.light(stage_);
   for (size_t k = 0; batch.soft_light && k < count; ++k) batch.mark_soft_light(point_[k], met);
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
-  met_by_ = drawn ? kMirror : kShadow;
+  met_by_ = drawn ? kMirror : light.is_bounced() ? kDiffuse : kShadow;
   if (glassy_)
     transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, on_strands_,
                                met_by_);

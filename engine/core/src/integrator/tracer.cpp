@@ -181,7 +181,7 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   NextRays next{
       take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
       take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
-      take(kMirror, queue.reflections + 1, true, true, shares),
+      take(kDiffuse, queue.reflections + 1, true, true, shares),
       take(kMirror, queue.reflections + 1, true, true)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));

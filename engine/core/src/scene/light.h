@@ -3,6 +3,7 @@
 #pragma once
 #include <vector>
 
+#include "bvh/accel.h"
 #include "glint.h"
 #include "math/vec.h"
 #include "shading/stages.h"
@@ -19,10 +20,11 @@ struct LightPoint {
   double a = 0, b = 0, x = 0, y = 0;
   const double* drawn = nullptr;
   const DomeCells* dome = nullptr;
-  bool draws = true;        // highlights draw a direction there
-  bool on_catcher = false;  // it is one of a shadow catcher
-  int group = -1;           // of lights that its own is in; -1 for none
-  bool is_last = false;     // its light has bounced as often as asked for once it arrives
+  bool draws = true;          // highlights draw a direction there
+  bool on_catcher = false;    // it is one of a shadow catcher
+  int group = -1;             // of lights that its own is in; -1 for none
+  bool is_last = false;       // its light has bounced as often as asked for once it arrives
+  uint32_t met_by = kShadow;  // what rays of surfaces to it meet
 };
 
 /// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how

@@ -38,6 +38,7 @@ enum LightShape : int {
 
 /// Highlights draw a direction for so many of a dome's.
 constexpr size_t kSkyDraws = 8;
+constexpr size_t kDomeColumns = 10;  // of rows of GlintRenderSettings.dome_table
 
 /// A dome's maps (glint.h).
 struct DomeCells {
