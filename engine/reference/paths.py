@@ -37,8 +37,8 @@ class Paths:
     refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
     was. transmitted: the first surface that they left refracted them, where passes ask for that.
     through_glass: they obey `visible_transmission`, where that is not `visible_mirror` of all
-    instances and lights.  gathers: they look for surfaces that throw light on, near by.  shared: what they
-    find goes to the pixels that `gathering.Shares` has for theirs.
+    instances and lights.  gathers: they look for surfaces that throw light on, near by.  shared:
+    what they find goes to the pixels that `gathering.Shares` has for theirs.
     """
 
     rays: Rays
