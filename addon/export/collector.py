@@ -105,7 +105,7 @@ class Collector:
             group = self.light_groups.number(thing)
             seen = Seen(
                 flags.camera, flags.mirror, flags.receivers, flags.blockers, group,
-                flags.diffuse, flags.mirror, flags.media,
+                flags.diffuse, flags.mirror, flags.transmission, flags.media,
             )  # fmt: skip
             return Lamp(data, seen)
         match type(data).__name__:

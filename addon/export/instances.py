@@ -218,15 +218,8 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
     """Settings of who is lit by what, and by which rays, that have no counterpart here. owner: the
     thing or its instancer.
     """
-    if thing.type == "LIGHT":
-        if not owner.visible_transmission:
-            report.note(
-                "Ray visibility hides the shape of a light, not its light: {} shine through what "
-                "refracts",
-                thing.name,
-            )
-        return
-    note_object(thing.name, owner, report)
+    if thing.type != "LIGHT":
+        note_object(thing.name, owner, report)
 
 
 def collections_cut(layer_collection: Any) -> bool:

@@ -40,6 +40,7 @@ class Seen:
     light_group: int = -1
     matt: bool = True
     gloss: bool = True
+    transmission: bool = True
     media: bool = True
 
 
@@ -118,6 +119,7 @@ class Lights:
             cast_shadow=data.use_shadow,
             visible_camera=seen.camera,
             visible_mirror=seen.mirror,
+            visible_transmission=seen.transmission,
             receivers=seen.receivers,
             blockers=seen.blockers,
             light_group=seen.light_group,

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 56
+ABI_VERSION = 57
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -117,6 +117,7 @@ class LightFlags(IntEnum):
     NOT_ON_MATT = 32
     NOT_ON_GLOSS = 64
     NOT_IN_MEDIA = 128
+    SEEN_BY_TRANSMISSION = 256
 
 
 class CameraKind(IntEnum):

@@ -323,6 +323,7 @@ def _light(light: Light, level: int, first_emitter: int, emitter_count: int) -> 
         bits.CAST_SHADOW * light.cast_shadow
         | bits.SEEN_BY_CAMERA * light.visible_camera
         | bits.SEEN_BY_MIRROR * light.visible_mirror
+        | bits.SEEN_BY_TRANSMISSION * light.visible_transmission
         | bits.SOFT_FALLOFF * light.soft_falloff
         | bits.ELLIPSE * LIGHT_SHAPES.index(light.shape)
         | bits.NOT_ON_MATT * (not light.lights_matt)

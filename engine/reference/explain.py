@@ -207,7 +207,7 @@ class Explainer:
         self, paths: Paths, o: Array, d: Array, depth: Array, spans: Spans | None
     ) -> Iterator[tuple[str, Numbers]]:
         for source in () if paths.reflections else self.stage.sources:
-            if getattr(source.light, "visible_" + paths.kind) and has_shape(source):
+            if getattr(source.light, "visible_" + paths.visibility) and has_shape(source):
                 near = paths.rays.near
                 radiance = seen_radiance(source, o, d, near, depth, paths.kind)
                 if spans is not None:
@@ -247,7 +247,7 @@ class Explainer:
         paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             stage = self.stage
-            point, differs = stage.lobe_point(0, paths.depth), stage.geometry.glass_differs
+            point, differs = stage.lobe_point(0, paths.depth), stage.glass_differs
             for after in bounced(at, stage.settings, point, glass_differs=differs):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0

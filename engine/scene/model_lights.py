@@ -150,6 +150,7 @@ class Light:
     cast_shadow: bool = True
     visible_camera: bool = False
     visible_mirror: bool = False
+    visible_transmission: bool = False
     program: Program | None = None
     textures: tuple[Texture, ...] = ()
     radiance: Array | None = None

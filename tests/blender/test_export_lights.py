@@ -117,6 +117,10 @@ def test_flags(scene):  # noqa: F811
     thing.visible_camera, thing.visible_glossy = True, False
     light = _only_light()
     assert (light.visible_camera, light.visible_mirror) == (True, False)
+    assert light.visible_transmission
+    thing.visible_glossy, thing.visible_transmission = True, False
+    light = _only_light()
+    assert (light.visible_mirror, light.visible_transmission) == (True, False)
 
 
 def test_what_lights_light_by_their_ray_visibility(scene):  # noqa: F811

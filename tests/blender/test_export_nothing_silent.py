@@ -156,7 +156,6 @@ def _lamp():
 
 SET = {
     "media": (lambda: setattr(quad(), "visible_volume_scatter", False), "Volume Scatter"),
-    "lamps through glass": (lambda: setattr(_lamp(), "visible_transmission", False), "refracts"),
     "caustics": (lambda: setattr(_lamp().data.cycles, "is_caustics_light", True), "caustics"),
     "bounces of a lamp": (lambda: setattr(_lamp().data.cycles, "max_bounces", 1), "Max Bounces"),
     "bump correction": (_bent, "Bump Map Correction"),

@@ -118,6 +118,31 @@ def test_what_diffuse_rays_do_not_see_throws_no_light_on(backend: str) -> None:
     assert np.abs(gone - color(nothing, **settings)).max() < 1e-5 * gone.max()
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_light_from_near_by_is_looked_for_where_diffuse_rays_see(backend: str) -> None:
+    """Not where mirrors do."""
+    settings = {**BOUNCING, "backend": backend}
+    flags = {"visible_diffuse": False, "visible_shadow": False, "visible_mirror": True}
+    nothing = replace(beside_a_wall(), instances=beside_a_wall().instances[:1])
+    gone = color(beside_a_wall(**flags), **settings)
+    assert np.abs(gone - color(nothing, **settings)).max() < 1e-5 * gone.max()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_bounced_light_comes_through_what_diffuse_rays_do_not_see(backend: str) -> None:
+    """From a ceiling over a lid that keeps the lamp's light off the floor."""
+    settings = {**BOUNCING, "backend": backend}
+    found = {}
+    for name, flags in (("on", {}), ("off", {"visible_diffuse": False})):
+        scene = under_a_lid(replace(BALL, radius=0.0), **flags)
+        above = placed(0, (2,), z=3.0, **HIDDEN)
+        found[name] = color(replace(scene, instances=(*scene.instances, above)), **settings)
+    alone = replace(scene, instances=(scene.instances[0], above))
+    bounced = color(alone, **settings) - color(alone, **{**settings, "diffuse_bounces": 0})
+    assert found["on"].max() < 0.01 * bounced.max()
+    assert found["off"].mean() == pytest.approx(bounced.mean(), rel=0.03)
+
+
 def test_what_casts_no_shadow_throws_light_on() -> None:
     """As much as what does, where that shades nothing."""
     seen = draw(beside_a_wall(), "Diffuse Indirect", **BOUNCING)

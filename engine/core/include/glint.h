@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 56
+#define GLINT_ABI_VERSION 57
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -213,7 +213,8 @@ enum GlintLightFlags {
   GLINT_ELLIPSE = 16,
   GLINT_NOT_ON_MATT = 32,  /* DIFFUSE, SHEEN, TRANSLUCENT and FIBRE_DIFFUSE lobes get no light */
   GLINT_NOT_ON_GLOSS = 64, /* other lobes get none */
-  GLINT_NOT_IN_MEDIA = 128
+  GLINT_NOT_IN_MEDIA = 128,
+  GLINT_SEEN_BY_TRANSMISSION = 256
 };
 
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out

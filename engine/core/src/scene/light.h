@@ -80,6 +80,10 @@ struct Light {
   bool lights_matt() const { return !(flags & GLINT_NOT_ON_MATT); }
   bool lights_gloss() const { return !(flags & GLINT_NOT_ON_GLOSS) && !is_bounced(); }
   bool lights_media() const { return !(flags & GLINT_NOT_IN_MEDIA); }
+  /// Whether its shape is seen in mirrors and not through glass, or the other way.
+  bool glass_differs() const {
+    return any(seen) && !(flags & GLINT_SEEN_BY_MIRROR) != !(flags & GLINT_SEEN_BY_TRANSMISSION);
+  }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
