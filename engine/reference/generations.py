@@ -277,7 +277,7 @@ class Generations:
         """spans: of the media between, or None."""
         if paths.reflections:
             return
-        flag = "visible_" + paths.kind
+        flag = "visible_" + paths.visibility
         sources = [s for s in self._stage.sources if getattr(s.light, flag) and has_shape(s)]
         if sources:
             o, d = paths.rays.lines(np.arange(len(paths)))

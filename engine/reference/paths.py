@@ -33,16 +33,17 @@ MOST_REFRACTIONS = 31
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) surfaces passed in a row
-    that dim it.  reflections: how often they were reflected by rough surfaces; from the first time
+    """n rays of one depth. weight: (3, n) T. pixel: (n,). straight: (n,) surfaces passed in a row
+    that dim it. reflections: how often they were reflected by rough surfaces; from the first time
     on they see no lights: these have highlights there, and points of them in mirrors beyond would
-    be dots.  skyless: (n,) bool, they do not see the surroundings, which the shadow rays of the
-    rough surface that they come from do.  widest: (n,) the largest exponent of highlights that they
-    meet, that of the widest lobe on their way.  refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
-    was. transmitted: the first surface that they left refracted them, where passes ask for that.
-    through_glass: they obey `visible_transmission`, where that is not `visible_mirror` of all
-    instances.  gathers: they look for surfaces that throw light on, near by.  shared: what they
-    find goes to the pixels that `gathering.Shares` has for theirs.
+    be dots. skyless: (n,) bool, they do not see the surroundings, which the shadow rays of the
+    rough surface that they come from do. widest: (n,) the largest exponent of highlights that they
+    meet, that of the widest lobe on their way. refractions: (n,) how many of their bounces were
+    refractions, refracted: (n,) bool, the last one was. transmitted: the first surface that they
+    left refracted them, where passes ask for that. through_glass: they obey `visible_transmission`,
+    where that is not `visible_mirror` of all instances and lights. gathers: they look for surfaces
+    that throw light on, near by. shared: what they find goes to the pixels that `gathering.Shares`
+    has for theirs.
     """
 
     rays: Rays
@@ -71,6 +72,8 @@ class Paths:
     @property
     def visibility(self) -> str:
         """Which flag of an object they obey."""
+        if self.gathers:
+            return "diffuse"
         return "transmission" if self.through_glass else self.kind
 
     def part(self, name: str) -> str:
@@ -175,7 +178,7 @@ def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     """
     cutoff = stage.settings.cutoff
     through = list(_refracted(stage, at, sample))
-    if stage.geometry.glass_differs:
+    if stage.glass_differs:
         through = [replace(paths, through_glass=True) for paths in through]
     found = [*_mirrored(at, cutoff), *through]
     return [paths for paths in found if len(paths)]
