@@ -23,7 +23,7 @@ from .settings import BACKENDS
 
 Array = np.ndarray
 
-KINDS = ("camera", "mirror", "shadow", "transmission")
+KINDS = ("camera", "mirror", "shadow", "transmission", "diffuse")
 """What `visibility` may name: only instances whose visible_<kind> is set are there."""
 
 
@@ -125,9 +125,9 @@ class Accelerator:
         origins, directions: (n, 3), or (3,) for one that all rays share. Directions need not be
         unit; t counts in their lengths. t_min, t_max: (n,) or a number; t_min below 0 counts as 0.
         When origins and directions are both float32 everything is float32, else float64.
-        visibility: "camera", "mirror", "shadow" or "transmission" leaves out instances that are
-        hidden from such rays; None shows what any of them sees. Of things met at one distance
-        (faces that coincide, neighbours where rounding leaves the ray in both) the lowest
+        visibility: "camera", "mirror", "shadow", "transmission" or "diffuse" leaves out instances
+        that are hidden from such rays; None shows what any of them sees. Of things met at one
+        distance (faces that coincide, neighbours where rounding leaves the ray in both) the lowest
         (instance, primitive) is given.
         No ray slips through between neighbouring triangles. One that begins on a surface may find
         it again, as far away as rounding goes: give t_min.
@@ -210,6 +210,7 @@ def _bare(group: Instances) -> Instances:
         visible_mirror=bool(group.visible_mirror),
         visible_shadow=bool(group.visible_shadow),
         visible_transmission=bool(group.visible_transmission),
+        visible_diffuse=bool(group.visible_diffuse),
     )
 
 

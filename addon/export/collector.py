@@ -103,7 +103,10 @@ class Collector:
         data = thing.data
         if thing.type == "LIGHT":
             group = self.light_groups.number(thing)
-            seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers, group)
+            seen = Seen(
+                flags.camera, flags.mirror, flags.receivers, flags.blockers, group,
+                flags.diffuse, flags.mirror, flags.transmission, flags.media,
+            )  # fmt: skip
             return Lamp(data, seen)
         match type(data).__name__:
             case "Mesh" if self.depsgraph.view_layer.use_solid:
@@ -240,6 +243,7 @@ class Collector:
             asset=placed.asset, catcher=flags.catcher, light_group=placed.light_group,
             receivers=flags.receivers, blockers=flags.blockers,
             visible_transmission=flags.transmission,
+            visible_diffuse=flags.diffuse, visible_media=flags.media,
         )  # fmt: skip
 
     @cached_property

@@ -23,7 +23,7 @@ from .unsupported import note_object
 class Flags(NamedTuple):
     """What an object's settings say of its visibility, with its instancer's. light_set: which
     lights reach it.  receivers: the sets that it lights.  blockers: those that shade it.
-    catcher: of shadows.
+    catcher: of shadows.  media: to rays that media scatter.
     """
 
     camera: bool
@@ -35,6 +35,8 @@ class Flags(NamedTuple):
     blockers: int = EVERYTHING
     catcher: bool = False
     transmission: bool = True
+    diffuse: bool = True
+    media: bool = True
 
 
 @dataclass(eq=False)
@@ -216,21 +218,8 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
     """Settings of who is lit by what, and by which rays, that have no counterpart here. owner: the
     thing or its instancer.
     """
-    if thing.type == "LIGHT":
-        if not (owner.visible_diffuse and owner.visible_glossy):
-            report.note(
-                "Ray visibility hides the shape of a light, not its light: {} light matt and "
-                "glossy surfaces",
-                thing.name,
-            )
-        if not owner.visible_transmission:
-            report.note(
-                "Ray visibility hides the shape of a light, not its light: {} shine through what "
-                "refracts",
-                thing.name,
-            )
-        return
-    note_object(thing.name, owner, report)
+    if thing.type != "LIGHT":
+        note_object(thing.name, owner, report)
 
 
 def collections_cut(layer_collection: Any) -> bool:
@@ -268,15 +257,19 @@ def flags_of(
     _note_light_settings(thing, thing, report)
     camera, mirror, shadow = thing.visible_camera, thing.visible_glossy, thing.visible_shadow
     catcher, transmission = thing.is_shadow_catcher, thing.visible_transmission
+    diffuse, media = thing.visible_diffuse, thing.visible_volume_scatter
     if instancer is not thing:
         _note_light_settings(thing, instancer, report)
         camera, mirror = camera and instancer.visible_camera, mirror and instancer.visible_glossy
         shadow = shadow and instancer.visible_shadow
         catcher = catcher or instancer.is_shadow_catcher
         transmission = transmission and instancer.visible_transmission
+        diffuse = diffuse and instancer.visible_diffuse
+        media = media and instancer.visible_volume_scatter
     camera = camera and not indirect_only
+    others = catcher, transmission, diffuse, media
     if links is None:
-        return Flags(camera, mirror, shadow, holdout, catcher=catcher, transmission=transmission)
+        return Flags(camera, mirror, shadow, holdout, 0, EVERYTHING, EVERYTHING, *others)
     lit, shaded = links.lit_by(owner), links.shaded_by(owner)
     linked = links.set_of(owner), lit, shaded
-    return Flags(camera, mirror, shadow, holdout, *linked, catcher, transmission)
+    return Flags(camera, mirror, shadow, holdout, *linked, *others)

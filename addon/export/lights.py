@@ -30,7 +30,7 @@ _SAME_LENGTH = 1e-5
 @dataclass(frozen=True)
 class Seen:
     """By which rays the light's own shape is seen, what it lights and what shades it, as
-    `Light.receivers` and `Light.blockers`, and its light group.
+    `Light.receivers` and `Light.blockers`, its light group, and which lobes and media it lights.
     """
 
     camera: bool
@@ -38,6 +38,10 @@ class Seen:
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
     light_group: int = -1
+    matt: bool = True
+    gloss: bool = True
+    transmission: bool = True
+    media: bool = True
 
 
 @dataclass(frozen=True)
@@ -115,9 +119,13 @@ class Lights:
             cast_shadow=data.use_shadow,
             visible_camera=seen.camera,
             visible_mirror=seen.mirror,
+            visible_transmission=seen.transmission,
             receivers=seen.receivers,
             blockers=seen.blockers,
             light_group=seen.light_group,
+            lights_matt=seen.matt,
+            lights_gloss=seen.gloss,
+            lights_media=seen.media,
             program=emission.program,
             textures=emission.textures,
             **shape,

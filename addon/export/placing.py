@@ -91,7 +91,6 @@ def note_placed(scene: Scene, camera_name: str, report: Report) -> None:
     note_empty_view(scene.camera, scene.geometries, instances, report, camera_name)
     note_catchers(instances, materials, report)
     note_linked_glow(instances, materials, report)
-    note_hidden_glow(instances, materials, report)
     note_media(instances, materials, report)
     note_hair_shaders(instances, scene.geometries, materials, report)
 
@@ -130,22 +129,6 @@ def note_linked_glow(
             report.note(
                 "Mirrors and glass show what glows also where its light linking leaves them out: "
                 "{}; turn off Glossy and Transmission in its Ray Visibility to hide it from all",
-                block.name,
-            )
-
-
-def note_hidden_glow(
-    instances: tuple[Instances, ...], materials: Sequence[Material], report: Report
-) -> None:
-    """Say what glows and lights gloss that it is not to be seen in."""
-    kinds = [{lobe.kind for lobe in material.lobes} for material in materials]
-    if not any("SPECULAR" in kinds[k] for block in instances for k in block.materials):
-        return
-    for block in instances:
-        if not block.visible_mirror and any("EMISSION" in kinds[k] for k in block.materials):
-            report.note(
-                "What glows lights rough metal and gloss although its Glossy is off in Ray "
-                "Visibility: {}; use light linking to keep its light off things",
                 block.name,
             )
 

@@ -47,12 +47,6 @@ def note_world(world: Any, report: Report) -> None:
 
 def note_object(name: str, owner: Any, report: Report) -> None:
     """What has a surface. owner: the object or its instancer."""
-    if not owner.visible_diffuse:
-        report.note(
-            "Matt surfaces see {} in spite of its ray visibility: it shades, glows and bounces "
-            "light; hide it from the render, or exclude it in another view layer",
-            name,
-        )
     if not owner.visible_volume_scatter:
         report.note(
             "Media see {} whatever its ray visibility says of Volume Scatter: turn that on, and "

@@ -213,6 +213,7 @@ class _Steps:
     """n walks on their way. start: which began them, in order. number: among those of their start.
     o, d: (3, n).  carried: (3, n) what is left of the light, or what it is once a surface scattered
     it. weight: (n,) how likely points of it are taken.  scattered: (n,) how often it was.
+    shadowed: (n,) bool, those that meet what casts shadows, not what diffuse rays see.
     """
 
     start: Array
@@ -222,6 +223,7 @@ class _Steps:
     carried: Array
     weight: Array
     scattered: Array
+    shadowed: Array
 
     def take(self, index: Array) -> _Steps:
         return _Steps(**{f.name: getattr(self, f.name)[..., index] for f in fields(self)})
@@ -234,6 +236,7 @@ class _Walks:
         self._scene, self._origin, self._bounces = scene, origin, bounces
         self._joined = replace(scene, instances=joined(scene.instances))
         self._count = max(POINTS // bounces, FEWEST)
+        self._differ = any(b.visible_diffuse != b.visible_shadow for b in scene.instances)
         self._media = walk_media(self._joined, origin)
 
     def found(self) -> Bounces | None:
@@ -297,6 +300,7 @@ class _Walks:
             np.ones((3, n)),
             np.ones(n),
             np.zeros(n, np.intp),
+            np.concatenate([_shadowed(start) for start in begun]),
         )
         for number in range(self._bounces + MOST_PASSED):
             hit, surface, k, sets, caught = self._met(surfaces, steps)
@@ -335,10 +339,36 @@ class _Walks:
     def _met(
         self, surfaces: Accelerator, steps: _Steps
     ) -> tuple[Array, Surface, Coefficients, Array, Array]:
-        """Of the walks that meet something."""
-        origins = (steps.o + self._origin[:, None]).T
-        hits = surfaces.closest(origins, steps.d.T, visibility="shadow")
-        return met_surfaces(self._joined, self._origin, steps.o, steps.d, hits)
+        """Of the walks that meet something: those that are `shadowed` light what diffuse rays see
+        and go on where it casts no shadow, and end where it does and is not seen.
+        """
+        o, d = (steps.o + self._origin[:, None]).T, steps.d.T
+        if not self._differ:
+            hits = surfaces.closest(o, d, visibility="shadow")
+            return met_surfaces(self._joined, self._origin, steps.o, steps.d, hits)
+        hits = surfaces.closest(o, d, visibility="diffuse")
+        first = np.flatnonzero(steps.shadowed)
+        other = surfaces.closest(o[first], d[first], visibility="shadow")
+        nearer = other.t < hits.t[first]
+        for field in fields(hits):
+            getattr(hits, field.name)[first[nearer]] = getattr(other, field.name)[nearer]
+        hit, surface, k, sets, caught = met_surfaces(
+            self._joined, self._origin, steps.o, steps.d, hits
+        )
+        instances = self._joined.instances
+        ends = np.cumsum([len(block.world_from_object) for block in instances])
+        block = np.searchsorted(ends, hits.instance[hit], "right")
+        seen, casts = (
+            np.array([getattr(b, name) for b in instances])[block]
+            for name in ("visible_diffuse", "visible_shadow")
+        )
+        k = replace(
+            k,
+            diffuse=np.where(seen, k.diffuse, 0.0),
+            translucent=np.where(seen, k.translucent, 0.0),
+            transparent=np.where(steps.shadowed[hit] & ~casts, 1.0, k.transparent),
+        )
+        return hit, surface, k, sets, caught
 
     def _dimmed(self, steps: _Steps, surface: Surface, begun: list[Start], number: int) -> _Steps:
         """After media on their way to a surface."""
@@ -387,9 +417,15 @@ class _Walks:
             share * np.where(passes, steps.carried * passing, white * given),
             share * (steps.weight * np.where(passes, passing.mean(0), np.abs(given).mean(0))),
             steps.scattered + ~passes,
+            steps.shadowed & passes,
         )
         go = (total > 0) & (next_ones.scattered < self._bounces) & (next_ones.weight > 0)
         return next_ones.take(np.flatnonzero(go))
+
+
+def _shadowed(start: Start) -> Array:
+    n = start.origin.shape[1]
+    return np.ones(n, bool) if start.shadowed is None else start.shadowed[:n]
 
 
 def _without(bits: int, sets: Array) -> Array:

@@ -31,6 +31,14 @@ IRRADIANCE_ROWS = 64
 """Of the table of irradiance by the normal: linear in between, it is off by 3e-4 of the largest."""
 MOST_IRRADIANCE_ROWS = 64
 """Of the map that it is summed up from."""
+PART = 0.5497004779019703
+"""Of two kinds of directions, how far along a number of theirs goes: one over the cube of the
+plastic number, beside the two of `dome_points`.
+"""
+MATT = np.sqrt(2) * np.pi
+"""One over the density, a steradian, of directions as dense as their cosine: the root of the mean
+square over them.
+"""
 LARGEST = 1e30
 """Radiance saturates here, far below float32's largest."""
 
@@ -105,7 +113,8 @@ class DomeTable:
     along: (n, 3) the first n directions towards it, unit, in the scene's axes. light: (n, 4) of
     each its intensity, radiance over π and over the density of directions, and one over that
     density, steradians: where m directions are taken each stands for a share 1/m.
-    points: (n, 2) of the unit disc, for directions drawn from highlights.
+    points: (n, 2) of the unit disc, for directions drawn from highlights.  shadowed: (n,) bool,
+    whether rays of surfaces there meet what casts shadows, else what diffuse rays see.
     cells: (h, w, 4) float32 the same four where a direction of the light's own axes meets the map:
     radiance over π, times the light's colour and strength, and one over the density.
     axes: (3, 3) of the light in the scene, as columns.
@@ -118,6 +127,7 @@ class DomeTable:
     along: Array
     light: Array
     points: Array
+    shadowed: Array
     cells: Array
     axes: Array
     irradiance: Array
@@ -173,10 +183,23 @@ def dome_table(light: Light, samples: int, each: int) -> DomeTable:
         along @ axes.T,
         np.column_stack([given, spread]),
         disc,
+        _shadowed(radiance, spread),
         tinted,
         axes,
         np.clip(even * color, -LARGEST, LARGEST).astype(np.float32),
     )
+
+
+def _shadowed(radiance: _Same, spread: Array) -> Array:
+    """(n,) bool: those of directions, one over whose density is `spread`, that stand for a sample
+    of the sky, and not for one of a matt lobe, as Cycles weighs these by the squares of their
+    densities; a sky of one colour it samples by lobes alone.
+    """
+    values = np.asarray(radiance.values).reshape(-1, 3)
+    if (values == values[0]).all():
+        return np.zeros(len(spread), bool)
+    number = (np.arange(1, len(spread) + 1) * PART) % 1.0
+    return number * (1 + (spread / MATT) ** 2) < 1.0
 
 
 class _Same:

@@ -52,6 +52,8 @@ def is_clustered(light: Light) -> bool:
         light.kind == "POINT"
         and may_share(light)
         and light.receivers == EVERYTHING
+        and light.lights_matt
+        and light.lights_gloss
         and (color >= 0).all()
         and color.any()
     )

@@ -81,9 +81,10 @@ def _what_glows(scene: Scene, blocks: list[Instances]) -> Same:
 
 @functools.lru_cache(maxsize=2)
 def _lights(same: Same) -> tuple[Light, ...]:
-    linked: dict[tuple[int, int], list[Instances]] = {}
+    linked: dict[tuple[int, ...], list[Instances]] = {}
     for block in same.scene.instances:
-        linked.setdefault((block.receivers, block.blockers), []).append(block)
+        lit = block.visible_diffuse, block.visible_mirror, block.visible_media
+        linked.setdefault((block.receivers, block.blockers, *lit), []).append(block)
     lights = (_light(replace(same.scene, instances=tuple(some))) for some in linked.values())
     return tuple(light for light in lights if light is not None)
 
@@ -102,6 +103,9 @@ def _light(scene: Scene) -> Light | None:
         emitters=replace(found, corners=found.corners - shift),
         receivers=block.receivers,
         blockers=block.blockers,
+        lights_matt=block.visible_diffuse,
+        lights_gloss=block.visible_mirror,
+        lights_media=block.visible_media,
     )
 
 

@@ -43,6 +43,7 @@ _LIKENESS = attrgetter(
     "visible_mirror",
     "visible_shadow",
     "visible_transmission",
+    "visible_diffuse",
     "holdout",
     "light_set",
     "catcher",

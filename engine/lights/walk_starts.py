@@ -41,7 +41,8 @@ class Start:
     """n walks of one light. origin, direction: (3, n), directions unit.  given: of points x (3, m)
     and the numbers (m,) of the walks that meet them, (3, m): the light that goes on from a white
     surface, radiance times area.  light_group: (n,) int, -1 for none.  receivers, blockers: as of
-    the light.
+    the light.  shadowed: (n,) bool, those that meet what casts shadows until something scatters
+    them, and not what diffuse rays see; None for all.
     """
 
     origin: Array
@@ -51,6 +52,7 @@ class Start:
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
     endless: bool = False
+    shadowed: Array | None = None
 
 
 def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[Start]:
@@ -58,7 +60,7 @@ def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[S
     light in proportion to what it gives.
     """
     far = _Far(scene, origin, bounds)
-    powers = np.array([_power(light, far) for light in scene.lights])
+    powers = np.array([light.lights_matt and _power(light, far) for light in scene.lights])
     powers = np.where(np.isfinite(powers), powers, 0.0)
     if not powers.any():
         return
@@ -112,7 +114,8 @@ def _start(light: Light, origin: Array, far: _Far, n: int) -> Iterator[Start]:
         seen = light.openings
         if seen is not None:
             seen = replace(seen, centers=seen.centers - origin)
-        yield far.start(-table.along.T, lambda x, number: given[:, number], group, seen)
+        start = far.start(-table.along.T, lambda x, number: given[:, number], group, seen)
+        yield replace(start, shadowed=table.shadowed)
     elif light.kind != "BOUNCED":
         yield _from_lamp(light, origin, far, n)
 

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 54
+ABI_VERSION = 57
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -37,6 +37,7 @@ class InstanceFlags(IntEnum):
     HOLDOUT = 8
     CATCHER = 16
     VISIBLE_TRANSMISSION = 32
+    VISIBLE_DIFFUSE = 64
 
 
 class TextureType(IntEnum):
@@ -113,6 +114,10 @@ class LightFlags(IntEnum):
     SEEN_BY_MIRROR = 4
     SOFT_FALLOFF = 8
     ELLIPSE = 16
+    NOT_ON_MATT = 32
+    NOT_ON_GLOSS = 64
+    NOT_IN_MEDIA = 128
+    SEEN_BY_TRANSMISSION = 256
 
 
 class CameraKind(IntEnum):

@@ -323,8 +323,12 @@ def _light(light: Light, level: int, first_emitter: int, emitter_count: int) -> 
         bits.CAST_SHADOW * light.cast_shadow
         | bits.SEEN_BY_CAMERA * light.visible_camera
         | bits.SEEN_BY_MIRROR * light.visible_mirror
+        | bits.SEEN_BY_TRANSMISSION * light.visible_transmission
         | bits.SOFT_FALLOFF * light.soft_falloff
         | bits.ELLIPSE * LIGHT_SHAPES.index(light.shape)
+        | bits.NOT_ON_MATT * (not light.lights_matt)
+        | bits.NOT_ON_GLOSS * (not light.lights_gloss)
+        | bits.NOT_IN_MEDIA * (not light.lights_media)
     )
     return (
         np.asarray(light.world_from_light, float).reshape(12),

@@ -91,7 +91,7 @@ def _moved_instances(groups: tuple[Instances, ...], before: Part, changed: tuple
     return Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
 
 
-_CAMERA, _MIRROR, _SHADOW, _HOLDOUT, _CATCHER, _TRANSMISSION = (
+_CAMERA, _MIRROR, _SHADOW, _HOLDOUT, _CATCHER, _TRANSMISSION, _DIFFUSE = (
     flag.value for flag in core_types.InstanceFlags
 )
 
@@ -102,6 +102,7 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         | _MIRROR * group.visible_mirror
         | _SHADOW * group.visible_shadow
         | _TRANSMISSION * group.visible_transmission
+        | _DIFFUSE * group.visible_diffuse
         | _HOLDOUT * group.holdout
         | _CATCHER * group.catcher
     )

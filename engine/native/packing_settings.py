@@ -117,8 +117,8 @@ def _add_dome(
     data.dome_samples = settings.dome_samples
     table = dome_table(light, settings.samples, settings.dome_samples)
     data.dome_count = len(table.along)
-    samples = np.concatenate([table.along, table.light, table.points], 1)
-    data.dome_table = address(packer.lend(samples, np.float64, (None, 9), "dome samples"))
+    samples = np.column_stack([table.along, table.light, table.points, table.shadowed])
+    data.dome_table = address(packer.lend(samples, np.float64, (None, 10), "dome samples"))
     data.dome_cells = address(packer.lend(table.cells, np.float32, (None, None, 4), "dome cells"))
     data.dome_rows, data.dome_columns = table.cells.shape[:2]
     even = packer.lend(table.irradiance, np.float32, (None, None, 3), "dome irradiance")

@@ -20,7 +20,7 @@ Array = np.ndarray
 
 _VISIBLE: dict[str | None, int] = {
     kind: InstanceFlags[f"VISIBLE_{kind.upper()}"].value
-    for kind in ("camera", "mirror", "shadow", "transmission")
+    for kind in ("camera", "mirror", "shadow", "transmission", "diffuse")
 }
 _VISIBLE[None] = sum(_VISIBLE.values())
 

@@ -207,7 +207,7 @@ class Explainer:
         self, paths: Paths, o: Array, d: Array, depth: Array, spans: Spans | None
     ) -> Iterator[tuple[str, Numbers]]:
         for source in () if paths.reflections else self.stage.sources:
-            if getattr(source.light, "visible_" + paths.kind) and has_shape(source):
+            if getattr(source.light, "visible_" + paths.visibility) and has_shape(source):
                 near = paths.rays.near
                 radiance = seen_radiance(source, o, d, near, depth, paths.kind)
                 if spans is not None:
@@ -247,7 +247,7 @@ class Explainer:
         paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             stage = self.stage
-            point, differs = stage.lobe_point(0, paths.depth), stage.geometry.glass_differs
+            point, differs = stage.lobe_point(0, paths.depth), stage.glass_differs
             for after in bounced(at, stage.settings, point, glass_differs=differs):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0
@@ -400,6 +400,7 @@ class Explainer:
         matt = matt_lobes(surface, coefficients, seen, sample.direction)
         diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) * far + matt[:, 0]
         diffuse = share * diffuse
+        diffuse, specular = source.on_lobes(diffuse, specular)
         shadow, blocker, distance = (
             self._shadow(surface, source, sample, coefficients.fibres)
             if lit
@@ -447,7 +448,7 @@ class Explainer:
             else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
         )
         direction = sample.direction if sample.end is None else unit(sample.end - start)
-        met_by = shadows.in_mirrors() if sample.drawn else shadows
+        met_by = shadows.met_by(sample.met_by)
         found = met_by.first_met(IncoherentRays.of(start, direction, np.zeros(1), far))
         if found.primitive[0] == NOTHING:
             return shadow, "", np.inf

@@ -173,7 +173,7 @@ class Generations:
         """Rays of mirrors, glass and rough surfaces."""
         stage = self._stage
         point = stage.lobe_point(self._sample, at.paths.depth)
-        differs = stage.geometry.glass_differs
+        differs = stage.glass_differs
         deeper = bounced(at, stage.settings, point, stage.splits, differs)
         self._note_rough_glass(at)
         reflections = reflected(stage, at, self._sample)
@@ -282,7 +282,7 @@ class Generations:
         """spans: of the media between, or None."""
         if paths.reflections:
             return
-        flag = "visible_" + paths.kind
+        flag = "visible_" + paths.visibility
         sources = [s for s in self._stage.sources if getattr(s.light, flag) and has_shape(s)]
         if sources:
             o, d = paths.rays.lines(np.arange(len(paths)))

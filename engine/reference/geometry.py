@@ -24,7 +24,7 @@ THIN = 1e-8
 determinant (SEMANTICS.md, Hits).
 """
 
-KINDS = ("camera", "mirror", "shadow", "transmission")
+KINDS = ("camera", "mirror", "shadow", "transmission", "diffuse")
 """Kinds of rays; an `Instances` has a flag visible_<kind> for each."""
 
 
@@ -74,7 +74,8 @@ class Geometry:
     `Scene.materials`, -1 for the default one. lower, upper: (3, s) bounds of the s spheres,
     polygons and segments.  reach: largest coordinate. visible: for each kind of ray the primitives
     it sees, (p,) bool, or None for all.  mirrors_differ: whether some instances are seen in mirrors
-    and cast no shadow, or the other way.  glass_differs: in mirrors and not through glass, or the
+    and cast no shadow, or the other way.  diffuse_differs: in mirrors and not by diffuse rays, or
+    the other way.  glass_differs: in mirrors and not through glass, or the
     other way.  left_out: sentences.
     """
 
@@ -92,6 +93,7 @@ class Geometry:
     reach: float
     visible: dict[str, Array | None]
     mirrors_differ: bool
+    diffuse_differs: bool
     glass_differs: bool
     left_out: tuple[str, ...]
 
@@ -155,6 +157,7 @@ def gather(scene: Scene, eye: Array) -> Geometry:
         float(reach),
         {kind: _visible(scene, ordered, kind) for kind in KINDS},
         any(block.visible_mirror != block.visible_shadow for block in scene.instances),
+        any(block.visible_mirror != block.visible_diffuse for block in scene.instances),
         any(block.visible_mirror != block.visible_transmission for block in scene.instances),
         tuple(text for d in drawn for text in d.left_out),
     )

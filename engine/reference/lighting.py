@@ -123,6 +123,7 @@ class Lighting:
         return tuple(
             source.fewer(self.bounced_marks) if isinstance(source, BouncedSource) else source
             for source in self.sources
+            if source.light.lights_media
         )
 
     def lights(self, source: Source, surface: Surface) -> Array:
@@ -201,7 +202,7 @@ class Lighting:
                 if not is_drawn and light_sample.counts:
                     hidden = source.hidden_counts if isinstance(source, Dome) else 1
                     balance[seen] += np.where(dimmed, -hidden, 1)
-            if isinstance(source, Dome):
+            if isinstance(source, Dome) and source.light.lights_matt:
                 open_ = np.flatnonzero(lit & (balance >= 0))
                 rest = source.rest(pick(surface.x, open_), pick(surface.n, open_), at.sample)
                 rest = pick(at.coefficients.diffuse, open_) * rest
@@ -343,8 +344,9 @@ class Lighting:
         if n == 1 and source.points is None:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
-        terms = coefficients.highlights if source.has_highlights else []
-        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ)
+        glossy = source.has_highlights and source.light.lights_gloss
+        terms = coefficients.highlights if glossy else []
+        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ(source))
         numbers = [
             number
             for number in source.surface_numbers(sample, n)
@@ -370,7 +372,7 @@ class Lighting:
                     replace(
                         chosen,
                         intensity=np.where(drawn, chosen.intensity, 0.0),
-                        drawn=True,
+                        met_by="mirror",
                     ),
                     np.zeros_like(coefficients.diffuse),
                 )
@@ -456,6 +458,11 @@ class Lighting:
         if not is_drawn and coefficients.fibres:
             shine = fibres(surface, coefficients.fibres, seen, chosen.direction, matt=False)
             specular = specular + shine * light
+        diffuse, specular = source.on_lobes(diffuse, specular)
+        if not (source.light.lights_matt and source.light.lights_gloss):
+            some = np.flatnonzero((diffuse != 0).any(0) | (specular != 0).any(0))
+            seen, chosen = seen[some], chosen.taken(some)
+            diffuse, specular = pick(diffuse, some), pick(specular, some)
 
         def open_(places: Array) -> Array:
             shadows = self.shadows_of(source)

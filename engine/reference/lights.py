@@ -56,8 +56,8 @@ class LightSample:
     (1,) or (n,) light groups instead of the light's, None for that.  counts: whether it tells how
     much of a sky is hidden.  behind: (n,) bool, points that it does not light from before, whatever
     its direction says, None for none.  leaves: whether points may lie on what segments leave on the
-    other side, so that these begin there and not at the light.  drawn: from lobes, whose rays meet
-    what mirrors show.
+    other side, so that these begin there and not at the light.  met_by: whose
+    visibility rays of surfaces obey; of those drawn from lobes that of mirrors.
     """
 
     direction: Array
@@ -72,7 +72,11 @@ class LightSample:
     counts: bool = True
     behind: Array | None = None
     leaves: bool = False
-    drawn: bool = False
+    met_by: str = "shadow"
+
+    @property
+    def drawn(self) -> bool:
+        return self.met_by == "mirror"
 
     def cosine(self, n: Array) -> Array:
         """(k,) n·l of points with the normals n (3, k), or what stands for it: how much of this
@@ -188,6 +192,10 @@ class Source:
     def surface_numbers(self, sample: int, n: int) -> Sequence[int]:
         """The same for surfaces, which may take more than points of media do."""
         return self.numbers(sample, n)
+
+    def on_lobes(self, matt: Array, gloss: Array) -> tuple[Array, Array]:
+        """Of what matt lobes and others would give back, what they do."""
+        return matt * self.light.lights_matt, gloss * self.light.lights_gloss
 
     def drawn_at(self, number: int, point: LightPoint) -> LightPoint | None:
         """Where in the lobes of highlights a direction is drawn beside sample `number` of all

@@ -237,7 +237,7 @@ class Media:
         if self._marching is None:
             return spans
         lines = origin, along
-        kind = "mirror" if kind == "transmission" else kind  # as programs have it
+        kind = "mirror" if kind in ("transmission", "diffuse") else kind  # as programs have it
         return self._marching.marched(
             spans, self._boxes, lines, rays.near, far, self.moment.sample, kind
         )

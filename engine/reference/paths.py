@@ -37,8 +37,8 @@ class Paths:
     refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
     was. transmitted: the first surface that they left refracted them, where passes ask for that.
     through_glass: they obey `visible_transmission`, where that is not `visible_mirror` of all
-    instances.  gathers: they look for surfaces that throw light on, near by.  shared: what they
-    find goes to the pixels that `gathering.Shares` has for theirs.
+    instances and lights.  gathers: they look for surfaces that throw light on, near by.  shared:
+    what they find goes to the pixels that `gathering.Shares` has for theirs.
     """
 
     rays: Rays
@@ -67,6 +67,8 @@ class Paths:
     @property
     def visibility(self) -> str:
         """Which flag of an object they obey."""
+        if self.gathers:
+            return "diffuse"
         return "transmission" if self.through_glass else self.kind
 
     def part(self, name: str) -> str:
@@ -173,7 +175,7 @@ def bounced(
 ) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
     cutoff. point: where in rough REFRACTION lobes they go on.
-    splits: it is to be known which surface they left first.  glass_differs: as of `Geometry`.
+    splits: it is to be known which surface they left first.  glass_differs: as of `Stage`.
     """
     through = list(_refracted(at, settings.cutoff, point, splits))
     if glass_differs:

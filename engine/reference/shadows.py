@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from .attributes import Attributes
-from .lights import LightSample
+from .lights import LightSample, Source
 from .materials import FADED, Shader
 from .media import Media
 from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
@@ -46,10 +46,12 @@ class Shadows:
         self._seen = visibility.geometry.visible["shadow"]
         self._blockers: Array | None = None
 
-    @property
-    def mirrors_differ(self) -> bool:
-        """Whether some things are seen in mirrors and cast no shadow, or the other way."""
-        return self._geometry.mirrors_differ
+    def mirrors_differ(self, source: Source) -> bool:
+        """Whether mirrors show some things that rays to samples of a light do not meet, or the
+        other way.
+        """
+        geometry = self._geometry
+        return geometry.mirrors_differ or (source.light.kind == "DOME" and geometry.diffuse_differs)
 
     def cast_by(self, blockers: Array) -> Shadows:
         """Those of some rows of the placements alone, (r,) bool."""
@@ -69,10 +71,12 @@ class Shadows:
         result.to_fibres = True
         return result
 
-    def in_mirrors(self) -> Shadows:
-        """Those of what mirrors show; media stay."""
+    def met_by(self, kind: str) -> Shadows:
+        """Those of what rays of a kind meet; media stay."""
+        if kind == "shadow":
+            return self
         result = copy.copy(self)
-        result._seen = self._geometry.visible["mirror"]
+        result._seen = self._geometry.visible[kind]
         if self._blockers is not None:
             result._seen = self._of_blockers(self._blockers, result._seen)
         return result
@@ -93,7 +97,7 @@ class Shadows:
             if sample.end is not None:
                 through = np.minimum(through, length(sample.end - start) / 2)
             start = start + through * sample.direction
-        shadows = self.in_mirrors() if sample.drawn else self
+        shadows = self.met_by(sample.met_by)
         return shadows.from_points(start, sample, counted=True)
 
     def near(self, surface: Surface, direction: Array, reach: float) -> Array:

@@ -28,6 +28,7 @@ from .materials import Shader
 from .media import Media
 from .paths import Paths
 from .scene_queries import SceneQueries, points_of_nodes, uncounted
+from .seen_lights import has_shape
 from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
@@ -114,6 +115,16 @@ class Stage:
             return self.background
         axes = np.asarray(self.scene.world.axes, np.float64)
         return radiance(program, self._sky_images, axes.T @ unit(along), kind)
+
+    @property
+    def glass_differs(self) -> bool:
+        """Whether some things or lights are seen in mirrors and not through glass, or the other
+        way.
+        """
+        lights = (s.light for s in self.sources if has_shape(s))
+        return self.geometry.glass_differs or any(
+            light.visible_mirror != light.visible_transmission for light in lights
+        )
 
     def gathers(self, paths: Paths) -> bool:
         """Whether rays look for surfaces near by that throw light on what the paths meet: but for

@@ -43,13 +43,14 @@ ROUNDED = 8 * 2.0**-24
 @dataclass(frozen=True, eq=False)
 class DomePoint:
     """A direction (3,) from which a DOME light shines, what comes from there (3,), one over the
-    density of such directions, and a point of the unit disc.
+    density of such directions, a point of the unit disc, and whose visibility rays there obey.
     """
 
     direction: Array
     color: Array
     spread: float
     disc: Array
+    met_by: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +110,11 @@ class Dome(Source):
     ):
         super().__init__(light, eye, physical=True)
         self._table, self._samples, self._openings = table, samples, openings
-        rows = zip(table.along, table.light, table.points, strict=True)
-        points = [DomePoint(along, row[:3], row[3], disc) for along, row, disc in rows]
+        rows = zip(table.along, table.light, table.points, table.shadowed, strict=True)
+        points = [
+            DomePoint(along, row[:3], row[3], disc, "shadow" if shadowed else "diffuse")
+            for along, row, disc, shadowed in rows
+        ]
         self._directions, self._parts = len(points), 1
         self.points = points if openings is None else [*points, *openings.points()]
 
@@ -190,7 +194,8 @@ class Dome(Source):
     def sample(self, x: Array, point: DomePoint, n: int) -> LightSample:
         some = np.ones(x.shape[1])
         direction = np.repeat(point.direction[:, None], x.shape[1], 1)
-        return LightSample(direction, some / n, None, point.spread * some, point.color[:, None])
+        spread, color = point.spread * some, point.color[:, None]
+        return LightSample(direction, some / n, None, spread, color, met_by=point.met_by)
 
     def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
         radiance, spread = self._table.seen(direction)
@@ -200,7 +205,8 @@ class Dome(Source):
         direction = unit(point.at - x)
         seen = self.sample_at(x, direction, n)
         outward = point.normal @ direction > 0
-        return replace(seen, intensity=np.where(outward, seen.intensity, 0.0), counts=False)
+        given = np.where(outward, seen.intensity, 0.0)
+        return replace(seen, intensity=given, counts=False, met_by="diffuse")
 
     def _beside(self, x: Array, seen: LightSample) -> LightSample:
         """The same where points on openings are taken beside directions (the balance heuristic)."""
@@ -428,6 +434,7 @@ class BouncedSource(MeshSource):
             ROUNDED,
             size,
             self._group(number),
+            met_by="diffuse",
         )
 
     @property

@@ -33,6 +33,7 @@ _PLACES = frozenset(
         "visible_mirror",
         "visible_shadow",
         "visible_transmission",
+        "visible_diffuse",
     }
 )
 """Fields of instances by which rays meet other things, or elsewhere."""

@@ -142,9 +142,10 @@ class Instances:
     materials: for each material slot an index into `Scene.materials`; a slot beyond the end uses
     the last one. object_index: Blender's pass index. visible_camera, visible_mirror,
     visible_shadow, visible_transmission: seen by camera rays (and what passes straight through
-    them), by mirror rays, by shadow rays, by refraction rays. holdout: cuts a hole of alpha 0 into
-    the picture. catcher: camera rays see what other things change of its light, over what is behind
-    it.
+    them), by mirror rays, by shadow rays, by refraction rays. visible_diffuse, visible_media: what
+    glows lights matt lobes, and media; with visible_mirror the other lobes. holdout: cuts a hole of
+    alpha 0 into the picture. catcher: camera rays see what other things change of its light, over
+    what is behind it.
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
     which lights reach it.  motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even
     times while the shutter is open; None for what stands still.  asset: what it is part of, "" for
@@ -171,3 +172,5 @@ class Instances:
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
     visible_transmission: bool = True
+    visible_diffuse: bool = True
+    visible_media: bool = True

@@ -198,6 +198,8 @@ FLAGS = {
     "visible_glossy": "visible_mirror",
     "visible_shadow": "visible_shadow",
     "visible_transmission": "visible_transmission",
+    "visible_diffuse": "visible_diffuse",
+    "visible_volume_scatter": "visible_media",
     "is_holdout": "holdout",
     "is_shadow_catcher": "catcher",
 }
@@ -316,21 +318,6 @@ def test_what_glows_is_linked_as_lamps_are(scene):  # noqa: F811
     panel.data.materials.append(glow.material)
     lit.data.materials.append(mirror.material)
     assert any("Mirrors and glass" in note and "'panel'" in note for note in export().notes)
-
-
-def test_what_glows_out_of_gloss_is_told(scene):  # noqa: F811
-    """It lights gloss all the same; matt things have none."""
-    panel, floor = quad("panel"), quad("floor")
-    glow, plain = Shader(shader="ShaderNodeEmission"), Shader(shader="ShaderNodeBsdfDiffuse")
-    panel.data.materials.append(glow.material)
-    floor.data.materials.append(plain.material)
-    panel.visible_glossy = False
-    assert not export().notes
-    gloss = Shader(shader="ShaderNodeBsdfPrincipled")
-    floor.data.materials[0] = gloss.material
-    assert any("lights rough metal" in note and "'panel'" in note for note in export().notes)
-    panel.visible_glossy, floor.visible_glossy = True, False
-    assert not export().notes
 
 
 def test_light_groups_of_lamps_things_and_the_world(scene):  # noqa: F811

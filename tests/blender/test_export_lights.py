@@ -117,6 +117,25 @@ def test_flags(scene):  # noqa: F811
     thing.visible_camera, thing.visible_glossy = True, False
     light = _only_light()
     assert (light.visible_camera, light.visible_mirror) == (True, False)
+    assert light.visible_transmission
+    thing.visible_glossy, thing.visible_transmission = True, False
+    light = _only_light()
+    assert (light.visible_mirror, light.visible_transmission) == (True, False)
+
+
+def test_what_lights_light_by_their_ray_visibility(scene):  # noqa: F811
+    thing = _light("POINT")
+    names = "visible_diffuse", "visible_glossy", "visible_volume_scatter"
+
+    def lit():
+        light = _only_light()
+        return light.lights_matt, light.lights_gloss, light.lights_media
+
+    assert lit() == (True, True, True)
+    for k, name in enumerate(names):
+        setattr(thing, name, False)
+        assert lit() == tuple(other != k for other in range(3))
+        setattr(thing, name, True)
 
 
 @pytest.mark.skipif(

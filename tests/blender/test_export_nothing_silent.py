@@ -103,17 +103,6 @@ def test_grease_pencil_is_blenders(scene):  # noqa: F811
     assert after.notes == () and len(after.scene.instances) == len(before.scene.instances)
 
 
-def test_ray_visibility_is_told(scene):  # noqa: F811
-    lamp = link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
-    thing = quad("Thing")
-    assert not export().notes
-    lamp.visible_diffuse = False
-    thing.visible_diffuse = False
-    notes = export().notes
-    assert any("light matt and glossy surfaces" in note and "'Lamp'" in note for note in notes)
-    assert any("Matt surfaces see" in note and "'Thing'" in note for note in notes)
-
-
 SHINING = {"ShaderNodeBsdfPrincipled", "ShaderNodeBsdfTransparent", "ShaderNodeEmission"}
 """Shaders that count where there is no surface, or give nothing as they are meant to."""
 
@@ -166,9 +155,7 @@ def _lamp():
 
 
 SET = {
-    "matt surfaces": (lambda: setattr(quad(), "visible_diffuse", False), "ray visibility"),
     "media": (lambda: setattr(quad(), "visible_volume_scatter", False), "Volume Scatter"),
-    "lamps through glass": (lambda: setattr(_lamp(), "visible_transmission", False), "refracts"),
     "caustics": (lambda: setattr(_lamp().data.cycles, "is_caustics_light", True), "caustics"),
     "bounces of a lamp": (lambda: setattr(_lamp().data.cycles, "max_bounces", 1), "Max Bounces"),
     "bump correction": (_bent, "Bump Map Correction"),

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import cycles_reference as cycles
+from cycles_reference import bpy
 from glint_picture import render_glint
-from small_scenes import add, add_camera, cube, moved, new_material, plane
+from small_scenes import add, add_camera, add_light, cube, moved, new_material, plane
 
 SIDE = 32
 
@@ -45,6 +46,18 @@ def means(scene) -> tuple[np.ndarray, np.ndarray]:
     truth = cycles.render_passes(scene)["Combined"]
     here = np.s_[SIDE // 3 : SIDE * 2 // 3, SIDE // 3 : SIDE * 2 // 3, :3]
     return glint[here].mean((0, 1)), truth[here].mean((0, 1))
+
+
+@pytest.mark.parametrize("flag", [None, "visible_glossy", "visible_transmission"])
+def test_a_lamp_behind_a_pane_is_as_bright(flag) -> None:
+    scene, box = behind_a_pane("ShaderNodeBsdfRefraction", 0.0, 1.2)
+    bpy.data.objects.remove(box)
+    lamp = add_light(scene, "AREA", (0, 2, 0), (0, -6, 0), energy=100)
+    lamp.data.size = 3.0
+    if flag:
+        setattr(lamp, flag, False)
+    glint, truth = means(scene)
+    assert glint == pytest.approx(truth, rel=0.05)
 
 
 @pytest.mark.parametrize("flag", [None, "visible_glossy", "visible_transmission"])

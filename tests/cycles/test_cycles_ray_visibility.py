@@ -70,6 +70,7 @@ def before_the_box(scene) -> tuple[float, float]:
 
 
 METAL, ROUGHER, PLASTIC = (0.15, 1.0, 0.8), (0.4, 1.0, 0.8), (0.2, 0.0, 0.05)
+PAINT, MATT = (0.5, 0.0, 0.5), (1.0, 0.0, 0.8)
 
 
 @pytest.mark.parametrize("flag", ["visible_glossy", "visible_shadow"])
@@ -79,3 +80,54 @@ def test_what_some_rays_do_not_see_is_as_bright_in_floors(paint, lit, flag):
     """Lamps less closely: what is drawn from lobes, and how much it weighs, is Cycles' own."""
     glint, truth = before_the_box(box_on_a_floor(paint, lit, flag))
     assert glint == pytest.approx(truth, rel=0.12 if lit == "lamp" else 0.06)
+
+
+@pytest.mark.parametrize("flag", ["visible_diffuse", "visible_shadow"])
+@pytest.mark.parametrize("lit", ["world", "sky", "lamp"])
+def test_matt_floors_before_what_some_rays_do_not_see(lit, flag) -> None:
+    glint, truth = before_the_box(box_on_a_floor(MATT, lit, flag))
+    assert glint == pytest.approx(truth, rel=0.035)
+
+
+def lit_floor(paint: tuple, kind: str, flag: str, fog: float):
+    """A floor before a lamp, or before a box that glows, without one of the flags."""
+    scene = cycles.empty_scene(SIDE, SIDE)
+    cycles.set_world(scene, (0.05, 0.05, 0.05))
+    add(scene, "floor", plane(4, principled(*paint)))
+    if kind == "MESH":
+        shader = principled(0.5, 0.0, 0.0)
+        node = next(n for n in shader.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+        node.inputs["Emission Color"].default_value = (1.0, 0.6, 0.3, 1)
+        node.inputs["Emission Strength"].default_value = 3.0
+        thing = add(scene, "box", cube(shader), moved(0, 0.6, 1.1, 1.2, 0.4, 1.0))
+    else:
+        thing = add_light(scene, kind, (0, 3, 3.2), (0, 0, 0.3), energy=200)
+        if kind == "AREA":
+            thing.data.size = 3.0
+    if fog:
+        tree = scene.world.node_tree
+        scatter = tree.nodes.new("ShaderNodeVolumeScatter")
+        scatter.inputs["Density"].default_value = fog
+        output = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputWorld")
+        tree.links.new(scatter.outputs[0], output.inputs["Volume"])
+    setattr(thing, flag, False)
+    add_camera(scene, (0, -6, 2.5), (0, 0, 0.5), lens=40)
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("paint", "kind", "flag", "fog"),
+    [
+        (PAINT, "MESH", "visible_diffuse", 0.0),
+        (PAINT, "MESH", "visible_glossy", 0.0),
+        (METAL, "MESH", "visible_glossy", 0.0),
+        (PAINT, "AREA", "visible_diffuse", 0.0),
+        (PAINT, "AREA", "visible_glossy", 0.0),
+        (PLASTIC, "POINT", "visible_glossy", 0.0),
+        (MATT, "MESH", "visible_volume_scatter", 0.03),
+        (MATT, "POINT", "visible_volume_scatter", 0.03),
+    ],
+)
+def test_lights_light_what_they_are_visible_to(paint, kind, flag, fog) -> None:
+    glint, truth = before_the_box(lit_floor(paint, kind, flag, fog))
+    assert glint == pytest.approx(truth, rel=0.07)

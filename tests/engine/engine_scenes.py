@@ -194,7 +194,7 @@ def hard_lights() -> s.Scene:
 @scene
 def soft_lights() -> s.Scene:
     """Every soft light, shapes seen by the camera and by a mirror."""
-    seen = {"visible_camera": True, "visible_mirror": True}
+    seen = {"visible_camera": True, "visible_mirror": True, "visible_transmission": True}
     lights = (
         light("POINT", (1.5, 0.9, 1.9), radius=0.3, strength=200, **seen),
         light("POINT", (-1.6, -1.2, 2.3), radius=0.25, soft_falloff=True, strength=150),

@@ -310,7 +310,7 @@ def test_rays_that_miss_by_definition(backend: str, dtype: type) -> None:
 def test_visibility(backend: str) -> None:
     mesh = s.Mesh("square", SQUARE, HALVES)
     hidden = {f"visible_{kind}": False for kind in KINDS}
-    shown = ("visible_camera", "visible_mirror", "visible_transmission")
+    shown = ("visible_camera", "visible_mirror", "visible_transmission", "visible_diffuse")
     groups = [
         s.Instances(flag, 0, at(0, 0, -k), (), **{**hidden, flag: True})
         for k, flag in enumerate(shown)
@@ -321,7 +321,8 @@ def test_visibility(backend: str) -> None:
             kind: tree.closest([0.2, 0.1, 3.0], DOWN, visibility=kind).instance[0]
             for kind in (*KINDS, None)
         }
-    assert seen == {"camera": 0, "mirror": 1, "shadow": -1, "transmission": 2, None: 0}
+    expected = {"camera": 0, "mirror": 1, "shadow": -1, "transmission": 2, "diffuse": 3, None: 0}
+    assert seen == expected
 
 
 @both

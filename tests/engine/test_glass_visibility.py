@@ -18,6 +18,7 @@ from native_tools import (
     constant,
     draw,
     hashes_with,
+    lamp,
     material,
     needs_core,
     placed,
@@ -98,6 +99,32 @@ def test_mirrors_in_glass_obey_their_own_flag(backend: str) -> None:
         np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=1e-5)
 
 
+LAMP_FLAGS = [(mirror, glass) for mirror in (False, True) for glass in (False, True)]
+
+
+def before_a_lamp(pane: s.Material, mirror: bool, glass: bool) -> s.Scene:
+    """A pane over a large lamp that shines up, from which no other light comes."""
+    upward = np.diag([1.0, -1.0, -1.0])
+    area = lamp("AREA", (0.0, 0.0, -20.0), upward, strength=400.0, size_x=60.0, size_y=60.0)
+    area = replace(area, visible_mirror=mirror, visible_transmission=glass)
+    return replace(before_a_sheet(pane), instances=(placed(),), lights=(area,))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(("mirror", "glass"), LAMP_FLAGS)
+def test_lamps_are_seen_through_a_pane_as_their_flags_say(mirror, glass, backend) -> None:
+    """On top of the sky; a mirror above it shows it as the other flag says."""
+    shape = 400.0 / (np.pi * 60.0 * 60.0)
+    found = color(before_a_lamp(PANE, mirror, glass), samples=1, max_bounces=4, backend=backend)
+    expected = np.array(TINT) * (np.array(SKY) + shape * glass)
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=1e-5)
+    mirrored = before_a_lamp(MIRROR, mirror, glass)
+    turned = replace(mirrored.lights[0], world_from_light=lamp("AREA").world_from_light)
+    found = color(replace(mirrored, lights=(turned,)), samples=1, max_bounces=4, backend=backend)
+    expected = np.array(TINT) * (np.array(SKY) + shape * mirror)
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=1e-5)
+
+
 def scenes() -> list[s.Scene]:
     """Panes of all kinds; a mist that glass alone shows, or does not show."""
     plain = [
@@ -118,7 +145,8 @@ def scenes() -> list[s.Scene]:
         for scene in (before_a_sheet(PANE), before_a_sheet(GLASS))
         for flags in HIDDEN.values()
     ]
-    return plain + misty
+    lamps = [before_a_lamp(pane, *f) for pane in (PANE, ROUGH, GLASS) for f in LAMP_FLAGS[1:3]]
+    return plain + misty + lamps
 
 
 def test_both_tracers_draw_the_same() -> None:
@@ -152,7 +180,7 @@ def test_regions_change_nothing() -> None:
 
 
 def test_a_pixel_that_is_explained_sees_what_it_shows() -> None:
-    for scene in scenes()[:18]:  # those alike in all pixels
+    for scene in scenes()[:18] + scenes()[-6:]:  # those alike in all pixels
         settings = Settings(samples=1, max_bounces=6)
         shown = color(scene, samples=1, max_bounces=6, backend="NUMPY")[4, 4]
         ray = PixelExplainer(scene, settings).pixel(4, 4)

@@ -41,7 +41,10 @@ def sky(scene: s.Scene) -> s.Scene:
     """With a sky that lights, and lamps that are seen."""
     rng = np.random.default_rng(1)
     dome = s.Light("sky", "DOME", np.eye(3, 4), radiance=rng.random((8, 16, 3)).astype(np.float32))
-    lights = tuple(replace(x, visible_camera=True, visible_mirror=True) for x in scene.lights)
+    lights = tuple(
+        replace(x, visible_camera=True, visible_mirror=True, visible_transmission=True)
+        for x in scene.lights
+    )
     world = replace(scene.world, ambient=(0.3, 0.2, 0.1), background=(0.3, 0.2, 0.1))
     return replace(scene, lights=(*lights, dome), world=world)
 

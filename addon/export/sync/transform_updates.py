@@ -133,7 +133,7 @@ class SceneIndex:
         flags = flags_of(thing, thing, view_layer, report)
         if report.mentions(thing.name) or self.report.mentions(thing.name):
             return False  # what is said of it may be another thing now
-        now = (thing.pass_index, *flags[:4], flags.catcher, flags.transmission)
+        now = (thing.pass_index, *flags[:4], *flags[7:])
         groups = [self.scene.instances[number] for number in place.instances]
         if any(group.values for group in groups):
             return False  # materials read what an edit of the object may have changed
@@ -147,6 +147,8 @@ class SceneIndex:
                 g.holdout,
                 g.catcher,
                 g.visible_transmission,
+                g.visible_diffuse,
+                g.visible_media,
             )
             for g in groups
         )

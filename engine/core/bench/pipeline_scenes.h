@@ -112,7 +112,7 @@ struct Description {
       geometry.normals = {grid.normals.data(), grid.normals.size() / 3, 0, GLINT_POINT, 3, 0};
     uv = {grid.uv.data(), grid.uv.size() / 2, 0, GLINT_POINT, 2, 0};
     constexpr uint32_t kSeen = GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW |
-                               GLINT_VISIBLE_TRANSMISSION;
+                               GLINT_VISIBLE_TRANSMISSION | GLINT_VISIBLE_DIFFUSE;
     instances[0] = {0, 1, 0, kSeen, 0, 1, 0, 0};
     data.geometry_count = data.instances_count = data.row_count = data.material_slot_count =
         data.material_count = 1;

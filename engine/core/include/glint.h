@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 54
+#define GLINT_ABI_VERSION 57
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -72,7 +72,8 @@ enum GlintInstanceFlags {
   GLINT_VISIBLE_SHADOW = 4,
   GLINT_HOLDOUT = 8,
   GLINT_CATCHER = 16, /* of shadows: camera rays see what others change of its light, not it */
-  GLINT_VISIBLE_TRANSMISSION = 32 /* to refracted rays */
+  GLINT_VISIBLE_TRANSMISSION = 32, /* to refracted rays */
+  GLINT_VISIBLE_DIFFUSE = 64       /* to rays that look for bounced light, or light of a dome */
 };
 
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
@@ -209,7 +210,11 @@ enum GlintLightFlags {
   GLINT_SEEN_BY_CAMERA = 2,
   GLINT_SEEN_BY_MIRROR = 4,
   GLINT_SOFT_FALLOFF = 8,
-  GLINT_ELLIPSE = 16
+  GLINT_ELLIPSE = 16,
+  GLINT_NOT_ON_MATT = 32,  /* DIFFUSE, SHEEN, TRANSLUCENT and FIBRE_DIFFUSE lobes get no light */
+  GLINT_NOT_ON_GLOSS = 64, /* other lobes get none */
+  GLINT_NOT_IN_MEDIA = 128,
+  GLINT_SEEN_BY_TRANSMISSION = 256
 };
 
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
@@ -396,23 +401,24 @@ typedef struct GlintNeighbour {
  * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
  * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
  * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
- * light has an extent; else they may be null. dome_table: (dome_count, 9), of as many samples as
+ * light has an extent; else they may be null. dome_table: (dome_count, 10), of as many samples as
  * divide it, after which they begin again, of a GLINT_DOME: the direction to it, what comes from
- * there (dome_samples times its share), one over the density of directions, and a point of the unit
- * disc. dome_cells: (dome_rows, dome_columns, 4), what comes from a direction of the light's axes
- * (dome_axes, column by column) over the density and one over that, equirectangular, from below
- * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
- * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
- * pole and once round. openings: (opening_count, 13), rectangles through which that light is
- * sampled too, or null: centre, half sides along x and y, unit normal to the light's side, all in
- * the world, and the share of the points; opening_points: (opening_point_count, 3), of as many
- * samples, opening_samples points each, as divide it: the row of openings, and where on it from -1
- * to 1 along its half sides. mesh_table: (mesh_count, 18), of as many samples, mesh_samples points
- * each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the point and
- * its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a point of the
- * unit disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT, with 1 for
- * points on catchers in place of the 0, and 2 more for those whose light goes on from no other
- * surface that gather rays find, and in place of back[0] the spread of the disc where no rays
+ * there (dome_samples times its share), one over the density of directions, a point of the unit
+ * disc, and 1 where shadow rays of surfaces meet what casts shadows, 0 where what is visible to
+ * diffuse rays. dome_cells: (dome_rows, dome_columns, 4), what comes from a direction of the
+ * light's axes (dome_axes, column by column) over the density and one over that, equirectangular,
+ * from below upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi,
+ * of surfaces that nothing hides it from, by their normals in the light's axes: corners of cells
+ * from pole to pole and once round. openings: (opening_count, 13), rectangles through which that
+ * light is sampled too, or null: centre, half sides along x and y, unit normal to the light's side,
+ * all in the world, and the share of the points; opening_points: (opening_point_count, 3), of as
+ * many samples, opening_samples points each, as divide it: the row of openings, and where on it
+ * from -1 to 1 along its half sides. mesh_table: (mesh_count, 18), of as many samples, mesh_samples
+ * points each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the
+ * point and its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a
+ * point of the unit disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT,
+ * with 1 for points on catchers in place of the 0, and 2 more for those whose light goes on from no
+ * other surface that gather rays find, and in place of back[0] the spread of the disc where no rays
  * gather what is near. Tables may be null where the scene has no such light.
  * lobe_points: (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a
  * path, where in the lobes of rough surfaces its rays are reflected; null only where none are.

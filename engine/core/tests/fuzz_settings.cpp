@@ -35,7 +35,7 @@ void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.dome_irradiance_rows = uint32_t(1 + dice.below(4));
   s.dome_irradiance_columns = uint32_t(1 + dice.below(4));
   for (double& x : s.dome_axes) x = dice.number();
-  s.dome_table = arena.fill<double>(9 * s.dome_count, [&] { return dice.number(); });
+  s.dome_table = arena.fill<double>(10 * s.dome_count, [&] { return dice.number(); });
   s.dome_cells = arena.fill<float>(uint64_t(4) * s.dome_rows * s.dome_columns,
                                    [&] { return float(dice.number()); });
   s.dome_irradiance =

@@ -156,7 +156,7 @@ std::string rays_problems(const Rays& rays) {
              "strides of %u and %u for rows of 3 numbers", rays.origin_stride,
              rays.direction_stride);
   constexpr uint32_t all = GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW |
-                           GLINT_VISIBLE_TRANSMISSION;
+                           GLINT_VISIBLE_TRANSMISSION | GLINT_VISIBLE_DIFFUSE;
   report.add(rays.visibility != 0 && !(rays.visibility & ~all), "unknown visibility %u",
              rays.visibility);
   return report.text();

@@ -18,7 +18,8 @@ enum Visibility : uint32_t {
   kMirror = 2,
   kShadow = 4,
   kTransmission = 32,
-  kAnyRay = kCamera | kMirror | kShadow | kTransmission
+  kDiffuse = 64,
+  kAnyRay = kCamera | kMirror | kShadow | kTransmission | kDiffuse
 };
 
 /// Borrowed arrays; they outlive the accelerator. Object space, float32.

@@ -136,6 +136,8 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
     }
     if (light.is_dome()) balance_.assign(batch.size(), 0);
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
+    stage_.evenly =
+        scene_.instances.mirrors_differ || (light.is_dome() && scene_.instances.diffuse_differs);
     const uint32_t openings = plan_.opening_samples_of(light) / parts,
                    first = sample % parts * count,
                    first_opening = plan_.samples_of(light) + sample % parts * openings;
@@ -151,6 +153,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
                                  ? batch.first_hits->shadows(number)
                                  : nullptr;
       const size_t reached = stages_.light(stage_);
+      met_by_ = point.met_by;
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
       if (light.is_dome() && j < count) note_hidden(reached, parts);
       if (stage_.draws && point.draws) {
@@ -158,12 +161,13 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
         met_ = light.is_mesh();
         met_by_ = kMirror;
         add_lit(batch, light, met_ ? meet_emitters(light, drawn) : drawn, nullptr, counts);
-        met_by_ = kShadow;
         met_ = false;
       }
+      met_by_ = kShadow;
     }
-    if (light.is_dome()) add_rest(batch, light, sample, parts);
+    if (light.is_dome() && light.lights_matt()) add_rest(batch, light, sample, parts);
   }
+  stage_.evenly = scene_.instances.mirrors_differ;
   for (SharedLight* shared : {&lamps_, &bounced_})
     if (shared->on && !cancel_) share(*shared, batch, sample, counts);
   stage_.lit = batch.lit.data();  // for reflections
@@ -281,7 +285,8 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
     if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));
     if (glassy_)
-      transparent_shadows_.follow(stage_, blocked_.data(), count, shadow_, counts, on_strands_);
+      transparent_shadows_.follow(stage_, blocked_.data(), count, shadow_, counts, on_strands_,
+                                  met_by_);
   }
   if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
   add(batch, light, count);

@@ -165,7 +165,7 @@ class DirectLight {
   std::vector<uint8_t> blocked_;
   std::vector<int64_t> linked_;  // mask: points that a light that lights but some may reach
   int group_ = -1;               // of lights, of the present sample
-  uint32_t met_by_ = kShadow;    // what its shadow rays meet: kMirror of drawn directions
+  uint32_t met_by_ = kShadow;    // what its shadow rays meet
   bool met_ = false;             // the present points have met_group_
   std::vector<int> met_group_;   // of what drawn rays meet
   std::vector<uint32_t> emitter_, placement_;  // that drawn rays meet, and their weights there

@@ -85,7 +85,7 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
     if (depths_.any(k)) batch.mark_soft_light(k, Refinement::kReached | Refinement::kCut);
   scattering_ = true;
   for (const Light& light : scene_.lights)
-    scatter_light(batch, spans, clear, light, sample, counts);
+    if (light.lights_media()) scatter_light(batch, spans, clear, light, sample, counts);
   scattering_ = false;
 }
 

@@ -185,7 +185,6 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   shared.receives.clear();
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
   const bool is_bounced = &shared == &bounced_;
-  stage_.matt_alone = is_bounced;
   stage_.gather2 = is_bounced && gathers(*batch.queue) ? 1 / (reach_ * reach_) : 0;
   shared.shows_gloss =
       is_bounced && scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
@@ -291,14 +290,14 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   if (!drawn) {  // what it gives is known: the rays alone are wanted, which pass fibres
     if (!stage_.has_fibre) stage_.max_specular = 0;
     stage_.gloss[0] = nullptr;
-    stage_.draws = false;
+    stage_.draws = stage_.gloss_alone = false;
     for (const double*& column : stage_.diffuse) column = shared.ones;
   }
   const uint8_t met = Refinement::kReached | (&shared == &bounced_ ? Refinement::kBounced : 0);
   const size_t count = drawn ? stages_.gloss(stage_) : stages_.light(stage_);
   for (size_t k = 0; batch.soft_light && k < count; ++k) batch.mark_soft_light(point_[k], met);
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
-  met_by_ = drawn ? kMirror : kShadow;
+  met_by_ = drawn ? kMirror : light.is_bounced() ? kDiffuse : kShadow;
   if (glassy_)
     transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, on_strands_,
                                met_by_);

@@ -51,7 +51,7 @@ std::vector<Opening> openings_of(const GlintRenderSettings& g, uint32_t directio
 RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
     : GlintRenderSettings(g),
       thread_count(glint::thread_count(g.threads)),
-      dome_directions(g.dome_table, 9, g.dome_samples, g.dome_count),
+      dome_directions(g.dome_table, kDomeColumns, g.dome_samples, g.dome_count),
       bounced_points(g.bounced_table, kPointColumns, g.bounced_samples, g.bounced_count),
       occlusion_directions(g.occlusion_points, 2, g.occlusion_samples, g.occlusion_count),
       gather_places(g.gather_points, 2, g.gather_samples, g.gather_count),

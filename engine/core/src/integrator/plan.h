@@ -135,6 +135,7 @@ struct RenderPlan : GlintRenderSettings {
     }
     LightPoint through = point;
     through.draws = false;
+    through.met_by = kDiffuse;
     return through;
   }
 
@@ -165,10 +166,15 @@ struct RenderPlan : GlintRenderSettings {
     if (light.is_dome()) {
       const size_t number = dome_directions.number(sample, j);
       const double* const table = dome_directions.numbers;
-      const double* const place = table + 9 * (number / kSkyDraws) + 7;
-      return {
-          0,     0,          place[0], place[1], table + 9 * number, &dome, number % kSkyDraws == 0,
-          false, light.group};
+      const double *const row = table + kDomeColumns * number, *const place =
+                                                                   table +
+                                                                   kDomeColumns *
+                                                                       (number / kSkyDraws) +
+                                                                   7;
+      LightPoint point{0, 0, place[0], place[1], row, &dome, number % kSkyDraws == 0};
+      point.group = light.group;
+      point.met_by = row[9] != 0 ? kShadow : kDiffuse;
+      return point;
     }
     if (light.is_mesh()) {
       const double* const row =

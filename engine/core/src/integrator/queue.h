@@ -22,8 +22,8 @@ struct Path {
   double widest = HUGE_VAL;                      // see Queue
 };
 
-/// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror, or
-/// kTransmission, where instances differ in these.
+/// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror,
+/// kDiffuse of gather rays, or kTransmission, where instances differ in these.
 class Queue : public RayLayout {
  public:
   explicit Queue(uint32_t visibility_ = kMirror) : visibility(visibility_) {}

@@ -37,7 +37,10 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
       catches_(scene.features & GLINT_FEATURE_SHADOW_CATCHER),
-      glass_differs_(scene.instances.glass_differs && scene.features & GLINT_FEATURE_REFRACTION),
+      glass_differs_(scene.features & GLINT_FEATURE_REFRACTION &&
+                     (scene.instances.glass_differs ||
+                      std::any_of(scene.lights.begin(), scene.lights.end(),
+                                  [](const Light& light) { return light.glass_differs(); }))),
       program_slots_(size_t(scene.programs.most_slots) * kBlock) {}
 
 Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool gathers,
@@ -181,7 +184,7 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   NextRays next{
       take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
       take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
-      take(kMirror, queue.reflections + 1, true, true, shares),
+      take(kDiffuse, queue.reflections + 1, true, true, shares),
       take(kMirror, queue.reflections + 1, true, true)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));

@@ -72,9 +72,10 @@ void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
 }
 
 void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
-                                double* const (&shadow)[3], RayCounts& counts, bool to_fibres) {
+                                double* const (&shadow)[3], RayCounts& counts, bool to_fibres,
+                                uint32_t visibility) {
   begin(light, count, shadow, scene_.trees.opacity(), to_fibres);
-  visibility_ = kShadow;
+  visibility_ = visibility;
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);

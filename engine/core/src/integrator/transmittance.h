@@ -25,7 +25,7 @@ class TransparentShadows {
              uint32_t visibility = kShadow);
   /// Of rays of which it is known whether anything is on their way.
   void follow(const LightStage& light, const uint8_t* blocked, size_t count,
-              double* const (&shadow)[3], RayCounts& counts, bool to_fibres);
+              double* const (&shadow)[3], RayCounts& counts, bool to_fibres, uint32_t visibility);
 
  private:
   static constexpr size_t kAtOnce = 256;  // rays, as many as go down as a beam

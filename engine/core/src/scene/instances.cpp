@@ -151,6 +151,8 @@ void shape_instances(InstanceTable& t, const Anchor& anchor, const MaterialTable
     t.has_strands = t.has_strands || t.geometry(group).kind == GLINT_STRANDS;
     t.mirrors_differ = t.mirrors_differ || !(group.flags & GLINT_VISIBLE_MIRROR) !=
                                                !(group.flags & GLINT_VISIBLE_SHADOW);
+    t.diffuse_differs = t.diffuse_differs || !(group.flags & GLINT_VISIBLE_MIRROR) !=
+                                                 !(group.flags & GLINT_VISIBLE_DIFFUSE);
     t.glass_differs = t.glass_differs || !(group.flags & GLINT_VISIBLE_MIRROR) !=
                                              !(group.flags & GLINT_VISIBLE_TRANSMISSION);
   }

@@ -26,8 +26,9 @@ struct InstanceTable {
   size_t triangles = 0, primitives = 0, dropped = 0;
   uint32_t default_material = 0;
   bool only_meshes = true, has_strands = false;
-  bool mirrors_differ = false;  // some are seen in mirrors and cast no shadow, or the other way
-  bool glass_differs = false;   // some are seen in mirrors and not through glass, or the other way
+  bool mirrors_differ = false;   // some are seen in mirrors and cast no shadow, or the other way
+  bool diffuse_differs = false;  // some are seen in mirrors and not by diffuse rays, or not
+  bool glass_differs = false;    // some are seen in mirrors and not through glass, or the other way
 
   const GlintInstances& group(uint32_t instance) const {
     return groups[placements[instance].group];

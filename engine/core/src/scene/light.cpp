@@ -152,7 +152,6 @@ void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) con
 
 void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const {
   set_wide(stage, p, count);
-  if (is_bounced()) stage.draws = false;
   const double* const row = p.drawn;
   const Vec3d q = point(placed, {row[0], row[1], row[2]}),
               n = unit(direction(placed, {row[3], row[4], row[5]}));
@@ -174,6 +173,13 @@ void Light::widen(LightStage& stage, const LightPoint& p, uint32_t count) const 
 }
 
 void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
+  set_shape(stage, p, count, physical);
+  stage.matt_alone = !lights_gloss();
+  stage.gloss_alone = !lights_matt();
+  stage.draws = stage.draws && lights_gloss();
+}
+
+void Light::set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
   if (is_dome()) return set_dome(stage, p, count);
   if (is_surface()) return set_mesh(stage, p, count);
   const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;

@@ -3,6 +3,7 @@
 #pragma once
 #include <vector>
 
+#include "bvh/accel.h"
 #include "glint.h"
 #include "math/vec.h"
 #include "shading/stages.h"
@@ -19,10 +20,11 @@ struct LightPoint {
   double a = 0, b = 0, x = 0, y = 0;
   const double* drawn = nullptr;
   const DomeCells* dome = nullptr;
-  bool draws = true;        // highlights draw a direction there
-  bool on_catcher = false;  // it is one of a shadow catcher
-  int group = -1;           // of lights that its own is in; -1 for none
-  bool is_last = false;     // its light has bounced as often as asked for once it arrives
+  bool draws = true;          // highlights draw a direction there
+  bool on_catcher = false;    // it is one of a shadow catcher
+  int group = -1;             // of lights that its own is in; -1 for none
+  bool is_last = false;       // its light has bounced as often as asked for once it arrives
+  uint32_t met_by = kShadow;  // what rays of surfaces to it meet
 };
 
 /// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how
@@ -71,8 +73,16 @@ struct Light {
   bool lights(uint32_t light_set) const { return !(excluded_sets >> light_set & 1); }
   /// Whether far points see it in a cluster with others.
   bool is_clustered() const {
-    return level >= 0 && kind == GLINT_POINT_LIGHT && !program && lights_all() && casts_shadow() &&
-           color.x >= 0 && color.y >= 0 && color.z >= 0 && any(color);
+    return level >= 0 && kind == GLINT_POINT_LIGHT && !program && lights_all() && lights_matt() &&
+           lights_gloss() && casts_shadow() && color.x >= 0 && color.y >= 0 && color.z >= 0 &&
+           any(color);
+  }
+  bool lights_matt() const { return !(flags & GLINT_NOT_ON_MATT); }
+  bool lights_gloss() const { return !(flags & GLINT_NOT_ON_GLOSS) && !is_bounced(); }
+  bool lights_media() const { return !(flags & GLINT_NOT_IN_MEDIA); }
+  /// Whether its shape is seen in mirrors and not through glass, or the other way.
+  bool glass_differs() const {
+    return any(seen) && !(flags & GLINT_SEEN_BY_MIRROR) != !(flags & GLINT_SEEN_BY_TRANSMISSION);
   }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
@@ -110,6 +120,7 @@ struct Light {
   Vec3d radiance(Vec3d o, Vec3d d, bool physical) const;
 
  private:
+  void set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
   void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const;

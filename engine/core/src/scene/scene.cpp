@@ -55,7 +55,8 @@ uint32_t features_of(const Light& light) {
   else if (light.is_mesh()) features |= GLINT_FEATURE_MESH_LIGHT;
   else if (light.is_bounced()) features |= GLINT_FEATURE_BOUNCED_LIGHT;
   else if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
-  if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
+  if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR | GLINT_SEEN_BY_TRANSMISSION) &&
+      any(light.seen))
     features |= GLINT_FEATURE_VISIBLE_LIGHTS;
   return features;
 }

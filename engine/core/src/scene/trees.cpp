@@ -15,7 +15,8 @@ std::vector<InstanceView> instance_views(const InstanceTable& t, const Anchor& a
   static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) &&
                 kMirror == uint32_t(GLINT_VISIBLE_MIRROR));
   static_assert(kShadow == uint32_t(GLINT_VISIBLE_SHADOW) &&
-                kTransmission == uint32_t(GLINT_VISIBLE_TRANSMISSION));
+                kTransmission == uint32_t(GLINT_VISIBLE_TRANSMISSION) &&
+                kDiffuse == uint32_t(GLINT_VISIBLE_DIFFUSE));
   std::vector<InstanceView> views;
   views.reserve(t.placements.size());
   for (const Placement& p : t.placements) {

@@ -38,6 +38,7 @@ enum LightShape : int {
 
 /// Highlights draw a direction for so many of a dome's.
 constexpr size_t kSkyDraws = 8;
+constexpr size_t kDomeColumns = 10;  // of rows of GlintRenderSettings.dome_table
 
 /// A dome's maps (glint.h).
 struct DomeCells {
@@ -128,7 +129,7 @@ struct LightStage {
   bool has_sheen, has_fibre;        // among the lobes
   bool turns_lobes;                 // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes;             // or be stretched
-  bool matt_alone;                  // lights no highlights
+  bool matt_alone, gloss_alone;     // lights no highlights, or nothing else
 };
 
 /// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.

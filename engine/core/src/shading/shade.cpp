@@ -167,7 +167,9 @@ void Shader::seen_lights(Batch& batch, size_t k, const MediaSpans* media,
   const Ray ray = batch.queue->ray(k);
   const Path path = batch.queue->path(k);
   const double t = batch.missed(k) ? kInfinity : batch.t[k];
-  uint32_t flag = path.depth > 0 ? GLINT_SEEN_BY_MIRROR : GLINT_SEEN_BY_CAMERA;
+  const uint32_t flag = batch.queue->visibility == kTransmission ? GLINT_SEEN_BY_TRANSMISSION
+                        : path.depth > 0                         ? GLINT_SEEN_BY_MIRROR
+                                                                 : GLINT_SEEN_BY_CAMERA;
   for (const Light& light : scene_.lights) {
     if (!(light.flags & flag)) continue;
     double meets = light.meets(ray.o, ray.d);

@@ -167,7 +167,7 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
     diffuse = share * diffuse;
     specular = share * specular;
   }
-  if (s.max_specular > 0 && (Shape != kBouncedSource || s.has_sheen)) {
+  if (s.max_specular > 0 && (!(Shape == kBouncedSource || s.matt_alone) || s.has_sheen)) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen =
         highlights<false, Bent>(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
@@ -181,6 +181,8 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
     }
   }
   if (bump.some) diffuse = bump.share * diffuse;
+  if (s.gloss_alone) diffuse = Three{};
+  if (Shape != kBouncedSource && s.matt_alone) specular = Three{};
   to(at, reached, diffuse, specular);
 }
 

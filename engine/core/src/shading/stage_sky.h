@@ -90,7 +90,7 @@ inline Three given_beside_openings(const DomeStage& s, size_t k, const Three& n)
     given = given + (larger(dot(l, n), splat(0)) / less) * color;
   };
   for (size_t i = 0; i < s.directions; ++i) {
-    const double* const row = s.drawn + 9 * i;
+    const double* const row = s.drawn + kDomeColumns * i;
     add(splat3(row), splat3(row + 3), splat(row[6]));
   }
   for (size_t j = 0; j < s.opening_point_count; ++j) {
@@ -108,7 +108,7 @@ void dome(const DomeStage& s) {
     const Three n = load3(s.n, k);
     Three given{};
     for (size_t i = 0; i < s.directions; ++i) {
-      const double* const row = s.drawn + 9 * i;
+      const double* const row = s.drawn + kDomeColumns * i;
       given = given + larger(dot(splat3(row), n), splat(0)) * splat3(row + 3);
     }
     if (s.openings->count) given = given_beside_openings(s, k, n);
