@@ -21,7 +21,7 @@ REMEDIES: dict[str, str] = {
     "Bump Map Correction is not switched off for mirrors of …: bent normals are kept from showing what is behind the surface": "Lower the strength of the bump where it looks flat",
     "Lights have a colour that is not finite (…): its bad channels are black": "Set the light's colour anew",
     "The spread of area lights is not rendered (…): they shine over the whole half-space": "Set Beam Shape → Spread to 180°, or use a Spot light",
-    "The world … is seen by reflections and refractions alike, and lights what either diffuse or glossy rays see": "Set World properties → Ray Visibility → Glossy and Transmission alike, and Diffuse as Glossy",
+    "The world … is seen by reflections and refractions alike, where either of them see it": "Set World properties → Ray Visibility → Glossy and Transmission alike",
     "Visible errors are those of the sRGB curve alone: …": "Nothing; or set Color Management → View Transform to Standard",
     "Node … turns nothing in …: vectors stay as they are": "Use Mapping to turn vectors",
     "… varies over the surface in …: its mean is used": "Link a constant, or bake what varies into the colour",

@@ -48,7 +48,18 @@ class _Visibility:
 
     camera: bool = True
     bounced: bool = True
-    lights: bool = True
+    matt: bool = True
+    gloss: bool = True
+    media: bool = True
+
+    @property
+    def lights(self) -> bool:
+        return self.matt or self.gloss or self.media
+
+    def of_light(self, light: Light) -> Light:
+        return replace(
+            light, lights_matt=self.matt, lights_gloss=self.gloss, lights_media=self.media
+        )
 
 
 def export_world(world: Any, transparent: bool, images: Images, report: Report) -> Sky:
@@ -74,13 +85,18 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     shines = visibility.lights and values.any()
     return Sky(
         World(
-            mean if shines else BLACK,
+            mean if shines and visibility.matt else BLACK,
             transparent=transparent,
             medium=medium,
             **own,
         ),
-        Light(world.name, "DOME", np.eye(3, 4), radiance=values) if shines else None,
-        _suns(world.name, discs, (expressions, radiance), without, images)
+        visibility.of_light(Light(world.name, "DOME", np.eye(3, 4), radiance=values))
+        if shines
+        else None,
+        tuple(
+            visibility.of_light(sun)
+            for sun in _suns(world.name, discs, (expressions, radiance), without, images)
+        )
         if visibility.lights
         else (),
     )
@@ -201,14 +217,14 @@ def _visibility(world: Any, report: Report) -> _Visibility:
     flags = getattr(world, "cycles_visibility", None)
     if flags is None:
         return _Visibility()
-    bounced, lights = flags.glossy or flags.transmission, flags.diffuse or flags.glossy
-    if flags.glossy != flags.transmission or flags.diffuse != flags.glossy:
+    if flags.glossy != flags.transmission:
         report.note(
-            "The world {} is seen by reflections and refractions alike, and lights what either "
-            "diffuse or glossy rays see",
+            "The world {} is seen by reflections and refractions alike, where either of them see "
+            "it",
             world.name,
         )
-    return _Visibility(flags.camera, bounced, lights)
+    bounced = flags.glossy or flags.transmission
+    return _Visibility(flags.camera, bounced, flags.diffuse, flags.glossy, flags.scatter)
 
 
 def _as_seen(expressions: Expressions, radiance: Value, visibility: _Visibility) -> Value:

@@ -168,12 +168,20 @@ class Scene:
                 scene = replace(scene, lights=lamps)
         glow = mesh_lights(self) if by_meshes else ()
         scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
+        shining = tuple(light for light in scene.lights if self._shines(light))
+        scene = replace(scene, lights=shining) if len(shining) < len(scene.lights) else scene
         if not (bounces > 0 if between_fibres is None else between_fibres):
             materials = tuple(material.of_single_fibres() for material in scene.materials)
             if any(a is not b for a, b in zip(materials, scene.materials, strict=True)):
                 scene = replace(scene, materials=materials)
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
+
+    def _shines(self, light: Light) -> bool:
+        """False for a sky, and for what glows, where nothing gets their light."""
+        if light.kind not in ("DOME", "MESH") or light.lights_matt or light.lights_gloss:
+            return True
+        return light.lights_media and self.scatters
 
     @property
     def scatters(self) -> bool:

@@ -78,7 +78,8 @@ def test_a_black_world_lights_nothing(scene, world):  # noqa: F811
         (("camera",), (0.0, 0.75), True),
         (("glossy", "transmission"), (0.75, 0.0), True),
         (("camera", "glossy", "transmission"), (0.0, 0.0), True),
-        (("diffuse", "glossy"), (0.75, 0.75), False),
+        (("diffuse", "glossy"), (0.75, 0.75), True),
+        (("diffuse", "glossy", "scatter"), (0.75, 0.75), False),
     ],
 )
 def test_cycles_visibility_counts(scene, world, off, seen, shines):  # noqa: F811
@@ -94,6 +95,10 @@ def test_cycles_visibility_counts(scene, world, off, seen, shines):  # noqa: F81
             radiance = sky.radiance(found.world.program, (), along, kind)
             np.testing.assert_allclose(radiance, value, rtol=1e-6)
     assert any(light.kind == "DOME" for light in found.lights) == shines
+    for light in found.lights:
+        lit = light.lights_matt, light.lights_gloss, light.lights_media
+        assert lit == tuple(name not in off for name in ("diffuse", "glossy", "scatter"))
+    assert (found.world.ambient == (0.0, 0.0, 0.0)) == ("diffuse" in off)
 
 
 def test_what_is_not_understood_is_the_default(scene, world):  # noqa: F811

@@ -89,6 +89,15 @@ def test_matt_floors_before_what_some_rays_do_not_see(lit, flag) -> None:
     assert glint == pytest.approx(truth, rel=0.035)
 
 
+@pytest.mark.parametrize("flag", ["diffuse", "glossy"])
+@pytest.mark.parametrize("lit", ["world", "sky"])
+def test_worlds_light_what_they_are_visible_to(lit, flag) -> None:
+    scene = box_on_a_floor(PLASTIC, lit, "is_holdout")
+    setattr(scene.world.cycles_visibility, flag, False)
+    glint, truth = before_the_box(scene)
+    assert glint == pytest.approx(truth, rel=0.06)
+
+
 def lit_floor(paint: tuple, kind: str, flag: str, fog: float):
     """A floor before a lamp, or before a box that glows, without one of the flags."""
     scene = cycles.empty_scene(SIDE, SIDE)

@@ -160,6 +160,16 @@ def test_what_glows_for_some_and_for_all_is_two_lights() -> None:
     assert [(x.kind, x.lights_matt) for x in lights] == [("MESH", False), ("MESH", True)]
 
 
+def test_skies_and_glow_that_light_nothing_are_left_out() -> None:
+    fog = s.World(medium=s.Medium((0.02, 0.05, 0.1), (0.1, 0.2, 0.3)))
+    for lights in (LAMPS["sky"], ()):
+        scene = without(floor(MATT + GLOSS, lights), False, False)
+        lit = {**LIT, "by_world": True}
+        assert scene.as_lit(**lit).lights == ()
+        assert len(replace(scene, world=fog).as_lit(**lit).lights) == 1
+        assert without(replace(scene, world=fog), False, False, False).as_lit(**lit).lights == ()
+
+
 def scenes() -> list[s.Scene]:
     return [
         without(floor(MATT + GLOSS, lights), *flags)

@@ -152,6 +152,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
     stage_.evenly =
         scene_.instances.mirrors_differ || (light.is_dome() && scene_.instances.diffuse_differs);
+    for (int c = 0; c < 3; ++c) stage_.diffuse[c] = light.lights_matt() ? batch.diffuse[c] : zeros_;
     const uint32_t openings = plan_.opening_samples_of(light) / parts,
                    first = sample % parts * count,
                    first_opening = plan_.samples_of(light) + sample % parts * openings;
@@ -182,6 +183,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
     if (light.is_dome() && light.lights_matt()) add_rest(batch, light, sample, parts);
   }
   stage_.evenly = scene_.instances.mirrors_differ;
+  for (int c = 0; c < 3; ++c) stage_.diffuse[c] = batch.diffuse[c];
   for (SharedLight* shared : {&lamps_, &bounced_})
     if (shared->on && !cancel_) share(*shared, batch, sample, counts);
   stage_.lit = batch.lit.data();  // for reflections

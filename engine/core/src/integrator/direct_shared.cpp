@@ -220,6 +220,7 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
     light.set(stage, point, all, plan_.physical());
     if (light.is_bounced() && reach_ > 0 && stage.gather2 == 0) light.widen(stage, point, all);
     if (parts > 1) stage.share = count;
+    if (!light.lights_matt()) std::fill_n(stage.diffuse, 3, zeros_);
     stage.lit = lit;
     for (const bool drawn : {false, true}) {
       if (drawn && !stage.draws) continue;

@@ -129,7 +129,7 @@ struct LightStage {
   bool has_sheen, has_fibre;        // among the lobes
   bool turns_lobes;                 // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes;             // or be stretched
-  bool matt_alone, gloss_alone;     // lights no highlights, or nothing else
+  bool matt_alone, gloss_alone;     // lights no highlights, or no SHEEN and FIBRE_DIFFUSE lobes
 };
 
 /// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.

@@ -171,18 +171,16 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen =
         highlights<false, Bent>(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
-    if (Shape != kBouncedSource)
+    if (Shape != kBouncedSource && !s.matt_alone)
       specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-    if (s.has_sheen) diffuse = diffuse + where(middle > 0, I * seen.sheen);
+    if (s.has_sheen && !s.gloss_alone) diffuse = diffuse + where(middle > 0, I * seen.sheen);
     if (through | turned) diffuse = where(front, diffuse);
     if (through) {
       specular = turned ? specular : where(front, specular);
-      specular = specular + I * seen.fibre;
+      if (Shape == kBouncedSource || !s.matt_alone) specular = specular + I * seen.fibre;
     }
   }
   if (bump.some) diffuse = bump.share * diffuse;
-  if (s.gloss_alone) diffuse = Three{};
-  if (Shape != kBouncedSource && s.matt_alone) specular = Three{};
   to(at, reached, diffuse, specular);
 }
 

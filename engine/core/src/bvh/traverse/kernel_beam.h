@@ -73,16 +73,17 @@ enum class Beamed { kTraced, kUnfit, kParted };  // what became of a beam
 /// nothing is there, when they are no beam, see too much or may pass something.
 template <bool Any>
 __attribute__((noinline)) Beamed trace_beam(const TreeView& tree, const Rays& rays, size_t first,
-                                            Answers& answers) {
+                                            Answers& answers, int leaves = leaves_allowed(Any)) {
   Beam beam;
   if (!set_from_apex(beam, tree, rays, first) && !(Any && set_to_apex(beam, tree, rays, first)))
     return Beamed::kUnfit;
   BeamWalk<Any> walk{tree, beam, answers};
   walk.set_end();
-  if (!walk.walk()) return Beamed::kParted;
+  if (!walk.walk(leaves, [&](ChildRef at) { return walk.leaf(at); })) return Beamed::kParted;
   if constexpr (Any) {
     const uint8_t stop = answers.stop();
-    for (int k = 0; k < kBeam; ++k) answers.blocked[k] = beam.farthest[k] > kFar ? stop : 0;
+    uint8_t* const blocked = answers.blocked;
+    for (int k = 0; k < kBeam; ++k) blocked[k] = beam.farthest[k] > kFar ? stop : 0;
   } else
     for (int k = 0; k < kBeam; k += kFloats) finish_beam(beam, tree, answers, k);
   return Beamed::kTraced;

@@ -7,7 +7,8 @@
 namespace glint {
 namespace {
 
-constexpr int kFewInstances = 4;  // a beam that comes to more is parted
+constexpr int kFewInstances = 4;    // a beam that comes to more is parted
+constexpr int kPlacedLeaves = 100;  // as leaves_allowed: much is lost with the other instances
 
 /// Where a beam's rays are in the world.
 struct WorldRays {
@@ -110,7 +111,7 @@ __attribute__((noinline)) inline Beamed trace_placed_beam(const TopLevelView& wo
     for (int k = 0; k < kBeam; k += kLanes)  // with room for hits at the same distance
       store(placed.t_max + k, smaller(load(own.t_max + k), load(answers.t + k) * (1 + 0x1p-36)));
     own.t_max = placed.t_max;
-    beamed = trace_beam<false>(world.objects[instance.tree], own, 0, inner);
+    beamed = trace_beam<false>(world.objects[instance.tree], own, 0, inner, kPlacedLeaves);
     if (beamed != Beamed::kTraced) return beamed;
     for (int k = 0; k < kBeam; ++k)
       if (placed.instance[k] != Hit::kNone)

@@ -8,8 +8,9 @@ namespace {
 
 constexpr int kBeam = kBroad == 4 ? 128 : 256;
 constexpr int kSlices = kBeam / kBroad;  // groups of rays as wide as a register
-/// Leaves that a beam may come to before it is parted.
-constexpr int leaves_allowed(bool any) { return any ? 100 : 150; }
+/// Leaves that a beam may come to before it is parted; of more, each has to hit so many rays.
+constexpr int leaves_allowed(bool any) { return any ? 32 : 16; }
+constexpr int kRaysOfLeaf = 2;
 
 /// What a beam's rays are in double, by axis, and in the order of most of them (Order::axes).
 struct BeamSource {

@@ -11,6 +11,7 @@ struct BeamWalk {
   const TreeView& tree;
   Beam& beam;
   Answers& answers;
+  int due = 0;  // rays that it may leave unhit yet, at kRaysOfLeaf a leaf
 
   Hit exact(const BeamRay& ray, Exact<double>&& e, ChildRef leaf, int place) const {
     weigh(e, beam.close);
@@ -42,7 +43,9 @@ struct BeamWalk {
     beam.nearest[r] = float(inverse_depth * (1 + 0x1p-21));
   }
 
-  void leaf(ChildRef ref) {
+  /// False when rays may pass something there.
+  bool leaf(ChildRef ref) {
+    if (answers.opacity && !opaque(ref)) return false;
     const Triangles triangles(tree, ref);
     uint32_t changed = 0;
     for (int first = 0; first < triangles.n; first += kFloats) {
@@ -65,6 +68,7 @@ struct BeamWalk {
       }
     }
     if (changed) shorten(changed);
+    return true;
   }
   /// Whether all triangles of a leaf stop rays.
   bool opaque(ChildRef ref) const {
@@ -121,6 +125,7 @@ struct BeamWalk {
                     nearer = inside & less(nearest, low) & less(high, spread(beam.begin)),
                     away = less(least, spread(-margin)) | less(high, farthest);
     const uint32_t sure = bits(nearer);
+    due += __builtin_popcount(sure);
     if (sure && Any) {
       store_broad(beam.farthest + k, choose(nearer, spread(__builtin_inff()), farthest));
       store_broad(beam.nearest + k, choose(nearer, spread(__builtin_inff()), nearest));
@@ -221,15 +226,7 @@ struct BeamWalk {
                         : reinterpret_cast<const char*>(tree.nodes + child);
     for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
   }
-  /// False when it came to more leaves than it is meant for, or to what rays may pass.
-  bool walk() {
-    return walk(leaves_allowed(Any), [this](ChildRef at) {
-      if (answers.opacity && !opaque(at)) return false;
-      leaf(at);
-      return true;
-    });
-  }
-  /// False when it came to more leaves than `leaves`, or at_leaf(leaf) says so.
+  /// False when it came to more leaves than `leaves` and its hits allow, or at_leaf(leaf) says so.
   template <class AtLeaf>
   __attribute__((always_inline)) bool walk(int leaves, AtLeaf at_leaf) {
     const Order& order = *beam.order;
@@ -249,9 +246,10 @@ struct BeamWalk {
     alignas(64) float front[kWidth];
     int top = 0;
     ChildRef at = tree.root;
+    due = leaves * kRaysOfLeaf;
     for (;;) {
       if (at & kLeaf) {
-        if (--leaves < 0 || !at_leaf(at)) return false;
+        if ((due -= kRaysOfLeaf) < 0 || !at_leaf(at)) return false;
       } else {
         const Node& n = tree.nodes[at];
         uint32_t mask = 0;

@@ -206,13 +206,10 @@ struct Batch {
     Answers answers = answers_from(first);
     if (answers.fallbacks) fill(answers.fallbacks, kBeam, uint8_t(0));
     if (answers.layers.hits) fill(answers.layers.count, kBeam, uint8_t(0));
-    Beamed beamed;
-    if constexpr (!Any) {
-      if (placed) clear<Any>(answers, kBeam);
-      beamed = placed ? trace_placed_beam(world, tree, rays, first, answers)
-                      : trace_beam<Any>(tree, rays, first, answers);
-    } else beamed = trace_beam<Any>(tree, rays, first, answers);
-    return trials.note(beamed, first);
+    if (placed) clear<false>(answers, kBeam);
+    return trials.note(placed ? trace_placed_beam(world, tree, rays, first, answers)
+                              : trace_beam<Any>(tree, rays, first, answers),
+                       first);
   }
   /// The rays from `first` on through the trees from `tree` on.
   void trace_in_tiles(size_t first, size_t count, size_t tree) {
