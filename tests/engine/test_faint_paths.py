@@ -36,7 +36,7 @@ def mirrored(share: float, *lights: s.Light, glows: bool = False) -> s.Scene:
     """A mirror that shows `share` of paper over it, which is lit from below past the mirror."""
     hidden = {"visible_camera": False}
     things = [
-        placed(0, (0,), visible_shadow=False),
+        placed(0, (0,), visible_shadow=False, visible_diffuse=False),
         placed(0, (1,), z=20.0, **hidden),
         placed(1, (1,), z=19.0, **hidden),
     ]
