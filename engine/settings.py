@@ -48,9 +48,9 @@ _MESH_LIGHTS = (
     ),
     ("OFF", "Off", "For quick pictures: what glows is seen, and lights nothing. Costs nothing"),
 )
-GLOSSY_EXPONENTS = (52.0, 92.0)
-"""With `reflections` GLOSSY: of dielectrics' lobes, up to which reflected rays show none of them,
-and from which on all (the narrowest of a Principled BSDF of roughness 0.5 and 0.41).
+GLOSSY_MASKING = (1 / 6, 1 / 4)
+"""With `reflections` GLOSSY: of dielectrics, up to which reflected rays show all of their lobes,
+and from which on none (of a roughness of 0.41 and of 0.5).
 """
 _REFLECTIONS = (
     (

@@ -17,7 +17,7 @@ from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProp
 from ..addon.export.approximations import approximated_nodes
 from ..addon.ui.lines import draw_text
 from ..addon.ui.panel import EnginePanel
-from ..engine.settings import GLOSSY_EXPONENTS
+from ..engine.settings import GLOSSY_MASKING
 from .after_previews import AfterPreviews
 from .carried_settings import NAMES, carried, without_counterpart
 from .scene_copy import read_job
@@ -160,7 +160,7 @@ def _unlike_eevees_objects(scene: bpy.types.Scene) -> Iterator[tuple[str, tuple[
 def _has_wide_gloss(material: Any) -> bool:
     glossy = [lobe for lobe in material.lobes if lobe.is_glossy]
     return bool(glossy) and all(
-        not lobe.is_metallic and lobe.exponent <= GLOSSY_EXPONENTS[0] for lobe in glossy
+        not lobe.is_metallic and lobe.least_masking >= GLOSSY_MASKING[1] for lobe in glossy
     )
 
 

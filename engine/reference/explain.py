@@ -229,7 +229,7 @@ class Explainer:
         yield from ((name, _numbers(light)) for name, light in given.items() if light.any())
 
     def _background(self, paths: Paths, d: Array) -> Array:
-        hidden = paths.glossy or (paths.depth == 0 and self.stage.scene.world.transparent)
+        hidden = paths.skyless[0] or (paths.depth == 0 and self.stage.scene.world.transparent)
         return np.zeros(3) if hidden else self.stage.background_of(d, paths.kind)[:, 0]
 
     def _behind(self, paths: Paths, d: Array, coefficients: Coefficients, ratio: Array) -> Array:
@@ -246,9 +246,7 @@ class Explainer:
     def _next(self, at: Interaction, depth: Array) -> Iterator[Ray]:
         paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
-            stage = self.stage
-            point, differs = stage.lobe_point(0, paths.depth), stage.glass_differs
-            for after in bounced(at, stage.settings, point, glass_differs=differs):
+            for after in bounced(self.stage, at, 0):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0
                 yield self.follow(after, "mirror" if is_mirror else "refraction")
@@ -321,8 +319,8 @@ class Explainer:
                 yield self._rest(surface, coefficients, source, j + 1)
 
     def _lighting(self, surface: Surface, paths: Paths) -> Lighting:
-        lighting = self.stage.lighting_of(paths)
-        return lighting.of_strands if surface.primitive[0] >= lighting.first_rod else lighting
+        kinds = self.stage.lighting_of(paths).kinds(surface, paths.weight)
+        return next(lighting for lighting, points in kinds if points[0])
 
     def _lights_behind(
         self, surface: Surface, coefficients: Coefficients, depth: Array, paths: Paths

@@ -84,7 +84,7 @@ def gathering(
     which = stage.settings.reflecting
     gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights, which)
     points = stage.gather_points(sample, places[at.pixel])
-    past = {"reflections": paths.reflections + 1, "glossy": True, "gathers": True}
+    past = {"reflections": paths.reflections + 1, "gathers": True}
     past["shared"] = blocks is not None
     shares, sharing = None, np.zeros(len(hit), bool)
     if blocks is not None:
@@ -103,7 +103,7 @@ def gathering(
         some, given = surface.take(go), pick(k, go) / len(points)
         found = leaving(paths, hit[go], some, pick(d, go), given, 0.0)
         rays = replace(found.rays, far=np.full(len(found), stage.reach))
-        result.append(replace(found, rays=rays, **past))
+        result.append(replace(found, rays=rays, skyless=np.ones(len(found), bool), **past))
     return [found for found in result if len(found)], shares
 
 

@@ -61,10 +61,7 @@ def reflected(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [
-        (p.reflections, p.glossy, p.transmitted, p.gathers, p.shared, p.through_glass)
-        for p in paths
-    ]
+    pasts = [(p.reflections, p.transmitted, p.gathers, p.shared, p.through_glass) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 
@@ -172,9 +169,7 @@ class Generations:
     def _bounce(self, at: Interaction) -> list[Paths]:
         """Rays of mirrors, glass and rough surfaces."""
         stage = self._stage
-        point = stage.lobe_point(self._sample, at.paths.depth)
-        differs = stage.glass_differs
-        deeper = bounced(at, stage.settings, point, stage.splits, differs)
+        deeper = bounced(stage, at, self._sample)
         self._note_rough_glass(at)
         reflections = reflected(stage, at, self._sample)
         for some in reflections:
@@ -295,8 +290,7 @@ class Generations:
                 self._add(paths, "Emission", paths.pixel, paths.weight * seen, group)
 
     def _miss(self, paths: Paths, missed: Array) -> None:
-        if paths.glossy:
-            return
+        missed = missed[~paths.skyless[missed]]
         weight, pixel = pick(paths.weight, missed), paths.pixel[missed]
         if paths.depth == 0 and self._stage.scene.world.transparent:
             self._tile.lose(pixel, weight)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..settings import GLOSSY_EXPONENTS
+from ..settings import GLOSSY_MASKING
 from . import stretching
 from .lights import LightPoint, LightSample, Source
 from .materials import Term, taken
@@ -47,8 +47,8 @@ def _shown(term: Term, which: str) -> Array | float:
         return 1.0
     if which != "GLOSSY":
         return 0.0
-    least, most = GLOSSY_EXPONENTS
-    return np.clip((np.asarray(term.exponent) - least) / (most - least), 0.0, 1.0)
+    whole, none = np.square(GLOSSY_MASKING)
+    return np.clip((none - np.square(term.masking)) / (none - whole), 0.0, 1.0)
 
 
 def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:

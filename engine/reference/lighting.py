@@ -24,7 +24,7 @@ from .materials import Coefficients, Term
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
 from .surface import Surface
-from .tabled_lights import STRAND_PARTS, BouncedSource, Dome, MeshSource, far_share
+from .tabled_lights import FEW_PARTS, BouncedSource, Dome, MeshSource, far_share
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
@@ -83,7 +83,7 @@ class Lighting:
     catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
     many light is told apart by.  reach: how far gather rays look for what bounced light has the
     rest of; 0 where there are none.  gathered: these are surfaces that they found.  first_rod: the
-    first primitive that is of strands.
+    first primitive that is of strands.  faint: weights of points below this take few samples.
     """
 
     sources: tuple[Source, ...]
@@ -100,16 +100,28 @@ class Lighting:
     reach: float = 0.0
     gathered: bool = False
     first_rod: int = 0
+    faint: float = 0.0
+
+    @cached_property
+    def of_few_samples(self) -> Lighting:
+        """Of lights that have tables."""
+        tabled = (Dome, MeshSource)
+        parts = [s.in_parts(FEW_PARTS) if isinstance(s, tabled) else s for s in self.sources]
+        shared = [s.parts for s in parts if isinstance(s, BouncedSource)]
+        marks = max(self.bounced_marks // max(shared, default=1), 1)
+        return replace(self, sources=tuple(parts), bounced_marks=marks)
 
     @cached_property
     def of_strands(self) -> Lighting:
         """As strands see it."""
-        tabled = (Dome, MeshSource)
-        parts = [s.in_parts(STRAND_PARTS) if isinstance(s, tabled) else s for s in self.sources]
-        shared = [s.parts for s in parts if isinstance(s, BouncedSource)]
-        marks = max(self.bounced_marks // max(shared, default=1), 1)
-        shadows = self.shadows.of_strands()
-        return replace(self, sources=tuple(parts), bounced_marks=marks, shadows=shadows)
+        return replace(self.of_few_samples, shadows=self.shadows.of_strands())
+
+    def kinds(self, surface: Surface, weight: Array) -> Iterator[tuple[Lighting, Array]]:
+        """What lights points of a kind, and (n,) bool which points these are. weight: (3, n) T."""
+        strands, faint = surface.primitive >= self.first_rod, np.abs(weight).max(0) < self.faint
+        yield self, ~strands & ~faint
+        yield self.of_few_samples, ~strands & faint
+        yield self.of_strands, strands
 
     @cached_property
     def _clusters(self) -> LampClusters:
@@ -173,10 +185,9 @@ class Lighting:
         given = coefficients.diffuse.any(0)
         for term in (*coefficients.highlights, *coefficients.sheens, *coefficients.fibres):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
-        strands = surface.primitive >= self.first_rod
-        for lighting, points in ((self, given & ~strands), (self.of_strands, given & strands)):
-            if points.any():
-                at = _Receivers(surface, coefficients, weight, sample, points)
+        for lighting, points in self.kinds(surface, weight):
+            if (given & points).any():
+                at = _Receivers(surface, coefficients, weight, sample, given & points)
                 lighting._light(at, on_reach, on_cut, total)
         return total
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from .rays import IncoherentRays, Rays
 from .surface import Surface
 from .vectors import add_at, dot, pick
 
+if TYPE_CHECKING:
+    from .stage import Stage
+
 Array = np.ndarray
 
 MOST_STRAIGHT = 128
@@ -29,16 +33,17 @@ MOST_REFRACTIONS = 31
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) surfaces passed in a row
-    that dim it.  reflections: how often they were reflected by rough surfaces; from the first time
+    """n rays of one depth. weight: (3, n) T. pixel: (n,). straight: (n,) surfaces passed in a row
+    that dim it. reflections: how often they were reflected by rough surfaces; from the first time
     on they see no lights: these have highlights there, and points of them in mirrors beyond would
-    be dots.  glossy: by the last one that they met; then they do not see the sky either.  widest:
-    (n,) the largest exponent of highlights that they meet, that of the widest lobe on their way.
-    refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
-    was. transmitted: the first surface that they left refracted them, where passes ask for that.
-    through_glass: they obey `visible_transmission`, where that is not `visible_mirror` of all
-    instances and lights.  gathers: they look for surfaces that throw light on, near by.  shared:
-    what they find goes to the pixels that `gathering.Shares` has for theirs.
+    be dots. skyless: (n,) bool, they do not see the surroundings, which the shadow rays of the
+    rough surface that they come from do. widest: (n,) the largest exponent of highlights that they
+    meet, that of the widest lobe on their way. refractions: (n,) how many of their bounces were
+    refractions, refracted: (n,) bool, the last one was. transmitted: the first surface that they
+    left refracted them, where passes ask for that. through_glass: they obey `visible_transmission`,
+    where that is not `visible_mirror` of all instances and lights. gathers: they look for surfaces
+    that throw light on, near by. shared: what they find goes to the pixels that `gathering.Shares`
+    has for theirs.
     """
 
     rays: Rays
@@ -46,11 +51,11 @@ class Paths:
     pixel: Array
     straight: Array
     depth: int
+    skyless: Array
     widest: Array
     refractions: Array
     refracted: Array
     reflections: int = 0
-    glossy: bool = False
     transmitted: bool = False
     gathers: bool = False
     shared: bool = False
@@ -104,8 +109,8 @@ def camera_paths(rays: Rays, seen: Array) -> Paths:
     """Camera rays, one for each pixel. seen: (n,) their weights."""
     n = len(rays)
     zero = np.zeros(n, np.intp)
-    widest = np.full(n, np.inf)
-    return Paths(rays, np.tile(seen, (3, 1)), np.arange(n), zero, 0, widest, zero, zero != 0)
+    no, widest = np.zeros(n, bool), np.full(n, np.inf)
+    return Paths(rays, np.tile(seen, (3, 1)), np.arange(n), zero, 0, no, widest, zero, no)
 
 
 def met(paths: Paths, hit: Array, surface: Surface) -> Surface:
@@ -129,7 +134,7 @@ def joined(paths: list[Paths]) -> Paths:
     weight = np.concatenate([p.weight for p in paths], 1)
     others = {
         name: np.concatenate([getattr(p, name) for p in paths])
-        for name in ("widest", "refractions", "refracted")
+        for name in ("skyless", "widest", "refractions", "refracted")
     }
     return replace(paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight, **others)
 
@@ -151,6 +156,7 @@ def straight_on(at: Interaction, depth: Array, wanted: Array) -> Paths | None:
         weight=pick(weight, go),
         pixel=paths.pixel[mine],
         straight=paths.straight[mine] + (pick(k, go) != 1).any(0),
+        skyless=paths.skyless[mine],
         widest=paths.widest[mine],
         refractions=paths.refractions[mine],
         refracted=paths.refracted[mine],
@@ -166,27 +172,22 @@ def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:
     )
 
 
-def bounced(
-    at: Interaction,
-    settings: Settings,
-    point: LightPoint,
-    splits: bool = False,
-    glass_differs: bool = False,
-) -> list[Paths]:
+def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
-    cutoff. point: where in rough REFRACTION lobes they go on.
-    splits: it is to be known which surface they left first.  glass_differs: as of `Stage`.
+    cutoff.
     """
-    through = list(_refracted(at, settings.cutoff, point, splits))
-    if glass_differs:
+    cutoff = stage.settings.cutoff
+    through = list(_refracted(stage, at, sample))
+    if stage.glass_differs:
         through = [replace(paths, through_glass=True) for paths in through]
-    found = [*_mirrored(at, settings.cutoff), *through]
+    found = [*_mirrored(at, cutoff), *through]
     return [paths for paths in found if len(paths)]
 
 
 def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:
     """Rays that mirrors reflect, those round each normal together."""
     surface, mirrors = at.surface, at.coefficients.mirrors
+    past = replace(at.paths, skyless=np.zeros(len(at.paths), bool))
     for output in sorted({term.lobe.normal_output for term in mirrors}):
         k, n = np.zeros((3, len(surface))), surface.n.copy()
         for term in mirrors:
@@ -196,12 +197,18 @@ def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:
         go = np.flatnonzero(k.any(0))
         some, n = surface.take(go), pick(n, go)
         d = reflected(-some.v, n, some.g)
-        yield leaving(at.paths, at.hit[go], some, d, pick(k, go), cutoff)
+        yield leaving(past, at.hit[go], some, d, pick(k, go), cutoff)
 
 
-def _refracted(at: Interaction, cutoff: float, point: LightPoint, splits: bool) -> Iterator[Paths]:
+def _refracted(stage: Stage, at: Interaction, sample: int) -> Iterator[Paths]:
     """Rays that go through glass, or are reflected in it where none can leave."""
     paths, surface = at.paths, at.surface
+    skyless = np.zeros(len(paths), bool)
+    # shadow rays saw the surroundings through these materials
+    skyless[at.hit] = paths.skyless[at.hit] & stage.shader.is_transparent(surface.material)
+    transmitted = paths.transmitted or (stage.splits and paths.depth == 0)
+    paths = replace(paths, skyless=skyless, transmitted=transmitted)
+    point = stage.lobe_point(sample, paths.depth)
     for term in at.coefficients.refractions:
         some = replace(surface.take(term.index), n=term.normals(surface))
         index = relative_index(some, term.ior)
@@ -220,9 +227,9 @@ def _refracted(at: Interaction, cutoff: float, point: LightPoint, splits: bool) 
             through = np.where(shut, 1.0, through)
         k = through * term.k
         go = np.flatnonzero(k.any(0))
-        past = replace(paths, transmitted=True) if splits and paths.depth == 0 else paths
         hit = at.hit[term.index[go]]
-        yield _counted(leaving(past, hit, some.take(go), pick(d, go), pick(k, go), cutoff))
+        cutoff = stage.settings.cutoff
+        yield _counted(leaving(paths, hit, some.take(go), pick(d, go), pick(k, go), cutoff))
 
 
 def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array]:
@@ -276,7 +283,8 @@ def reflected_by_lobes(
     found = leaving(wide, hit[go], some, d, k, settings.cutoff)
     if not len(found):
         return None
-    return replace(found, reflections=paths.reflections + 1, glossy=True)
+    skyless = np.ones(len(found), bool)
+    return replace(found, reflections=paths.reflections + 1, skyless=skyless)
 
 
 def _with(widest: Array, index: Array, own: Array) -> Array:
@@ -325,6 +333,7 @@ def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cuto
         paths.pixel[hit[go]],
         np.zeros(len(go), np.intp),
         paths.depth + 1,
+        paths.skyless[hit[go]],
         paths.widest[hit[go]],
         paths.refractions[hit[go]],
         np.zeros(len(go), bool),

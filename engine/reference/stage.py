@@ -32,7 +32,7 @@ from .seen_lights import has_shape
 from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
-from .tabled_lights import SKY_PARTS, BouncedSource, Dome, MeshSource, OpeningPoints
+from .tabled_lights import FAINT, SKY_PARTS, BouncedSource, Dome, MeshSource, OpeningPoints
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -86,10 +86,13 @@ class Stage:
         )
         near = [source.reach for source in self.sources if isinstance(source, BouncedSource)]
         self.reach = 0.0 if self.catches or not near else near[0]
-        self._lighting_of_far = replace(self.lighting, reach=self.reach)
+        far = replace(self.lighting, reach=self.reach)
         blurred = tuple(self._blurred(source) for source in self.sources)
-        self._lighting_of_blurred = replace(self.lighting, sources=blurred)
-        self._lighting_of_near = replace(self._lighting_of_blurred, gathered=True)
+        self._lighting_of_near = replace(self.lighting, sources=blurred, gathered=True)
+        self._lighting_of_blurred = replace(self.lighting, sources=blurred, faint=FAINT)
+        # of what rays meet before they bounce, and after that
+        self._lighting_of_far = (far, replace(far, faint=FAINT))
+        self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
         self._lobe_points = lobe_points(settings.samples)
         self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
         self.asks_rays = scene.most_asked > 0
@@ -142,10 +145,10 @@ class Stage:
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""
         if self.gathers(paths):
-            return self._lighting_of_far
+            return self._lighting_of_far[paths.depth > 0]
         if paths.gathers:
             return self._lighting_of_near
-        return self._lighting_of_blurred if paths.reflections else self.lighting
+        return self._lighting_of_blurred if paths.reflections else self._lighting[paths.depth > 0]
 
     def lobe_point(self, sample: int, reflections: int) -> LightPoint:
         """Where in the lobes of rough surfaces a sample is reflected that was so often before."""

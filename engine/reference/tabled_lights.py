@@ -27,9 +27,11 @@ SKY_PARTS = 2
 """In so many parts the sky's samples are taken, one by each pixel sample in turn, by what gather
 rays and reflections of rough surfaces meet: that is seen blurred.
 """
-STRAND_PARTS = 4
-"""The same of all lights that have tables, by strands: each sample of a pixel meets others of them.
+FEW_PARTS = 4
+"""The same of all lights that have tables, by strands, as each sample of a pixel meets others of
+them, and by what bounced rays meet that bring less than `FAINT` of it.
 """
+FAINT = 1 / 16
 LEAST_WIDE = 8.0
 """Exponents from here on draw directions beside the points of lights that may be all around."""
 SKY_DRAWS = 1 / 8

@@ -135,7 +135,7 @@ def lids(*materials: Material) -> Scene:
 def unseen(scene: Scene) -> Scene:
     """The same where no shadow ray sees what is above the floor."""
     floor, *above = scene.instances
-    hidden = (replace(lid, visible_shadow=False) for lid in above)
+    hidden = (replace(lid, visible_shadow=False, visible_diffuse=False) for lid in above)
     return replace(scene, instances=(floor, *hidden))
 
 

@@ -101,6 +101,57 @@ def test_the_sky_is_not_counted_twice():
     np.testing.assert_array_equal(drawn(scene), drawn(scene, max_bounces=0))
 
 
+def behind_glass(*passed: Lobe) -> Scene:
+    """A metal table under a sky, in a hollow ball that refracts 0.6 of what is behind it straight
+    on, which the camera does not see. passed: its other lobes.
+    """
+    scene = under_a_sky(metal(100.0))
+    ball = Spheres("ball", np.zeros((1, 3), np.float32), np.array([50], np.float32))
+    glass = Material("glass", (Lobe("REFRACTION", (Input((0.6,) * 3),), ior=1.0), *passed))
+    things = (placed(0), placed(1, visible_camera=False))
+    return replace(
+        scene,
+        geometries=(TABLE, ball),
+        instances=things,
+        materials=(*scene.materials, glass),
+        world=World(background=(0.5, 0.5, 0.5)),
+    )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_sky_behind_glass_is_not_counted_twice(backend):
+    """Shadow rays see it where they pass the glass, and reflected rays where they do not."""
+    few = {"samples": 32, "backend": backend}
+    clear = Lobe("TRANSPARENT", (Input((0.3,) * 3),))
+    lit = drawn(behind_glass(clear), max_bounces=0, **few)
+    assert lit.mean() > 0.06
+    np.testing.assert_array_equal(drawn(behind_glass(clear), **few), lit)
+    seen = drawn(behind_glass(), backend, samples=256)
+    assert drawn(behind_glass(), max_bounces=0, **few).max() == 0
+    np.testing.assert_allclose(
+        seen, drawn(under_a_sky(metal(100.0)), samples=1024) * 0.6, rtol=0.02
+    )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_mirror_shows_gloss_the_sky_behind_glass(backend):
+    """No shadow ray finds it there."""
+    clear, mirror = Lobe("TRANSPARENT", (Input((0.3,) * 3),)), Lobe("MIRROR", (Input((0.5,) * 3),))
+    few = {"samples": 32, "max_bounces": 3, "backend": backend}
+    scene = behind_glass(clear)
+    walled = replace(
+        scene,
+        geometries=(*scene.geometries, WALL),
+        instances=(*scene.instances, placed(2, visible_shadow=False, visible_camera=False)),
+        materials=(*scene.materials, Material("mirror", (mirror,))),
+    )
+    added = drawn(walled, **few) - drawn(walled, **few | {"max_bounces": 0})
+    plain = replace(walled, instances=(walled.instances[0], walled.instances[2]))
+    bare = drawn(plain, **few) - drawn(plain, **few | {"max_bounces": 0})
+    assert bare.max() > 0.05
+    np.testing.assert_allclose(added, 0.9 * bare, rtol=1e-4, atol=1e-6)
+
+
 def room(material: Material, **world) -> Scene:
     """A table before a wall under a lamp that is seen."""
     lamp = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 3]])
@@ -182,14 +233,16 @@ def test_explain_follows_reflected_rays():
 
 
 def test_both_tracers_show_the_same_of_glossy_lobes():
-    scene = room(metal(70.0, ior=1.5, fresnel=True), background=(0.2, 0.3, 0.4))
+    (lobe,) = metal(70.0, ior=1.5, fresnel=True).lobes
+    varnish = Material("varnish", (replace(lobe, masking=0.2),))
+    scene = room(varnish, background=(0.2, 0.3, 0.4))
     chosen = {"samples": 8, "max_bounces": 3}
     core, reference = (drawn(scene, b, reflections="GLOSSY", **chosen) for b in BACKENDS)
     wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
     assert wrong.any(2).mean() <= 0.004  # a pixel at an edge may turn
     none, everything = (drawn(scene, reflections=which, **chosen) for which in ("OFF", "ALL"))
     shown = (core - none).mean() / (everything - none).mean()
-    assert abs(shown - (70 - 52) / (92 - 52)) < 1e-3
+    assert abs(shown - (1 / 16 - 0.2**2) / (1 / 16 - 1 / 36)) < 1e-3
 
 
 def test_reflections_of_a_path_are_independent():

@@ -220,7 +220,15 @@ def _relight(
         own = Report()
         flags = flags_of(lamp, lamp, view_layer, own)
         made = Lights(images, own)
-        seen = Seen(flags.camera, flags.mirror, light_group=lights[number].light_group)
+        seen = Seen(
+            flags.camera,
+            flags.mirror,
+            light_group=lights[number].light_group,
+            matt=flags.diffuse,
+            gloss=flags.mirror,
+            transmission=flags.transmission,
+            media=flags.media,
+        )
         made.add(lamp.name, lamp.data, matrix, seen)
         if len(made.lights) != 1 or own.notes() or report.mentions(lamp.name):
             return False

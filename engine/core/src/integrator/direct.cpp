@@ -14,9 +14,15 @@ constexpr size_t kColumns =
     1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 +
     2;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky, density and distance
 
-/// GLINT_REFLECT_GLOSSY: exponents of dielectrics' lobes up to which reflected rays show none of
-/// them, and from which on all (the narrowest of a Principled BSDF of roughness 0.5 and 0.41).
-constexpr double kNotShown = 52, kWhollyShown = 92;
+/// GLINT_REFLECT_GLOSSY: the masking^2 of dielectrics from which on reflected rays show none of
+/// their lobes, and up to which all (of a roughness of 0.5, and of 0.41).
+constexpr double kNotShown = 1.0 / 16, kWhollyShown = 1.0 / 36;
+
+/// Paths that bring less than this of what a bounced ray meets ask for few samples of lights.
+constexpr double kFaint = 1.0 / 16;
+
+/// Kinds of points.
+constexpr uint8_t kOnStrand = 1, kIsFaint = 2;
 
 }  // namespace
 
@@ -94,36 +100,44 @@ void DirectLight::prepare(const Batch& batch) {
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   sample_ = sample;
   prepare(batch);
-  if (!find_strands(batch)) return add_lights(batch, sample, counts);
+  const uint32_t kinds = find_kinds(batch);
+  if (kinds <= 1) return add_lights(batch, sample, counts);
   whole_.assign(batch.lit.begin(), batch.lit.end());
-  for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = strands_[k] ? 0 : whole_[k];
-  add_lights(batch, sample, counts);
-  for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = strands_[k] ? whole_[k] : 0;
-  on_strands_ = true;
-  add_lights(batch, sample, counts);
-  on_strands_ = false;
+  for (uint32_t kind = 0; kind < 4; ++kind) {
+    if (!(kinds >> kind & 1)) continue;
+    for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = kinds_[k] == kind ? whole_[k] : 0;
+    on_strands_ = kind & kOnStrand;
+    takes_few_ = kind != 0;
+    add_lights(batch, sample, counts);
+  }
+  on_strands_ = takes_few_ = false;
   std::copy(whole_.begin(), whole_.end(), batch.lit.begin());
 }
 
-/// Whether some of the points that lights may reach are on strands; which.
-bool DirectLight::find_strands(const Batch& batch) {
-  if (!scene_.instances.has_strands) return false;
-  strands_.resize(batch.size());
-  bool any = false;
+/// What kinds of points that lights may reach there are, a bit for each; which they are.
+uint32_t DirectLight::find_kinds(const Batch& batch) {
+  const Queue& queue = *batch.queue;
+  const bool bounced = queue.visibility != kCamera && !queue.gathers,
+             strands = scene_.instances.has_strands;
+  if (!bounced && !strands) return 0;
+  kinds_.resize(batch.size());
+  uint32_t found = 0;
   for (size_t k = 0; k < batch.size(); ++k) {
-    strands_[k] =
-        batch.lit[k] &&
-        scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS;
-    any |= strands_[k] != 0;
+    kinds_[k] = bounced && max_abs(queue.weight(k)) < kFaint ? kIsFaint : 0;
+    if (!batch.lit[k]) continue;
+    if (strands &&
+        scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS)
+      kinds_[k] |= kOnStrand;
+    found |= 1u << kinds_[k];
   }
-  return any;
+  return found;
 }
 
 void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   stage_.lit = batch.lit.data();
   size_t number = 0;
   for (const Light& light : scene_.lights) {
-    const uint32_t parts = plan_.parts_of(light, batch.queue->sees_blurred(), on_strands_),
+    const uint32_t parts = plan_.parts_of(light, batch.queue->sees_blurred(), takes_few_),
                    count = plan_.samples_of(light) / parts;
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),
@@ -150,7 +164,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
       group_ = point.group;
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
-      uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_ && !on_strands_
+      uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_ && !takes_few_
                                  ? batch.first_hits->shadows(number)
                                  : nullptr;
       const size_t reached = stages_.light(stage_);
@@ -192,7 +206,7 @@ bool DirectLight::reflects() const {
   switch (plan_.reflections) {
     case GLINT_REFLECT_METALS: return materials.has_metals;
     case GLINT_REFLECT_GLOSSY:
-      return materials.has_metals || materials.most_varnish_exponent > kNotShown;
+      return materials.has_metals || materials.least_varnish_masking2 < kNotShown;
     case GLINT_REFLECT_ALL: return materials.has_gloss;
     default: return false;
   }
@@ -214,6 +228,7 @@ void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, Ra
     path.from = 0;
     path.straight = 0;
     path.wants_data = false;
+    path.skyless = true;
     path.widest = std::min(path.widest, stage_.t_max[k]);
     ++path.depth;
     if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);

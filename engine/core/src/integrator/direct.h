@@ -90,7 +90,7 @@ class DirectLight {
   const Opacity* opacity(const Light& light) const {
     return alone_ ? scene_.trees.opacity_of_catchers(light) : scene_.trees.opacity(light);
   }
-  bool find_strands(const Batch& batch);
+  uint32_t find_kinds(const Batch& batch);
   void add_lights(Batch& batch, uint32_t sample, RayCounts& counts);
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count, uint32_t parts);
@@ -147,7 +147,8 @@ class DirectLight {
   double reach_ = 0;         // as reach()
   bool alone_ = false;       // catchers of shadows are the only things there
   bool on_strands_ = false;  // only points on strands are lit
-  std::vector<uint8_t> strands_;
+  bool takes_few_ = false;   // of them, or of what is faint
+  std::vector<uint8_t> kinds_;
   std::vector<int64_t> whole_;   // the batch's mask of points that lights may reach
   bool scattering_ = false;      // points are of media and not of surfaces
   const bool glassy_;            // some surface lets light through

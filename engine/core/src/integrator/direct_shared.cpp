@@ -173,7 +173,7 @@ uint32_t DirectLight::shared_parts(const SharedLight& shared) const {
   uint32_t parts = 1;
   for (size_t k = 0; k < scene_.lights.size(); ++k)
     if (shared.takes_part[k])
-      parts = std::max(parts, plan_.parts_of(scene_.lights[k], false, on_strands_));
+      parts = std::max(parts, plan_.parts_of(scene_.lights[k], false, takes_few_));
   return parts;
 }
 
@@ -210,7 +210,7 @@ bool DirectLight::is_clustered(const Light& light) const {
 
 void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint32_t sample,
                                   const int64_t* lit, bool is_gathered) {
-  const uint32_t parts = plan_.parts_of(light, is_gathered, on_strands_),
+  const uint32_t parts = plan_.parts_of(light, is_gathered, takes_few_),
                  all = plan_.samples_of(light), count = all / parts, first = sample % parts * count;
   for (uint32_t j = first; j < first + count; ++j) {
     const LightPoint point = plan_.light_point(light, sample, j);

@@ -54,6 +54,7 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
         path.from = 0;
         path.straight = 0;
         path.wants_data = false;
+        path.skyless = true;
         path.depth = uint8_t(std::min(path.depth + 1, 255));
         gathering.push({row(stage_.o, k), row(stage_.to, k), 0, reach_, kDiffuse}, path);
         ++counts.gather;

@@ -95,13 +95,13 @@ struct RenderPlan : GlintRenderSettings {
 
   /// In how many parts a light's samples are taken, one by each pixel sample in turn: what gather
   /// rays and reflections of rough surfaces meet is seen blurred, and asks for a part of the sky
-  /// alone; of strands each sample of a pixel meets others, so that these ask for a part of all
-  /// lights that have tables.
-  uint32_t parts_of(const Light& light, bool blurred, bool strands) const {
-    constexpr uint32_t blurred_parts = 2, strand_parts = 4;
+  /// alone; of strands each sample of a pixel meets others, and what is faint adds little, so that
+  /// these ask for few of all lights that have tables.
+  uint32_t parts_of(const Light& light, bool blurred, bool few) const {
+    constexpr uint32_t blurred_parts = 2, few_parts = 4;
     const bool tabled = light.is_dome() || light.is_surface();
-    if (!(strands ? tabled : blurred && light.is_dome())) return 1;
-    const uint32_t parts = strands ? strand_parts : blurred_parts;
+    if (!(few ? tabled : blurred && light.is_dome())) return 1;
+    const uint32_t parts = few ? few_parts : blurred_parts;
     const bool whole = samples_of(light) % parts != 0 || opening_samples_of(light) % parts != 0;
     return whole ? 1 : parts;
   }

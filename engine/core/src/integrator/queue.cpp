@@ -26,6 +26,7 @@ void Queue::push(const Ray& ray, const Path& path) {
   if (path.widest < HUGE_VAL)
     tags_[k] |= int64_t(1 + std::clamp(std::ilogb(path.widest), 0, 60)) << RayTag::kWidth;
   if (path.transmitted) tags_[k] |= int64_t(1) << RayTag::kTransmitted;
+  if (path.skyless) tags_[k] |= int64_t(1) << RayTag::kSkyless;
   if (path.wants_data) want_data(k);
 }
 
@@ -68,7 +69,6 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
                    [&](uint32_t a, uint32_t b) { return queue.slot(a) < queue.slot(b); });
   Queue none(queue.visibility);
   none.reflections = queue.reflections;
-  none.glossy = queue.glossy;
   none.gathers = queue.gathers;
   none.shared = queue.shared;
   std::vector<Queue> pieces(1, none);

@@ -19,7 +19,8 @@ struct Path {
   uint8_t depth = 0, straight = 0;  // mirror and refraction rays so far; transparent ones in a row
   int64_t refractions = 0;          // those bits of its tag
   bool wants_data = false, transmitted = false;  // transmitted: refracted by its first surface
-  double widest = HUGE_VAL;                      // see Queue
+  bool skyless = false;                          // see RayTag, as the next
+  double widest = HUGE_VAL;
 };
 
 /// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror,
@@ -56,8 +57,10 @@ class Queue : public RayLayout {
             tags_[k] & RayTag::kAllRefractions,
             wants_data(k),
             is_transmitted(k),
+            is_skyless(k),
             widest(k)};
   }
+  Vec3d weight(size_t k) const { return at(kT, k); }
   uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
   bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }
   void want_data(size_t k) {
@@ -70,6 +73,8 @@ class Queue : public RayLayout {
     numbered_ = 0;
   }
   bool is_refracted(size_t k) const { return tags_[k] >> RayTag::kRefracted & 1; }
+  /// What lies behind everything is not seen.
+  bool is_skyless(size_t k) const { return tags_[k] >> RayTag::kSkyless & 1; }
   bool is_transmitted(size_t k) const { return tags_[k] >> RayTag::kTransmitted & 1; }
   uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }
   Rays rays() const;
@@ -81,9 +86,7 @@ class Queue : public RayLayout {
   uint32_t visibility;
   /// How often its rays were reflected by rough surfaces; from the first time on they see no
   /// lights: these have highlights there, and points of them in mirrors beyond would be dots.
-  /// glossy: by the last one that they met; then they do not see the sky either.
   uint32_t reflections = 0;
-  bool glossy = false;
   bool gathers = false;  // they look for surfaces that throw light on: DirectLight::reach
   bool sees_blurred() const { return gathers || reflections > 0; }
   bool shared = false;  // what they find goes to the paths that GatherShares has for theirs

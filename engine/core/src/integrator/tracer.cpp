@@ -43,8 +43,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
                                   [](const Light& light) { return light.glass_differs(); }))),
       program_slots_(size_t(scene.programs.most_slots) * kBlock) {}
 
-Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool gathers,
-                   bool shared) {
+Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool gathers, bool shared) {
   Queue queue(visibility);
   if (!spare_.empty()) {
     queue = std::move(spare_.back());
@@ -52,7 +51,6 @@ Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy, bool 
   }
   queue.visibility = visibility;
   queue.reflections = reflections;
-  queue.glossy = glossy;
   queue.gathers = gathers;
   queue.shared = shared;
   return queue;
@@ -179,13 +177,13 @@ void Tracer::follow(uint32_t sample) {
 
 /// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
 void Tracer::follow_queue(Queue& queue, uint32_t sample) {
-  const bool apart = queue.visibility == kCamera || queue.glossy;  // else straight on is a mirror's
+  const bool apart =
+      queue.visibility == kCamera || queue.gathers;  // else straight on is a mirror's
   const bool shares = plan_.shares_gathers && &queue == &first_;
-  NextRays next{
-      take(queue.visibility, queue.reflections, queue.glossy, queue.gathers, queue.shared),
-      take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1, true),
-      take(kDiffuse, queue.reflections + 1, true, true, shares),
-      take(kMirror, queue.reflections + 1, true, true)};
+  NextRays next{take(queue.visibility, queue.reflections, queue.gathers, queue.shared),
+                take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1),
+                take(kDiffuse, queue.reflections + 1, true, shares),
+                take(kMirror, queue.reflections + 1, true)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));
   wait(std::move(next.behind));

@@ -47,8 +47,7 @@ class Tracer {
   void miss(const Queue& queue);
   /// The material of its rays that hit nothing.
   uint32_t missed(const Queue& queue) const {
-    const bool sees_nothing =
-        queue.glossy || (scene_.world.transparent_film && queue.visibility == kCamera);
+    const bool sees_nothing = scene_.world.transparent_film && queue.visibility == kCamera;
     return sees_nothing ? scene_.materials.nothing() : scene_.materials.surroundings();
   }
   void camera_rays();
@@ -121,8 +120,8 @@ class Tracer {
   void keep_meetings();
   void keep(const Queue& queue);
   void wait(Queue queue);
-  Queue take(uint32_t visibility, uint32_t reflections = 0, bool glossy = false,
-             bool gathers = false, bool shared = false);
+  Queue take(uint32_t visibility, uint32_t reflections = 0, bool gathers = false,
+             bool shared = false);
   void give(Queue queue);
   uint32_t pixel(const Queue& queue, size_t k) const {
     return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());

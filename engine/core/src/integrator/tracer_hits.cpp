@@ -91,6 +91,8 @@ void Tracer::find_points(const Queue& queue) {
   stage.groups = scene_.instances.group_shapes.data();
   stage.missed = missed(queue);
   stages_.surface(stage);
+  for (size_t k = 0; queue.reflections > 0 && k < queue.size(); ++k)
+    if (batch_.missed(k) && queue.is_skyless(k)) batch_.material[k] = scene_.materials.nothing();
   for (size_t k = 0; !scene_.instances.only_meshes && k < queue.size(); ++k) {
     if (batch_.material[k] != kNoMaterial) continue;
     const Path path = queue.path(k);

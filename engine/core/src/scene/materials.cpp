@@ -132,7 +132,8 @@ void compare_lobes(MaterialTable& t, Material& material) {
     t.has_metals = t.has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
     const bool varnish = shaped && lobe.fresnel & GLINT_DIELECTRIC;
     t.has_varnish = t.has_varnish || varnish;
-    if (varnish) t.most_varnish_exponent = std::max(t.most_varnish_exponent, lobe.exponent);
+    const double least = lobe.masking_slot > 0 ? 0 : lobe.masking;
+    if (varnish) t.least_varnish_masking2 = std::min(t.least_varnish_masking2, least * least);
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
     if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);

@@ -127,6 +127,12 @@ inline Mask refracted_once_more(Mask tag) {
   return (count - (more << RayTag::kRefractions)) | int64_t(1) << RayTag::kRefracted;
 }
 
+inline bool has(const PassStage& s, int kind) {
+  bool has = false;
+  for (uint32_t i = 0; i < s.lobe_count; ++i) has = has || s.lobes[i].kind == kind;
+  return has;
+}
+
 /// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. How many.
 __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Chosen& at,
                                                     const Arriving& ray, Mask wanted,
@@ -148,7 +154,10 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   add(RayLayout::kTMin, splat(0));
   add(RayLayout::kTMax, splat(__builtin_inf()));
   add(RayLayout::kFrom, splat(0));
-  const Mask kept = tag & (int64_t(0xffffffff) | RayTag::kPast);
+  // Shadow rays saw the surroundings through this material, but not mirrored in it.
+  const bool was_lit = refracted && has(s, GLINT_TRANSPARENT);
+  const Mask kept =
+      tag & (int64_t(0xffffffff) | RayTag::kPast) & ~(int64_t(!was_lit) << RayTag::kSkyless);
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   add.tag(kept | first | depth << RayTag::kDepth | glass);
   return add.count();
@@ -249,12 +258,6 @@ inline size_t straight_rows(const PassStage& s) {
     count += go_on(s, at, k);
   }
   return count;
-}
-
-inline bool has(const PassStage& s, int kind) {
-  bool has = false;
-  each_lobe(s, kind, [&](const LobeShape&, size_t) { has = true; });
-  return has;
 }
 
 /// Whether no lobe before that one mirrors at the same normal.

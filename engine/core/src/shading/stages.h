@@ -138,15 +138,17 @@ struct RayLayout {
 /// What else a ray carries, in one number of 64 bits: from bit 0 on its slot, from these on how
 /// often it bounced and how often it went straight on since (8 bits each), whether it wants data,
 /// whether it wants AOVs, whether its last bounce was a refraction, how many were (up to 31), and,
-/// where rough surfaces reflected it, how far highlights on its way are widened (`widest`). The
-/// last bit: whether the first surface that it left refracted it.
+/// where rough surfaces reflected it, how far highlights on its way are widened (`widest`), and
+/// whether what it meets counts but for the surroundings, as the shadow rays of the rough surface
+/// that it comes from see these. The last bit: whether the first surface that it left refracted it.
 struct RayTag {
   static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48, kWantsAovs = 49,
-                       kRefracted = 50, kRefractions = 51, kWidth = 56, kTransmitted = 63;
+                       kRefracted = 50, kRefractions = 51, kWidth = 56, kSkyless = 62,
+                       kTransmitted = 63;
   static constexpr int64_t kWants = int64_t(1) << kWantsData | int64_t(1) << kWantsAovs;
-  static constexpr int64_t kWidths = int64_t(0x7f) << kWidth;
+  static constexpr int64_t kWidths = int64_t(0x3f) << kWidth;
   /// What rays keep of those that they come from.
-  static constexpr int64_t kPast = kWidths | int64_t(1) << kTransmitted;
+  static constexpr int64_t kPast = kWidths | int64_t(1) << kSkyless | int64_t(1) << kTransmitted;
   static constexpr int64_t kMostRefractions = 31,
                            kAllRefractions = kMostRefractions << kRefractions,
                            kGlass = int64_t(1) << kRefracted | kAllRefractions;
