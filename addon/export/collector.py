@@ -22,7 +22,7 @@ from .images.decoded import Decoded
 from .images.images import Images
 from .instances import ExportedObject, Flags, places_on_instancers, random_numbers
 from .light_groups import LightGroups
-from .lights import Lights, Seen
+from .lights import Lights
 from .materials.aovs import Aov
 from .materials.materials import Materials
 from .materials.nodes_volume import with_step_rate
@@ -53,10 +53,11 @@ class Placed(NamedTuple):
 
 
 class Lamp(NamedTuple):
-    """A light data-block, and what sees it and it reaches."""
+    """A light data-block, its object's visibility, and its light group."""
 
     light: Any
-    seen: Seen
+    flags: Flags
+    light_group: int
 
 
 class Collector:
@@ -102,12 +103,7 @@ class Collector:
         owner = instance.instance_object or thing  # the one that is not temporary
         data = thing.data
         if thing.type == "LIGHT":
-            group = self.light_groups.number(thing)
-            seen = Seen(
-                flags.camera, flags.mirror, flags.receivers, flags.blockers, group,
-                flags.diffuse, flags.mirror, flags.transmission, flags.media,
-            )  # fmt: skip
-            return Lamp(data, seen)
+            return Lamp(data, flags, self.light_groups.number(thing))
         match type(data).__name__:
             case "Mesh" if self.depsgraph.view_layer.use_solid:
                 geometry = self._mesh(data, owner)
@@ -417,7 +413,8 @@ class Collector:
     def _light(self, thing: ExportedObject) -> int | None:
         """Adds a lamp's lights; the number of the one where there is just one."""
         first = len(self.lights.lights)
-        self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        lamp = thing.content
+        self.lights.add(thing.name, lamp.light, thing.matrices, lamp.flags, lamp.light_group)
         return first if len(self.lights.lights) == first + 1 else None
 
 

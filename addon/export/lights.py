@@ -5,14 +5,15 @@ whatever the light's own settings.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ...engine.program.program import Program, compile_program
-from ...engine.scene import EVERYTHING, Light, Texture
+from ...engine.scene import Light, Texture
 from .images.images import Images
+from .instances import Flags
 from .materials.closures import LobeKey
 from .materials.evaluator import Evaluator
 from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
@@ -25,23 +26,6 @@ BLACK = (0.0, 0.0, 0.0)
 _FULL_SPREAD = math.pi - 1e-4
 _SAME_LENGTH = 1e-5
 """Relative difference of axis lengths that float32 matrices have by rounding."""
-
-
-@dataclass(frozen=True)
-class Seen:
-    """By which rays the light's own shape is seen, what it lights and what shades it, as
-    `Light.receivers` and `Light.blockers`, its light group, and which lobes and media it lights.
-    """
-
-    camera: bool
-    mirror: bool
-    receivers: int = EVERYTHING
-    blockers: int = EVERYTHING
-    light_group: int = -1
-    matt: bool = True
-    gloss: bool = True
-    transmission: bool = True
-    media: bool = True
 
 
 @dataclass(frozen=True)
@@ -63,20 +47,24 @@ class Lights:
         self.lights: list[Light] = []
         self.images, self.report = images, report
 
-    def add(self, name: str, data: Any, matrices: np.ndarray, seen: Seen) -> None:
-        """An evaluated light data-block at every place of `matrices` (k, 3, 4)."""
+    def add(
+        self, name: str, data: Any, matrices: np.ndarray, flags: Flags, light_group: int = -1
+    ) -> None:
+        """An evaluated light data-block at every place of `matrices` (k, 3, 4). flags: of its
+        object; what sees that, it lights.
+        """
         if getattr(data.cycles, "is_portal", False) and data.type == "AREA":
             return
         self._note_approximations(name, data)
         note_light(name, data, self.report)
         trees: dict[tuple, Emission] = {}
         for matrix in matrices:
-            light = self._place(name, data, matrix, seen, trees)
+            light = self._place(name, data, matrix, flags, trees)
             if light is not None:
-                self.lights.append(light)
+                self.lights.append(replace(light, light_group=light_group))
 
     def _place(
-        self, name: str, data: Any, matrix: np.ndarray, seen: Seen, trees: dict[tuple, Emission]
+        self, name: str, data: Any, matrix: np.ndarray, flags: Flags, trees: dict[tuple, Emission]
     ) -> Light | None:
         """trees: what the light's nodes emit at places before, by `Lamp.key`."""
         frame, sizes = light_frame(matrix)
@@ -117,15 +105,14 @@ class Lights:
             color,
             strength,
             cast_shadow=data.use_shadow,
-            visible_camera=seen.camera,
-            visible_mirror=seen.mirror,
-            visible_transmission=seen.transmission,
-            receivers=seen.receivers,
-            blockers=seen.blockers,
-            light_group=seen.light_group,
-            lights_matt=seen.matt,
-            lights_gloss=seen.gloss,
-            lights_media=seen.media,
+            visible_camera=flags.camera,
+            visible_mirror=flags.mirror,
+            visible_transmission=flags.transmission,
+            receivers=flags.receivers,
+            blockers=flags.blockers,
+            lights_matt=flags.diffuse,
+            lights_gloss=flags.mirror,
+            lights_media=flags.media,
             program=emission.program,
             textures=emission.textures,
             **shape,

@@ -75,8 +75,8 @@ class Geometry:
     polygons and segments.  reach: largest coordinate. visible: for each kind of ray the primitives
     it sees, (p,) bool, or None for all.  mirrors_differ: whether some instances are seen in mirrors
     and cast no shadow, or the other way.  diffuse_differs: in mirrors and not by diffuse rays, or
-    the other way.  glass_differs: in mirrors and not through glass, or the
-    other way.  left_out: sentences.
+    the other way.  glass_differs: in mirrors and not through glass, or the other way.  left_out:
+    sentences.
     """
 
     placements: Placements

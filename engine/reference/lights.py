@@ -56,8 +56,8 @@ class LightSample:
     (1,) or (n,) light groups instead of the light's, None for that.  counts: whether it tells how
     much of a sky is hidden.  behind: (n,) bool, points that it does not light from before, whatever
     its direction says, None for none.  leaves: whether points may lie on what segments leave on the
-    other side, so that these begin there and not at the light.  met_by: whose
-    visibility rays of surfaces obey; of those drawn from lobes that of mirrors.
+    other side, so that these begin there and not at the light.  met_by: whose visibility rays of
+    surfaces obey; of those drawn from lobes that of mirrors.
     """
 
     direction: Array

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -119,7 +120,7 @@ class Stage:
         axes = np.asarray(self.scene.world.axes, np.float64)
         return radiance(program, self._sky_images, axes.T @ unit(along), kind)
 
-    @property
+    @cached_property
     def glass_differs(self) -> bool:
         """Whether some things or lights are seen in mirrors and not through glass, or the other
         way.

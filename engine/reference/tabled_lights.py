@@ -32,6 +32,7 @@ FEW_PARTS = 4
 them, and by what bounced rays meet that bring less than `FAINT` of it.
 """
 FAINT = 1 / 16
+"""The largest channel of T from which on it is not."""
 LEAST_WIDE = 8.0
 """Exponents from here on draw directions beside the points of lights that may be all around."""
 SKY_DRAWS = 1 / 8

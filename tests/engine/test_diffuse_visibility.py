@@ -143,6 +143,34 @@ def test_bounced_light_comes_through_what_diffuse_rays_do_not_see(backend: str) 
     assert found["off"].mean() == pytest.approx(bounced.mean(), rel=0.03)
 
 
+def over_a_wall(**flags: bool) -> s.Scene:
+    """A sheet that light passes, and below it what else stands above the floor."""
+    sheet = material(s.Lobe("TRANSLUCENT", constant(*ALBEDO)))
+    scene = beside_a_wall(sheet, replace(BALL, world_from_light=flipped(BALL.world_from_light)))
+    matrix = scene.instances[1].world_from_object.copy()
+    matrix[0, 2, 3] *= -1
+    wall = replace(scene.instances[1], world_from_object=matrix, **flags)
+    return replace(scene, instances=(scene.instances[0], wall))
+
+
+def flipped(matrix: np.ndarray) -> np.ndarray:
+    """The same place below the floor."""
+    return np.asarray(matrix) * np.array([1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, -1]).reshape(3, 4)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_shines_through_a_sheet_is_looked_for_where_diffuse_rays_see(backend: str) -> None:
+    """Whatever mirrors show."""
+    settings = {**BOUNCING, "backend": backend}
+    seen = color(over_a_wall(), **settings)
+    direct = color(over_a_wall(), **{**settings, "diffuse_bounces": 0})
+    assert (seen - direct).max() > 0.05 * direct.max()
+    mirrored = color(over_a_wall(visible_mirror=True), **settings)
+    np.testing.assert_allclose(seen, mirrored, rtol=1e-5)
+    flags = {"visible_diffuse": False, "visible_shadow": False, "visible_mirror": True}
+    assert np.abs(color(over_a_wall(**flags), **settings) - direct).max() < 1e-5 * direct.max()
+
+
 def test_what_casts_no_shadow_throws_light_on() -> None:
     """As much as what does, where that shades nothing."""
     seen = draw(beside_a_wall(), "Diffuse Indirect", **BOUNCING)

@@ -15,7 +15,7 @@ import numpy as np
 from ....engine.scene import EVERYTHING, Instances, Light, Scene
 from ..instances import ExportedObject, VisitedObjects, flags_of
 from ..light_links import blockers_of, receivers_of
-from ..lights import Lights, Seen
+from ..lights import Lights
 from ..placing import without_collapsed
 from ..report import Report
 
@@ -220,16 +220,7 @@ def _relight(
         own = Report()
         flags = flags_of(lamp, lamp, view_layer, own)
         made = Lights(images, own)
-        seen = Seen(
-            flags.camera,
-            flags.mirror,
-            light_group=lights[number].light_group,
-            matt=flags.diffuse,
-            gloss=flags.mirror,
-            transmission=flags.transmission,
-            media=flags.media,
-        )
-        made.add(lamp.name, lamp.data, matrix, seen)
+        made.add(lamp.name, lamp.data, matrix, flags, lights[number].light_group)
         if len(made.lights) != 1 or own.notes() or report.mentions(lamp.name):
             return False
         lights[number] = made.lights[0]

@@ -166,11 +166,8 @@ struct RenderPlan : GlintRenderSettings {
     if (light.is_dome()) {
       const size_t number = dome_directions.number(sample, j);
       const double* const table = dome_directions.numbers;
-      const double *const row = table + kDomeColumns * number, *const place =
-                                                                   table +
-                                                                   kDomeColumns *
-                                                                       (number / kSkyDraws) +
-                                                                   7;
+      const double* const row = table + kDomeColumns * number;
+      const double* const place = table + kDomeColumns * (number / kSkyDraws) + 7;
       LightPoint point{0, 0, place[0], place[1], row, &dome, number % kSkyDraws == 0};
       point.group = light.group;
       point.met_by = row[9] != 0 ? kShadow : kDiffuse;

@@ -183,7 +183,7 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   NextRays next{take(queue.visibility, queue.reflections, queue.gathers, queue.shared),
                 take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1),
                 take(kDiffuse, queue.reflections + 1, true, shares),
-                take(kMirror, queue.reflections + 1, true)};
+                take(kDiffuse, queue.reflections + 1, true)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));
   wait(std::move(next.behind));

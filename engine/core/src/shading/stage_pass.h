@@ -133,11 +133,12 @@ inline bool has(const PassStage& s, int kind) {
   return has;
 }
 
-/// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. How many.
+/// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. clear:
+/// shadow rays see the surroundings there too. How many.
 __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Chosen& at,
                                                     const Arriving& ray, Mask wanted,
                                                     const Three& d, const Three& k,
-                                                    bool refracted = false) {
+                                                    bool refracted = false, bool clear = false) {
   const Three T = weight(s, at) * k;
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
   const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;
@@ -154,10 +155,8 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   add(RayLayout::kTMin, splat(0));
   add(RayLayout::kTMax, splat(__builtin_inf()));
   add(RayLayout::kFrom, splat(0));
-  // Shadow rays saw the surroundings through this material, but not mirrored in it.
-  const bool was_lit = refracted && has(s, GLINT_TRANSPARENT);
   const Mask kept =
-      tag & (int64_t(0xffffffff) | RayTag::kPast) & ~(int64_t(!was_lit) << RayTag::kSkyless);
+      tag & (int64_t(0xffffffff) | RayTag::kPast) & ~(int64_t(!clear) << RayTag::kSkyless);
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   add.tag(kept | first | depth << RayTag::kDepth | glass);
   return add.count();
@@ -165,6 +164,7 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
 
 inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t number) {
   size_t count = 0;
+  const bool clear = has(s, GLINT_TRANSPARENT);
   for (size_t i = 0; i < s.count; i += kLanes) {
     const Chosen at = chosen(s.rows, i, s.count);
     Arriving ray(s, at);
@@ -182,7 +182,7 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
       d = choose(shut, reflect(ray), d);
       through = choose(shut, splat(1), through);
     }
-    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k, true);
+    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k, true, clear);
   }
   return count;
 }
