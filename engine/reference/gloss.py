@@ -135,11 +135,11 @@ class Narrow:
 
     def draw(self, point: LightPoint) -> tuple[Array, Array, Array]:
         """(3, n) the direction in which the half vector at `point` of the lobes mirrors the ray,
-        (n,) bool where there is one, and (n,) the exponent of the lobe.
+        (n,) bool where there is one, and (n,) the largest exponent of these lobes.
         """
         x, y = point.disc
         at = (x * x + y * y) * self._total
-        before, rest, exponent = np.zeros_like(at), np.zeros_like(at), np.zeros_like(at)
+        before, rest, exponent, narrowest = np.zeros((4, len(at)))
         axis, stretch = self._surface.n.copy(), np.zeros_like(self._surface.n)
         for term, k, n in self._terms:
             index, p = term.index, term.exponent
@@ -150,10 +150,11 @@ class Narrow:
             exponent[chosen], axis[:, chosen] = taken(p, here), n[:, here]
             stretch[:, chosen] = 0.0 if term.stretch is None else term.stretch[:, here]
             before[index] += part
+            narrowest[index] = np.maximum(narrowest[index], np.where(part > 0, p, 0.0))
         v = self._surface.v
         h = half_vector(axis, point, np.minimum(rest, 1 - 2.0**-53), exponent, stretch)
         cosine = dot(v, h)
-        return 2 * cosine * h - v, (self._total > 0) & (cosine > 0), exponent
+        return 2 * cosine * h - v, (self._total > 0) & (cosine > 0), narrowest
 
 
 def half_vector(

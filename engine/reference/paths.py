@@ -38,12 +38,12 @@ class Paths:
     on they see no lights: these have highlights there, and points of them in mirrors beyond would
     be dots. skyless: (n,) bool, they do not see the surroundings, which the shadow rays of the
     rough surface that they come from do. widest: (n,) the largest exponent of highlights that they
-    meet, that of the widest lobe on their way. refractions: (n,) how many of their bounces were
-    refractions, refracted: (n,) bool, the last one was. transmitted: the first surface that they
-    left refracted them, where passes ask for that. through_glass: they obey `visible_transmission`,
-    where that is not `visible_mirror` of all instances and lights. gathers: they look for surfaces
-    that throw light on, near by. shared: what they find goes to the pixels that `gathering.Shares`
-    has for theirs.
+    meet, that of the narrowest lobe of the roughest surface on their way. refractions: (n,) how
+    many of their bounces were refractions, refracted: (n,) bool, the last one was. transmitted: the
+    first surface that they left refracted them, where passes ask for that. through_glass: they obey
+    `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
+    they look for surfaces that throw light on, near by. shared: what they find goes to the pixels
+    that `gathering.Shares` has for theirs.
     """
 
     rays: Rays

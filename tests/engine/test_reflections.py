@@ -171,6 +171,17 @@ def test_both_tracers_reflect_the_same(exponent):
     assert wrong.any(2).mean() <= 0.004  # a pixel at an edge may turn
 
 
+def test_highlights_on_the_way_are_as_wide_as_the_narrowest_lobe() -> None:
+    """Also of directions that are drawn from wide ones beside it, in both tracers."""
+    narrow, wide = metal(300.0).lobes[0], metal(4.0).lobes[0]
+    before = replace(room(metal(2000.0)), materials=(Material("both", (narrow, wide)), metal(2e3)))
+    few = {"samples": 16, "max_bounces": 3}
+    core, reference = (drawn(before, backend, **few) for backend in BACKENDS)
+    wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
+    assert wrong.any(2).mean() <= 0.004  # a pixel at an edge may turn
+    assert np.abs(core - drawn(before, **few, reflections="OFF")).max() > 0.01
+
+
 def mutual(exponent: float) -> Scene:
     """Metal before metal, with something to see."""
     scene = room(metal(exponent, 0.8))

@@ -90,8 +90,8 @@ class Queue : public RayLayout {
   bool gathers = false;  // they look for surfaces that throw light on: DirectLight::reach
   bool sees_blurred() const { return gathers || reflections > 0; }
   bool shared = false;  // what they find goes to the paths that GatherShares has for theirs
-  /// The largest exponent of highlights that ray k meets: that of the widest lobe on its way, a
-  /// power of two.
+  /// The largest exponent of highlights that ray k meets: a power of two, that of the narrowest
+  /// lobe of the roughest surface on its way.
   double widest(size_t k) const {
     const int64_t code = (tags_[k] & RayTag::kWidths) >> RayTag::kWidth;
     return code == 0 ? HUGE_VAL : std::ldexp(1.0, int(code - 1));

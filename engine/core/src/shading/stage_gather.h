@@ -29,7 +29,7 @@ size_t reflect_from(const LightStage& s) {
     const Appender append{lanes, found};
     append.number(s.point, uint32_t(k));
     append(s.diffuse_out, share);
-    append(s.t_max, drawn.exponent);
+    append(s.t_max, drawn.narrowest);
     append(s.to, drawn.l);
     append(s.o, load3(s.points_x, k) + load(s.offset + k) * load3(s.g, k));
     found += size_t(__builtin_popcount(lanes));

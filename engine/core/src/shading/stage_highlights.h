@@ -306,12 +306,12 @@ inline Three even_gloss(const LightStage& s, size_t k) {
 struct Drawn {
   Three l;
   Mask good;
-  Doubles exponent;  // of the lobe
+  Doubles narrowest;  // exponent of all lobes that directions are drawn from
 };
 template <bool Reflecting, bool Bent>
 inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& narrow) {
   const Doubles at = s.radius2 * narrow.total;
-  Doubles before{}, rest{}, exponent{};
+  Doubles before{}, rest{}, exponent{}, narrowest{};
   Three axis = n, stretch{};
   for (int number = 0; number < s.max_specular; ++number) {
     const Term term = term_of<Reflecting>(s, k, number);
@@ -319,6 +319,7 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
     const Mask here = (part > 0) & (at >= before);
     rest = choose(here, (at - before) / part, rest);
     exponent = choose(here, term.exponent, exponent);
+    narrowest = larger(narrowest, where(part > 0, term.exponent));
     if (Bent && s.turns_lobes) axis = choose(here, Term::normal(s, k, number, n), axis);
     if (Bent && s.stretches_lobes) stretch = choose(here, Stretch(s, k, number, n).t, stretch);
     before = before + part;
@@ -338,7 +339,7 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
   }
   const Three d = load3(s.d, k);
   const Doubles c = dot(d, h);
-  return {d - 2 * c * h, (narrow.total > 0) & (c < 0), exponent};
+  return {d - 2 * c * h, (narrow.total > 0) & (c < 0), narrowest};
 }
 
 }  // namespace
