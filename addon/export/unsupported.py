@@ -53,8 +53,13 @@ def note_object(name: str, owner: Any, report: Report) -> None:
             "Shadow off to keep its shadow out of them",
             name,
         )
-    shading = getattr(owner, "shadow_terminator_shading_offset", 0.0)
-    geometry = getattr(owner, "shadow_terminator_geometry_offset", 0.1)
+    # Blender 4.2 keeps the offsets in Cycles' settings, which an evaluated copy has late, later
+    # ones in the object.
+    own = hasattr(owner, "shadow_terminator_shading_offset")
+    settings = owner if own else getattr(owner.original, "cycles", None)
+    offset = "shadow_terminator_shading_offset" if own else "shadow_terminator_offset"
+    shading = getattr(settings, offset, 0.0)
+    geometry = getattr(settings, "shadow_terminator_geometry_offset", 0.1)
     if shading != 0.0 or abs(geometry - 0.1) > _SAME:
         report.note(
             "Shadow Terminator offsets are not rendered in {}: subdivide it where shadows are "

@@ -190,12 +190,15 @@ def test_settings_of_worlds_are_told(scene, setting, value, word):  # noqa: F811
     assert any(word in note for note in export().notes)
 
 
-def test_terminator_offsets_are_told(scene):  # noqa: F811
+@pytest.mark.parametrize("kind", ["shading", "geometry"])
+def test_terminator_offsets_are_told(scene, kind):  # noqa: F811
     thing = quad()
-    name = "shadow_terminator_shading_offset"
-    if not hasattr(thing, name):
-        pytest.skip("this Blender keeps the offset in Cycles' own settings")
-    setattr(thing, name, 0.2)
+    assert not any("Shadow Terminator" in note for note in export().notes)
+    name = f"shadow_terminator_{kind}_offset"
+    if hasattr(thing, name):
+        setattr(thing, name, 0.2)
+    else:  # Blender 4.2
+        setattr(thing.cycles, name.replace("shading_", ""), 0.2)
     assert any("Shadow Terminator" in note for note in export().notes)
 
 

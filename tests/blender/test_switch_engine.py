@@ -279,14 +279,16 @@ def test_the_list_is_made_again_after_edits(tmp_path):
         tmp_path,
         """
 scene.cycles.use_fast_gi = True
-cube.shadow_terminator_geometry_offset = 0.5
+name = "shadow_terminator_geometry_offset"
+holder = cube if hasattr(cube, name) else cube.cycles
+setattr(holder, name, 0.5)
 bpy.ops.glint.switch_to_glint()
 def told():
     return [text for text, _ in rows("DIFFERENT")]
 def of_settings():
     return [rows(kind) for kind in ("UNLIKE", "CARRIED", "KEPT")]
 first, before = told(), of_settings()
-cube.shadow_terminator_geometry_offset = 0.1
+setattr(holder, name, 0.1)
 cube.visible_volume_scatter = False
 stale = told()
 bpy.ops.glint.list_changed()
