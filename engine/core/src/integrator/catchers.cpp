@@ -53,7 +53,7 @@ void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
     lit_[point.row] = 0;  // nothing is reflected there
   }
   direct_.illuminate_catchers(batch_, sample, counts_);
-  batch_.lit.swap(lit_);
+  std::copy(lit_.begin(), lit_.end(), batch_.lit.begin());  // in place: reflections read it there
   for (const Caught& point : caught_) {
     const Vec3d without = point.glow + take_sums(point.row);
     see_lights(point.row);
