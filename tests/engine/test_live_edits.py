@@ -151,9 +151,11 @@ def remove(scene, r):
 
 def hide(scene, r):
     k = r.randrange(len(scene.instances))
-    group, kind = scene.instances[k], r.choice(("shadow", "camera", "mirror", "diffuse", "media"))
-    flag = {f"visible_{kind}": not getattr(group, f"visible_{kind}")}
-    return replace(scene, instances=_with(scene.instances, k, replace(group, **flag)))
+    kinds = ("shadow", "camera", "mirror", "diffuse", "media")
+    group = scene.instances[k]
+    flag = r.choice([*(f"visible_{kind}" for kind in kinds), "holdout", "catcher"])
+    changed = replace(group, **{flag: not getattr(group, flag)})
+    return replace(scene, instances=_with(scene.instances, k, changed))
 
 
 def lamp(scene, r):

@@ -27,8 +27,10 @@ WORK = {"Cost", "Fallbacks"}
 """Passes that tell what was done, not what is seen: a light's point in the very plane of a surface
 is asked for or not as rounding has it, and sheds nothing.
 """
-ROUNDING = 1e-14
-"""Of a picture that is black but for rounding, as of catchers without shadows."""
+ROUNDING = 1e-9
+"""Of pictures, and passes of them, that are black but for rounding: catchers without shadows,
+what Fresnel leaves of the highlights that lobes of fibres have on things that are none.
+"""
 PASSES = frozenset(engine.PASSES) - {"Combined"} - WORK
 SCENES = int(os.environ.get("GLINT_SCENES", "60"))
 
