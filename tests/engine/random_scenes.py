@@ -167,6 +167,7 @@ def instances(draw: Any, dice: Dice, number: int, materials: int) -> s.Instances
         [np.eye(3) + dice.normal(0, 0.3, (count, 3, 3)), dice.normal(0, 1.2, (count, 3, 1))], 2
     )
     seen = {f"visible_{by}": draw(mostly) for by in SEEN_BY}
+    moved = np.stack([rows, rows + dice.normal(0, 0.2, rows.shape)])
     return s.Instances(
         f"i{number}",
         number,
@@ -177,6 +178,7 @@ def instances(draw: Any, dice: Dice, number: int, materials: int) -> s.Instances
         receivers=draw(sets),
         blockers=draw(sets),
         catcher=not draw(mostly),
+        motion=None if draw(mostly) else moved,
         **seen,
     )
 
@@ -241,7 +243,11 @@ def scenes(draw: Any) -> s.Scene:
     kind = draw(st.sampled_from(FLAT_CAMERAS))
     half = 0.4 if kind == "PERSPECTIVE" else 2.4
     camera = s.Camera(
-        kind, look_at((0.5, -6, 2), (0, 0, 0)), (-half, half, -0.75 * half, 0.75 * half), SIZE
+        kind,
+        look_at((0.5, -6, 2), (0, 0, 0)),
+        (-half, half, -0.75 * half, 0.75 * half),
+        SIZE,
+        lens=None if draw(mostly) else s.Lens(0.1, 6.0, draw(st.sampled_from((0, 5))), 0.3, 1.5),
     )
     return s.Scene(
         camera,
