@@ -61,7 +61,7 @@ def summary(ray: Ray) -> str:
         else "Nothing but the surroundings"
     )
     if ray.hit and ray.hit.holdout:
-        return f"{what} is a holdout: nothing is seen here"
+        return f"{what} is a holdout: the camera sees nothing of it"
     if ray.hit and ray.hit.caught:
         what = f"{what} catches shadows: {_rgb(ray.hit.caught)} of its light is left"
     shares = _listed_shares(_contributions(ray))
@@ -203,7 +203,7 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
     if hit.open is not None:
         yield f"of an even sky it sees {_rgb(hit.open)} (Ambient Occlusion, one sample)"
     if hit.holdout:
-        yield "it is a holdout: nothing is seen here"
+        yield "it is a holdout: the camera sees nothing of it"
         return
     if hit.caught:
         yield (

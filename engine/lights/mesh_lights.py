@@ -54,7 +54,7 @@ def mesh_lights(scene: Scene) -> tuple[Light, ...]:
     blocks = [
         block
         for block in (scene.instances if glowing else ())
-        if not (block.holdout or block.catcher or glowing.isdisjoint(block.materials))
+        if not (block.catcher or glowing.isdisjoint(block.materials))
     ]
     return _lights(_what_glows(scene, blocks)) if blocks else ()
 

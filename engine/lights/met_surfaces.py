@@ -44,7 +44,6 @@ _LIKENESS = attrgetter(
     "visible_shadow",
     "visible_transmission",
     "visible_diffuse",
-    "holdout",
     "light_set",
     "catcher",
 )
@@ -105,9 +104,6 @@ def met_surfaces(
     )
     shader = Shader(some, attributes, geometry)
     block_of = geometry.placements.block
-    holdout = np.array([block.holdout for block in some.instances], bool)[block_of[surface.row]]
-    seen = np.flatnonzero(~holdout)
-    surface = surface.take(seen)
     block = block_of[surface.row]
     sets = np.array([block.light_set for block in some.instances], np.intp)[block]
     caught = np.array([block.catcher for block in some.instances], bool)[block]
@@ -125,7 +121,7 @@ def met_surfaces(
         diffuse=np.where(is_hair, 0.0, given),
         translucent=np.where(is_hair, 0.0, lobes.translucent),
     )
-    return hit[seen], surface, lobes, sets, caught
+    return hit, surface, lobes, sets, caught
 
 
 def _is_varnished(scene: Scene, surface: Surface) -> Array:

@@ -349,6 +349,8 @@ def _on_planes(
     heights = frame[2] @ points
     low, high = heights.min(), heights.max()
     margin, size = 0.02 * (high - low), _cell(points)
+    if not size > 0:
+        return  # all in one place, as where a single point is enclosed
     for at in np.linspace(low - margin, high + margin, STEPS):
         for side in (1.0, -1.0):
             uv = _meeting(o, d, at, side)[0]

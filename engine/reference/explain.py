@@ -182,20 +182,22 @@ class Explainer:
         if paths.reflections and stage.is_lit_by_meshes:
             coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
         about = self._hit(surface, coefficients, depth, paths)
-        if about.holdout:
-            return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
-        if about.caught is not None:
+        if about.holdout or about.caught is not None:
             coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
         at = replace(at, coefficients=coefficients)
         near = self._near if ray.kind in ("camera", "lens") else None
-        if near is None:
+        if about.holdout:
+            near = []
+        elif near is None:
             near = gathering(stage, at, 0, self._places)[0]
         after = self._next(replace(at, paths=sent), depth)
-        if about.caught is None and coefficients.translucent.any():
+        if not about.holdout and about.caught is None and coefficients.translucent.any():
             near = [*near, *gathering(stage, other_side(stage, at, depth), 0, self._places)[0]]
         follow = (*(self.follow(one, "gather") for one in near), *after)
         _, d = paths.rays.lines(hit)
-        if about.caught is None:
+        if about.holdout:
+            pass
+        elif about.caught is None:
             own = own + paths.weight[:, 0] * _sum(about)
         else:
             caught = self._behind(paths, d, coefficients, np.array(about.caught))
@@ -241,6 +243,8 @@ class Explainer:
         stage = self.stage
         if paths.depth > 0 or not stage.per_object("catcher", surface.row)[0]:
             return None
+        if stage.per_object("holdout", surface.row)[0]:
+            return None
         return _numbers(catchers.ratio(stage, surface, coefficients, paths.weight, 0)[:, 0])
 
     def _next(self, at: Interaction, depth: Array) -> Iterator[Ray]:
@@ -279,7 +283,7 @@ class Explainer:
                 *self._lights(surface, coefficients, paths),
                 *self._lights_behind(surface, coefficients, depth, paths),
             ),
-            holdout=instances.holdout,
+            holdout=instances.holdout and paths.depth == 0,
             caught=self._caught(surface, coefficients, paths),
             moved=_numbers(motion_vectors(stage, surface)[:, 0])
             if paths.depth == 0 and stage.scene.neighbours is not None

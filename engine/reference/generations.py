@@ -113,12 +113,13 @@ class Generations:
         if not len(hit):
             return None
         at, depth = self._interaction(paths, hit, hits)
-        if not paths.depth and stage.sees:
-            self._seen.see(at)
-        if not paths.depth and stage.scene.aovs:
-            self._seen.give_aovs(at)
         passed = straight_on(at, depth, self._seen.wants_data(at))
         if not paths.depth:
+            at = self._cut_holdouts(at)
+            if stage.sees:
+                self._seen.see(at)
+            if stage.scene.aovs:
+                self._seen.give_aovs(at)
             at = self._catch(at)
             self._seen.add_openness(at)
         at = seen_lobes(stage, at)
@@ -135,8 +136,8 @@ class Generations:
         return passed
 
     def _interaction(self, paths: Paths, hit: Array, hits: Hits) -> tuple[Interaction, Array]:
-        """Where the rays `hit` meet surfaces that are no holdouts, and how far along them; data
-        passes have what they meet first.
+        """Where the rays `hit` meet surfaces, and how far along them; data passes have what they
+        meet first.
         """
         stage, depth = self._stage, hits.depth[hit]
         stage.cancellation.check()
@@ -158,13 +159,7 @@ class Generations:
         if not paths.depth:
             self._seen.record(at, depth)
             self._seen.find_gaps(at, depth)
-        stage.cancellation.check()
-        shown = self._cut_holdouts(at)
-        if len(shown) == len(hit):
-            return at, depth
-        surface = surface.take(shown)
-        coefficients = stage.shader.coefficients(surface, paths.kind, again)
-        return Interaction(paths, hit[shown], surface, coefficients), depth[shown]
+        return at, depth
 
     def _bounce(self, at: Interaction) -> list[Paths]:
         """Rays of mirrors, glass and rough surfaces."""
@@ -177,15 +172,12 @@ class Generations:
         return deeper + reflections
 
     def _queries(self, pixel: Array, surface: Surface) -> SceneQueries | None:
-        """How programs ask for rays at a surface's points, of these pixels; those of holdouts do
-        not count.
-        """
+        """How programs ask for rays at a surface's points, of these pixels."""
         if not self._stage.asks_rays:
             return None
-        shown = ~self._stage.per_object("holdout", surface.row).astype(bool)
 
         def on_rays(index: Array) -> None:
-            here = pixel[index[shown[index]]]
+            here = pixel[index]
             self._stage.rays["shadow"] += len(here)
             self._tile.charge(here)
             self._tile.soft_light[here] = True
@@ -207,10 +199,7 @@ class Generations:
         on_reach, on_cut = self._listeners(at.pixel[here])
         ratio = catchers.ratio(stage, some, given, weight, self._sample, on_reach, on_cut)
         self._show_caught(paths, hit[here], weight * catchers.opacity(given), ratio)
-        rest = np.flatnonzero(~is_caught)
-        surface = surface.take(rest)
-        coefficients = stage.shader.coefficients(surface, paths.kind, queries)
-        return Interaction(paths, hit[rest], surface, coefficients)
+        return self._of(at, np.flatnonzero(~is_caught))
 
     def _show_caught(self, paths: Paths, hit: Array, seen: Array, ratio: Array) -> None:
         """The surroundings behind catchers, and over them their shadows; or nothing, where the
@@ -301,12 +290,23 @@ class Generations:
             group = self._stage.scene.world.light_group
             self._add(paths, "Environment", pixel, weight * background, group)
 
-    def _cut_holdouts(self, at: Interaction) -> Array:
-        """Places of the surfaces that are no holdouts; at those that are the rays end."""
-        holdout = self._stage.per_object("holdout", at.surface.row)
-        if at.paths.depth == 0:
-            self._tile.lose(at.pixel[holdout], at.weight[:, holdout])
-        return np.flatnonzero(~holdout)
+    def _cut_holdouts(self, at: Interaction) -> Interaction:
+        """The surfaces that are no holdouts; those that are leave a hole of what ends there."""
+        holdout = self._stage.per_object("holdout", at.surface.row).astype(bool)
+        if not holdout.any():
+            return at
+        held = at.weight * catchers.opacity(at.coefficients)
+        self._tile.lose(at.pixel[holdout], held[:, holdout])
+        if self._stage.scene.aovs:
+            ends = holdout & (at.coefficients.transparent.mean(0) < 0.5)
+            self._tile.wants_aovs[at.pixel[ends]] = False
+        return self._of(at, np.flatnonzero(~holdout))
+
+    def _of(self, at: Interaction, places: Array) -> Interaction:
+        """Some of the surfaces."""
+        surface, queries = at.surface.take(places), self._stage.queries(self._sample)
+        coefficients = self._stage.shader.coefficients(surface, at.paths.kind, queries)
+        return Interaction(at.paths, at.hit[places], surface, coefficients)
 
     def _light(self, at: Interaction) -> None:
         (self._share if at.paths.shared else self._shade)(at)

@@ -107,7 +107,10 @@ class Shadows:
         n = len(surface)
         self._rays["shadow"] += n
         sample = LightSample(direction, np.ones(n), None, np.zeros(n))
-        start, ends = self._start(surface, np.arange(n), sample), (np.zeros(n), np.full(n, reach))
+        start, ends = (
+            self._start(surface, np.arange(n), sample),
+            (np.zeros(n), np.full(n, 1.0 * reach)),
+        )
         rays = IncoherentRays.of(start, direction, *ends)
         passed = self._blocked(rays).T
         if self._media:

@@ -123,7 +123,8 @@ class Visibility:
         self, rays: Rays, transmittance, seen: Array | None, strips: Strips | None
     ) -> Array:
         limit, found = rays.far.copy(), []
-        for meetings in self._meetings(rays, seen, strips, limit):
+        from_light = isinstance(rays, CoherentRays) and rays.frame.perspective
+        for meetings in self._meetings(rays, seen, strips, limit, backwards=from_light):
             opaque = self.opaque[meetings.primitive]
             limit[meetings.ray[opaque]] = -np.inf
             found.append(_Meetings(*(a[~opaque] for a in meetings)))
@@ -138,8 +139,14 @@ class Visibility:
         return passed
 
     def _meetings(
-        self, rays: Rays, seen: Array | None, strips: Strips | None, limit: Array
+        self,
+        rays: Rays,
+        seen: Array | None,
+        strips: Strips | None,
+        limit: Array,
+        backwards: bool = False,
     ) -> Iterator[_Meetings]:
+        """backwards: what rays meet that come from their far ends."""
         if isinstance(rays, IncoherentRays):
             pairs = tree_pairs(self.tree, rays, seen, limit, self.cancellation)
         else:
@@ -150,12 +157,14 @@ class Visibility:
                 which, depth = hit_triangles(rays, self.geometry, ray, primitive, limit)
                 yield _Meetings(ray.take(which), primitive.take(which), depth)
             else:
-                yield from self._meet_all(rays, ray, primitive, limit)
+                yield from self._meet_all(rays, ray, primitive, limit, -1.0 if backwards else 1.0)
 
     def _meet_all(
-        self, rays: Rays, ray: Array, primitive: Array, limit: Array
+        self, rays: Rays, ray: Array, primitive: Array, limit: Array, way: float
     ) -> Iterator[_Meetings]:
-        """Pairs of rays with primitives of every sort."""
+        """Pairs of rays with primitives of every sort. way: -1 for rays that come the other way,
+        which strands, seen from outside alone, are not the same for.
+        """
         triangles, balls = self.geometry.triangle_count, self.geometry.ball_count
         flat = primitive < triangles
         which, depth = hit_triangles(rays, self.geometry, ray[flat], primitive[flat], limit)
@@ -172,7 +181,7 @@ class Visibility:
             (
                 rod,
                 self.geometry.first_rod,
-                lambda k, o, d: meet_rod(self.geometry.rods, k, o, d)[None],
+                lambda k, o, d: way * meet_rod(self.geometry.rods, k, o, way * d)[None],
             ),
         ):
             mine = ray[some]

@@ -143,9 +143,9 @@ class Instances:
     the last one. object_index: Blender's pass index. visible_camera, visible_mirror,
     visible_shadow, visible_transmission: seen by camera rays (and what passes straight through
     them), by mirror rays, by shadow rays, by refraction rays. visible_diffuse, visible_media: what
-    glows lights matt lobes, and media; with visible_mirror the other lobes. holdout: cuts a hole of
-    alpha 0 into the picture. catcher: camera rays see what other things change of its light, over
-    what is behind it.
+    glows lights matt lobes, and media; with visible_mirror the other lobes. holdout: to camera rays
+    what its surface does not let through is a hole of alpha 0. catcher: camera rays see what other
+    things change of its light, over what is behind it.
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
     which lights reach it.  motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even
     times while the shutter is open; None for what stands still.  asset: what it is part of, "" for

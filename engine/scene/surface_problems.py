@@ -103,6 +103,8 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     if not (is_real(lobe.ior) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
     yield from at_least("masking", lobe.masking, 0, 1)
+    if lobe.kind == "SPECULAR" and lobe.fresnel and lobe.schlick:
+        yield "is times fresnel and schlick: use one of them"
     strangers = [*holds("factors", lobe.factors, (Input,))]
     yield from strangers
     for factor in () if strangers else lobe.factors:

@@ -236,6 +236,21 @@ def see_lamp(r):
     thing.visible_glossy = not thing.visible_glossy
 
 
+def see(r):
+    """Any of the Ray Visibility and masking switches of a thing."""
+    thing, by = _some_object(r), ("diffuse", "glossy", "transmission", "volume_scatter", "camera")
+    switch = r.choice([*(f"visible_{name}" for name in by), "is_holdout", "is_shadow_catcher"])
+    setattr(thing, switch, not getattr(thing, switch))
+
+
+def see_world(r):
+    """Where the Cycles add-on is on."""
+    flags = getattr(bpy.context.scene.world, "cycles_visibility", None)
+    switch = r.choice(["diffuse", "glossy", "scatter", "camera", "transmission"])
+    if flags is not None:
+        setattr(flags, switch, not getattr(flags, switch))
+
+
 def kind_of_lamp(r):
     r.choice(sorted(bpy.data.lights, key=lambda m: m.name)).type = r.choice(
         ["POINT", "SUN", "SPOT", "AREA"]
@@ -297,6 +312,8 @@ EDITS = [
     kind_of_lamp,
     squeeze_lamp,
     see_lamp,
+    see,
+    see_world,
     surround,
     hide,
     exclude,

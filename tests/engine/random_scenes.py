@@ -19,15 +19,17 @@ from glint.engine.program.table import BY_NAME
 
 SIZE = (16, 12)
 LAMPS = ("POINT", "SUN", "SPOT", "AREA", "DOME")
-GEOMETRIES = ("flat", "smooth", "spheres", "polygons")
+GEOMETRIES = ("flat", "smooth", "spheres", "polygons", "strands")
 FLAT_CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
 """Panoramas need a projection of their own; tests of theirs draw it."""
+SEEN_BY = ("camera", "mirror", "shadow", "transmission", "diffuse", "media")
 PATTERNS = ("noise", "position", "uv", "attribute")
 
 Dice = np.random.Generator
 flags = st.booleans()
 mostly = st.sampled_from((True, True, True, True, False))
 few = st.integers(1, 3)
+sets = st.sampled_from((s.EVERYTHING, s.EVERYTHING, 0b10))
 
 
 def rgb(dice: Dice, most: float = 1.0) -> tuple[float, float, float]:
@@ -59,13 +61,14 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
         given = (*given, s.Input(output=0))
     glossy = kind == "SPECULAR"
     masked = glossy and draw(flags)
+    fresnel = kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags)
     return s.Lobe(
         kind,
         given,
         exponent=float(10 ** dice.uniform(0, 2.5)) if glossy else float(draw(st.integers(0, 3))),
         ior=float(dice.uniform(1.1, 1.8)),
-        fresnel=kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags),
-        schlick=masked and draw(flags),
+        fresnel=fresnel,
+        schlick=masked and not fresnel and draw(flags),
         masking=float(dice.uniform(0.1, 0.9)) if masked else 0.0,
     )
 
@@ -98,11 +101,21 @@ def pattern(dice: Dice, kind: str) -> Program:
 
 
 @st.composite
+def media(draw: Any, dice: Dice, most: float = 1.0) -> s.Medium | None:
+    """Mostly none."""
+    if draw(mostly):
+        return None
+    parts = ("absorption", "scattering", "emission")
+    given = {part: rgb(dice, most) for part in parts if draw(flags)}
+    return s.Medium(anisotropy=draw(st.sampled_from((0.0, 0.6, -0.3))), **given)
+
+
+@st.composite
 def materials(draw: Any, dice: Dice, textures: int) -> s.Material:
     kind = draw(st.sampled_from(("", *PATTERNS)))
     program = pattern(dice, kind) if kind else None
     some = draw(st.lists(lobes(dice, textures, bool(kind)), min_size=1, max_size=4))
-    return s.Material("m", tuple(some), program=program)
+    return s.Material("m", tuple(some), program=program, medium=draw(media(dice)))
 
 
 def _soup(dice: Dice, smooth: bool) -> s.Mesh:
@@ -140,6 +153,10 @@ def geometry(dice: Dice, kind: str) -> s.Geometry:
             np.array([0, 9], np.uint32),
             np.arange(9, dtype=np.uint32),
         )
+    if kind == "strands":
+        radii = (0.2 * dice.random(12)).astype(np.float32)
+        starts = np.delete(np.arange(11, dtype=np.uint32), (3, 7))  # three chains of four
+        return s.Strands("hair", dice.normal(0, 0.7, (12, 3)).astype(np.float32), radii, starts)
     return _soup(dice, kind == "smooth")
 
 
@@ -149,7 +166,8 @@ def instances(draw: Any, dice: Dice, number: int, materials: int) -> s.Instances
     rows = np.concatenate(
         [np.eye(3) + dice.normal(0, 0.3, (count, 3, 3)), dice.normal(0, 1.2, (count, 3, 1))], 2
     )
-    seen = {f"visible_{by}": draw(mostly) for by in ("camera", "mirror", "shadow", "transmission")}
+    seen = {f"visible_{by}": draw(mostly) for by in SEEN_BY}
+    moved = np.stack([rows, rows + dice.normal(0, 0.2, rows.shape)])
     return s.Instances(
         f"i{number}",
         number,
@@ -157,6 +175,10 @@ def instances(draw: Any, dice: Dice, number: int, materials: int) -> s.Instances
         (draw(st.integers(0, materials - 1)),),
         holdout=not draw(mostly),
         light_set=draw(st.integers(0, 1)),
+        receivers=draw(sets),
+        blockers=draw(sets),
+        catcher=not draw(mostly),
+        motion=None if draw(mostly) else moved,
         **seen,
     )
 
@@ -184,8 +206,13 @@ def lights(draw: Any, dice: Dice) -> s.Light:
         cast_shadow=draw(mostly),
         visible_camera=draw(flags),
         visible_mirror=draw(flags),
+        visible_transmission=draw(flags),
         radiance=map_,
-        receivers=draw(st.sampled_from((s.EVERYTHING, s.EVERYTHING, 0b10))),
+        receivers=draw(sets),
+        blockers=draw(sets),
+        lights_matt=draw(mostly),
+        lights_gloss=draw(mostly),
+        lights_media=draw(mostly),
     )
 
 
@@ -212,11 +239,15 @@ def scenes(draw: Any) -> s.Scene:
     kinds = draw(st.lists(st.sampled_from(GEOMETRIES), min_size=1, max_size=3))
     placed = tuple(draw(instances(dice, k, len(surfaces))) for k in range(len(kinds)))
     lamps = draw(st.lists(lights(dice), min_size=1, max_size=3))
-    world = s.World(rgb(dice), rgb(dice), draw(flags))
+    world = s.World(rgb(dice), rgb(dice), draw(flags), medium=draw(media(dice, 0.1)))
     kind = draw(st.sampled_from(FLAT_CAMERAS))
     half = 0.4 if kind == "PERSPECTIVE" else 2.4
     camera = s.Camera(
-        kind, look_at((0.5, -6, 2), (0, 0, 0)), (-half, half, -0.75 * half, 0.75 * half), SIZE
+        kind,
+        look_at((0.5, -6, 2), (0, 0, 0)),
+        (-half, half, -0.75 * half, 0.75 * half),
+        SIZE,
+        lens=None if draw(mostly) else s.Lens(0.1, 6.0, draw(st.sampled_from((0, 5))), 0.3, 1.5),
     )
     return s.Scene(
         camera,

@@ -165,9 +165,8 @@ def test_nor_does_where_the_scene_is() -> None:
         replace(room(lamp()), materials=(matt((0.0, 0.0, 0.0)),)),
         replace(room(lamp()), materials=(Material("mirror", (Lobe("MIRROR"),)),)),
         room(lamp(strength=0.0)),
-        replace(room(lamp()), instances=(replace(room().instances[0], holdout=True),)),
     ],
-    ids=("no light", "no surface", "black", "mirror", "no power", "holdout"),
+    ids=("no light", "no surface", "black", "mirror", "no power"),
 )
 def test_where_nothing_is_thrown_back_nothing_is_added(scene: Scene) -> None:
     assert bounced_light(scene, 3) is None
@@ -300,13 +299,12 @@ def test_blocks_that_differ_in_what_is_drawn_stay_apart() -> None:
             {"geometry": 1},
             {"materials": (2,)},
             {"visible_shadow": False},
-            {"holdout": True},
             {"light_set": 3},
             {"catcher": True},
         )
     ]
     together = met_surfaces.joined([block, *others, replace(block, name="again", object_index=5)])
-    assert [len(b.world_from_object) for b in together] == [4, *[2] * 6]
+    assert [len(b.world_from_object) for b in together] == [4, *[2] * 5]
 
 
 def test_a_ball_of_which_the_horizon_cuts_a_part() -> None:

@@ -90,6 +90,19 @@ def test_the_tree_adds_up_to_the_picture(illumination):
         )
 
 
+def test_holdouts_tell_of_what_is_behind_them():
+    """And as other things of what mirrors show of them."""
+    held = tuple(replace(i, holdout=i.name in ("Veil", "Glass Ball")) for i in SCENE.instances)
+    scene = replace(SCENE, instances=held)
+    picture, explainer = render(scene, SETTINGS).combined, PixelExplainer(scene, SETTINGS)
+    for x, y in [*BALLS, (12, 12), (20, 3), (22, 8)]:
+        np.testing.assert_allclose(
+            explainer.pixel(x, y).color, picture[y, x, :3], rtol=2**-22, atol=1e-12
+        )
+    told = "\n".join(explanation_lines(explainer.pixel(20, 3)))
+    assert "it is a holdout: the camera sees nothing of it" in told and "transparent ray" in told
+
+
 def every(ray):
     yield ray
     for after in ray.follow:

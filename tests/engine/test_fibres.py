@@ -14,7 +14,7 @@ from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
 from glint.engine.reference.optics import fibre_diffuse, fibre_highlight
-from native_tools import lamp, needs_core, placed, view_from_above
+from native_tools import lamp, needs_core, pixel_centers, placed, square, view_from_above
 from surface_scenes import SUN, P, balls
 
 EXPONENTS = (0.0, 1.0, 30.0, 1e4)
@@ -497,3 +497,24 @@ def test_strands_see_a_quarter_of_the_sky_a_sample(backend, light_samples, rays)
     film = render(made, settings)
     assert (film.passes["Cost"][..., 0][on] / 64 - 1).mean() == pytest.approx(rays / 2, rel=0.1)
     assert film.combined[..., 0][on].mean() == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize("backend", [pytest.param("NATIVE", marks=needs_core), "NUMPY"])
+def test_what_starts_inside_a_strand_does_not_see_it(backend: str) -> None:
+    """As skin does in thick roots, and fog, whichever end shadow rays are traced from."""
+    root = strand((0.0, 0.0, -9.0), (0.0, 0.0, 5.0), 0.5)
+    floor = placed(1)
+    given = s.Scene(
+        view_from_above(16, 1.0),
+        (root, square(5.0)),
+        (placed(0, visible_camera=False), floor),
+        (s.Material("matt", (s.Lobe("DIFFUSE"),)),),
+        lights=(lamp("POINT", position=(0.0, 0.0, 40.0), radius=0.0),),
+        world=s.World(medium=s.Medium(scattering=(0.01, 0.02, 0.03))),
+    )
+    plan = Settings(samples=1, backend=backend, filter_width=0.0)
+    bare = replace(given, instances=(floor,))
+    with_root, without = (render(x, plan).combined[..., :3] for x in (given, bare))
+    inside = np.hypot(*np.moveaxis(pixel_centers(16, 1.0)[..., :2], -1, 0)) < 0.45
+    assert without.min() > 0
+    np.testing.assert_array_equal(with_root[inside], without[inside])

@@ -151,13 +151,11 @@ def remove(scene, r):
 
 def hide(scene, r):
     k = r.randrange(len(scene.instances))
+    kinds = ("shadow", "camera", "mirror", "diffuse", "media")
     group = scene.instances[k]
-    return replace(
-        scene,
-        instances=_with(
-            scene.instances, k, replace(group, visible_shadow=not group.visible_shadow)
-        ),
-    )
+    flag = r.choice([*(f"visible_{kind}" for kind in kinds), "holdout", "catcher"])
+    changed = replace(group, **{flag: not getattr(group, flag)})
+    return replace(scene, instances=_with(scene.instances, k, changed))
 
 
 def lamp(scene, r):
@@ -217,6 +215,20 @@ def link(scene, r):
     return replace(scene, lights=_with(scene.lights, k, light), instances=groups)
 
 
+def light_less(scene, r):
+    """Lamps that do not light some kind of lobe, or media."""
+    k, name = r.randrange(len(scene.lights)), r.choice(["matt", "gloss", "media"])
+    flag = {f"lights_{name}": not getattr(scene.lights[k], f"lights_{name}")}
+    return replace(scene, lights=_with(scene.lights, k, replace(scene.lights[k], **flag)))
+
+
+def shine(scene, r):
+    """What glows, with a highlight."""
+    glow = Lobe("EMISSION", (Input((r.random(), 0.3, 0.1)),))
+    lobes = (Lobe("DIFFUSE"), Lobe("SPECULAR", exponent=20.0), *([glow] * r.randrange(2)))
+    return replace(scene, materials=_with(scene.materials, 1, Material("1", lobes)))
+
+
 EDITS = [
     move,
     move,
@@ -233,8 +245,10 @@ EDITS = [
     smooth,
     look,
     link,
+    light_less,
+    shine,
 ]
-SHADING = [lamp, move_lamp, paint, surround, smooth, link]
+SHADING = [lamp, move_lamp, paint, surround, smooth, link, light_less]
 
 
 def shown(live, scene, exact, settings=SETTINGS):

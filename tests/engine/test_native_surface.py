@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -385,8 +387,9 @@ def test_shadow_through_transparency() -> None:
 def test_film_transparent_and_holdout_lose_alpha() -> None:
     veil = s.Material("veil", (s.Lobe("TRANSPARENT", constant(0.5, 0.25, 0.75)),))
     world = s.World(background=(1, 1, 1), transparent=True)
-    instances = (placed(0, (0,), z=1.0), placed(1, (0,), holdout=True))
-    scene = s.Scene(view_from_above(), (square(), square(0.5)), instances, (veil,), (), (), world)
+    instances = (placed(0, (0,), z=1.0), placed(1, (1,), holdout=True))
+    materials = veil, material(s.Lobe("DIFFUSE"))
+    scene = s.Scene(view_from_above(), (square(), square(0.5)), instances, materials, world=world)
     picture = draw(scene, samples=3, filter_width=0.0).combined
     assert np.array_equal(picture[..., :3], np.zeros((16, 16, 3)))
     agree(picture[..., 3], np.full((16, 16), 0.5))
@@ -395,10 +398,8 @@ def test_film_transparent_and_holdout_lose_alpha() -> None:
             view_from_above(),
             (square(), square(0.5)),
             instances,
-            (veil,),
-            (),
-            (),
-            s.World(background=(1, 1, 1)),
+            materials,
+            world=s.World(background=(1, 1, 1)),
         )
     ).combined
     hole = (np.abs(P[..., :2]) < 0.5).all(-1)
@@ -406,11 +407,34 @@ def test_film_transparent_and_holdout_lose_alpha() -> None:
     assert np.array_equal(seen[..., 0], np.where(hole, 0, 0.5))
 
 
-def test_holdout_in_a_mirror_is_black_and_solid() -> None:
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+def test_a_holdout_lets_through_what_its_surface_does(backend: str) -> None:
+    """A quarter of what is behind; the rest is a hole."""
+    lobes = s.Lobe("TRANSPARENT", constant(0.25)), s.Lobe("DIFFUSE"), s.Lobe("MIRROR")
+    world = s.World(background=(1, 0.5, 0.25))
+    given = s.Scene(
+        view_from_above(),
+        (square(),),
+        (placed(holdout=True),),
+        (material(*lobes),),
+        lights=(lamp("SUN"),),
+        world=world,
+    )
+    picture = draw(given, backend=backend).combined
+    agree(picture, np.broadcast_to([0.25, 0.125, 0.0625, 0.25], (16, 16, 4)))
+    fog = s.Medium(absorption=(0.1, 0.2, 0.3))
+    clear = s.Material("fog", (s.Lobe("TRANSPARENT"),), medium=fog)
+    bare = replace(given, materials=(clear,))
+    shown = replace(bare, instances=(placed(),))
+    assert (draw(bare, backend=backend).combined == draw(shown, backend=backend).combined).all()
+
+
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+def test_mirrors_see_a_holdout_as_it_is(backend: str) -> None:
     mirror = material(s.Lobe("MIRROR"))
     hole = placed(0, (1,), z=12.0, holdout=True)
     glow = s.Material("glow", (s.Lobe("EMISSION"),))
     picture = draw(
-        s.Scene(view_from_above(), (square(),), (placed(), hole), (mirror, glow))
+        s.Scene(view_from_above(), (square(),), (placed(), hole), (mirror, glow)), backend=backend
     ).combined
-    assert np.array_equal(picture, np.broadcast_to(np.float32([0, 0, 0, 1]), (16, 16, 4)))
+    assert np.array_equal(picture, np.ones((16, 16, 4)))

@@ -69,6 +69,19 @@ def test_nothing_near_and_nothing_open(backend: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("reach", [FAR, 1])
+def test_normals_below_the_face_that_is_seen_frontally(backend: str, reach: float) -> None:
+    """Directions below it leave through the face: a start that is moved beyond it and back along
+    the view's ray by as much lies in it again.
+    """
+    normals = np.tile(np.float32([0.9, 0.0, -np.sqrt(0.19)]), (4, 1))
+    scene = floor_and(reach=reach)
+    bent = replace(scene.geometries[0], normals=s.Attribute("normals", s.POINT, normals))
+    found = openness(replace(scene, geometries=(bent,)), backend, samples=4)
+    assert (found == 1).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("height", [0.5, 1.2, 1.9])
 def test_a_ceiling_within_reach(backend: str, height: float) -> None:
     """Directions of a cosine below h / D get by: the square of that."""

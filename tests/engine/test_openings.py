@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from glint.engine import Accelerator, Settings, render
+from glint.engine.lights import openings as found_openings
 from glint.engine.lights.openings import opened, openings
 from glint.engine.lights.walk_starts import cosine_around
 from glint.engine.scene import (
@@ -169,6 +170,14 @@ def test_where_all_is_open_or_closed_there_are_none():
     assert openings(replace(scene([]), instances=())) is None
     nothing = Mesh("nothing", np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32))
     assert openings(scene([nothing])) is None
+
+
+def test_points_in_one_place_have_no_planes_across():
+    """As where but one of all is enclosed."""
+    up = np.tile([[0.0], [0.0], [1.0]], 8)
+    lines = found_openings._Lines(-up, up)
+    with np.errstate(all="raise"):
+        assert not [*found_openings._on_planes(lines, np.eye(3), np.zeros((3, 8)))]
 
 
 def test_openings_stay_the_same_objects_while_the_surfaces_do():

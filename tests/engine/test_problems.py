@@ -377,6 +377,10 @@ FAULTS = {
         scene(materials=(material(s.Lobe("SHINY")),)),
         "material 'Paint': lobe 0: kind is 'SHINY': use one of AMBIENT, DIFFUSE",
     ),
+    "fresnel and schlick": (
+        scene(materials=(material(s.Lobe("SPECULAR", fresnel=True, schlick=True)),)),
+        "is times fresnel and schlick: use one of them",
+    ),
     "exponent": (
         scene(materials=(material(s.Lobe("SPECULAR", exponent=-1.0)),)),
         "exponent is -1.0: use a finite number, 0 or more",

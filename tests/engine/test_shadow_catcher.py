@@ -99,28 +99,40 @@ def test_a_veil_catches_what_it_does_not_let_through(backend: str) -> None:
     np.testing.assert_allclose(dark, (0.5, 0.5, 0.5, 0.25 + 0.75 * 2 / 3), rtol=1e-6)
 
 
+METAL = {"exponent": 50.0, "masking": 0.2}
+
+
+@pytest.mark.parametrize("shine", [("MIRROR", {}), ("SPECULAR", METAL)])
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_mirrors_see_a_catcher_and_it_does_not_mirror(backend: str) -> None:
-    """A mirror over half of the view shows what it would if the ground were a plain one."""
-    scene = caught((OPEN,), 0, s.Lobe("DIFFUSE", constant(0.5)), s.Lobe("MIRROR", constant(0.5)))
+def test_mirrors_see_a_catcher_and_it_does_not_mirror(backend: str, shine: tuple) -> None:
+    """A mirror or metal over half of the view shows what it would if the ground were a plain
+    one.
+    """
+    kind, more = shine
+    scene = caught(
+        (OPEN,), 0, s.Lobe("DIFFUSE", constant(0.5)), s.Lobe(kind, constant(0.5), **more)
+    )
     tilted = np.zeros((1, 3, 4))
     c = np.sqrt(0.5)
     tilted[0] = np.column_stack([0.2 * np.array([[1, 0, 0], [0, c, c], [0, -c, c]]), (0, 0, 4)])
     mirror = s.Instances("mirror", 0, tilted, (2,))
+    upright = np.column_stack([np.eye(3)[[0, 2, 1]], (0, 9, 4)])
+    lamp_before_it = s.Instances("panel", 0, upright[None], (3,), visible_camera=False)
+    shown = s.Lobe(kind, constant(1.0), **more), s.Lobe("EMISSION", constant(2.0))
     scene = replace(
         scene,
-        instances=(*scene.instances[:1], mirror),
-        materials=(*scene.materials, material(s.Lobe("MIRROR", constant(1.0)))),
+        instances=(*scene.instances[:1], mirror, lamp_before_it),
+        materials=(*scene.materials, *(material(lobe) for lobe in shown)),
     )
-    plan = {"backend": backend, "filter_width": 0.0}
+    plan = {"backend": backend, "filter_width": 0.0, "mesh_light": "OFF"}
     plain = replace(
-        scene, instances=(replace(scene.instances[0], catcher=False), scene.instances[1])
+        scene, instances=(replace(scene.instances[0], catcher=False), *scene.instances[1:])
     )
     ours, theirs = (draw(x, "Mirror", **plan) for x in (scene, plain))
     on_mirror = draw(scene, "Depth", **plan).passes["Depth"][..., 0] < 9.5
     assert 0.1 < on_mirror.mean() < 0.9
     assert (ours.combined[on_mirror] == theirs.combined[on_mirror]).all()
-    assert not ours.passes["Mirror"][~on_mirror].any()
+    assert ours.passes["Mirror"][on_mirror].any() and not ours.passes["Mirror"][~on_mirror].any()
     seen = ours.combined[~on_mirror, :3]
     np.testing.assert_allclose(seen, np.broadcast_to(BEHIND, seen.shape), rtol=1e-6)
 

@@ -11,7 +11,7 @@ void Tracer::note_aovs(const Queue& queue) {
   aov_rows_.clear();
   for (uint32_t k = 0; k < queue.size(); ++k)
     if (queue.wants_aovs(k) && batch_.material[k] < scene_.materials.size() &&
-        scene_.materials[batch_.material[k]].aov > 0)
+        scene_.materials[batch_.material[k]].aov > 0 && !is_held_out(queue, k))
       aov_rows_.push_back(k);
   std::stable_sort(aov_rows_.begin(), aov_rows_.end(),
                    [&](uint32_t a, uint32_t b) { return batch_.material[a] < batch_.material[b]; });

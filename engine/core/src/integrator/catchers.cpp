@@ -31,15 +31,21 @@ Vec3d Tracer::take_sums(size_t k) {
   return total;
 }
 
-/// Finds the points on catchers; what they add without lights is no part of the picture.
+/// Finds the points on catchers, and cuts out those of holdouts; what they add without lights is no
+/// part of the picture.
 void Tracer::set_aside_caught(const Queue& queue) {
   caught_.clear();
   for (uint32_t k = 0; k < queue.size(); ++k) {
     if (!is_caught(queue, k)) continue;
     const Vec3d all = take_sums(k);
     see_lights(k);
-    caught_.push_back({k, all - take_sums(k), {}});
     if (batch_.translucent[0]) set_row(batch_.translucent, k, {});
+    if (is_held_out(queue, k)) {
+      batch_.lit[k] = 0;
+      const Vec3d passed = shader_.passed(batch_, k),
+                  held{share(passed.x), share(passed.y), share(passed.z)};
+      paths_.lost_alpha()[queue.slot(k)] += mean(queue.path(k).T * held);
+    } else caught_.push_back({k, all - take_sums(k), {}});
   }
 }
 
@@ -53,7 +59,7 @@ void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
     lit_[point.row] = 0;  // nothing is reflected there
   }
   direct_.illuminate_catchers(batch_, sample, counts_);
-  batch_.lit.swap(lit_);
+  std::copy(lit_.begin(), lit_.end(), batch_.lit.begin());  // in place: reflections read it there
   for (const Caught& point : caught_) {
     const Vec3d without = point.glow + take_sums(point.row);
     see_lights(point.row);

@@ -316,7 +316,7 @@ Vec3d DirectLight::shadow_start(uint32_t point, const Vec3d& end) const {
   double beside = offset;
   if (dot(g, end - origin) < 0)
     beside = dot(origin - row(stage_.points_x, point), g) > 0x1p-25 * offset ? 0 : -offset;
-  return origin + beside * g - offset * row(stage_.d, point);
+  return origin + beside * g - (beside < 0 ? 0 : offset) * row(stage_.d, point);
 }
 
 /// What the `count` drawn directions of the stage meet of a mesh light: samples of it, as the stage

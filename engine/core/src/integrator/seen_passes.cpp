@@ -24,7 +24,7 @@ void Tracer::record(const Queue& queue) {
 void Tracer::note_seen(const Queue& queue) {
   double* const clear = paths_.sums(film_, GLINT_PASS_MIST);
   for (size_t k = 0; k < queue.size(); ++k) {
-    if (batch_.material[k] >= scene_.materials.size()) continue;  // a holdout, or nothing
+    if (batch_.material[k] >= scene_.materials.size() || is_held_out(queue, k)) continue;
     const Vec3d T = queue.path(k).T, passed = shader_.passed(batch_, k);
     if (clear) {
       const Vec3d stays{1 - std::clamp(passed.x, 0.0, 1.0), 1 - std::clamp(passed.y, 0.0, 1.0),

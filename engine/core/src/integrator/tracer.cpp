@@ -36,7 +36,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       ahead_(scene, scratch_),
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
-      catches_(scene.features & GLINT_FEATURE_SHADOW_CATCHER),
+      catches_(scene.features & (GLINT_FEATURE_SHADOW_CATCHER | GLINT_FEATURE_HOLDOUT)),
       glass_differs_(scene.features & GLINT_FEATURE_REFRACTION &&
                      (scene.instances.glass_differs ||
                       std::any_of(scene.lights.begin(), scene.lights.end(),

@@ -91,10 +91,14 @@ class Tracer {
   size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
   size_t see_sky(const Queue& queue, size_t first, size_t count);
   const double* run_sky(const Queue& queue, const uint32_t* rows, size_t count);
+  /// Whether the camera does not see a point's surface: a catcher of shadows, or a holdout.
   bool is_caught(const Queue& queue, size_t k) const {
     return catches_ && queue.visibility == kCamera &&
            batch_.material[k] < scene_.materials.size() &&
-           scene_.instances.group(batch_.instance[k]).flags & GLINT_CATCHER;
+           scene_.instances.group(batch_.instance[k]).flags & (GLINT_CATCHER | GLINT_HOLDOUT);
+  }
+  bool is_held_out(const Queue& queue, size_t k) const {
+    return is_caught(queue, k) && scene_.instances.group(batch_.instance[k]).flags & GLINT_HOLDOUT;
   }
   void set_aside_caught(const Queue& queue);
   void settle_caught(const Queue& queue, uint32_t sample);
@@ -148,7 +152,7 @@ class Tracer {
   LayersAhead ahead_;
   Batch batch_;
   const WindowReach reach_;   // of all samples
-  const bool catches_;        // there are catchers of shadows
+  const bool catches_;        // there are catchers of shadows, or holdouts
   const bool glass_differs_;  // refracted rays see other things than mirrored ones
   const Tile* tile_ = nullptr;
   uint32_t sample_ = 0;

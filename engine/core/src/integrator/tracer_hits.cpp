@@ -98,9 +98,7 @@ void Tracer::find_points(const Queue& queue) {
     const Path path = queue.path(k);
     batch_.set_surface(k, surface_at(scene_, path.start, queue.ray(k).d, batch_.hit(k)));
     const GlintInstances& group = scene_.instances.group(batch_.instance[k]);
-    batch_.material[k] = group.flags & GLINT_HOLDOUT
-                             ? scene_.materials.holdout()
-                             : scene_.instances.material_of(group, batch_.primitive[k]);
+    batch_.material[k] = scene_.instances.material_of(group, batch_.primitive[k]);
   }
 }
 

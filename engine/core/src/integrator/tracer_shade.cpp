@@ -42,11 +42,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
     if (batch_.missed(k)) lost[queue.slot(k)] += mean(queue.path(k).T);
   for (size_t i = 0; i < others;) {
     const uint32_t k = batch_.others[i];
-    if (batch_.material[k] == scene_.materials.holdout()) {
-      shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]);
-      ++i;
-    } else if (batch_.material[k] == scene_.materials.surroundings())
-      i += see_sky(queue, i, others - i);
+    if (batch_.material[k] == scene_.materials.surroundings()) i += see_sky(queue, i, others - i);
     else i += vary(queue, i, others - i, {straight, bounced});
   }
 }
@@ -163,7 +159,7 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
 /// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
 void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
   uint32_t* const all = batch_.passing_rows.data();
-  size_t shown = count;  // those beyond are on catchers
+  size_t shown = count;  // those beyond are on catchers and holdouts
   if (catches_)
     shown = size_t(
         std::stable_partition(all, all + count, [&](uint32_t k) { return !is_caught(queue, k); }) -

@@ -33,7 +33,7 @@ bool no_rank(const Affine& m) {
   return !any(n.x) && !any(n.y) && !any(n.z);
 }
 
-GroupShape shape_of(const InstanceTable& t, const GlintInstances& group, uint32_t holdout) {
+GroupShape shape_of(const InstanceTable& t, const GlintInstances& group) {
   const GlintGeometry& g = t.geometry(group);
   GroupShape shape{};
   if (g.kind == GLINT_MESH) {
@@ -44,8 +44,7 @@ GroupShape shape_of(const InstanceTable& t, const GlintInstances& group, uint32_
   shape.normal_rows = g.normals.domain == GLINT_CORNER ? g.corners : g.triangles;
   shape.material =
       group.material_count > 0 ? t.material_slots[group.first_material] : t.default_material;
-  if (group.flags & GLINT_HOLDOUT) shape.material = holdout;
-  if (g.material_slots && group.material_count > 1 && !(group.flags & GLINT_HOLDOUT)) {
+  if (g.material_slots && group.material_count > 1) {
     shape.slots = g.material_slots;
     shape.materials = t.material_slots.data() + group.first_material;
   }
@@ -146,7 +145,7 @@ void shape_instances(InstanceTable& t, const Anchor& anchor, const MaterialTable
   t.default_material = uint32_t(materials.size() - 1);
   t.group_shapes.reserve(t.groups.size());
   for (const GlintInstances& group : t.groups) {
-    t.group_shapes.push_back(shape_of(t, group, materials.holdout()));
+    t.group_shapes.push_back(shape_of(t, group));
     t.only_meshes = t.only_meshes && t.geometry(group).kind == GLINT_MESH;
     t.has_strands = t.has_strands || t.geometry(group).kind == GLINT_STRANDS;
     t.mirrors_differ = t.mirrors_differ || !(group.flags & GLINT_VISIBLE_MIRROR) !=

@@ -89,10 +89,9 @@ struct MaterialTable {
   size_t size() const { return rows.size(); }
   const Material& operator[](size_t number) const { return rows[number]; }
   // Numbers beyond those of the materials are of points without one: rays that see the surroundings
-  // or, with a transparent film, nothing, and points of holdouts.
+  // or, with a transparent film, nothing.
   uint32_t surroundings() const { return uint32_t(size()); }
   uint32_t nothing() const { return uint32_t(size()) + 1; }
-  uint32_t holdout() const { return uint32_t(size()) + 2; }
 };
 
 MaterialTable compile_materials(const GlintSceneData& data, const World& world);

@@ -207,8 +207,6 @@ OpacityMaps::Look OpacityMaps::look(const GlintInstances& group, uint32_t materi
     known.input = nullptr;
     return found;
   }
-  for (uint8_t* kind : {&known.at_zero, &known.at_one})
-    if (*kind == Opacity::kClear && group.flags & GLINT_HOLDOUT) *kind = Opacity::kVaried;
   found.rows = a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles;
   found.values = a->values;
   found.channels = a->channels;

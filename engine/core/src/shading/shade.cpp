@@ -133,18 +133,6 @@ Vec3d Shader::transparency(const Batch& batch, size_t k, const Material& materia
   return sum;
 }
 
-void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,
-                      double& lost) const {
-  const Path path = batch.queue->path(k);
-  const Surface s = batch.surface(k);
-  const Material& material =
-      scene_
-          .materials[scene_.instances.material_of(scene_.instances.group(s.instance), s.primitive)];
-  if (path.wants_data && mean(transparency(batch, k, material)) < 0.5)
-    record(film, pixel, s, material, batch.queue->ray(k).d);
-  if (path.depth == 0) lost += mean(path.T);
-}
-
 void Shader::record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
   const Surface s = batch.surface(k);
   record(film, pixel, s, scene_.materials[batch.material[k]], batch.queue->ray(k).d);

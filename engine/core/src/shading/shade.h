@@ -40,8 +40,6 @@ class Shader {
   Gives gives(const Batch& batch, size_t k) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
   void record_transparent(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
-  /// A hit on a holdout; alpha lost is added to `lost`.
-  void hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel, double& lost) const;
   /// Data passes of a hit that lets nothing through.
   void record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// Adds the visible shapes of lights that ray k meets before its hit. media: before these, with

@@ -48,9 +48,9 @@ __attribute__((always_inline)) inline void shadow_ray(const LightStage& s, size_
   const Three end = on_mesh ? before_mesh(s, k, sample, origin) : sample.end;
   const Three towards = endless ? sample.l : end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free,
-  // whatever stands on the surface.
-  Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
-            offset * load3(s.d, k);
+  // whatever stands on the surface. Beyond the face it would only get back to this.
+  const Doubles beside = choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset);
+  Three o = origin + beside * g - choose(beside < 0, splat(0), offset) * load3(s.d, k);
   if (s.has_fibre) {
     // Behind a fibre that it passes: neighbours of its segment are no fibres of their own.
     const Doubles through = way_through(s, k, sample.l);
