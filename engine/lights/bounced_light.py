@@ -19,6 +19,7 @@ from ..sampling import chosen, concentric_disc, dome_points, tabled, walk_points
 from ..scene import EVERYTHING, Bounces, Light, Scene
 from .mesh_lights import MeshTable, along_a_curve, box_light
 from .met_surfaces import joined, met_surfaces
+from .openings import sky_seen
 from .same import Same
 from .walk_media import walk_media
 from .walk_starts import FEWEST, ROUNDED, Start, cosine_around, starts
@@ -57,6 +58,10 @@ PILOT = 8
 """One in so many tells first how many do, so that no more set out than are needed."""
 MOST_PASSED = 16
 """Transparent surfaces that a walk passes."""
+INSIDE = 0.75
+"""Of all weights where there are rooms that see the sky by openings."""
+LEAST = 2.0**-40
+"""Weight of what gives next to nothing beside others."""
 LARGEST = 1e100
 GOLDEN = 0.6180339887498949
 """Apart lie the numbers of a walk's points at its steps: the golden ratio spreads them evenly."""
@@ -253,6 +258,9 @@ class _Walks:
                 more = min(max(2.0 ** np.ceil(np.log2(wanted) - 0.5), 1.0), MOST_MORE)
             self._count = round(few * more)
             columns = self._points(surfaces)
+            if columns is not None and any(light.openings for light in scene.lights):
+                points, normals, power, *_ = columns
+                columns[3] = self._wanted(surfaces, points, normals, power)
         if columns is None:
             return None
         points, normals, power, weight, reaches, numbers, caught, group, last = columns
@@ -273,6 +281,19 @@ class _Walks:
             group[good],
             _bends(points, normals[good]),
             last[good],
+        )
+
+    def _wanted(self, surfaces: Accelerator, points: Array, normals: Array, power: Array) -> Array:
+        """Weights (m,) of points where rooms have openings: what they give, shared out between
+        those that see little of the sky, as rooms live by the few that are in them, and the others.
+        """
+        given = np.abs(power).mean(1)
+        given = np.maximum(given / given.max(), LEAST)
+        seen = sky_seen(self._joined, surfaces, self._origin, points, normals)
+        within = np.maximum(1 - 2 * seen, 0.0) * given
+        without = given - within
+        return INSIDE * within / max(within.sum(), LEAST) + (1 - INSIDE) * without / max(
+            without.sum(), LEAST
         )
 
     def _points(self, surfaces: Accelerator) -> list[Array] | None:

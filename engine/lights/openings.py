@@ -27,6 +27,8 @@ PROBES, PLACES = 1024, 256
 """Points on surfaces at which sky is looked for, on so many placements at most."""
 FIRST, THEN = 32, 256
 """Rays from each side of a point, and from those that see some sky."""
+LOOKS = 8
+"""Rays that tell how much of the sky a point sees."""
 MOST_ENCLOSED = 256
 """Sides of points that send the second ones."""
 LARGEST_SHARE = 0.4
@@ -231,6 +233,16 @@ class _Sky:
         slots = self._scene.geometries[block.geometry].material_slots
         slot = 0 if slots is None else np.minimum(slots[primitive], len(materials) - 1)
         return self._clear[materials[slot]]
+
+
+def sky_seen(
+    scene: Scene, surfaces: Accelerator, origin: Array, points: Array, normals: Array
+) -> Array:
+    """(m,) the share of the sky by the cosine that is seen from points (m, 3), counted from the
+    origin, on the side of their normals. surfaces: of the scene.
+    """
+    o, d = _around(points.T, normals.T, LOOKS)
+    return _Sky(scene, surfaces, origin).reached(o, d).reshape(LOOKS, -1).mean(0)
 
 
 def _lets_light_through(material: Material) -> bool:

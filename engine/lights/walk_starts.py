@@ -29,7 +29,7 @@ scene: ever fewer by area meet what is farther from all of them.
 """
 MOST_WIDER = 16
 THROUGH = 0.5
-"""Of the walks of a sky, where rooms see it."""
+"""Of the walks of a sky or a sun, where rooms have openings to it."""
 ROUNDED = 16 * 2.0**-24
 """Of coordinates: what single precision may move surfaces by, twice."""
 HUGE = 1e100
@@ -65,12 +65,15 @@ def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[S
     if not powers.any():
         return
     least = min(FEWEST, max(count // np.count_nonzero(powers), 1))
+    seen = next((light.openings for light in scene.lights if light.openings is not None), None)
+    if seen is not None:
+        seen = replace(seen, centers=seen.centers - origin)
     for light, power in zip(scene.lights, powers, strict=True):
         if power > 0:
             n = max(
                 round(count * float(power / powers.max() / (powers / powers.max()).sum())), least
             )
-            for start in _start(light, origin, far, n):
+            for start in _start(light, origin, far, n, seen):
                 yield replace(
                     start,
                     receivers=light.receivers,
@@ -104,20 +107,20 @@ def _power(light: Light, far: _Far) -> float:
     return given * (spot if light.kind == "SPOT" else 1.0)
 
 
-def _start(light: Light, origin: Array, far: _Far, n: int) -> Iterator[Start]:
+def _start(
+    light: Light, origin: Array, far: _Far, n: int, seen: Openings | None
+) -> Iterator[Start]:
+    """seen: the openings of rooms that light from afar comes in by, counted from the origin."""
     if light.kind == "MESH":
         yield _from_mesh(light, origin, n)
     elif light.kind == "DOME":
         table = dome_table(light, n, 1)
         given = table.light[:, :3].T
         group = np.full(len(table.along), light.light_group)
-        seen = light.openings
-        if seen is not None:
-            seen = replace(seen, centers=seen.centers - origin)
         start = far.start(-table.along.T, lambda x, number: given[:, number], group, seen)
         yield replace(start, shadowed=table.shadowed)
     elif light.kind != "BOUNCED":
-        yield _from_lamp(light, origin, far, n)
+        yield _from_lamp(light, origin, far, n, seen)
 
 
 def _from_mesh(light: Light, origin: Array, n: int) -> Start:
@@ -145,7 +148,7 @@ def _from_mesh(light: Light, origin: Array, n: int) -> Start:
     )
 
 
-def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
+def _from_lamp(light: Light, origin: Array, far: _Far, n: int, seen: Openings | None) -> Start:
     from ..reference.emission import Emission
     from ..reference.lights import CENTER, Source
     from ..reference.textures import Image
@@ -167,7 +170,7 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
     whole = Source(light, origin, True)
     center, axis = whole.position, whole.axis
     if light.kind == "SUN":
-        return far.start(np.repeat(axis, n, 1), lambda x, number: given(center, x, n), group)
+        return far.start(np.repeat(axis, n, 1), lambda x, number: given(center, x, n), group, seen)
     if light.kind == "AREA":
         square = 2 * u - 1
         a, b = (square if light.shape == "RECTANGLE" else concentric_disc(square)).T

@@ -340,3 +340,46 @@ def test_walks_of_light_go_through_openings():
     found, before = (floor_light(each, **many).mean() / truth for each in (room, plain))
     assert abs(found - 1) < 0.03
     assert abs(found - 1) < 0.7 * abs(before - 1)
+
+
+def test_a_ceiling_gets_what_a_patch_of_sun_throws_up() -> None:
+    """At few samples, in a room that stands on wide bright ground, as most of the walks that meet
+    anything stay outside.
+    """
+    d = np.array([1.0, 0.15, -0.7]) / np.linalg.norm([1.0, 0.15, -0.7])
+    right = np.cross([0.0, 0.0, 1.0], d) / np.linalg.norm(d[:2])
+    sun = Light("Sun", "SUN", np.column_stack([right, np.cross(-d, right), -d, np.zeros(3)]))
+    up = np.array([[1.0, 0, 0, 2.5], [0, -1, 0, 2.0], [0, 0, -1, 2.0]])
+    ground = box((6.0, 80.0), (-40.0, 40.0), (-1.0, -THICK))  # the window does not see it
+    room = scene(
+        [*walls(), ground],
+        camera=Camera("ORTHOGRAPHIC", up, (-2.4, 2.4, -1.9, 1.9), (12, 9)),
+        light=sky(((1e-6, 1e-6, 1e-6),)),
+    )
+    room = replace(room, lights=(*room.lights, replace(sun, strength=3.0)))
+    found = render(room, Settings(samples=16, light_samples=2, diffuse_bounces=1)).combined[
+        ::-1, :, 0
+    ]
+
+    # what comes in by the window, as points that throw it on from where it falls
+    (y0, y1), (z0, z1) = WINDOW
+    u, v = np.stack(np.meshgrid(*[(np.arange(64) + 0.5) / 64] * 2)).reshape(2, -1)
+    entry = np.column_stack([np.full(len(u), -THICK), y0 + (y1 - y0) * u, z0 + (z1 - z0) * v])
+    flux = 3.0 * d[0] * (y1 - y0) * (z1 - z0) / len(u)
+    x, y = np.meshgrid(0.1 + 0.4 * (np.arange(12) + 0.5), 0.1 + 3.8 / 9 * (np.arange(9) + 0.5))
+    with Accelerator(room.geometries, room.instances) as surfaces:
+        hits = surfaces.closest(entry, np.tile(d, (len(u), 1)))
+        start = entry + (hits.t * (1 - 1e-6))[:, None] * d
+        corners = [g.vertices[g.triangles].astype(float) for g in room.geometries]
+        met = zip(hits.instance.tolist(), hits.primitive.tolist(), strict=True)
+        a, b, c = np.array([corners[i][k] for i, k in met]).swapaxes(0, 1)
+        n = np.cross(b - a, c - a)
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        to = np.stack([x, y, np.full_like(x, 3.0 - 1e-6)], -1)[..., None, :] - start
+        far = np.linalg.norm(to, axis=-1)
+        rays = np.broadcast_to(start, to.shape).reshape(-1, 3)
+        free = surfaces.closest(rays, (to / far[..., None]).reshape(-1, 3)).t.reshape(far.shape)
+    given = 0.6 * flux / np.pi * np.maximum((to * n).sum(-1), 0) * to[..., 2] / far**4
+    truth = 0.6 / np.pi * (given * (free > 0.9999 * far)).sum(-1)
+    off = found / truth - 1
+    assert np.sqrt((off**2).mean()) < 0.07
