@@ -284,8 +284,9 @@ class _Walks:
         )
 
     def _wanted(self, surfaces: Accelerator, points: Array, normals: Array, power: Array) -> Array:
-        """Weights (m,) of points where rooms have openings: what they give, shared out between
-        those that see little of the sky, as rooms live by the few that are in them, and the others.
+        """Weights (m,) of points (m, 3), where rooms have openings. INSIDE of them go to points
+        that see less than half of the sky, the rest to the others, each in proportion to its power
+        (m, 3): else the few that light a room are lost among those on what is outside.
         """
         given = np.abs(power).mean(1)
         given = np.maximum(given / given.max(), LEAST)

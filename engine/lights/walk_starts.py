@@ -65,15 +65,15 @@ def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[S
     if not powers.any():
         return
     least = min(FEWEST, max(count // np.count_nonzero(powers), 1))
-    seen = next((light.openings for light in scene.lights if light.openings is not None), None)
-    if seen is not None:
-        seen = replace(seen, centers=seen.centers - origin)
+    found = next((light.openings for light in scene.lights if light.openings is not None), None)
+    if found is not None:
+        found = replace(found, centers=found.centers - origin)
     for light, power in zip(scene.lights, powers, strict=True):
         if power > 0:
             n = max(
                 round(count * float(power / powers.max() / (powers / powers.max()).sum())), least
             )
-            for start in _start(light, origin, far, n, seen):
+            for start in _start(light, origin, far, n, found):
                 yield replace(
                     start,
                     receivers=light.receivers,
@@ -108,19 +108,19 @@ def _power(light: Light, far: _Far) -> float:
 
 
 def _start(
-    light: Light, origin: Array, far: _Far, n: int, seen: Openings | None
+    light: Light, origin: Array, far: _Far, n: int, openings: Openings | None
 ) -> Iterator[Start]:
-    """seen: the openings of rooms that light from afar comes in by, counted from the origin."""
+    """n walks. openings: of rooms, which light from afar comes in by, counted from the origin."""
     if light.kind == "MESH":
         yield _from_mesh(light, origin, n)
     elif light.kind == "DOME":
         table = dome_table(light, n, 1)
         given = table.light[:, :3].T
         group = np.full(len(table.along), light.light_group)
-        start = far.start(-table.along.T, lambda x, number: given[:, number], group, seen)
+        start = far.start(-table.along.T, lambda x, number: given[:, number], group, openings)
         yield replace(start, shadowed=table.shadowed)
     elif light.kind != "BOUNCED":
-        yield _from_lamp(light, origin, far, n, seen)
+        yield _from_lamp(light, origin, far, n, openings)
 
 
 def _from_mesh(light: Light, origin: Array, n: int) -> Start:
@@ -148,7 +148,7 @@ def _from_mesh(light: Light, origin: Array, n: int) -> Start:
     )
 
 
-def _from_lamp(light: Light, origin: Array, far: _Far, n: int, seen: Openings | None) -> Start:
+def _from_lamp(light: Light, origin: Array, far: _Far, n: int, openings: Openings | None) -> Start:
     from ..reference.emission import Emission
     from ..reference.lights import CENTER, Source
     from ..reference.textures import Image
@@ -170,7 +170,8 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int, seen: Openings | 
     whole = Source(light, origin, True)
     center, axis = whole.position, whole.axis
     if light.kind == "SUN":
-        return far.start(np.repeat(axis, n, 1), lambda x, number: given(center, x, n), group, seen)
+        d = np.repeat(axis, n, 1)
+        return far.start(d, lambda x, number: given(center, x, n), group, openings)
     if light.kind == "AREA":
         square = 2 * u - 1
         a, b = (square if light.shape == "RECTANGLE" else concentric_disc(square)).T

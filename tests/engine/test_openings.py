@@ -319,6 +319,13 @@ def floor_light_of_paths(room: Scene, bounces: int, count: int) -> tuple[float, 
     return float(found.mean()), float(found.std() / np.sqrt(count))
 
 
+def inside(light: Light) -> int:
+    """How many points of a BOUNCED light are in the room."""
+    at = light.bounces.points + light.world_from_light[:, 3]
+    low, high = np.array(ROOM).T
+    return int(((at > low - 1e-3) & (at < high + 1e-3)).all(1).sum())
+
+
 def test_walks_of_light_go_through_openings():
     """More points of bounced light lie in the room, and their light is nearer to that of paths
     drawn at random.
@@ -327,11 +334,6 @@ def test_walks_of_light_go_through_openings():
     lit = room.as_lit(by_world=True, by_meshes=False, bounces=2).lights
     plain = replace(room, lights=(replace(room.lights[0], openings=NOWHERE),))
     from_afar = plain.as_lit(by_world=True, by_meshes=False, bounces=2).lights
-
-    def inside(light: Light) -> int:
-        at = light.bounces.points + light.world_from_light[:, 3]
-        low, high = np.array(ROOM).T
-        return int(((at > low - 1e-3) & (at < high + 1e-3)).all(1).sum())
 
     assert inside(lit[-1]) > 1.3 * inside(from_afar[-1])
     truth, error = floor_light_of_paths(room, 2, 1 << 19)
@@ -397,10 +399,8 @@ def test_a_ceiling_gets_what_a_patch_of_sun_throws_up() -> None:
 def test_a_suns_walks_go_through_openings() -> None:
     room = sunlit(np.array([1.0, 0.0, -0.7]) / np.hypot(1.0, 0.7))
     plain = replace(room, lights=(replace(room.lights[0], openings=NOWHERE), room.lights[1]))
-    inside = []
-    for each in (room, plain):
-        light = each.as_lit(by_world=True, by_meshes=False, bounces=1).lights[-1]
-        at = light.bounces.points + light.world_from_light[:, 3]
-        low, high = np.array(ROOM).T
-        inside.append(((at > low - 1e-3) & (at < high + 1e-3)).all(1).sum())
-    assert inside[0] > 5 * inside[1]
+    found, before = (
+        inside(each.as_lit(by_world=True, by_meshes=False, bounces=1).lights[-1])
+        for each in (room, plain)
+    )
+    assert found > 5 * before
