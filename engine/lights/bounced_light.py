@@ -217,7 +217,8 @@ def _bends(points: Array, normals: Array) -> Array:
 class _Steps:
     """n walks on their way. start: which began them, in order. number: among those of their start.
     o, d: (3, n).  carried: (3, n) what is left of the light, or what it is once a surface scattered
-    it.  scattered: (n,) how often it was.  shadowed: (n,) bool, those that meet what casts shadows, not what diffuse rays see.
+    it.  scattered: (n,) how often it was.  shadowed: (n,) bool, those that meet what casts shadows,
+    not what diffuse rays see.
     """
 
     start: Array
@@ -280,8 +281,8 @@ class _Walks:
         )
 
     def _weights(self, surfaces: Accelerator, points: Array, normals: Array, power: Array) -> Array:
-        """Weights (m,) of points (m, 3), as the roots of their power (m, 3): bright places show less
-        of an error. Where rooms have openings, as their power itself, and INSIDE of them go to
+        """Weights (m,) of points (m, 3), as the roots of their power (m, 3): where it is bright
+        errors show less. Where rooms have openings, as their power itself, and INSIDE of them go to
         points that see less than half of the sky: else the few that light a room are lost among
         those on what is outside.
         """

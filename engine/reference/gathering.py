@@ -119,10 +119,10 @@ def _shares(at: Interaction, matt: Array, pixels: int, blocks: Array) -> tuple[S
     x[:, pixel], normal[:, pixel] = surface.x, surface.n
     seen[:] = 1.0
     seen[:, pixel[some]] = pick(at.weight * matt, some)
-    return Shares(*_groups(surface.take(some), pixel[some], blocks), x, normal, seen), sharing
+    return Shares(*groups(surface.take(some), pixel[some], blocks), x, normal, seen), sharing
 
 
-def _groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array]:
+def groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array]:
     """`Shares.group` and `members` of points of these pixels, of tiles' pixels in these blocks: in
     their order, each joins the first group of its block whose first point is on its surface.
     """

@@ -243,19 +243,6 @@ def test_explain_follows_reflected_rays():
     assert kinds == {"reflection"}
 
 
-def test_both_tracers_show_the_same_of_glossy_lobes():
-    (lobe,) = metal(70.0, ior=1.5, fresnel=True).lobes
-    varnish = Material("varnish", (replace(lobe, masking=0.2),))
-    scene = room(varnish, background=(0.2, 0.3, 0.4))
-    chosen = {"samples": 8, "max_bounces": 3}
-    core, reference = (drawn(scene, b, reflections="GLOSSY", **chosen) for b in BACKENDS)
-    wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
-    assert wrong.any(2).mean() <= 0.004  # a pixel at an edge may turn
-    none, everything = (drawn(scene, reflections=which, **chosen) for which in ("OFF", "ALL"))
-    shown = (core - none).mean() / (everything - none).mean()
-    assert abs(shown - (1 / 16 - 0.2**2) / (1 / 16 - 1 / 36)) < 1e-3
-
-
 def test_reflections_of_a_path_are_independent():
     """Of each quarter of the disc at one reflection as many points lie in each at another. All runs
     of four samples but that with the middle have two on either side.

@@ -136,7 +136,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
       "settings: unknown illumination");
-  add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_GLOSSY &&
+  add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_ALL &&
           (g.reflections == GLINT_REFLECT_OFF ||
            (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");

@@ -1,4 +1,4 @@
-#include "integrator/gather_shares.h"
+#include "integrator/block_shares.h"
 
 #include "film/film.h"
 #include "math/math.h"
@@ -11,8 +11,8 @@ constexpr double kFlat = 0.04;   // of the way between its points, squared, the 
 
 }  // namespace
 
-void GatherShares::set(const RenderPlan& plan, const Batch& batch,
-                       const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& matt) {
+void BlockShares::set(const RenderPlan& plan, const Batch& batch,
+                       const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& given) {
   const uint32_t width = plan.region.width(), across = Tile::kSize / plan.gather_block;
   points_.resize(batch.size());
   group_.resize(batch.size());
@@ -20,9 +20,9 @@ void GatherShares::set(const RenderPlan& plan, const Batch& batch,
   blocks_.resize(size_t(across) * across);
   for (std::vector<uint32_t>& block : blocks_) block.clear();
   for (uint32_t k = 0; k < batch.size(); ++k) {
-    const bool shares = any(matt[k]);
+    const bool shares = any(given[k]);
     points_[k] = {row(batch.points.x, k), row(batch.points.n, k),
-                  shares ? matt[k] : Vec3d{1, 1, 1}};
+                  shares ? given[k] : Vec3d{1, 1, 1}};
     const uint32_t column = (plan.region.x0 + pixels[k] % width) / plan.gather_block % across,
                    line = (plan.region.y0 + pixels[k] / width) / plan.gather_block % across;
     if (shares) join(k, line * across + column);
@@ -33,8 +33,25 @@ void GatherShares::set(const RenderPlan& plan, const Batch& batch,
   }
 }
 
+void BlockShares::mix(size_t c, uint32_t sample, const double* from, double* to) const {
+  for (const Group& group : groups_) {
+    double sum = 0, count = 0;
+    for (uint32_t k = 0; k < group.count; ++k) {
+      const uint32_t path = group.paths[k];
+      if (turn(path, sample) == kWaits) continue;
+      const double given = points_[path].given[int(c)];
+      if (given != 0) sum += from[path] / given;
+      ++count;
+    }
+    for (uint32_t k = 0; k < group.count; ++k) {
+      const uint32_t path = group.paths[k];
+      to[path] += points_[path].given[int(c)] * (sum / count);
+    }
+  }
+}
+
 /// Adds the point to the first group of the block whose first point is on its surface.
-void GatherShares::join(uint32_t path, size_t block) {
+void BlockShares::join(uint32_t path, size_t block) {
   const Point& point = points_[path];
   for (const uint32_t number : blocks_[block]) {
     Group& group = groups_[number];
