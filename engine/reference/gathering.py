@@ -122,9 +122,12 @@ def _shares(at: Interaction, matt: Array, pixels: int, blocks: Array) -> tuple[S
     return Shares(*groups(surface.take(some), pixel[some], blocks), x, normal, seen), sharing
 
 
-def groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array]:
+def groups(
+    surface: Surface, pixel: Array, blocks: Array, kinds: Array | None = None
+) -> tuple[Array, Array]:
     """`Shares.group` and `members` of points of these pixels, of tiles' pixels in these blocks: in
-    their order, each joins the first group of its block whose first point is on its surface.
+    their order, each joins the first group of its block whose first point is on its surface and of
+    its kind. kinds: (m,) of the points.
     """
     most = GATHER_BLOCK * GATHER_BLOCK
     group, members = np.full(len(blocks), -1), np.full((len(pixel) + 1, most), -1)
@@ -134,6 +137,7 @@ def groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array]
     _, first, row = np.unique(blocks[pixel[order]], return_index=True, return_inverse=True)
     table = np.full((len(first), most), -1)  # points of each block
     table[row, np.arange(len(order)) - first[row]] = order
+    kinds = np.zeros(len(pixel)) if kinds is None else kinds
     count = 0
     for k in range(most):
         leads = np.flatnonzero((table[:, k] >= 0) & (group[pixel[table[:, k]]] < 0))
@@ -141,7 +145,8 @@ def groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array]
         for j in range(k, most):
             other = table[leads, j]
             free = (other >= 0) & (group[pixel[other]] < 0)
-            on = np.flatnonzero(free & _is_one_surface(surface, lead, other))
+            alike = kinds[lead] == kinds[other]
+            on = np.flatnonzero(free & alike & _is_one_surface(surface, lead, other))
             group[pixel[other[on]]] = count + on
             members[count + on, j] = pixel[other[on]]
         count += len(leads)

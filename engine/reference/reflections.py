@@ -142,7 +142,8 @@ def _leaving(
 
 def _mixing(given: Array, at: Interaction, sample: int, blocks: Array) -> Mixing:
     some = np.flatnonzero(given.any(0))
-    group, members = groups(at.surface.take(some), at.pixel[some], blocks)
+    channels = np.array([1, 2, 4]) @ (pick(given, some) != 0)
+    group, members = groups(at.surface.take(some), at.pixel[some], blocks, channels)
     turns, seen = np.full(len(blocks), ALONE), np.ones((3, len(blocks)))
     seen[:, at.pixel[some]] = pick(given, some)
     there = members >= 0

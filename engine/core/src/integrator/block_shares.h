@@ -17,9 +17,10 @@ class BlockShares {
  public:
   /// Of paths from the batch's points on, which are of these pixels of the region. given: what each
   /// gives back of light, of gather rays from all sides, all 0 where it shares nothing: what its own
-  /// rays find is its own then, as they carry it.
+  /// rays find is its own then, as they carry it. mixes: for `mix`, those of a group give back
+  /// light of the same channels.
   void set(const RenderPlan& plan, const Batch& batch, const std::vector<uint32_t>& pixels,
-           const std::vector<Vec3d>& given);
+           const std::vector<Vec3d>& given, bool mixes = false);
   /// add(path, share) for each path that gets something of what a ray of `path` finds at x, on a
   /// surface with the normal g: by how densely the rays of each look there (the balance heuristic).
   template <class Add>
@@ -53,6 +54,7 @@ class BlockShares {
   static constexpr uint32_t kMost = RenderPlan::kMostSharing * RenderPlan::kMostSharing;
   struct Point {
     Vec3d x, n, given;  // given: 1 where it shares nothing
+    int channels;       // of what it gives, a bit each, where these are to be the same
   };
   /// Points of a block on one surface.
   struct Group {
