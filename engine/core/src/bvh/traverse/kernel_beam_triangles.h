@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kBeam = kBroad == 4 ? 128 : 256;
 constexpr int kOfLine = 64 / sizeof(double);  // numbers in a line of memory
-constexpr int kSlices = kBeam / kBroad;  // groups of rays as wide as a register
+constexpr int kSlices = kBeam / kBroad;       // groups of rays as wide as a register
 /// Leaves that a beam may come to before it is parted; of more, each has to hit so many rays.
 constexpr int leaves_allowed(bool any) { return any ? 32 : 16; }
 constexpr int kRaysOfLeaf = 2;
