@@ -18,6 +18,7 @@ inline void set_source(Beam& beam, const Rays& rays, size_t first) {
   beam.order = s.order = &order;
   s.t_min = rays.t_min + first;
   s.t_max = rays.t_max + first;
+  s.more = !rays.ends && rays.count - first >= 2 * kBeam;
   for (int a = 0; a < 3; ++a) {
     s.xyz_d[a] = rays.d[a] + first;
     s.xyz_o[a] = rays.o[a] + first;

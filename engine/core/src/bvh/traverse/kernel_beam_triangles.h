@@ -7,7 +7,8 @@ namespace glint {
 namespace {
 
 constexpr int kBeam = kBroad == 4 ? 128 : 256;
-constexpr int kSlices = kBeam / kBroad;  // groups of rays as wide as a register
+constexpr int kOfLine = 64 / sizeof(double);  // numbers in a line of memory
+constexpr int kSlices = kBeam / kBroad;       // groups of rays as wide as a register
 /// Leaves that a beam may come to before it is parted; of more, each has to hit so many rays.
 constexpr int leaves_allowed(bool any) { return any ? 32 : 16; }
 constexpr int kRaysOfLeaf = 2;
@@ -17,6 +18,7 @@ struct BeamSource {
   const double *xyz_o[3], *xyz_d[3], *o[3], *d[3], *t_min, *t_max;
   const Order* order;
   bool mixed;  // not all are of its axis class
+  bool more;   // rays follow that may be far away in memory
 
   /// Which of the rays [k, k + kLanes) are.
   DoubleMask of_order(int k) const {

@@ -226,6 +226,24 @@ struct BeamWalk {
                         : reinterpret_cast<const char*>(tree.nodes + child);
     for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
   }
+  /// Asks for the memory of the next beam's rays from r on, and of this one's answers, a line of
+  /// each: a few at every step of the walk, since a processor waits when it is asked for many.
+  void fetch_ahead(int r) const {
+    const BeamSource& s = beam.source;
+    for (int a = 0; a < 3; ++a) {
+      __builtin_prefetch(s.xyz_o[a] + kBeam + r);
+      __builtin_prefetch(s.xyz_d[a] + kBeam + r);
+    }
+    __builtin_prefetch(s.t_min + kBeam + r);
+    __builtin_prefetch(s.t_max + kBeam + r);
+    if (Any) return;
+    __builtin_prefetch(answers.t + r, 1);
+    if (r % (2 * kOfLine)) return;
+    __builtin_prefetch(answers.instance + r, 1);
+    __builtin_prefetch(answers.primitive + r, 1);
+    __builtin_prefetch(answers.u + r, 1);
+    __builtin_prefetch(answers.v + r, 1);
+  }
   /// False when it came to more leaves than `leaves` and its hits allow, or at_leaf(leaf) says so.
   template <class AtLeaf>
   __attribute__((always_inline)) bool walk(int leaves, AtLeaf at_leaf) {
@@ -247,7 +265,8 @@ struct BeamWalk {
     int top = 0;
     ChildRef at = tree.root;
     due = leaves * kRaysOfLeaf;
-    for (;;) {
+    for (int step = 0;; ++step) {
+      if (beam.source.more && step < kBeam / kOfLine) fetch_ahead(step * kOfLine);
       if (at & kLeaf) {
         if ((due -= kRaysOfLeaf) < 0 || !at_leaf(at)) return false;
       } else {
