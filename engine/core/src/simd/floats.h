@@ -184,6 +184,33 @@ inline float smallest(Floats v) {
   return smaller(smaller(v[0], v[1]), smaller(v[2], v[3]));
 #endif
 }
+/// Those of two vectors.
+inline void largest_of_two(Floats v, Floats w, float& p, float& q) {
+#if defined(__AVX__)
+  const __m256 m = _mm256_max_ps(_mm256_unpacklo_ps(__m256(v), __m256(w)),
+                                 _mm256_unpackhi_ps(__m256(v), __m256(w)));
+  __m128 a = _mm_max_ps(_mm256_castps256_ps128(m), _mm256_extractf128_ps(m, 1));
+  a = _mm_max_ps(a, _mm_movehl_ps(a, a));
+  p = a[0];
+  q = a[1];
+#else
+  p = largest(v);
+  q = largest(w);
+#endif
+}
+inline void smallest_of_two(Floats v, Floats w, float& p, float& q) {
+#if defined(__AVX__)
+  const __m256 m = _mm256_min_ps(_mm256_unpacklo_ps(__m256(v), __m256(w)),
+                                 _mm256_unpackhi_ps(__m256(v), __m256(w)));
+  __m128 a = _mm_min_ps(_mm256_castps256_ps128(m), _mm256_extractf128_ps(m, 1));
+  a = _mm_min_ps(a, _mm_movehl_ps(a, a));
+  p = a[0];
+  q = a[1];
+#else
+  p = smallest(v);
+  q = smallest(w);
+#endif
+}
 /// The lanes of two vectors as the halves of integers.
 inline void store_pairs(int64_t* p, Ints low, Ints high) {
   uint32_t* q = reinterpret_cast<uint32_t*>(p);
