@@ -18,6 +18,7 @@ inline void set_source(Beam& beam, const Rays& rays, size_t first) {
   beam.order = s.order = &order;
   s.t_min = rays.t_min + first;
   s.t_max = rays.t_max + first;
+  s.more = !rays.ends && rays.count - first >= 2 * kBeam;
   for (int a = 0; a < 3; ++a) {
     s.xyz_d[a] = rays.d[a] + first;
     s.xyz_o[a] = rays.o[a] + first;
@@ -72,8 +73,8 @@ inline bool set_places(Beam& beam, BeamSpan& span) {
       straight = straight & at_most(steep, spread(1 - 0x1p-20f));
       store_broad(beam.place[a] + k, place);
       const float least = smallest(place), most = largest(place);
-      beam.center[a][g] = 0.5f * (least + most);
-      beam.half[a][g] = 0.5f * (most - least);
+      beam.side[a][0][g] = least;
+      beam.side[a][1][g] = most;
       low[a] = smaller(low[a], least);
       high[a] = larger(high[a], most);
     }
@@ -89,9 +90,11 @@ inline bool set_places(Beam& beam, BeamSpan& span) {
     beam.slope = larger(beam.slope, magnitude(beam.middle[a]) + beam.width[a]);
   }
   float area = 0;
-  const float room[2] = {beam.width[0] / 16, beam.width[1] / 16};
+  const float room[2] = {beam.width[0] / 8, beam.width[1] / 8};
+  const auto& side = beam.side;
   for (int g = 0; g < kSlices; ++g)
-    area += (beam.half[0][g] + room[0]) * (beam.half[1][g] + room[1]);
+    area += (side[0][1][g] - side[0][0][g] + room[0]) * (side[1][1][g] - side[1][0][g] + room[1]);
+  area /= 4;
   const float whole = beam.width[0] * beam.width[1];
   return 4 * area >= whole && area <= 4 * whole;
 }
@@ -131,11 +134,10 @@ inline bool set_from_apex(Beam& beam, const TreeView& tree, const Rays& rays, si
   if (!set_room(beam, tree, square)) return false;
   set_source(beam, rays, first);
   const BeamSource& s = beam.source;
-  for (int k = 0; !rays.ends && k < kBeam; k += kLanes) {
-    Longs other{};
+  Longs other{};
+  for (int k = 0; !rays.ends && k < kBeam; k += kLanes)
     for (const double* p : s.o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
-    if (any(Longs(other != Longs{}))) return false;
-  }
+  if (any(Longs(other != Longs{}))) return false;
   BeamSpan span;
   if (!set_ends(beam, rays, span) || !set_places(beam, span)) return false;
   beam.apex = origin_at({*s.o[0], *s.o[1], *s.o[2]}, *beam.order);
