@@ -62,6 +62,7 @@ void DirectLight::place_points(const Batch& batch) {
   at_.resize(scattered_.rows());
   for (size_t c = 0; c < 3; ++c) {
     stage_.points_x[c] = stage_.origin[c] = scattered_[c];
+    stage_.start_out[c] = nullptr;
     stage_.diffuse[c] = scattered_[3 + c];
     stage_.end_out[c] = ends_[c];
   }

@@ -100,6 +100,7 @@ void Tracer::find_points(const Queue& queue) {
     const GlintInstances& group = scene_.instances.group(batch_.instance[k]);
     batch_.material[k] = scene_.instances.material_of(group, batch_.primitive[k]);
   }
+  batch_.set_offsets();
 }
 
 /// How far behind the first hits of the camera rays the next ones lie.
