@@ -6,10 +6,10 @@ callgrind against the recorded counts.
 Runs engine/core/bench/pipeline_counts on its fixed scenes as instructions.py does ray_counts. A
 scene called "… beside" is the plain one with something that no ray meets, or with a setting that
 nothing reads; a lens of no size and frames of a camera that rests draw the plain one the long way.
-What moves otherwise is a scene of its own for each sample. Those of `FREE` must cost what the plain scene costs: this holds for any compiler.
-Scenes of one light without shadows tell what a sample of each kind of light costs. Exit code 1 when
-a feature is not free, or when a count is more than 5 % above features.json; --record renews that
-file.
+What moves otherwise is a scene of its own for each sample. Those of `FREE` must cost what the plain
+scene costs: this holds for any compiler. Scenes of one light without shadows tell what a sample of
+each kind of light costs. Exit code 1 when a feature is not free, or when a count is more than 5 %
+above features.json; --record renews that file.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
