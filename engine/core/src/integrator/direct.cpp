@@ -398,6 +398,7 @@ void DirectLight::apply_program(const Light& light, size_t count) {
 void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
   const Rays rays = shadow_rays(count);
   media_.find(rays, counts);
+  if (media_.empty()) return;
   ends_of_shadows_.resize(count);
   for (size_t k = 0; k < count; ++k)  // what is dark already is not asked
     ends_of_shadows_[k] = any(row(shadow_, k)) ? stage_.t_max[k] : 0;

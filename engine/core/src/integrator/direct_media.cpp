@@ -72,6 +72,7 @@ void DirectLight::place_points(const Batch& batch) {
 
 void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                           uint32_t sample, RayCounts& counts) {
+  if (spans.empty()) return;
   sample_ = sample;
   ends_of_rays_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k)
