@@ -180,6 +180,8 @@ def instances(draw: Any, dice: Dice, number: int, materials: int) -> s.Instances
         blockers=draw(sets),
         catcher=not draw(mostly),
         motion=None if draw(mostly) else moved,
+        geometry_offset=draw(st.sampled_from((0.1, 0.1, 0.1, 0.0, 0.5))),
+        shading_offset=draw(st.sampled_from((0.0, 0.0, 0.0, 0.4, 1.0))),
         **seen,
     )
 
