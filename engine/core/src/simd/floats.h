@@ -155,6 +155,17 @@ inline DoubleMask at_most(Doubles a, Doubles b) { return a <= b; }
 inline DoubleMask equal(Doubles a, Doubles b) { return a == b; }
 #endif
 
+/// The lanes of `some`, one beside the other.
+inline Doubles packed(Doubles v, uint32_t some) {
+#if defined(__AVX512F__)
+  return Doubles(_mm512_maskz_compress_pd(__mmask8(some), __m512d(v)));
+#else
+  Doubles p{};
+  for (int k = 0; some; some &= some - 1) p[k++] = v[__builtin_ctz(some)];
+  return p;
+#endif
+}
+
 inline bool all_zero(Ints v) {
 #if defined(__AVX__)
   return _mm256_testz_si256(__m256i(v), __m256i(v));
