@@ -16,13 +16,17 @@ inline Doubles lift_share(Doubles grazing, Doubles nl, Doubles gl) {
   return where(grazing > 0, smaller(larger(share, splat(0)), splat(1)));
 }
 
-/// Where the shadow ray along l leaves the surface.
-inline Three start_towards(const LightStage& s, size_t k, const Three& l) {
-  const Three origin = load3(s.origin, k);
-  if (s.origin[0] == s.points_x[0]) return origin;  // no smooth faces
-  const Three x = load3(s.points_x, k);
+/// Where the shadow ray along l leaves the surface, where some faces are smooth.
+__attribute__((noinline)) Three smooth_start(const LightStage& s, size_t k, Three l) {
+  const Three origin = load3(s.origin, k), x = load3(s.points_x, k);
   const Doubles grazing = s.grazing ? load(s.grazing + k) : splat(kGrazing);
   return x + lift_share(grazing, dot(load3(s.n, k), l), dot(load3(s.g, k), l)) * (origin - x);
+}
+
+/// Where the shadow ray along l leaves the surface.
+__attribute__((always_inline)) inline Three start_towards(const LightStage& s, size_t k,
+                                                          const Three& l) {
+  return s.origin[0] == s.points_x[0] ? load3(s.origin, k) : smooth_start(s, k, l);
 }
 
 /// What light is times that the surface sees lower: the cosine of so many times its angle over its
