@@ -240,6 +240,7 @@ class Collector:
             receivers=flags.receivers, blockers=flags.blockers,
             visible_transmission=flags.transmission,
             visible_diffuse=flags.diffuse, visible_media=flags.media,
+            geometry_offset=flags.offsets[0], shading_offset=flags.offsets[1],
         )  # fmt: skip
 
     @cached_property

@@ -19,11 +19,15 @@ from .light_links import LightLinks
 from .report import Report
 from .unsupported import note_object
 
+_OFFSETS = (0.1, 0.0)
+_SAME = 1e-6
+
 
 class Flags(NamedTuple):
     """What an object's settings say of its visibility, with its instancer's. light_set: which
     lights reach it.  receivers: the sets that it lights.  blockers: those that shade it.
-    catcher: of shadows.  media: to rays that media scatter.
+    catcher: of shadows.  media: to rays that media scatter.  offsets: its Shadow Terminator's,
+    geometry and shading.
     """
 
     camera: bool
@@ -37,6 +41,7 @@ class Flags(NamedTuple):
     transmission: bool = True
     diffuse: bool = True
     media: bool = True
+    offsets: tuple[float, float] = _OFFSETS
 
 
 @dataclass(eq=False)
@@ -222,6 +227,23 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
         note_object(thing.name, owner, report)
 
 
+def offsets_of(thing: Any) -> tuple[float, float]:
+    """Its Shadow Terminator's offsets, geometry and shading. Blender 4.2 has them in Cycles'
+    settings, which an evaluated copy has late.
+    """
+    if thing.type == "LIGHT":
+        return _OFFSETS
+    if hasattr(thing, "shadow_terminator_shading_offset"):
+        shading = thing.shadow_terminator_shading_offset
+        geometry = thing.shadow_terminator_geometry_offset
+    else:
+        own = getattr(thing.original, "cycles", None)
+        shading = getattr(own, "shadow_terminator_offset", _OFFSETS[1])
+        geometry = getattr(own, "shadow_terminator_geometry_offset", _OFFSETS[0])
+    is_default = abs(geometry - _OFFSETS[0]) < _SAME  # Blender holds it as float32
+    return _OFFSETS[0] if is_default else geometry, shading
+
+
 def collections_cut(layer_collection: Any) -> bool:
     """Whether one in the tree of collections makes its objects holdouts or indirect only. To ask
     each object takes long where there are many.
@@ -267,7 +289,7 @@ def flags_of(
         diffuse = diffuse and instancer.visible_diffuse
         media = media and instancer.visible_volume_scatter
     camera = camera and not indirect_only
-    others = catcher, transmission, diffuse, media
+    others = catcher, transmission, diffuse, media, offsets_of(thing)
     if links is None:
         return Flags(camera, mirror, shadow, holdout, 0, EVERYTHING, EVERYTHING, *others)
     lit, shaded = links.lit_by(owner), links.shaded_by(owner)

@@ -10,9 +10,6 @@ from .report import Report
 
 LEAST_BOUNCES = 4
 """Light that may bounce less than this is told: it is the default of Diffuse Bounces."""
-_SAME = 1e-6
-"""Of settings near 0.1, which Blender holds as float32."""
-
 
 _CAUSTICS = "Shadow caustics are not rendered: {} cast none; light passes glass straight on"
 
@@ -51,19 +48,6 @@ def note_object(name: str, owner: Any, report: Report) -> None:
         report.note(
             "Media see {} whatever its ray visibility says of Volume Scatter: turn that on, and "
             "Shadow off to keep its shadow out of them",
-            name,
-        )
-    # Blender 4.2 keeps the offsets in Cycles' settings, which an evaluated copy has late, later
-    # ones in the object.
-    own = hasattr(owner, "shadow_terminator_shading_offset")
-    settings = owner if own else getattr(owner.original, "cycles", None)
-    offset = "shadow_terminator_shading_offset" if own else "shadow_terminator_offset"
-    shading = getattr(settings, offset, 0.0)
-    geometry = getattr(settings, "shadow_terminator_geometry_offset", 0.1)
-    if shading != 0.0 or abs(geometry - 0.1) > _SAME:
-        report.note(
-            "Shadow Terminator offsets are not rendered in {}: subdivide it where shadows are "
-            "angular",
             name,
         )
 

@@ -181,9 +181,9 @@ class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
         column = self.animated_column
         for kind in ("Camera", "Diffuse", "Glossy", "Transmission", "Volume Scatter", "Shadow"):
             row = column.row()
-            row.active = kind in ("Camera", "Glossy", "Shadow")
+            row.active = kind != "Volume Scatter"
             row.prop(context.object, f"visible_{kind.lower().replace(' ', '_')}", text=kind)
-        reason = "Glossy is for reflections and refractions; the others have no effect in Glint"
+        reason = "Volume Scatter is for what glows; volumes see the object whatever it says"
         draw_reason(self.layout, True, reason)
         mask = self.column.column(heading="Mask")
         mask.prop(context.object, "is_shadow_catcher")
@@ -206,6 +206,25 @@ class GLINT_OBJECT_PT_culling(_ObjectPanel, bpy.types.Panel):
             row.prop(settings, f"use_{kind}_cull")
         reason = "Simplify in Render properties says whether and where objects are culled"
         draw_reason(self.layout, True, reason)
+
+
+class GLINT_OBJECT_PT_shadow_terminator(_ObjectPanel, bpy.types.Panel):
+    bl_label = "Shadow Terminator"
+    bl_parent_id = "OBJECT_PT_shading" if hasattr(bpy.types, "OBJECT_PT_shading") else ""
+
+    @classmethod
+    def poll(cls, context):
+        has_surface = context.object is not None and context.object.type != "LIGHT"
+        return has_surface and super().poll(context)
+
+    def draw(self, context):
+        owner, shading = context.object, "shadow_terminator_shading_offset"
+        if not hasattr(owner, shading):
+            owner, shading = getattr(owner, "cycles", None), "shadow_terminator_offset"
+        if owner is not None:
+            geometry, column = "shadow_terminator_geometry_offset", self.column
+            draw_wide(column, owner, geometry, "Geometry Offset")
+            draw_wide(column, owner, shading, "Shading Offset")
 
 
 class GLINT_OBJECT_PT_motion_blur(_ObjectPanel, bpy.types.Panel):
@@ -449,6 +468,7 @@ CLASSES = (
     GLINT_MATERIAL_PT_settings,
     GLINT_MATERIAL_PT_settings_surface,
     GLINT_MATERIAL_PT_settings_volume,
+    GLINT_OBJECT_PT_shadow_terminator,
     GLINT_OBJECT_PT_light_group,
     GLINT_OBJECT_PT_motion_blur,
     GLINT_OBJECT_PT_visibility,

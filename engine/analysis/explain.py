@@ -240,6 +240,8 @@ def _light_lines(term: LightTerm) -> Iterator[str]:
     )
     if term.bump_shadow != 1:
         yield f"  bumps leave {term.bump_shadow:.6g} of it to what is matt"
+    if term.lowered != 1:
+        yield f"  the object's Shading Offset leaves {term.lowered:.6g} of light from there"
 
 
 def _rgb(values: tuple[float, ...]) -> str:

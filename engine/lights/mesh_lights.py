@@ -244,6 +244,8 @@ class _Surfaces:
             unbent=np.zeros_like(g),
             bump=np.zeros(len(primitive)),
             far=np.zeros(len(primitive)),
+            grazing=np.zeros(len(primitive)),
+            lowering=np.ones(len(primitive)),
             past=np.array([[1.0], [0.0], [0.0], [0.0]]).repeat(len(primitive), 1),
         )
         return self._shader.coefficients(surface, "mirror").emission.T

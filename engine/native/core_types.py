@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 58
+ABI_VERSION = 59
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -276,6 +276,7 @@ class InstancesData(Structure):
         *_each(c_int32, "object_index"),
         *_each(c_uint32, "light_set crypto_object crypto_asset"),
         *_each(c_int32, "light_group reserved"),
+        *_each(c_double, "geometry_offset shading_offset"),
     ]
 
 

@@ -119,4 +119,6 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         id_bits(group.asset or group.name),
         1 + group.light_group,
         0,
+        group.geometry_offset,
+        group.shading_offset,
     )

@@ -34,6 +34,7 @@ from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
 from .tabled_lights import Dome
+from .terminator import lowered, mean_lowered, start_towards
 from .translucent import other_side
 from .vectors import dot, length, unit
 from .visibility import NOTHING
@@ -362,7 +363,7 @@ class Explainer:
         self, surface: Surface, coefficients: Coefficients, source: Dome, j: int
     ) -> LightTerm:
         """What the directions of a sky leave out."""
-        rest = source.rest(surface.x, surface.n, 0)[:, 0]
+        rest = mean_lowered(surface.lowering) * source.rest(surface.x, surface.n, 0)[:, 0]
         return LightTerm(
             light=source.light.name,
             sample=j,
@@ -419,10 +420,11 @@ class Explainer:
             specular = specular + all_[:, 0]
         even = lighting.even_gloss(source, surface, coefficients)[:, 0]
         far = lighting.far_share(source, surface.x, sample)
-        specular = specular + even * max(n_dot_l, 0.0) * far
+        low = lowered(surface.lowering, dot(surface.n, sample.direction))
+        specular = specular + low * even * max(n_dot_l, 0.0) * far
         matt = matt_lobes(surface, coefficients, seen, sample.direction)
         diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) * far + matt[:, 0]
-        diffuse = share * diffuse
+        diffuse = low * share * diffuse
         diffuse, specular = source.on_lobes(diffuse, specular)
         shadow, blocker, distance = (
             self._shadow(surface, source, sample, coefficients.fibres)
@@ -444,6 +446,7 @@ class Explainer:
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
             group=self._group(sample.group_of(source)),
             bump_shadow=0.0 if hidden[0] else float(share[0]),
+            lowered=float(low[0]),
         )
 
     def _highlight(self, surface: Surface, sample: LightSample, term: Term) -> float:
@@ -461,9 +464,10 @@ class Explainer:
         shadow = shadows.towards(surface, seen, sample, through)[0]
         if (shadow == 1).all():
             return shadow, "", np.inf
-        towards = sample.direction if sample.end is None else sample.end - surface.start
+        origin = start_towards(surface, seen, sample.direction)
+        towards = sample.direction if sample.end is None else sample.end - origin
         beside = np.where(dot(surface.g, towards) < 0, -1.0, 1.0)
-        start = surface.start + beside * surface.offset * surface.g
+        start = origin + beside * surface.offset * surface.g
         start = start + (0.0 if through is None else through) * sample.direction
         far = (
             np.array([np.inf])

@@ -17,7 +17,8 @@ class LightTerm:
     before the shadow. Directions drawn from narrow highlights are samples too, without diffuse
     light; both kinds have a share of the highlight. group: name of its light group, "" for none.
     bump_shadow: the share that matt lobes get for the bumps that the normal is of; 0 where these
-    hide all.  behind: it lights the other side of the surface, which lets it through.
+    hide all.  lowered: what is left of it where the surface sees light lower than it stands, 1 for
+    all.  behind: it lights the other side of the surface, which lets it through.
     """
 
     light: str
@@ -34,6 +35,7 @@ class LightTerm:
     specular: Numbers
     group: str = ""
     bump_shadow: float = 1.0
+    lowered: float = 1.0
     behind: bool = False
 
 

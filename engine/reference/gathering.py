@@ -19,6 +19,7 @@ from .materials import Coefficients
 from .paths import Interaction, Paths, leaving, widened
 from .surface import Surface
 from .tabled_lights import far_share
+from .terminator import lowered
 from .vectors import basis_around, dot, pick
 
 if TYPE_CHECKING:
@@ -97,7 +98,8 @@ def gathering(
     for point in points:
         d = _direction(surface.n, point)
         hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
-        k = np.where(hidden, 0.0, share * coefficients.diffuse + gloss)
+        low = lowered(surface.lowering, dot(surface.n, d))
+        k = np.where(hidden, 0.0, low * (share * coefficients.diffuse + gloss))
         k = np.where(sharing, 1.0, k)
         go = np.flatnonzero(k.any(0) & (dot(d, surface.g) > 0))
         some, given = surface.take(go), pick(k, go) / len(points)
@@ -113,7 +115,7 @@ def _shares(at: Interaction, matt: Array, pixels: int, blocks: Array) -> tuple[S
     """
     surface, pixel = at.surface, at.pixel
     sharing = matt.any(0) & np.isfinite(matt).all(0) & ~surface.unbent.any(0)
-    sharing &= dot(surface.n, surface.g) > 0
+    sharing &= (dot(surface.n, surface.g) > 0) & (surface.lowering == 1)
     some = np.flatnonzero(sharing)
     x, normal, seen = np.zeros((3, 3, pixels))
     x[:, pixel], normal[:, pixel] = surface.x, surface.n

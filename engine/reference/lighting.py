@@ -25,6 +25,7 @@ from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
 from .surface import Surface
 from .tabled_lights import FEW_PARTS, BouncedSource, Dome, MeshSource, far_share
+from .terminator import lowered, mean_lowered
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
@@ -216,7 +217,8 @@ class Lighting:
             if isinstance(source, Dome) and source.light.lights_matt:
                 open_ = np.flatnonzero(lit & (balance >= 0))
                 rest = source.rest(pick(surface.x, open_), pick(surface.n, open_), at.sample)
-                rest = pick(at.coefficients.diffuse, open_) * rest
+                low = mean_lowered(surface.lowering[open_])
+                rest = low * pick(at.coefficients.diffuse, open_) * rest
                 add_at(total.diffuse, open_, rest)
                 add_at(total.lit_diffuse, open_, rest)
                 add_to_groups(total.groups, source.light.light_group, open_, rest)
@@ -309,7 +311,7 @@ class Lighting:
                 highlights(surface, coefficients.highlights, seen, direction),
             )
 
-        apart = np.zeros(len(surface), bool)
+        apart = surface.lowering > 1
         turned = [
             term
             for term in coefficients.highlights
@@ -447,6 +449,7 @@ class Lighting:
         if glossy:
             through = through | coefficients.turned_to(sample.direction)
         hidden, matt = bump_shadow(surface.n, surface.unbent, surface.bump, sample.direction)
+        low = lowered(surface.lowering, dot(surface.n, sample.direction))
         seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n, through) & ~hidden)
         if not source.color.any():
             seen = seen[:0]
@@ -458,19 +461,21 @@ class Lighting:
         diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0) * far
         if not is_drawn:
             diffuse = diffuse + matt_lobes(surface, coefficients, seen, chosen.direction) * light
-            diffuse = matt[seen] * diffuse
+            diffuse = low[seen] * matt[seen] * diffuse
         specular = (
             highlights(surface, terms, seen, chosen.direction)
             * light
             * (narrow.balance(seen, chosen) if narrow else 1.0)
         )
         gloss = pick(self.even_gloss(source, surface, coefficients), seen)
+        gloss = low[seen] * gloss
         specular = specular + gloss * light * np.where(front, cosine[seen], 0.0) * far
         if not is_drawn and coefficients.fibres:
             shine = fibres(surface, coefficients.fibres, seen, chosen.direction, matt=False)
             specular = specular + shine * light
         diffuse, specular = source.on_lobes(diffuse, specular)
-        if not (source.light.lights_matt and source.light.lights_gloss):
+        all_lobes = source.light.lights_matt and source.light.lights_gloss
+        if not all_lobes or (surface.lowering > 1).any():
             some = np.flatnonzero((diffuse != 0).any(0) | (specular != 0).any(0))
             seen, chosen = seen[some], chosen.taken(some)
             diffuse, specular = pick(diffuse, some), pick(specular, some)

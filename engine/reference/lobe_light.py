@@ -11,6 +11,7 @@ from .lights import LightSample
 from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen
 from .surface import Surface
+from .terminator import lowered
 from .vectors import add_at, dot, length, pick, unit
 
 Array = np.ndarray
@@ -44,6 +45,8 @@ def highlight(
         ior = taken(term.ior, chosen)
         factor = factor * gloss(n, v, l, 0.0, ior, lobe.fresnel, lobe.schlick)
         power = np.where(t.any(0), factor, power)
+    if term.lowering is not None:
+        power = power * lowered(term.lowering[chosen], dot(n, l))
     return np.where(dot(n, l) > 0, power, 0.0)
 
 

@@ -20,6 +20,7 @@ from .program import run
 from .scene_queries import SceneQueries
 from .stretching import stretched
 from .surface import Spot, Surface
+from .terminator import lowered
 from .textures import Image
 from .vectors import add_at, dot, pick, unit
 
@@ -45,7 +46,8 @@ class Term:
     exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
     number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.  normal: (3, m) normals of its
     own, None where they are those of the points.  stretch: (3, m) what it is stretched along,
-    across its normals, 0 where it is not; None for nowhere.
+    across its normals, 0 where it is not; None for nowhere.  lowering: (m,) as of `Surface`, of
+    what gives back lamps' light; None for 1.
     """
 
     index: Array
@@ -57,6 +59,7 @@ class Term:
     fibre: Array | None = None
     normal: Array | None = None
     stretch: Array | None = None
+    lowering: Array | None = None
 
     def normals(self, surface: Surface) -> Array:
         """(3, m) shading normals at its points."""
@@ -134,7 +137,9 @@ class _Found:
         kinds = ("SPECULAR", "MIRROR", "REFRACTION", "SHEEN", "FIBRE")
         self._terms: dict[str, list[Term]] = {kind: [] for kind in kinds}
 
-    def add_fibre(self, lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
+    def add_fibre(
+        self, lobe: Lobe, index: Array, k: Array, outputs: list[Array], surface: Surface
+    ) -> None:
         """Of fibres where there are some; elsewhere a matt or a glossy one, or nothing."""
         exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
         masking = _number(lobe.masking, lobe.masking_output, outputs)
@@ -148,7 +153,9 @@ class _Found:
             p = exponent[bare]
             highlight = Lobe("SPECULAR", exponent=lobe.exponent)
             wide = (p + 2) / 8 * k[:, bare]
-            self._terms["SPECULAR"].append(Term(index[bare], wide, highlight, p, 0.0, 1.0))
+            low = _lowering(surface, index[bare])
+            term = Term(index[bare], wide, highlight, p, 0.0, 1.0, lowering=low)
+            self._terms["SPECULAR"].append(term)
         self._terms["FIBRE"].append(
             Term(index[here], k[:, here], lobe, exponent[here], masking, 1.0, t[:, here])
         )
@@ -166,6 +173,12 @@ class _Found:
         exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
         masking = _number(lobe.masking, lobe.masking_output, outputs)
         term = Term(index, k, lobe, exponent, masking, _index(lobe, outputs), normal=normal)
+        low = _lowering(surface, index)
+        if lobe.kind == "SPECULAR":
+            term = replace(term, lowering=low)
+        elif lobe.kind == "MIRROR" and low is not None:
+            seen = dot(term.normals(surface), pick(surface.v, index))
+            term = replace(term, k=lowered(low, seen) * term.k)
         if lobe.kind == "SPECULAR" and lobe.stretch_output >= 0:
             along = outputs[lobe.stretch_output]
             term = replace(term, stretch=stretched(term.normals(surface), along))
@@ -180,6 +193,11 @@ class _Found:
             sheens=self._terms["SHEEN"],
             fibres=self._terms["FIBRE"],
         )
+
+
+def _lowering(surface: Surface, index: Array) -> Array | None:
+    low = surface.lowering[index]
+    return low if (low > 1).any() else None
 
 
 FADED, MOST_FADING = 2.0**-8, 16
@@ -245,7 +263,7 @@ class Shader:
                 exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
                 k = k * (1 - np.clip(seen, 0.0, 1.0)) ** exponent
             if lobe.kind.startswith("FIBRE"):
-                found.add_fibre(lobe, index, k, outputs)
+                found.add_fibre(lobe, index, k, outputs, surface)
             elif lobe.kind in _SUMMED:
                 add_at(found.sums[_SUMMED[lobe.kind]], index, k)
             else:

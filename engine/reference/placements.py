@@ -5,6 +5,7 @@ the matrix for its normals.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -46,6 +47,12 @@ class Placements:
             for block in self.instances
         ]
         return np.concatenate([np.zeros((0, 4)), *rows]).T
+
+    @cached_property
+    def offsets(self) -> Array:
+        """(2, blocks) `Instances.geometry_offset` and `shading_offset`."""
+        offsets = [(block.geometry_offset, block.shading_offset) for block in self.instances]
+        return np.array(offsets).reshape(-1, 2).T
 
     def row_of(self, primitive: Array) -> Array:
         """The row that holds the primitive of this number in the scene."""

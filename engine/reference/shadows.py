@@ -20,6 +20,7 @@ from .materials import FADED, Shader
 from .media import Media
 from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
 from .surface import Surface, spot_at, surface_at
+from .terminator import start_towards
 from .vectors import dot, length, pick, transform, unit
 from .visibility import Hits, Visibility
 
@@ -125,7 +126,8 @@ class Shadows:
 
     def _start(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
         """(3, m) clear of the surface, on the light's side."""
-        start, g, offset = pick(surface.start, seen), pick(surface.g, seen), surface.offset[seen]
+        start = start_towards(surface, seen, sample.direction)
+        g, offset = pick(surface.g, seen), surface.offset[seen]
         end = sample.end
         beside = np.where(dot(g, sample.direction if end is None else end - start) < 0, -1.0, 1.0)
         reach = offset if end is None else offset + ULPS * np.abs(end).max(0)

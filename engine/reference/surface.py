@@ -44,8 +44,8 @@ class Surface(Spot):
     rounding.  row: (n,) of Placements.  mesh_n: (3, n) shading normals before materials'
     programs bend them.  unbent: (3, n) what the normals were bent from where bumps hide light, else
     0; bump: (n,) how, as `bumps.bump_shadow` takes it.  far: (n,) lengths of the rays that meet
-    them.  past: (4, n) what these went through, as `SurfacePoints.ray_depth` has it; a bounce where
-    nobody says otherwise.
+    them.  grazing, lowering: (n,) as `terminator` takes them.  past: (4, n) what these went
+    through, as `SurfacePoints.ray_depth` has it; a bounce where nobody says otherwise.
     """
 
     row: Array
@@ -60,6 +60,8 @@ class Surface(Spot):
     unbent: Array
     bump: Array
     far: Array
+    grazing: Array
+    lowering: Array
     past: Array
 
     def __len__(self) -> int:
@@ -145,6 +147,7 @@ def _surface(
     outside = dot(g, v) >= 0
     side = np.where(outside, 1.0, -1.0)
     n, start = _shading_normals(geometry, attributes, spot, row, x, g, side)
+    grazing, shading = geometry.placements.offsets[:, geometry.placements.block[row]]
     return Surface(
         **vars(spot),
         row=row,
@@ -159,6 +162,8 @@ def _surface(
         unbent=np.zeros_like(n),
         bump=np.zeros(len(depth)),
         far=length(x - o),
+        grazing=grazing,
+        lowering=1 / (1 - 0.5 * shading),
         past=np.repeat(_ONCE, len(depth), 1),
     )
 

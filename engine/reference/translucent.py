@@ -38,7 +38,13 @@ def other_side(stage: Stage, at: Interaction, depth: Array) -> Interaction:
     )
     n, bump = stage.shader.lifted(surface)
     turned = replace(
-        surface, g=-surface.g, n=-n, start=found.start, unbent=-surface.unbent, bump=bump
+        surface,
+        g=-surface.g,
+        n=-n,
+        start=found.start,
+        unbent=-surface.unbent,
+        bump=bump,
+        lowering=np.ones(len(some)),
     )
     none = np.zeros((3, len(some)))
     matt = pick(at.coefficients.translucent, some)

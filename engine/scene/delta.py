@@ -34,6 +34,7 @@ _PLACES = frozenset(
         "visible_shadow",
         "visible_transmission",
         "visible_diffuse",
+        "geometry_offset",
     }
 )
 """Fields of instances by which rays meet other things, or elsewhere."""

@@ -7,7 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from .checks import Found, array, below, finite_array, handle, holds, key_values, one_of, whole
+from .checks import (
+    Found,
+    array,
+    at_least,
+    below,
+    finite_array,
+    handle,
+    holds,
+    key_values,
+    one_of,
+    whole,
+)
 from .light_problems import links
 from .model import Scene
 from .model_geometry import (
@@ -214,7 +225,9 @@ def _kind(group: Instances) -> tuple:
     no index.
     """
     links = group.receivers, group.blockers
-    values = (group.geometry, group.object_index, group.light_set, *links, *group.materials)
+    offsets = group.geometry_offset, group.shading_offset
+    numbers = group.geometry, group.object_index, group.light_set, *links
+    values = (*numbers, *offsets, *group.materials)
     special = group.values or group.motion is not None
     return values, tuple(map(type, values)), id(group) if special else 0
 
@@ -235,6 +248,8 @@ def instance_problems(scene: Scene, instances: Instances) -> Found:
     yield from whole("object_index", instances.object_index)
     yield from handle("light_set", instances.light_set, MOST_SETS, "sets")
     yield from links(instances)
+    yield from at_least("geometry_offset", instances.geometry_offset, 0.0)
+    yield from at_least("shading_offset", instances.shading_offset, 0.0, 1.0)
     for name, values in instances.values.items():
         found = [*array(f"value {name!r}", values, np.float32, (None, 4))]
         yield from found or finite_array(f"value {name!r}", values)

@@ -151,7 +151,9 @@ class Instances:
     times while the shutter is open; None for what stands still.  asset: what it is part of, "" for
     itself alone; this and the name are what Cryptomatte passes tell.  light_group: of
     `Scene.light_groups`, of what it gives by itself; -1 for none.  receivers, blockers: as of
-    `Light`, of what it gives as a light.
+    `Light`, of what it gives as a light.  geometry_offset: >= 0, the cosine below which light
+    grazes its smooth surfaces, so that shadow rays start off their faces; 0: it never does.
+    shading_offset: 0 to 1, by how much lower than it stands its surfaces see light.
     """
 
     name: str
@@ -174,3 +176,5 @@ class Instances:
     visible_transmission: bool = True
     visible_diffuse: bool = True
     visible_media: bool = True
+    geometry_offset: float = 0.1
+    shading_offset: float = 0.0

@@ -5,10 +5,11 @@ callgrind against the recorded counts.
 
 Runs engine/core/bench/pipeline_counts on its fixed scenes as instructions.py does ray_counts. A
 scene called "… beside" is the plain one with something that no ray meets, or with a setting that
-nothing reads. Those of `FREE` must cost what the plain scene costs: this holds for any compiler.
-Scenes of one light without shadows tell what a sample of each kind of light costs. Exit code 1 when
-a feature is not free, or when a count is more than 5 % above features.json; --record renews that
-file.
+nothing reads; a lens of no size and frames of a camera that rests draw the plain one the long way.
+What moves otherwise is a scene of its own for each sample. Those of `FREE` must cost what the plain
+scene costs: this holds for any compiler. Scenes of one light without shadows tell what a sample of
+each kind of light costs. Exit code 1 when a feature is not free, or when a count is more than 5 %
+above features.json; --record renews that file.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -26,6 +27,8 @@ FREE = ("mirror beside", "glass beside", "texture beside", "4 light samples besi
 SCENES = (
     "plain", *FREE, "highlights beside", "alpha beside", "sphere beside",
     "highlights", "texture", "alpha", "mirror", "glass", "soft light, 4 samples",
+    "smooth", "smooth beside", "offsets beside", "hair beside", "medium beside",
+    "middle of a lens", "resting camera frames",
 )  # fmt: skip
 SOFT_LIGHTS = ("sun", "sphere", "disc", "rectangle", "near rectangle", "ellipse")
 """Scenes of one light of 4 samples that casts no shadow; beside them, one without a light."""

@@ -190,16 +190,20 @@ def test_settings_of_worlds_are_told(scene, setting, value, word):  # noqa: F811
     assert any(word in note for note in export().notes)
 
 
-@pytest.mark.parametrize("kind", ["shading", "geometry"])
-def test_terminator_offsets_are_told(scene, kind):  # noqa: F811
+def test_terminator_offsets_are_read(scene):  # noqa: F811
     thing = quad()
-    assert not any("Shadow Terminator" in note for note in export().notes)
-    name = f"shadow_terminator_{kind}_offset"
-    if hasattr(thing, name):
-        setattr(thing, name, 0.2)
-    else:  # Blender 4.2
-        setattr(thing.cycles, name.replace("shading_", ""), 0.2)
-    assert any("Shadow Terminator" in note for note in export().notes)
+    (instances,) = export().scene.instances
+    assert (instances.geometry_offset, instances.shading_offset) == (0.1, 0.0)
+    for kind, value in (("shading", 0.25), ("geometry", 0.75)):
+        name = f"shadow_terminator_{kind}_offset"
+        if hasattr(thing, name):
+            setattr(thing, name, value)
+        else:  # Blender 4.2
+            setattr(thing.cycles, name.replace("shading_", ""), value)
+    found = export()
+    (instances,) = found.scene.instances
+    assert (instances.geometry_offset, instances.shading_offset) == (0.75, 0.25)
+    assert not any("Terminator" in note for note in found.notes)
 
 
 def test_a_layer_without_surfaces_has_none(scene):  # noqa: F811

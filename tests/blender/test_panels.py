@@ -279,7 +279,8 @@ def test_what_is_read_can_be_set(told):
     world = {"Surface", "Volume", "Mist Pass", "Ray Visibility", "Settings", "Light Group"}
     assert world <= set(told["tabs"]["world"])
     assert told["light nodes"] == [["Surface", False]]
-    assert {"Visibility", "Ray Visibility", "Culling"} <= set(told["tabs"]["object"])
+    of_objects = {"Visibility", "Ray Visibility", "Culling", "Shadow Terminator"}
+    assert of_objects <= set(told["tabs"]["object"])
     assert [name for name, _ in told["culling"]][:2] == ["use_camera_cull", "use_distance_cull"]
     assert [name for name, _ in told["world rays"]] == [
         "camera",

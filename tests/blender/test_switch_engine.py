@@ -279,23 +279,22 @@ def test_the_list_is_made_again_after_edits(tmp_path):
         tmp_path,
         """
 scene.cycles.use_fast_gi = True
-name = "shadow_terminator_geometry_offset"
-holder = cube if hasattr(cube, name) else cube.cycles
-setattr(holder, name, 0.5)
+scene.world = scene.world or bpy.data.worlds.new("World")
+scene.world.cycles.is_caustics_light = True
 bpy.ops.glint.switch_to_glint()
 def told():
     return [text for text, _ in rows("DIFFERENT")]
 def of_settings():
     return [rows(kind) for kind in ("UNLIKE", "CARRIED", "KEPT")]
 first, before = told(), of_settings()
-setattr(holder, name, 0.1)
+scene.world.cycles.is_caustics_light = False
 cube.visible_volume_scatter = False
 stale = told()
 bpy.ops.glint.list_changed()
 answer([first, stale, told(), before == of_settings() and len(before[0]) > 0])
 """,
     )
-    shadows, media = "Shadow Terminator", "Media see"
+    shadows, media = "Shadow caustics", "Media see"
     assert any(text.startswith(shadows) for text in first) and stale == first
     assert not any(text.startswith(shadows) for text in again)
     assert any(text.startswith(media) for text in again)

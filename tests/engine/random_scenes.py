@@ -146,7 +146,8 @@ def geometry(dice: Dice, kind: str) -> s.Geometry:
         return s.Spheres("balls", dice.normal(0, 0.7, (4, 3)).astype(np.float32), radii)
     if kind == "polygons":
         angle, radius = np.arange(9) * 2 * np.pi / 9, dice.uniform(0.2, 0.9, 9)
-        flat = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], 1)
+        level = np.full(9, dice.uniform(0.1, 0.5))  # at 0 a pattern of places is rounding alone
+        flat = np.stack([radius * np.cos(angle), radius * np.sin(angle), level], 1)
         return s.Polygons(
             "star",
             flat.astype(np.float32),
@@ -179,6 +180,8 @@ def instances(draw: Any, dice: Dice, number: int, materials: int) -> s.Instances
         blockers=draw(sets),
         catcher=not draw(mostly),
         motion=None if draw(mostly) else moved,
+        geometry_offset=draw(st.sampled_from((0.1, 0.1, 0.1, 0.0, 0.5))),
+        shading_offset=draw(st.sampled_from((0.0, 0.0, 0.0, 0.4, 1.0))),
         **seen,
     )
 

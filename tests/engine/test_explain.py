@@ -103,6 +103,18 @@ def test_holdouts_tell_of_what_is_behind_them():
     assert "it is a holdout: the camera sees nothing of it" in told and "transparent ray" in told
 
 
+def test_offsets_of_the_shadow_terminator_are_told():
+    low = tuple(replace(i, shading_offset=0.6, geometry_offset=0.0) for i in SCENE.instances)
+    scene = replace(SCENE, instances=low)
+    picture, explainer = render(scene, SETTINGS).combined, PixelExplainer(scene, SETTINGS)
+    for x, y in [*BALLS, (0, 0), (20, 3)]:
+        np.testing.assert_allclose(
+            explainer.pixel(x, y).color, picture[y, x, :3], rtol=2**-22, atol=1e-12
+        )
+    told = "\n".join(explanation_lines(explainer.pixel(0, 0)))
+    assert "the object's Shading Offset leaves 0." in told
+
+
 def every(ray):
     yield ray
     for after in ray.follow:

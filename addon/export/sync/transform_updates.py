@@ -149,6 +149,7 @@ class SceneIndex:
                 g.visible_transmission,
                 g.visible_diffuse,
                 g.visible_media,
+                (g.geometry_offset, g.shading_offset),
             )
             for g in groups
         )

@@ -25,6 +25,14 @@ Variant soft(const char* name, int kind, double extent, uint32_t flags = 0) {
   return {name, false, false, kDull, {kind}, extent, 4, kDull, false, false, flags};
 }
 
+/// The plain scene with something else.
+Variant special(const char* name, Variant::Special what, const std::vector<int>& unseen = kDull,
+                bool smooth = false) {
+  Variant v{name, smooth, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, unseen};
+  v.special = what;
+  return v;
+}
+
 const Variant kVariants[] = {
     {"plain", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull},
     {"highlights", false, false, kShiny, {GLINT_POINT_LIGHT}, 0, 1, kDull},
@@ -38,6 +46,13 @@ const Variant kVariants[] = {
     {"texture", false, true, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull},
     {"texture beside", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull, true},
     {"sphere beside", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull, false, true},
+    special("smooth", Variant::kNone, kDull, true),
+    special("smooth beside", Variant::kSmooth),
+    special("offsets beside", Variant::kOffsets),
+    special("hair beside", Variant::kStrands),
+    special("medium beside", Variant::kMedium),
+    special("middle of a lens", Variant::kLens),
+    special("resting camera frames", Variant::kMotion),
     {"no light", false, false, kDull, {}, 0, 1, kDull},
     soft("sun", GLINT_SUN, 0.1),
     soft("sphere", GLINT_POINT_LIGHT, 0.4),

@@ -13,6 +13,7 @@
 namespace glint::bench {
 
 constexpr uint32_t kWidth = 960, kHeight = 540;
+constexpr Vec3d kEye{5.5, -7, 5};
 
 /// A wavy grid of 2 side^2 triangles with normals and a UV map.
 struct Grid {
@@ -48,6 +49,7 @@ struct Variant {
   std::vector<int> unseen = {};  // lobes of a triangle behind the camera
   bool unseen_textured = false, unseen_sphere = false;
   uint32_t light_flags = GLINT_CAST_SHADOW;
+  enum Special { kNone, kSmooth, kStrands, kMedium, kOffsets, kLens, kMotion } special = kNone;
 };
 
 /// Columns x, y, z, t of a frame at `eye` whose z axis points away from the origin.
@@ -69,7 +71,9 @@ struct Description {
   double matrices[24] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
   uint32_t slots[2] = {0, 1};
   const float behind[9] = {11, -14, 10, 11.25f, -14, 10, 11, -13.75f, 10};
-  const float unseen_radius = 0.25f;
+  const float unseen_radius = 0.25f, strand_radii[2] = {0.1f, 0.1f};
+  const float normals_behind[9] = {0, 0, 1, 0, 0, 1, 0, 0, 1};
+  GlintMedium medium{};
   const uint32_t triangle[3] = {0, 1, 2};
   std::vector<uint8_t> pixels;
   GlintTexture texture{};
@@ -85,7 +89,7 @@ struct Description {
     paint(v);
     for (int kind : v.lights) light(kind, v.radius, v.light_flags);
     GlintCamera& c = data.camera;
-    look_at_origin(c.world_from_camera, {5.5, -7, 5});
+    look_at_origin(c.world_from_camera, kEye);
     const double window[4] = {-0.5, 0.5, -0.5 * kHeight / kWidth, 0.5 * kHeight / kWidth};
     std::copy_n(window, 4, c.window);
     c.clip_start = 0.1;
@@ -114,6 +118,7 @@ struct Description {
     constexpr uint32_t kSeen = GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW |
                                GLINT_VISIBLE_TRANSMISSION | GLINT_VISIBLE_DIFFUSE;
     instances[0] = {0, 1, 0, kSeen, 0, 1, 0, 0};
+    instances[0].geometry_offset = 0.1;
     data.geometry_count = data.instances_count = data.row_count = data.material_slot_count =
         data.material_count = 1;
   }
@@ -127,10 +132,22 @@ struct Description {
     geometry.kind = v.unseen_sphere ? GLINT_SPHERES : GLINT_MESH;
     if (v.unseen_sphere) geometry.radii = &unseen_radius;
     else geometry.triangles = triangle;
+    if (v.special == Variant::kSmooth || v.special == Variant::kOffsets)
+      geometry.normals = {normals_behind, 3, 0, GLINT_POINT, 3, 0};
+    if (v.special == Variant::kStrands) {
+      geometry.kind = GLINT_STRANDS;
+      geometry.triangles = nullptr;
+      geometry.radii = strand_radii;
+      geometry.indices = triangle;
+      geometry.index_count = 1;
+      geometry.vertex_count = 2;
+    }
     instances[1] = instances[0];
     instances[1].first_row = 1;
     instances[1].geometry = 1;
     instances[1].first_material = 1;
+    if (v.special == Variant::kOffsets)
+      instances[1].geometry_offset = instances[1].shading_offset = 0.5;
     data.geometry_count = data.instances_count = data.row_count = data.material_slot_count =
         data.material_count = 2;
   }
@@ -155,6 +172,7 @@ struct Description {
       input.attribute_channel = GLINT_COLOR;
       const std::vector<int>& kinds = m == 0 ? v.lobes : v.unseen;
       materials[m] = {uint32_t(lobes.size()), uint32_t(kinds.size()), 0, 0, 0, 0};
+      materials[m].medium = m == 1 && v.special == Variant::kMedium;
       for (int kind : kinds)
         lobes.push_back({.exponent = kind == GLINT_SPECULAR ? 60.0 : 0.0,
                          .ior = 1.5,
@@ -204,12 +222,16 @@ struct Description {
     data.materials = materials;
     data.lights = lights.data();
     data.light_count = lights.size();
+    for (double& a : medium.absorption) a = 0.5;
+    medium.step = 1.0 / 32;
+    data.media = &medium;
+    data.medium_count = 1;
   }
 };
 
 /// Two samples of a region, with points of its own.
 struct Plan : RenderPlan {
-  std::vector<double> points;
+  std::vector<double> points, camera;  // camera: the middle of the lens, or where it stands
   Plan(const Variant& v, Region of) : points(4 * v.light_samples + 4) {
     for (size_t k = 0; k < points.size(); ++k)
       points[k] = std::fmod(0.618 * double(k), 1.0) * 1.4 - 0.7;
@@ -218,6 +240,18 @@ struct Plan : RenderPlan {
     light_samples = v.light_samples;
     max_bounces = 2;
     pixel_offsets = light_square = light_disc = points.data();
+    camera_block = 1;
+    lens_focus = 8;
+    if (v.special == Variant::kLens) {
+      camera.assign(2 * samples, 0);
+      lens_points = camera.data();
+    }
+    if (v.special == Variant::kMotion) {
+      double frame[12];
+      look_at_origin(frame, kEye);
+      for (uint32_t k = 0; k < samples; ++k) camera.insert(camera.end(), frame, frame + 12);
+      camera_frames = camera.data();
+    }
   }
 };
 

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 58
+#define GLINT_ABI_VERSION 59
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -79,7 +79,9 @@ enum GlintInstanceFlags {
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
  * numbers from first_material on. light_set: below 64, see
  * GlintLight. crypto_object, crypto_asset: what Cryptomatte passes tell of it, the bits of floats.
- * light_group: of what glows, 0, or 1 plus the number of one of the scene's. */
+ * light_group: of what glows, 0, or 1 plus the number of one of the scene's. geometry_offset,
+ * shading_offset: >= 0, the cosine below which light grazes its smooth surfaces, and from 0 to 1 by
+ * how much of their angles its surfaces see light lower. */
 typedef struct GlintInstances {
   uint64_t first_row, row_count;
   uint32_t geometry, flags, first_material, material_count;
@@ -87,6 +89,7 @@ typedef struct GlintInstances {
   uint32_t light_set;
   uint32_t crypto_object, crypto_asset;
   int32_t light_group, reserved;
+  double geometry_offset, shading_offset;
 } GlintInstances;
 
 enum GlintTextureType { GLINT_UINT8, GLINT_FLOAT32 };

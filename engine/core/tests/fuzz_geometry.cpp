@@ -144,6 +144,8 @@ Placed placed(Dice& dice, Arena& arena, size_t materials) {
     i.geometry = dice.index(p.geometries.size());
     i.flags = uint32_t(dice.below(32)) | (dice.chance(0.7) ? 7 : 0);
     i.material_count = uint32_t(materials ? dice.below(materials + 1) : 0);
+    i.geometry_offset = dice.chance(0.7) ? 0.1 : 0.5 * double(dice.below(3));
+    i.shading_offset = dice.chance(0.7) ? 0 : 0.5 * double(dice.below(3));
     p.instances.push_back(i);
   }
   maybe_wreck(dice, p.geometries);

@@ -37,6 +37,9 @@ void check_instances(const GlintSceneData& d, Report& report) {
                d.instances[i].light_set);
     report.add(is_light_group(d, d.instances[i].light_group), "instances %llu: no such light group",
                ull(i));
+    const double low = d.instances[i].geometry_offset, lower = d.instances[i].shading_offset;
+    report.add(low >= 0 && std::isfinite(low) && lower >= 0 && lower <= 1,
+               "instances %llu: shadow terminator offsets %g and %g", ull(i), low, lower);
   }
   report.add(d.instance_value_count == 0 || (d.instance_value_names && d.instance_values) ||
                  d.row_count == 0,

@@ -1,5 +1,7 @@
 #include "integrator/batch.h"
 
+#include <algorithm>
+
 namespace glint {
 namespace {
 
@@ -24,6 +26,7 @@ Batch::Batch(const Scene& scene, Passes passes)
                size_t(scene.materials.specular_columns * scene.materials.max_specular) +
                size_t(scene.materials.passing_columns * scene.materials.max_passing) +
                (scene.materials.shadows_bumps ? kBumps : 0) +
+               (scene.instances.grazing_differs ? 1 : 0) + (scene.instances.lowers_light ? 1 : 0) +
                (scene.materials.has_translucent ? kBehind : 0) + kParts + (splits_ ? kSplit : 0) +
                3 + group_columns_of(scene, passes)),
       groups_(group_columns_of(scene, passes)),
@@ -102,6 +105,8 @@ void Batch::place_columns() {
     three(unbent);
     bump = one();
   }
+  if (scene_.instances.grazing_differs) grazing = one();
+  if (scene_.instances.lowers_light) lowering = one();
   if (scene_.materials.has_translucent) {
     three(translucent);
     if (smooth_) three(points.behind);
@@ -166,6 +171,15 @@ void Batch::set_surface(size_t k, const Surface& s) {
   }
 }
 
+void Batch::set_offsets() {
+  static constexpr GlintInstances kNothing{};
+  for (size_t k = 0; (grazing || lowering) && k < count_; ++k) {
+    const GlintInstances& group = missed(k) ? kNothing : scene_.instances.group(instance[k]);
+    if (grazing) grazing[k] = group.geometry_offset > 0 ? 1 / group.geometry_offset : 0;
+    if (lowering) lowering[k] = 1 / (1 - 0.5 * group.shading_offset);
+  }
+}
+
 void Batch::clear_specular() {
   const size_t width = size_t(scene_.materials.specular_columns);
   for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term)
@@ -185,6 +199,7 @@ bool Batch::turn_round() {
       set_row(points.n, k, row(lifted, k));
       bump[k] = lifted_bump[k];
     }
+  if (lowering) std::fill_n(lowering, count_, 1.0);
   for (double* const* columns : {points.g, smooth_ ? points.n : nullptr, unbent})
     for (size_t c = 0; columns && columns[0] && c < 3; ++c)
       for (size_t k = 0; k < count_; ++k) columns[c][k] = -columns[c][k];

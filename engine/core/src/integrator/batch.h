@@ -33,6 +33,8 @@ class Batch {
   bool missed(size_t k) const { return instance[k] == Hit::kNone; }
   Surface surface(size_t k) const;
   void set_surface(size_t k, const Surface& s);
+  /// What the points' instances say of light that grazes them, where the scene has such.
+  void set_offsets();
   /// Highlights show nothing.
   void clear_specular();
   /// The points become those of their other sides, where TRANSLUCENT lobes are DIFFUSE ones and all
@@ -110,8 +112,9 @@ class Batch {
   std::vector<float> u, v;
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};
-  double *unbent[3] = {}, *bump = nullptr;  // as LightStage has them
-  SumColumns sums{};                        // parts that are not kept are null
+  double *unbent[3] = {}, *bump = nullptr, *grazing = nullptr, *lowering = nullptr;  // as
+                                                                                     // LightStage
+  SumColumns sums{};  // parts that are not kept are null
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
   double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {},
          *lit_glossy_bounced[3] = {}, *lit_volume[3] = {}, *lit_volume_bounced[3] = {};

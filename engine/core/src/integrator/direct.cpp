@@ -11,14 +11,20 @@ namespace glint {
 namespace {
 
 constexpr size_t kColumns =
-    1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 +
-    2;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky, density and distance
+    1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 + 3 +
+    2;  // zeros, o, to, t_max, starts, ends, diffuse, specular, shadow, sky, density and distance
 
 /// Paths that bring less than this of what a bounced ray meets ask for few samples of lights.
 constexpr double kFaint = 1.0 / 16;
 
 /// Kinds of points.
 constexpr uint8_t kOnStrand = 1, kIsFaint = 2;
+
+/// The mean over the light of an even sky of what stage_terminator.h has it times.
+double mean_lowered(double lowering) {
+  if (!(lowering > 1)) return 1;
+  return 2 * (lowering * sine(kPi / 2 / lowering) - 1) / (lowering * lowering - 1);
+}
 
 }  // namespace
 
@@ -55,6 +61,7 @@ void DirectLight::prepare(const Batch& batch) {
   three(stage_.specular_out, batch.sums.diffuse[0]);
   three(ends_, true);
   three(shadow_, glassy_);
+  three(stage_.start_out, glassy_ && batch.points.origin[0] != batch.points.x[0]);
   three(sky_, scene_.features & GLINT_FEATURE_WORLD_LIGHT);
   if (scene_.features & GLINT_FEATURE_MESH_LIGHT) {
     stage_.density_out = columns_[next++];
@@ -74,6 +81,8 @@ void DirectLight::prepare(const Batch& batch) {
     stage_.unbent[c] = batch.unbent[c];
   }
   stage_.bump = batch.bump;
+  stage_.grazing = batch.grazing;
+  stage_.lowering = batch.lowering;
   stage_.count = batch.size();
   stage_.offset = p.offset;
   stage_.lit = batch.lit.data();
@@ -302,6 +311,7 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stages_.dome(stage);
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!stage_.lit[k] || balance_[k] < 0) continue;
+    if (batch.lowering) set_row(sky_, k, mean_lowered(batch.lowering[k]) * row(sky_, k));
     if (batch.has_groups()) batch.add_to_group(light.group, k, row(sky_, k));
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
@@ -334,9 +344,20 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   add(batch, light, count);
 }
 
-/// Where the shadow ray of a point of the batch starts that ends at `end`, as the stage has it.
-Vec3d DirectLight::shadow_start(uint32_t point, const Vec3d& end) const {
-  const Vec3d origin = row(stage_.origin, point), g = row(stage_.g, point);
+/// Where the shadow ray along l of a point of the batch leaves the surface, as the stage has it.
+Vec3d DirectLight::start_towards(uint32_t point, const Vec3d& l) const {
+  const Vec3d origin = row(stage_.origin, point), x = row(stage_.points_x, point);
+  const double grazing = stage_.grazing ? stage_.grazing[point] : kGrazing,
+               over_n = grazing * dot(row(stage_.n, point), l),
+               over_g = grazing * dot(row(stage_.g, point), l),
+               share = over_n < 1 ? 2 - (over_g + over_n) : 1 - over_g;
+  return grazing > 0 ? x + std::clamp(share, 0.0, 1.0) * (origin - x) : x;
+}
+
+/// Where the shadow ray of a point of the batch starts that leaves the surface at `origin` and ends
+/// at `end`, as the stage has it.
+Vec3d DirectLight::shadow_start(uint32_t point, const Vec3d& origin, const Vec3d& end) const {
+  const Vec3d g = row(stage_.g, point);
   const double offset = stage_.offset[point];
   double beside = offset;
   if (dot(g, end - origin) < 0)
@@ -355,20 +376,21 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
     if (placement_[k] == Hit::kNone) continue;
     const GlintEmitter& emitter = scene_.lights.emitters[light.first_emitter + emitter_[k]];
     const Vec3d from = row(stage_.o, k), l = row(stage_.to, k), q = from + distance_[k] * l;
-    const LightMeeting met =
-        light.meeting(emitter, row(stage_.points_x, point_[k]), row(stage_.origin, point_[k]), q, l,
-                      uint32_t(stage_.share));
+    const Vec3d origin = start_towards(point_[k], l);
+    const LightMeeting met = light.meeting(emitter, row(stage_.points_x, point_[k]), origin, q, l,
+                                           uint32_t(stage_.share));
     const double times = stage_.density_out[k] * met.spread,
                  factor = stage_.evenly ? stage_.share * met.factor / (times + 1 / times)
                                         : met.factor / (1 + times / stage_.share);
     const Vec3d given = factor * met.color * row(stage_.diffuse_out, k);
     if (!any(given) || (!met.front && dot(row(stage_.g, point_[k]), l) <= 0)) continue;
-    const Vec3d start = shadow_start(point_[k], met.end), to = met.end - start;
+    const Vec3d start = shadow_start(point_[k], origin, met.end), to = met.end - start;
     point_[kept] = point_[k];
     met_group_[kept] = emitter.light_group - 1;
     set_row(stage_.o, kept, start);
     set_row(stage_.to, kept, unit(to));
     stage_.t_max[kept] = length(to) - rounding(std::max(max_abs(met.end), max_abs(start)));
+    if (stage_.start_out[0]) set_row(stage_.start_out, kept, origin);
     if (stage_.end_out[0]) set_row(stage_.end_out, kept, met.end);
     set_row(stage_.diffuse_out, kept, stage_.specular_out[0] ? Vec3d{} : given);
     if (stage_.specular_out[0]) set_row(stage_.specular_out, kept, given);
@@ -401,6 +423,7 @@ void DirectLight::apply_program(const Light& light, size_t count) {
 void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
   const Rays rays = shadow_rays(count);
   media_.find(rays, counts);
+  if (media_.empty()) return;
   ends_of_shadows_.resize(count);
   for (size_t k = 0; k < count; ++k)  // what is dark already is not asked
     ends_of_shadows_[k] = any(row(shadow_, k)) ? stage_.t_max[k] : 0;

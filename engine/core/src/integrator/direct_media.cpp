@@ -62,6 +62,7 @@ void DirectLight::place_points(const Batch& batch) {
   at_.resize(scattered_.rows());
   for (size_t c = 0; c < 3; ++c) {
     stage_.points_x[c] = stage_.origin[c] = scattered_[c];
+    stage_.start_out[c] = nullptr;
     stage_.diffuse[c] = scattered_[3 + c];
     stage_.end_out[c] = ends_[c];
   }
@@ -71,6 +72,7 @@ void DirectLight::place_points(const Batch& batch) {
 
 void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                           uint32_t sample, RayCounts& counts) {
+  if (spans.empty()) return;
   sample_ = sample;
   ends_of_rays_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k)

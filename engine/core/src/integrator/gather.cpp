@@ -62,14 +62,16 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
   }
 }
 
-/// What points throw back of light from all sides, but for those whose bumps hide some.
+/// What points throw back of light from all sides, but for those that get less of some.
 void DirectLight::find_matt(const Batch& batch) {
   for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), batch.size(), 0.0);
   const size_t count = stages_.gather(stage_);
   for (size_t k = 0; k < count; ++k) {
     const uint32_t point = point_[k];
     const Vec3d matt = row(stage_.diffuse_out, k);
-    if (finite(matt) && !(stage_.unbent[0] && any(row(stage_.unbent, point)))) given_[point] = matt;
+    const bool bent = stage_.unbent[0] && any(row(stage_.unbent, point));
+    const bool lowers = stage_.lowering && stage_.lowering[point] > 1;
+    if (finite(matt) && !bent && !lowers) given_[point] = matt;
   }
 }
 

@@ -224,6 +224,7 @@ Vec3d MediaSpans::depth(size_t k, double from, double to, uint64_t passed_sets,
 
 Vec3d MediaSpans::passed(size_t k, double from, double to, uint64_t passed_sets,
                          bool catchers_alone) const {
+  if (first_span(k) == end_[k] && !world()) return {1, 1, 1};
   const Vec3d tau = depth(k, from, to, passed_sets, catchers_alone);
   Vec3d left{exponential(-tau.x), 0, 0};
   left.y = tau.y == tau.x ? left.x : exponential(-tau.y);

@@ -29,6 +29,8 @@ class MediaSpans {
   /// rays, see GlintLight. catchers_alone: of what catchers of shadows enclose, and the world.
   Vec3d depth(size_t k, double from, double to, uint64_t passed_sets = 0,
               bool catchers_alone = false) const;
+  /// Whether nothing is on the way of any ray.
+  bool empty() const { return spans_.empty() && !world(); }
   /// How much goes straight on between them.
   Vec3d passed(size_t k, double from, double to, uint64_t passed_sets = 0,
                bool catchers_alone = false) const;

@@ -29,7 +29,9 @@ void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* 
     const Across across(n);
     const Vec3d l = place[0] * across.t1 + place[1] * across.t2 + height * n;
     point_[k] = points[k];
-    set_row(stage_.o, k, shadow_start(points[k], row(stage_.origin, points[k]) + l));
+    const Vec3d origin = start_towards(points[k], l);
+    if (stage_.start_out[0]) set_row(stage_.start_out, k, origin);
+    set_row(stage_.o, k, shadow_start(points[k], origin, origin + l));
     set_row(stage_.to, k, l);
     stage_.t_max[k] = reach;
   }

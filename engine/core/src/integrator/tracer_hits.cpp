@@ -100,6 +100,7 @@ void Tracer::find_points(const Queue& queue) {
     const GlintInstances& group = scene_.instances.group(batch_.instance[k]);
     batch_.material[k] = scene_.instances.material_of(group, batch_.primitive[k]);
   }
+  batch_.set_offsets();
 }
 
 /// How far behind the first hits of the camera rays the next ones lie.
@@ -125,6 +126,10 @@ void Tracer::dim(Queue& queue) {
   const Rays rays = queue.rays();
   media_.find(rays, counts_);
   clear_.resize(queue.size());
+  if (media_.empty()) {
+    for (size_t k = 0; k < queue.size(); ++k) clear_[k] = queue.path(k).T;
+    return;
+  }
   ends_.resize(queue.size());
   const double far = queue.gathers ? 0 : kInfinity;  // where nothing is met
   for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? far : batch_.t[k];

@@ -87,6 +87,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.start[c] = queue.column(Queue::kStart + c);
   }
   stage.lifted_bump = batch_.lifted_bump;
+  stage.lowering = batch_.lowering;
   if (material.program > 0) {
     stage.program = scene_.programs.of(material.program);
     stage.normal = material.normal;

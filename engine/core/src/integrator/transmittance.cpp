@@ -40,6 +40,7 @@ void TransparentShadows::begin(const LightStage& light, size_t count, double* co
   const bool endless = light.shape == kDirection || light.shape == kSky || light.shape == kOpenSky;
   for (size_t c = 0; c < 3; ++c) {
     stage_.origin[c] = light.origin[c];
+    stage_.start[c] = light.start_out[c];
     stage_.to[c] = light.to[c];
     shadow_[c] = shadow[c];
     stage_.end[c] = endless ? nullptr : light.end_out[c];

@@ -154,6 +154,8 @@ void shape_instances(InstanceTable& t, const Anchor& anchor, const MaterialTable
                                                  !(group.flags & GLINT_VISIBLE_DIFFUSE);
     t.glass_differs = t.glass_differs || !(group.flags & GLINT_VISIBLE_MIRROR) !=
                                              !(group.flags & GLINT_VISIBLE_TRANSMISSION);
+    t.grazing_differs = t.grazing_differs || group.geometry_offset * kGrazing != 1;
+    t.lowers_light = t.lowers_light || group.shading_offset > 0;
   }
   t.shapes.reserve(t.placements.size());
   for (size_t i = 0; i < t.placements.size(); ++i) {

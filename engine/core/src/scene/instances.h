@@ -29,6 +29,8 @@ struct InstanceTable {
   bool mirrors_differ = false;   // some are seen in mirrors and cast no shadow, or the other way
   bool diffuse_differs = false;  // some are seen in mirrors and not by diffuse rays, or not
   bool glass_differs = false;    // some are seen in mirrors and not through glass, or the other way
+  bool grazing_differs = false;  // some have another geometry_offset than one over kGrazing
+  bool lowers_light = false;     // some have a shading_offset
 
   const GlintInstances& group(uint32_t instance) const {
     return groups[placements[instance].group];

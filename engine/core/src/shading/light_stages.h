@@ -36,6 +36,9 @@ enum LightShape : int {
   kBouncedSource,  // points of it are discs
 };
 
+/// One over the cosine below which light grazes smooth surfaces, where instances say nothing else.
+constexpr double kGrazing = 10;
+
 /// Highlights draw a direction for so many of a dome's.
 constexpr size_t kSkyDraws = 8;
 constexpr size_t kDomeColumns = 10;  // of rows of GlintRenderSettings.dome_table
@@ -109,15 +112,17 @@ struct LightStage {
   size_t first, count;    // points; first: a multiple of kPad
   const double* disc[2];  // of the unit disc for each point, below the direction of its gather ray
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
-  const double *unbent[3], *bump;  // as stage_bump.h reads them; null where no material has any
+  const double *unbent[3], *bump;    // as stage_bump.h reads them; null where no material has any
+  const double *grazing, *lowering;  // as stage_terminator.h reads them; null: kGrazing and 1
   const double* specular;
   size_t stride;
   int max_specular, specular_columns;
   const int64_t* lit;
   const double* gloss[3];  // kBouncedSource: T k of dielectrics' gloss as if it were matt; or null
   uint32_t* point;  // what follows: a number for each point that the sample reaches, before shadows
-  double *o[3], *to[3], *t_max;              // shadow rays, where the light casts any
-  double* end_out[3];                        // ends of their segments; null where nobody asks
+  double *o[3], *to[3], *t_max;  // shadow rays, where the light casts any
+  double* start_out[3];          // where they leave the surface; null: at `origin`, or nobody asks
+  double* end_out[3];            // ends of their segments; null where nobody asks
   double *diffuse_out[3], *specular_out[3];  // T k I; specular_out null: both in diffuse_out
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet

@@ -2,7 +2,7 @@
 // the bent one is of. Letters: n bent normal, m the one that it was bent from, l direction to the
 // light.
 #pragma once
-#include "shading/stages.h"
+#include "shading/stage_terminator.h"
 #include "simd/lanes.h"
 
 namespace glint {
@@ -30,33 +30,42 @@ inline Three lifted(const Three& n, const Three& g, const Three& v) {
   return choose((mirrored < t) & (a > 0), high, n);
 }
 
-/// Of light along l: where it comes from behind m, and the share of it that matt lobes get.
+/// Of light along l: where it comes from behind m, and the share of it that matt lobes get, for
+/// bumps and where the surface sees it lower.
 struct BumpShadow {
   bool some = false;
   Mask hidden{};
   Doubles share = splat(1);
 };
 
-/// Whether lights look at more than one normal of a point: stages are there twice, so that others
-/// pay nothing.
+/// Whether lights look at more than one normal or angle of a point: stages are there twice, so that
+/// others pay nothing.
 inline bool is_bent(const LightStage& s) {
-  return s.unbent[0] || s.turns_lobes || s.stretches_lobes;
+  return s.unbent[0] || s.turns_lobes || s.stretches_lobes || s.lowering;
+}
+
+/// What the point gives back of light over its normal n is times.
+template <bool Bent>
+inline Doubles lowered(const LightStage& s, size_t k, const Three& n, const Three& l) {
+  return Bent && s.lowering ? lowered(load(s.lowering + k), dot(n, l)) : splat(1);
 }
 
 /// The sides of m and n are those of the viewer and of the light: l is before n.
 template <bool Bent>
 inline BumpShadow bump_shadow(const LightStage& s, size_t k, const Three& n, const Three& l) {
-  if (!Bent || !s.unbent[0]) return {};
+  if (!Bent || !(s.unbent[0] || s.lowering)) return {};
+  const Doubles low = lowered<Bent>(s, k, n, l);
+  if (!s.unbent[0]) return {true, Mask{}, low};
   const Three m = load3(s.unbent, k);
   const Mask bent = nonzero(m);
-  if (!bits(bent)) return {};
+  if (!bits(bent)) return {s.lowering != nullptr, Mask{}, low};
   const Doubles ml = dot(m, l), bump = load(s.bump + k), cosine = smaller(magnitude(ml), splat(1)),
                 // Smith's shadowing of GGX
       ggx = 2 * cosine / (cosine + root(cosine * cosine + bump * (1 - cosine * cosine))),
                 g = smaller(cosine / (-bump * magnitude(dot(n, l))), splat(1)),
                 chiang = g + g * g - g * g * g;
   const Doubles share = where(cosine > 0, choose(bump < 0, chiang, ggx));
-  return {true, bent & (ml * dot(m, n) < 0), choose(bent, share, splat(1))};
+  return {true, bent & (ml * dot(m, n) < 0), low * choose(bent, share, splat(1))};
 }
 
 }  // namespace

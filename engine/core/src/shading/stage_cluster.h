@@ -29,6 +29,7 @@ inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWal
       if (stage.stretches_lobes) apart |= Stretch(stage, k, number, Three{}).some;
       far2 = choose(apart & nonzero(term.k), splat(__builtin_inf()), far2);  // looks at each lamp
     }
+    if (stage.lowering) far2 = choose(load(stage.lowering + k) > 1, splat(__builtin_inf()), far2);
     store(walk.far2 + (k - first), far2);
     store(walk.until + (k - first), choose(load(s.lit + k), splat(0), splat(__builtin_inf())));
   }

@@ -168,6 +168,10 @@ inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& 
     if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, k);
     if (s.passing_columns == PassingTerm::kTurned)
       scatter3(column + PassingTerm::kNormal * s.stride, s.stride, at, normal);
+    if (s.lowering && lobe.kind == GLINT_MIRROR) {
+      const Three n = choose(nonzero(normal), normal, gather3(s.n, at));
+      k = lowered(gather(s.lowering, at), -dot(n, gather3(s.d, at))) * k;
+    }
   }
   scatter3(column, s.stride, at, k);
   if (s.passing_columns >= PassingTerm::kShaped) {

@@ -46,7 +46,7 @@ inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l)
   const BumpShadow bump = bump_shadow<true>(s, k, n, l);
   Three T = load3(s.diffuse, k);
   if (bump.some) T = bump.share * T;
-  if (s.gathers_gloss) T = T + even_gloss(s, k);
+  if (s.gathers_gloss) T = T + lowered<true>(s, k, n, l) * even_gloss(s, k);
   return bump.some ? where(~bump.hidden, T) : T;
 }
 

@@ -3,6 +3,7 @@
 // of a group of points.
 #pragma once
 #include "shading/stage_math.h"
+#include "shading/stage_terminator.h"
 #include "shading/stages.h"
 
 namespace glint {
@@ -250,6 +251,7 @@ __attribute__((always_inline)) inline Highlights all_highlights(const LightStage
       }
     }
     if (turns) factor = where(dot(axis, l) > 0, factor);
+    if (Bent && s.lowering) factor = lowered(load(s.lowering + k), dot(axis, l)) * factor;
     sum.light = sum.light + factor * term.k;
     if (narrow) sum.density = sum.density + density * term.weight(*narrow);
   }

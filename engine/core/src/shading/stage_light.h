@@ -41,7 +41,7 @@ template <int Shape>
 __attribute__((always_inline)) inline void shadow_ray(const LightStage& s, size_t k,
                                                       const Sample& sample,
                                                       const Appender& append) {
-  const Three origin = load3(s.origin, k), g = load3(s.g, k);
+  const Three origin = start_towards(s, k, sample.l), g = load3(s.g, k);
   const Doubles offset = load(s.offset + k);
   constexpr bool endless = Shape == kDirection || Shape == kSky || Shape == kOpenSky;
   constexpr bool on_mesh = Shape == kMeshSource || Shape == kBouncedSource;
@@ -57,6 +57,7 @@ __attribute__((always_inline)) inline void shadow_ray(const LightStage& s, size_
     o = o + (endless ? through : smaller(through, 0.5 * length(towards))) * sample.l;
   }
   append(s.o, o);
+  if (s.start_out[0]) append(s.start_out, origin);
   if (s.end_out[0]) append(s.end_out, end);
   if (endless) {
     append(s.to, sample.l);
@@ -160,7 +161,8 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   if (!any(reached)) return;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
   Three diffuse = cosine * (I * load3(s.diffuse, k)), specular{};
-  if (Shape == kBouncedSource && s.gloss[0]) specular = cosine * (I * load3(s.gloss, k));
+  if (Shape == kBouncedSource && s.gloss[0])
+    specular = lowered<Bent>(s, k, n, at.l) * cosine * (I * load3(s.gloss, k));
   if (Shape == kBouncedSource && s.gather2 > 0) {
     const Three way = splat3(s.end) - x;
     const Doubles share = far_share(s, dot(way, way));

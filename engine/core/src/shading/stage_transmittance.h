@@ -69,7 +69,7 @@ struct Leaving {
     Chosen from = ray;
     for (size_t lane = 0; lane < kLanes; ++lane) from.row[lane] = s.point[ray.row[lane]];
     from.together = follow_each_other(from.row);
-    origin = gather3(s.origin, from);
+    origin = s.start[0] ? gather3(s.start, ray) : gather3(s.origin, from);
     d = s.end[0] ? unit(gather3(s.end, ray) - origin) : gather3(s.to, ray);
   }
 };

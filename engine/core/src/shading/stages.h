@@ -109,7 +109,7 @@ struct EvaluateStage {
   double* bent[3];
   int bump_shadowing;  // GlintBumpShadowing; base_normal: as `normal`, what that was bent from
   int32_t base_normal;
-  double *unbent[3], *bump;  // as LightStage has them
+  double *unbent[3], *bump, *lowering;  // as LightStage has them
   const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
@@ -198,7 +198,8 @@ struct TransmittanceStage {
   const float *u, *v;
   const uint32_t* point;  // of each ray of the sample, as what follows but `origin`
   const double *origin[3], *to[3],
-      *end[3];       // origin: of each point.  end: null where `to` is exact
+      *end[3];  // origin: of each point, where `start` is null.  end: null where `to` is exact
+  const double* start[3];
   double* share[3];  // of each hit
   double most;       // Material::most_passed, or most_passed_to_fibres
   bool to_fibres;    // the rays are of points on strands

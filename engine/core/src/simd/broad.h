@@ -63,6 +63,20 @@ inline float smallest(Broad v) {
                high = __builtin_shufflevector(v, v, 8, 9, 10, 11, 12, 13, 14, 15);
   return smallest(smaller(low, high));
 }
+inline void largest_of_two(Broad v, Broad w, float& p, float& q) {
+  const auto fold = [](Broad a) {
+    return larger(Floats(__builtin_shufflevector(a, a, 0, 1, 2, 3, 4, 5, 6, 7)),
+                  Floats(__builtin_shufflevector(a, a, 8, 9, 10, 11, 12, 13, 14, 15)));
+  };
+  largest_of_two(fold(v), fold(w), p, q);
+}
+inline void smallest_of_two(Broad v, Broad w, float& p, float& q) {
+  const auto fold = [](Broad a) {
+    return smaller(Floats(__builtin_shufflevector(a, a, 0, 1, 2, 3, 4, 5, 6, 7)),
+                   Floats(__builtin_shufflevector(a, a, 8, 9, 10, 11, 12, 13, 14, 15)));
+  };
+  smallest_of_two(fold(v), fold(w), p, q);
+}
 inline Broad narrow_broad(const double* p) {
   const Singles low = __builtin_convertvector(load(p), Singles),
                 high = __builtin_convertvector(load(p + kLanes), Singles);

@@ -155,6 +155,17 @@ inline DoubleMask at_most(Doubles a, Doubles b) { return a <= b; }
 inline DoubleMask equal(Doubles a, Doubles b) { return a == b; }
 #endif
 
+/// The lanes of `some`, one beside the other.
+inline Doubles packed(Doubles v, uint32_t some) {
+#if defined(__AVX512F__)
+  return Doubles(_mm512_maskz_compress_pd(__mmask8(some), __m512d(v)));
+#else
+  Doubles p{};
+  for (int k = 0; some; some &= some - 1) p[k++] = v[__builtin_ctz(some)];
+  return p;
+#endif
+}
+
 inline bool all_zero(Ints v) {
 #if defined(__AVX__)
   return _mm256_testz_si256(__m256i(v), __m256i(v));
@@ -182,6 +193,33 @@ inline float smallest(Floats v) {
   return _mm_cvtss_f32(_mm_min_ss(a, _mm_shuffle_ps(a, a, 1)));
 #else
   return smaller(smaller(v[0], v[1]), smaller(v[2], v[3]));
+#endif
+}
+/// Those of two vectors.
+inline void largest_of_two(Floats v, Floats w, float& p, float& q) {
+#if defined(__AVX__)
+  const __m256 m = _mm256_max_ps(_mm256_unpacklo_ps(__m256(v), __m256(w)),
+                                 _mm256_unpackhi_ps(__m256(v), __m256(w)));
+  __m128 a = _mm_max_ps(_mm256_castps256_ps128(m), _mm256_extractf128_ps(m, 1));
+  a = _mm_max_ps(a, _mm_movehl_ps(a, a));
+  p = a[0];
+  q = a[1];
+#else
+  p = largest(v);
+  q = largest(w);
+#endif
+}
+inline void smallest_of_two(Floats v, Floats w, float& p, float& q) {
+#if defined(__AVX__)
+  const __m256 m = _mm256_min_ps(_mm256_unpacklo_ps(__m256(v), __m256(w)),
+                                 _mm256_unpackhi_ps(__m256(v), __m256(w)));
+  __m128 a = _mm_min_ps(_mm256_castps256_ps128(m), _mm256_extractf128_ps(m, 1));
+  a = _mm_min_ps(a, _mm_movehl_ps(a, a));
+  p = a[0];
+  q = a[1];
+#else
+  p = smallest(v);
+  q = smallest(w);
 #endif
 }
 /// The lanes of two vectors as the halves of integers.

@@ -18,6 +18,7 @@ inline void set_source(Beam& beam, const Rays& rays, size_t first) {
   beam.order = s.order = &order;
   s.t_min = rays.t_min + first;
   s.t_max = rays.t_max + first;
+  s.more = !rays.ends && rays.count - first >= 2 * kBeam;
   for (int a = 0; a < 3; ++a) {
     s.xyz_d[a] = rays.d[a] + first;
     s.xyz_o[a] = rays.o[a] + first;
@@ -59,24 +60,22 @@ inline bool set_places(Beam& beam, BeamSpan& span) {
   for (int a = 0; a < 2; ++a)
     beam.middle[a] =
         float(0.5 * sign * (s.d[a][0] / s.d[2][0] + s.d[a][kBeam - 1] / s.d[2][kBeam - 1]));
-  float low[2] = {kFar, kFar}, high[2] = {-kFar, -kFar};
+  auto& side = beam.side;
   for (int g = 0; g < kSlices; ++g) {
     const int k = g * kBroad;
     const Broad ahead = narrow_broad(s.d[2] + k) * forward, inverse = sense / ahead;
     shortest = smaller(ahead, shortest);
     longest = larger(ahead, longest);
+    Broad place[2];
     for (int a = 0; a < 2; ++a) {
-      const Broad slope = narrow_broad(s.d[a] + k) * inverse, steep = magnitude(slope),
-                  place = slope - spread(beam.middle[a]);
+      const Broad slope = narrow_broad(s.d[a] + k) * inverse, steep = magnitude(slope);
+      place[a] = slope - spread(beam.middle[a]);
       good = good & at_most(steep, spread(2 - 0x1p-20f));
       straight = straight & at_most(steep, spread(1 - 0x1p-20f));
-      store_broad(beam.place[a] + k, place);
-      const float least = smallest(place), most = largest(place);
-      beam.center[a][g] = 0.5f * (least + most);
-      beam.half[a][g] = 0.5f * (most - least);
-      low[a] = smaller(low[a], least);
-      high[a] = larger(high[a], most);
+      store_broad(beam.place[a] + k, place[a]);
     }
+    smallest_of_two(place[0], place[1], side[0][0][g], side[1][0][g]);
+    largest_of_two(place[0], place[1], side[0][1][g], side[1][1][g]);
   }
   constexpr uint32_t kAll = uint32_t((uint64_t(1) << kBroad) - 1);
   span.shortest = double(smallest(shortest));
@@ -85,13 +84,19 @@ inline bool set_places(Beam& beam, BeamSpan& span) {
   s.mixed = bits(straight) != kAll;
   beam.slope = 0;
   for (int a = 0; a < 2; ++a) {
-    beam.width[a] = larger(-low[a], high[a]);
+    Broad low = load_broad(side[a][0]), high = load_broad(side[a][1]);
+    for (int g = kBroad; g < kSlices; g += kBroad) {
+      low = smaller(load_broad(side[a][0] + g), low);
+      high = larger(load_broad(side[a][1] + g), high);
+    }
+    beam.width[a] = larger(-smallest(low), largest(high));
     beam.slope = larger(beam.slope, magnitude(beam.middle[a]) + beam.width[a]);
   }
   float area = 0;
-  const float room[2] = {beam.width[0] / 16, beam.width[1] / 16};
+  const float room[2] = {beam.width[0] / 8, beam.width[1] / 8};
   for (int g = 0; g < kSlices; ++g)
-    area += (beam.half[0][g] + room[0]) * (beam.half[1][g] + room[1]);
+    area += (side[0][1][g] - side[0][0][g] + room[0]) * (side[1][1][g] - side[1][0][g] + room[1]);
+  area /= 4;
   const float whole = beam.width[0] * beam.width[1];
   return 4 * area >= whole && area <= 4 * whole;
 }
@@ -131,11 +136,10 @@ inline bool set_from_apex(Beam& beam, const TreeView& tree, const Rays& rays, si
   if (!set_room(beam, tree, square)) return false;
   set_source(beam, rays, first);
   const BeamSource& s = beam.source;
-  for (int k = 0; !rays.ends && k < kBeam; k += kLanes) {
-    Longs other{};
+  Longs other{};
+  for (int k = 0; !rays.ends && k < kBeam; k += kLanes)
     for (const double* p : s.o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
-    if (any(Longs(other != Longs{}))) return false;
-  }
+  if (any(Longs(other != Longs{}))) return false;
   BeamSpan span;
   if (!set_ends(beam, rays, span) || !set_places(beam, span)) return false;
   beam.apex = origin_at({*s.o[0], *s.o[1], *s.o[2]}, *beam.order);

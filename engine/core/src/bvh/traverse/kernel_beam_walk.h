@@ -33,12 +33,12 @@ struct BeamWalk {
       return;
     }
     if (const ChildRef best = beam.pending[r]; best != kNothing) {
-      const int at = int(beam.leaf_at[r]);
+      const int at = int(beam.leaf_at[r] & ~kDecided);
       if (!Answers::nearer(found, exact(ray, ray.see(Triangles(tree, best), at), best, at))) return;
     }
     const double inverse_depth = 1 / magnitude(found.t * s.d[2][r]);
     beam.pending[r] = leaf;
-    beam.leaf_at[r] = uint32_t(place);
+    beam.leaf_at[r] = uint32_t(place) | kDecided;
     beam.farthest[r] = float(inverse_depth * (1 - 0x1p-21));
     beam.nearest[r] = float(inverse_depth * (1 + 0x1p-21));
   }
@@ -86,20 +86,17 @@ struct BeamWalk {
   __attribute__((always_inline)) uint32_t met(const BeamTable& t, int lane) const {
     const Broad behind = spread(-t.at(9, lane)), px = spread(t.at(11, lane)),
                 py = spread(t.at(12, lane)), p = spread(t.at(10, lane) + t.at(13, lane));
+    const auto side = [&](int e, int a) { return beam.side[a][1] + int(t.sides[e][a][lane]); };
     uint32_t mask = 0;
     for (int g = 0; g < kSlices; g += kBroad) {
-      const Broad cx = load_broad(beam.center[0] + g), cy = load_broad(beam.center[1] + g),
-                  hx = load_broad(beam.half[0] + g), hy = load_broad(beam.half[1] + g);
-      BroadMask out =
-          less(fused(magnitude(px), hx, fused(magnitude(py), hy, fused(px, cx, fused(py, cy, p)))),
-               load_broad(beam.end + g));
-      for (int e = 0; e < 3; ++e) {
-        const Broad x = spread(t.at(3 * e + 1, lane)), y = spread(t.at(3 * e + 2, lane)),
-                    k = spread(t.at(3 * e, lane));
-        out = out |
-              less(fused(magnitude(x), hx, fused(magnitude(y), hy, fused(x, cx, fused(y, cy, k)))),
-                   behind);
-      }
+      const auto most = [&](int e, Broad x, Broad y, Broad k) {
+        return fused(x, load_broad(side(e, 0) + g), fused(y, load_broad(side(e, 1) + g), k));
+      };
+      BroadMask out = less(most(3, px, py, p), load_broad(beam.end + g));
+      for (int e = 0; e < 3; ++e)
+        out = out | less(most(e, spread(t.at(3 * e + 1, lane)), spread(t.at(3 * e + 2, lane)),
+                              spread(t.at(3 * e, lane))),
+                         behind);
       mask |= (~bits(out) & ((1u << kBroad) - 1)) << g;
     }
     return mask & uint32_t((uint64_t(1) << kSlices) - 1);
@@ -226,6 +223,24 @@ struct BeamWalk {
                         : reinterpret_cast<const char*>(tree.nodes + child);
     for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
   }
+  /// Asks for the memory of the next beam's rays from r on, and of this one's answers, a line of
+  /// each: a few at every step of the walk, since a processor waits when it is asked for many.
+  void fetch_ahead(int r) const {
+    const BeamSource& s = beam.source;
+    for (int a = 0; a < 3; ++a) {
+      __builtin_prefetch(s.xyz_o[a] + kBeam + r);
+      __builtin_prefetch(s.xyz_d[a] + kBeam + r);
+    }
+    __builtin_prefetch(s.t_min + kBeam + r);
+    __builtin_prefetch(s.t_max + kBeam + r);
+    if (Any) return;
+    __builtin_prefetch(answers.t + r, 1);
+    if (r % (2 * kOfLine)) return;
+    __builtin_prefetch(answers.instance + r, 1);
+    __builtin_prefetch(answers.primitive + r, 1);
+    __builtin_prefetch(answers.u + r, 1);
+    __builtin_prefetch(answers.v + r, 1);
+  }
   /// False when it came to more leaves than `leaves` and its hits allow, or at_leaf(leaf) says so.
   template <class AtLeaf>
   __attribute__((always_inline)) bool walk(int leaves, AtLeaf at_leaf) {
@@ -247,7 +262,8 @@ struct BeamWalk {
     int top = 0;
     ChildRef at = tree.root;
     due = leaves * kRaysOfLeaf;
-    for (;;) {
+    for (int step = 0;; ++step) {
+      if (beam.source.more && step < kBeam / kOfLine) fetch_ahead(step * kOfLine);
       if (at & kLeaf) {
         if ((due -= kRaysOfLeaf) < 0 || !at_leaf(at)) return false;
       } else {

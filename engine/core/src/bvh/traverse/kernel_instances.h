@@ -93,33 +93,24 @@ struct Visit {
   void add(int k, uint32_t rays, const InstanceRecord& instance) {
     const OpenRay<Doubles> all(instance, w.tile, k);
     rays &= ~bits(all.passes_by(*inner.tree));
-    if (rays == (1u << kLanes) - 1) return add_all(k, all, instance);
-    alignas(64) double numbers[6][kLanes];
-    for (int a = 0; a < 3; ++a) {
-      store(numbers[a], all.o[a]);
-      store(numbers[3 + a], all.d[a]);
-    }
-    for (; rays; rays &= rays - 1) {
-      const int lane = __builtin_ctz(rays);
-      for (int c = 0; c < 6; ++c) columns.values[c][inner.count] = numbers[c][lane];
-      add_end(k + lane, instance);
-    }
-  }
-  void add_all(int k, const OpenRay<Doubles>& rays, const InstanceRecord& instance) {
-    const Answers& answers = *w.tile.answers;
-    const Doubles end = load(answers.t_max + k);
+    if (!rays) return;
     const int to = inner.count;
     for (int a = 0; a < 3; ++a) {
-      store(columns.values[a] + to, rays.o[a]);
-      store(columns.values[3 + a] + to, rays.d[a]);
+      store(columns.values[a] + to, packed(all.o[a], rays));
+      store(columns.values[3 + a] + to, packed(all.d[a], rays));
     }
-    store(columns.values[6] + to, load(w.tile.t_min + k));
-    store(columns.values[7] + to, Any ? end : smaller(end, load(answers.t + k)));
-    for (int j = 0; j < kLanes; ++j) {
-      inner.slot[to + j] = uint8_t(k + j);
-      instances[to + j] = instance.instance;
+    if (k + kLanes > w.tile.count) {  // answers end there
+      for (; rays; rays &= rays - 1) add_end(k + __builtin_ctz(rays), instance);
+      return;
     }
-    inner.count += kLanes;
+    const Answers& answers = *w.tile.answers;
+    const Doubles end = load(answers.t_max + k);
+    store(columns.values[6] + to, packed(load(w.tile.t_min + k), rays));
+    store(columns.values[7] + to, packed(Any ? end : smaller(end, load(answers.t + k)), rays));
+    for (; rays; rays &= rays - 1) {
+      inner.slot[inner.count] = uint8_t(k + __builtin_ctz(rays));
+      instances[inner.count++] = instance.instance;
+    }
   }
   void add_end(int r, const InstanceRecord& instance) {
     const Answers& answers = *w.tile.answers;

@@ -163,6 +163,7 @@ __attribute__((noinline)) void walk_packet(Walk<Any>& w, const Order& order, uin
   const WideFrustum whole(w.packet.whole);
   const TreeView& tree = w.tree;
   const Floats margin = splat(w.tile.margin);
+  const bool placed = tree.kind == kInstanceLeaf;
   PacketStack stack;
   stack.push(0, tree.root, -kFar, rays);
   alignas(64) float planes[6][kFloats];
@@ -203,7 +204,8 @@ __attribute__((noinline)) void walk_packet(Walk<Any>& w, const Order& order, uin
         const int lane = __builtin_ctz(mask);
         if (!(met[lane] & rest)) continue;
         stack.push(top, n.child[first + lane], planes[4][lane], met[lane] & rest);
-        if (tree.large) fetch(tree, n.child[first + lane], tree.floats, 9 * sizeof(float));
+        if (placed) fetch(tree, n.child[first + lane], w.world.instances, sizeof(InstanceRecord));
+        else if (tree.large) fetch(tree, n.child[first + lane], tree.floats, 9 * sizeof(float));
       }
     }
   }

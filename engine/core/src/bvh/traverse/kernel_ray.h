@@ -78,10 +78,17 @@ struct Exact {
 
   /// corner[j][k]: coordinate k of corner j.
   void see(const V (&corner)[3][3], const V (&o)[3], const V (&shear)[2]) {
+    V from[3][3];
+    for (int j = 0; j < 3; ++j)
+      for (int k = 0; k < 3; ++k) from[j][k] = corner[j][k] - o[k];
+    see(from, shear);
+  }
+  /// from[j][k]: the same, counted from the ray's origin.
+  void see(const V (&from)[3][3], const V (&shear)[2]) {
     for (int j = 0; j < 3; ++j) {
-      z[j] = corner[j][2] - o[2];
-      x[j] = corner[j][0] - o[0] - shear[0] * z[j];
-      y[j] = corner[j][1] - o[1] - shear[1] * z[j];
+      z[j] = from[j][2];
+      x[j] = from[j][0] - shear[0] * z[j];
+      y[j] = from[j][1] - shear[1] * z[j];
     }
   }
   /// Whether the ray hits.

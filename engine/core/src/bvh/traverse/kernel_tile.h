@@ -7,8 +7,8 @@ namespace glint {
 namespace {
 
 constexpr int kTile = 64;
-constexpr int kGroups = kTile / kFloats;  // vectors of them
-constexpr int kLeastPacket = kTile / 2;   // fewer rays are not worth a packet of all
+constexpr int kGroups = kTile / kFloats;     // vectors of them
+constexpr int kLeastPacket = 3 * kTile / 8;  // fewer rays are not worth a packet of all
 constexpr float kFar = 3e38f;
 constexpr ChildRef kNothing = 0;  // as `pending`: leaves have kLeaf set
 

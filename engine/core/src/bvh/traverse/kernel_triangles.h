@@ -14,7 +14,9 @@ struct Triangles {
   int n;
   Triangles(const TreeView& tree, ChildRef leaf)
       : p(tree.floats + 9 * size_t(leaf_first(leaf))), n(leaf_count(leaf)) {}
-  const float* at(int corner, int axis) const { return p + (3 * corner + axis) * n; }
+  const float* at(int corner, int axis) const {
+    return p + ptrdiff_t(axis) * n + ptrdiff_t(corner) * (3 * n);
+  }
 };
 
 /// A point in the rays' order and sense, as the sum of two floats.
@@ -45,10 +47,10 @@ struct Picked {
   __attribute__((always_inline)) Picked(const TreeView& tree, const uint32_t* leaves,
                                         const uint32_t* places, uint32_t rays,
                                         const int (&axes)[3]) {
-    const Ints leaf_of = load(leaves), place = load(places);
+    const Ints leaf_of = load(leaves), place = load(places) & 7;  // others may have any place
     const float* const ids = reinterpret_cast<const float*>(tree.ids);
 #if defined(__AVX2__)
-    const Ints twice = 2 * (place & int32_t(kFloats - 1));  // others may have any place
+    const Ints twice = 2 * place;
     const auto add = [&](ChildRef ref, auto keep) {
       const Triangles leaf(tree, ref);
       const float* const id = ids + 2 * size_t(leaf_first(ref));

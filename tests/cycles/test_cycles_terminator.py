@@ -1,0 +1,90 @@
+"""Shadow Terminator of objects: where coarse smooth bodies turn dark, and shadows on them."""
+
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+import small_scenes as build
+from glint_picture import BACKENDS, render_pair
+
+LOW, HIGH = (3.0, -3.5, 1.6), (3.0, -3.5, 6.0)
+
+
+def coarse_ball(sun, make=lambda: build.lambert((0.6, 0.6, 0.6))):
+    """A smooth ball of 8 by 6 faces, a post before it that throws its shadow on it, and a floor."""
+    scene = cycles.empty_scene(112, 112)
+    build.add_camera(scene)
+    build.add_light(scene, "SUN", sun, energy=2.0, use_shadow=True)
+    build.add(scene, "Floor", build.plane(5.0, build.lambert((0.8, 0.8, 0.8))))
+    ball = build.ball(8, 6, True, make())
+    thing = build.add(scene, "Ball", ball, build.moved(0, 0, 1.2, 1.2, 1.2, 1.2))
+    post = build.cube(build.lambert((0.7, 0.2, 0.1)))
+    build.add(scene, "Post", post, build.moved(1.0, -1.35, 0.9, 0.06, 0.06, 0.9))
+    return scene, thing
+
+
+def set_offset(thing, kind: str, value: float) -> None:
+    """Blender 4.2 has them in Cycles' settings."""
+    name = f"shadow_terminator_{kind}_offset"
+    if hasattr(thing, name):
+        setattr(thing, name, value)
+    else:
+        setattr(thing.cycles, name.replace("shading_", ""), value)
+
+
+def wrong(pair, tolerance: float = 5e-3) -> np.ndarray:
+    """(h, w) bool: pixels that are another colour."""
+    theirs, ours = pair.colors()
+    return np.abs(ours - theirs).max(-1) > tolerance
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("sun", [LOW, HIGH], ids=("low", "high"))
+@pytest.mark.parametrize("offset", [0.0, 0.02, 0.1, 0.5, 1.0])
+def test_geometry_offset(offset, sun, backend):
+    """Shadows start where they do in Cycles, but for edges of shadows: Hanika's point is not quite
+    what Cycles lifts the ray to.
+    """
+    scene, ball = coarse_ball(sun)
+    set_offset(ball, "geometry", offset)
+    pair = render_pair(scene, backend, f"terminator-geometry-{offset}")
+    assert wrong(pair).sum() <= (0 if offset <= 0.1 else 16)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("offset", [0.3, 1.0])
+def test_shading_offset(offset, backend):
+    scene, ball = coarse_ball(LOW)
+    set_offset(ball, "shading", offset)
+    pair = render_pair(scene, backend, f"terminator-shading-{offset}")
+    assert wrong(pair, 1e-4).sum() == 0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_shading_offset_of_gloss(backend):
+    """By how much it dims a highlight, whose shape is Blinn and Phong's here."""
+    both = []
+    for offset in (0.0, 0.6):
+        scene, ball = coarse_ball(LOW, lambda: build.metal(0.6))
+        set_offset(ball, "shading", offset)
+        both.append(render_pair(scene, backend, "terminator-gloss").colors())
+    (theirs, ours), (theirs_low, ours_low) = both  # edges of shadows are elsewhere
+    seen = np.min([picture.min(-1) for pair in both for picture in pair], 0) > 0.01
+    ratios = [low[seen] / full[seen] for low, full in ((theirs_low, theirs), (ours_low, ours))]
+    assert (ratios[0] < 0.9).mean() > 0.05
+    assert np.abs(ratios[0] - ratios[1]).max() < 1e-3
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_shading_offset_of_mirrors(backend):
+    """They dim what they show aslant."""
+    scene, ball = coarse_ball(LOW, lambda: build.mirror((0.9, 0.8, 0.7)))
+    for name in ("Floor", "Post"):
+        cycles.bpy.data.objects.remove(cycles.bpy.data.objects[name])
+    cycles.set_world(scene, (0.3, 0.5, 0.7))
+    set_offset(ball, "shading", 0.6)
+    pair = render_pair(scene, backend, "terminator-mirror", bounces=1, world_light="CONSTANT")
+    theirs, ours = pair.colors()
+    ball = pair.cycles["Depth"] < 1e9
+    assert np.ptp(theirs[ball, 0]) > 0.1
+    assert (np.abs(theirs - ours).max(-1)[ball] > 1e-3).mean() < 0.01
