@@ -501,10 +501,11 @@ def _those(rays: list[Paths], pixels: Array) -> Iterator[Paths]:
 
 def _scaled(ray: Ray, share: Array) -> Ray:
     """What a pixel gets of what a ray brings to another: (3,) times as much."""
-    scaled = {
-        name: _numbers(share * np.array(getattr(ray, name))) for name in ("weight", "own", "color")
-    }
-    return replace(ray, follow=tuple(_scaled(one, share) for one in ray.follow), **scaled)
+    weight, own, color = (
+        _numbers(share * np.array(given)) for given in (ray.weight, ray.own, ray.color)
+    )
+    follow = tuple(_scaled(one, share) for one in ray.follow)
+    return replace(ray, weight=weight, own=own, color=color, follow=follow)
 
 
 def _one(paths: Paths, k: int) -> Paths:

@@ -12,7 +12,8 @@ constexpr double kFlat = 0.04;   // of the way between its points, squared, the 
 }  // namespace
 
 void BlockShares::set(const RenderPlan& plan, const Batch& batch,
-                       const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& given, bool mixes) {
+                      const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& given,
+                      bool mixes) {
   const uint32_t width = plan.region.width(), across = Tile::kSize / plan.gather_block;
   points_.resize(batch.size());
   group_.resize(batch.size());
@@ -60,7 +61,8 @@ void BlockShares::join(uint32_t path, size_t block) {
     const Vec3d way = point.x - other.x;
     const double along = dot(way, point.n), beside = dot(way, other.n),
                  flat = kFlat * dot(way, way);
-    if (point.channels == other.channels && dot(point.n, other.n) >= kAlike && along * along <= flat && beside * beside <= flat) {
+    if (point.channels == other.channels && dot(point.n, other.n) >= kAlike &&
+        along * along <= flat && beside * beside <= flat) {
       group.paths[group.count++] = path;
       group_[path] = number;
       return;

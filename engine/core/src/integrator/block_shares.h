@@ -16,8 +16,8 @@ namespace glint {
 class BlockShares {
  public:
   /// Of paths from the batch's points on, which are of these pixels of the region. given: what each
-  /// gives back of light, of gather rays from all sides, all 0 where it shares nothing: what its own
-  /// rays find is its own then, as they carry it. mixes: for `mix`, those of a group give back
+  /// gives back of light, of gather rays from all sides, all 0 where it shares nothing: what its
+  /// own rays find is its own then, as they carry it. mixes: for `mix`, those of a group give back
   /// light of the same channels.
   void set(const RenderPlan& plan, const Batch& batch, const std::vector<uint32_t>& pixels,
            const std::vector<Vec3d>& given, bool mixes = false);

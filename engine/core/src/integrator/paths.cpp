@@ -79,7 +79,8 @@ void Paths::mix(const Film& film, const BlockShares& shares) {
     if (film.column_of(pass) < 0) continue;
     const size_t first = size_t(film.column_of(pass)),
                  count = pass == GLINT_PASS_COMBINED ? 3 : film.channels_of(pass);
-    for (size_t c = 0; c < count; ++c) shares.mix(c % 3, first_, shared_[first + c], sums_[first + c]);
+    for (size_t c = 0; c < count; ++c)
+      shares.mix(c % 3, first_, shared_[first + c], sums_[first + c]);
   }
 }
 

@@ -63,8 +63,7 @@ struct RenderPlan : GlintRenderSettings {
   bool shares_gathers = false;  // pixels of a block of gather_block
   bool mixes_gloss = false;     // they share what wide lobes reflect
   int thread_count = 1;
-  SampleTable dome_directions, bounced_points, occlusion_directions, gather_places,
-      gloss_places;
+  SampleTable dome_directions, bounced_points, occlusion_directions, gather_places, gloss_places;
   SampleTable mesh_points;  // of the first mesh light, and after its mesh_count those of the next
   SampleTable opening_places;  // where there are openings
   size_t lobe_tabled = 1;      // lobe_levels runs of so many lobe_points

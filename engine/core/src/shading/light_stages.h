@@ -130,10 +130,10 @@ struct LightStage {
                         // gives all that it does (far_share); 0: everywhere
   bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
   double shown;         // how much of dielectrics' gloss reflected rays show, 0 or 1
-  bool has_sheen, has_fibre;        // among the lobes
-  bool turns_lobes;                 // some SPECULAR lobe may have a normal of its own
-  bool stretches_lobes;             // or be stretched
-  bool matt_alone, gloss_alone;     // lights no highlights, or no SHEEN and FIBRE_DIFFUSE lobes
+  bool has_sheen, has_fibre;     // among the lobes
+  bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
+  bool stretches_lobes;          // or be stretched
+  bool matt_alone, gloss_alone;  // lights no highlights, or no SHEEN and FIBRE_DIFFUSE lobes
 };
 
 /// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.
