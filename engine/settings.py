@@ -48,10 +48,6 @@ _MESH_LIGHTS = (
     ),
     ("OFF", "Off", "For quick pictures: what glows is seen, and lights nothing. Costs nothing"),
 )
-GLOSSY_MASKING = (1 / 6, 1 / 4)
-"""With `reflections` GLOSSY: of dielectrics, up to which reflected rays show all of their lobes,
-and from which on none (of a roughness of 0.41 and of 0.5).
-"""
 _REFLECTIONS = (
     (
         "METALS",
@@ -62,21 +58,14 @@ _REFLECTIONS = (
     (
         "ALL",
         "All",
-        "For pictures that others are compared with: every rough surface reflects what surrounds "
-        "it, paint and stone too. Takes up to twice as long",
+        "For most pictures: every rough surface reflects what surrounds it, paint, wood and stone "
+        "too. Takes about half as long again where such things fill the picture",
     ),
     (
         "OFF",
         "Off",
         "For the quickest pictures: rough surfaces reflect lights and the sky, and of bounced "
         "light an even sheen. Costs nothing",
-    ),
-    (
-        "GLOSSY",
-        "Glossy",
-        "For most pictures: metals reflect what surrounds them, and plastic, lacquer and wood of a "
-        "Roughness below 0.5 do; wider gloss shows an even sheen of it. Takes as long again where "
-        "such things fill the picture",
     ),
 )
 _BACKENDS = (
@@ -426,7 +415,7 @@ OFFERED = Settings(
     max_bounces=12,
     cutoff=0.001,
     diffuse_bounces=4,
-    reflections="GLOSSY",
+    reflections="ALL",
 )
 """What a user gets who chooses nothing: on the front of time against error of the scenes that were
 measured (docs/decisions/0012-defaults.md), Blender's own number of bounces

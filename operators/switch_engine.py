@@ -17,7 +17,6 @@ from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProp
 from ..addon.export.approximations import approximated_nodes
 from ..addon.ui.lines import draw_text
 from ..addon.ui.panel import EnginePanel
-from ..engine.settings import GLOSSY_MASKING
 from .after_previews import AfterPreviews
 from .carried_settings import NAMES, carried, without_counterpart
 from .scene_copy import read_job
@@ -157,13 +156,6 @@ def _unlike_eevees_objects(scene: bpy.types.Scene) -> Iterator[tuple[str, tuple[
         yield "Light probes have no effect: reflections and bounced light are traced", probes
 
 
-def _has_wide_gloss(material: Any) -> bool:
-    glossy = [lobe for lobe in material.lobes if lobe.is_glossy]
-    return bool(glossy) and all(
-        not lobe.is_metallic and lobe.least_masking >= GLOSSY_MASKING[1] for lobe in glossy
-    )
-
-
 def _is_glass(material: Any) -> bool:
     return any(lobe.kind == "REFRACTION" for lobe in material.lobes)
 
@@ -173,12 +165,6 @@ def _scatters(material: Any) -> bool:
 
 
 _MEANINGS: tuple[tuple[str, Callable[[Any], bool]], ...] = (
-    (
-        "Plastic, paint and wood of a Roughness from 0.5 on reflect lights and the sky, and of "
-        "their surroundings an even sheen: choose Light Paths → Rough Reflections → All where "
-        "shapes in it count",
-        _has_wide_gloss,
-    ),
     (
         "Glass throws no caustics: light passes it straight on; put a light where one is missed",
         _is_glass,

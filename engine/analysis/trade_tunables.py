@@ -13,7 +13,7 @@ from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
 from ..lights.lamps import is_soft, shared_samples
 from ..scene import Scene
-from ..settings import GLOSSY_MASKING, Settings
+from ..settings import Settings
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,6 @@ def has_bounces(scene: Scene, settings: Settings) -> bool:
         lobe.kind in ("MIRROR", "REFRACTION")
         or (lobe.is_metallic and which != "OFF")
         or (lobe.is_glossy and which == "ALL")
-        or (lobe.is_glossy and which == "GLOSSY" and lobe.least_masking < GLOSSY_MASKING[1])
         for material in scene.materials
         for lobe in material.lobes
     )

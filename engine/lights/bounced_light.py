@@ -217,8 +217,8 @@ def _bends(points: Array, normals: Array) -> Array:
 class _Steps:
     """n walks on their way. start: which began them, in order. number: among those of their start.
     o, d: (3, n).  carried: (3, n) what is left of the light, or what it is once a surface scattered
-    it. weight: (n,) how likely points of it are taken.  scattered: (n,) how often it was.
-    shadowed: (n,) bool, those that meet what casts shadows, not what diffuse rays see.
+    it.  scattered: (n,) how often it was.  shadowed: (n,) bool, those that meet what casts shadows,
+    not what diffuse rays see.
     """
 
     start: Array
@@ -226,7 +226,6 @@ class _Steps:
     o: Array
     d: Array
     carried: Array
-    weight: Array
     scattered: Array
     shadowed: Array
 
@@ -258,12 +257,10 @@ class _Walks:
                 more = min(max(2.0 ** np.ceil(np.log2(wanted) - 0.5), 1.0), MOST_MORE)
             self._count = round(few * more)
             columns = self._points(surfaces)
-            if columns is not None and any(light.openings for light in scene.lights):
-                points, normals, power, *_ = columns
-                columns[3] = self._wanted(surfaces, points, normals, power)
-        if columns is None:
-            return None
-        points, normals, power, weight, reaches, numbers, caught, group, last = columns
+            if columns is None:
+                return None
+            weight = self._weights(surfaces, *columns[:3])
+        points, normals, power, reaches, numbers, caught, group, last = columns
         good = along_a_curve(points)
         points, weight = points[good], weight[good]
         spreads = _spreads(points, weight)
@@ -283,13 +280,15 @@ class _Walks:
             last[good],
         )
 
-    def _wanted(self, surfaces: Accelerator, points: Array, normals: Array, power: Array) -> Array:
-        """Weights (m,) of points (m, 3), where rooms have openings. INSIDE of them go to points
-        that see less than half of the sky, the rest to the others, each in proportion to its power
-        (m, 3): else the few that light a room are lost among those on what is outside.
+    def _weights(self, surfaces: Accelerator, points: Array, normals: Array, power: Array) -> Array:
+        """Weights (m,) of points (m, 3), as the roots of their power (m, 3): where it is bright
+        errors show less. Where rooms have openings, as their power itself, and INSIDE of them go to
+        points that see less than half of the sky: else the few that light a room are lost among
+        those on what is outside.
         """
-        given = np.abs(power).mean(1)
-        given = np.maximum(given / given.max(), LEAST)
+        given = np.maximum((np.abs(power) / np.abs(power).max()).mean(1), LEAST)
+        if not any(light.openings for light in self._scene.lights):
+            return np.sqrt(given)
         seen = sky_seen(self._joined, surfaces, self._origin, points, normals)
         within = np.maximum(1 - 2 * seen, 0.0) * given
         without = given - within
@@ -304,13 +303,13 @@ class _Walks:
         if not parts:
             return None
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        _, _, power, weight, *_ = columns
-        good = np.flatnonzero((weight > 0) & np.isfinite(power).all(1) & power.any(1))
+        power = columns[2]
+        good = np.flatnonzero(np.isfinite(power).all(1) & power.any(1))
         return [column[good] for column in columns] if len(good) else None
 
     def _walk(self, surfaces: Accelerator, begun: list[Start]) -> Iterator[tuple[Array, ...]]:
-        """Columns of points, normals, power (radiance times area), weights, reaches, numbers,
-        which are on catchers, light groups and which end their walk, a part for each step.
+        """Columns of points, normals, power (radiance times area), reaches, numbers, which are on
+        catchers, light groups and which end their walk, a part for each step.
         """
         counts = [start.origin.shape[1] for start in begun]
         totals, n = np.array(counts), sum(counts)
@@ -320,7 +319,6 @@ class _Walks:
             np.concatenate([start.origin for start in begun], 1),
             np.concatenate([start.direction for start in begun], 1),
             np.ones((3, n)),
-            np.ones(n),
             np.zeros(n, np.intp),
             np.concatenate([_shadowed(start) for start in begun]),
         )
@@ -345,8 +343,7 @@ class _Walks:
             group = np.concatenate([start.light_group[steps.number[a:b]] for start, a, b in spans])
             last = steps.scattered + 1 == self._bounces
             for given, normal, own in self._sides(surface, k, numbers):
-                weight = steps.weight * np.abs(given).mean(0)
-                parts = surface.x.T, normal.T, (white * given).T, weight, surface.offset, own % 1.0
+                parts = surface.x.T, normal.T, (white * given).T, surface.offset, own % 1.0
                 yield (*parts, caught, group, last)
             steps = self._onward(steps, surface, k, white, number)
 
@@ -401,7 +398,7 @@ class _Walks:
         if number == 0:
             way[np.array([start.endless for start in begun], bool)[steps.start]] = np.inf
         passed = self._media.passed(surface.x, steps.d, way)
-        return replace(steps, carried=steps.carried * passed, weight=steps.weight * passed.mean(0))
+        return replace(steps, carried=steps.carried * passed)
 
     def _clear(self, surface: Surface) -> Array:
         """How far from the surface walks go on: the queries' is that of single precision."""
@@ -437,11 +434,10 @@ class _Walks:
             surface.x + np.where(passes, -1.0, side) * self._clear(surface) * surface.g,
             np.where(passes, steps.d, cosine_around(side * surface.g, u, v)),
             share * np.where(passes, steps.carried * passing, white * given),
-            share * (steps.weight * np.where(passes, passing.mean(0), np.abs(given).mean(0))),
             steps.scattered + ~passes,
             steps.shadowed & passes,
         )
-        go = (total > 0) & (next_ones.scattered < self._bounces) & (next_ones.weight > 0)
+        go = next_ones.carried.any(0) & (next_ones.scattered < self._bounces)
         return next_ones.take(np.flatnonzero(go))
 
 

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 58
+ABI_VERSION = 59
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -157,7 +157,6 @@ class Reflect(IntEnum):
     OFF = 0
     METALS = 1
     ALL = 2
-    GLOSSY = 3
 
 
 class Waves(IntEnum):
@@ -412,10 +411,11 @@ class RenderSettingsData(Structure):
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table"),
         *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance openings"),
         *_each(c_size_t, "opening_points scatter_offsets lens_points camera_frames"),
-        *_each(c_size_t, "occlusion_points node_points gather_points neighbours"),
+        *_each(c_size_t, "occlusion_points node_points gather_points gloss_points neighbours"),
         *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count lobe_count"),
         *_each(c_uint64, "lens_point_count camera_frame_count scatter_count occlusion_count"),
-        *_each(c_uint64, "node_point_count opening_count opening_point_count gather_count passes"),
+        *_each(c_uint64, "node_point_count opening_count opening_point_count gather_count"),
+        *_each(c_uint64, "gloss_count passes"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff lens_focus gather_reach"),
         *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),

@@ -16,6 +16,7 @@ from ..lights.openings import opening_table
 from ..sampling import (
     GATHER_BLOCK,
     gather_points,
+    gloss_points,
     light_points,
     lobe_points,
     node_points,
@@ -77,6 +78,11 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         data.lobe_levels, data.lobe_count = len(points), points.size // 2
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
         data.lobe_points = address(points)
+    if settings.reflecting != "OFF":
+        pairs = gloss_points(settings.samples).reshape(-1, 2)
+        pairs = packer.lend(pairs, np.float64, (None, 2), "gloss points")
+        data.gloss_points, data.gloss_count = address(pairs), len(pairs)
+        data.gather_block = GATHER_BLOCK
     _add_scattering(data, packer, scene, settings)
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):

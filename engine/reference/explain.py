@@ -18,7 +18,6 @@ from .camera import Spread
 from .cancellation import Cancellation
 from .explained import Hit, LightTerm, Numbers, Ray
 from .gathering import Shares, gathering, seen_lobes
-from .generations import reflected
 from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
@@ -29,6 +28,7 @@ from .motion_vectors import motion_vectors
 from .occlusion import openness
 from .paths import Interaction, Paths, bounced, camera_paths, met, straight_on
 from .rays import IncoherentRays
+from .reflections import reflected, reflected_in_blocks
 from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
@@ -58,6 +58,7 @@ class Explainer:
         self._looks_round = OCCLUSION in settings.passes
         self._places = np.zeros(1, np.intp)
         self._near: list[Paths] | None = None
+        self._mixed: list[tuple[Paths, Array]] | None = None
         self._shares: Shares | None = None
         self._own = 0  # which pixel of its block
 
@@ -66,7 +67,7 @@ class Explainer:
         and its point of the lens: the first sample of a picture.
         """
         self._places = places_in_blocks((x, x + 1), (y, y + 1), GATHER_BLOCK)
-        self._near = self._shared(x, y) if self.stage.shares_gathers else None
+        self._near, self._mixed = self._of_block(x, y)
         paths = self._camera_paths((x, x + 1), (y, y + 1))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
@@ -74,9 +75,12 @@ class Explainer:
         rays = self.stage.camera.rays(x, y, np.zeros(2), self._spread)[0]
         return camera_paths(rays, self.stage.camera.weights(rays))
 
-    def _shared(self, x: int, y: int) -> list[Paths]:
-        """The gather rays, one each, of what the pixel's camera ray meets first: its own and those
-        that pixels of its block share with it.
+    def _of_block(
+        self, x: int, y: int
+    ) -> tuple[list[Paths] | None, list[tuple[Paths, Array]] | None]:
+        """Of what the pixel's camera ray meets first the gather rays and those that rough surfaces
+        reflect, one each: its own and those that pixels of its block share with it; of the latter
+        (3,) what the pixel gets of what they bring. None where it has but its own.
         """
         stage, (width, height) = self.stage, self.stage.scene.camera.resolution
         x0, y0 = (at // GATHER_BLOCK * GATHER_BLOCK for at in (x, y))
@@ -85,8 +89,10 @@ class Explainer:
         paths = self._camera_paths(*block)
         found = stage.visibility.closest(paths.rays, paths.visibility)
         hit = np.flatnonzero(found.primitive != NOTHING)
+        near: list[Paths] | None = [] if stage.shares_gathers else None
+        mixed: list[tuple[Paths, Array]] | None = [] if stage.mixes_gloss else None
         if not len(hit):
-            return []
+            return near, mixed
         if stage.media:
             spans = stage.media.spans(paths.rays, paths.visibility, found.depth)
             passed = stage.media.passed(spans, paths.rays.near, found.depth)
@@ -97,12 +103,22 @@ class Explainer:
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
         places, one = places_in_blocks(*block, GATHER_BLOCK), np.zeros(len(paths), np.intp)
         at = Interaction(paths, hit, surface, coefficients)
-        near, shares = gathering(stage, at, 0, places, one)
-        if shares is None:
-            return []
-        alike = shares.members[shares.group[own]] if shares.group[own] >= 0 else np.full(1, own)
-        self._shares, self._own = shares, own
-        return [_one(rays, k) for rays in near for k in np.flatnonzero(np.isin(rays.pixel, alike))]
+        if near is not None:
+            gathered, shares = gathering(stage, at, 0, places, one)
+            if shares is not None:
+                self._shares, self._own = shares, own
+                group = shares.group[own]
+                alike = shares.members[group] if group >= 0 else np.full(1, own)
+                near = list(_those(gathered, alike))
+        if mixed is not None:
+            rays, mixing = reflected_in_blocks(stage, at, 0, one)
+            sender, receiver, share = (np.empty(0), np.empty(0), np.empty((3, 0)))
+            if mixing is not None:
+                sender, receiver, share = mixing.shares()
+            for k in np.flatnonzero(receiver == own):
+                some = [found for found in rays if found.mixed or sender[k] == own]
+                mixed += [(found, share[:, k]) for found in _those(some, sender[k])]
+        return near, mixed
 
     def _share(self, paths: Paths, surface: Surface | None) -> Array:
         """(3, 1) what the pixel gets of what its own gather ray, or a neighbour's, finds there; an
@@ -186,13 +202,15 @@ class Explainer:
         if about.holdout or about.caught is not None:
             coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
         at = replace(at, coefficients=coefficients)
-        near = self._near if ray.kind in ("camera", "lens") else None
+        is_first = ray.kind in ("camera", "lens")
+        near = self._near if is_first else None
         if about.holdout:
             near = []
         elif near is None:
             near = gathering(stage, at, 0, self._places)[0]
-        after = self._next(replace(at, paths=sent), depth)
-        if not about.holdout and about.caught is None and coefficients.translucent.any():
+        is_seen = not about.holdout and about.caught is None
+        after = self._next(replace(at, paths=sent), depth, is_first and is_seen)
+        if is_seen and coefficients.translucent.any():
             near = [*near, *gathering(stage, other_side(stage, at, depth), 0, self._places)[0]]
         follow = (*(self.follow(one, "gather") for one in near), *after)
         _, d = paths.rays.lines(hit)
@@ -248,15 +266,18 @@ class Explainer:
             return None
         return _numbers(catchers.ratio(stage, surface, coefficients, paths.weight, 0)[:, 0])
 
-    def _next(self, at: Interaction, depth: Array) -> Iterator[Ray]:
+    def _next(self, at: Interaction, depth: Array, is_first: bool) -> Iterator[Ray]:
         paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             for after in bounced(self.stage, at, 0):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0
                 yield self.follow(after, "mirror" if is_mirror else "refraction")
-            for after in reflected(self.stage, at, 0):
-                yield self.follow(after, "reflection")
+            mixed = self._mixed if is_first else None
+            if mixed is None:
+                mixed = [(found, np.ones(3)) for found in reflected(self.stage, at, 0)]
+            for after, share in mixed:
+                yield _scaled(self.follow(after, "reflection"), share)
         straight = straight_on(at, depth, np.zeros(1, bool))
         if straight is not None:
             yield self.follow(straight, "transparent")
@@ -469,6 +490,22 @@ def _sum(hit: Hit) -> Array:
     for term in hit.lights:
         total = total + (np.array(term.diffuse) + np.array(term.specular)) * np.array(term.shadow)
     return total
+
+
+def _those(rays: list[Paths], pixels: Array) -> Iterator[Paths]:
+    """The rays of these pixels, one by one."""
+    for some in rays:
+        for k in np.flatnonzero(np.isin(some.pixel, pixels)):
+            yield _one(some, int(k))
+
+
+def _scaled(ray: Ray, share: Array) -> Ray:
+    """What a pixel gets of what a ray brings to another: (3,) times as much."""
+    weight, own, color = (
+        _numbers(share * np.array(given)) for given in (ray.weight, ray.own, ray.color)
+    )
+    follow = tuple(_scaled(one, share) for one in ray.follow)
+    return replace(ray, weight=weight, own=own, color=color, follow=follow)
 
 
 def _one(paths: Paths, k: int) -> Paths:

@@ -121,12 +121,15 @@ def _shares(at: Interaction, matt: Array, pixels: int, blocks: Array) -> tuple[S
     x[:, pixel], normal[:, pixel] = surface.x, surface.n
     seen[:] = 1.0
     seen[:, pixel[some]] = pick(at.weight * matt, some)
-    return Shares(*_groups(surface.take(some), pixel[some], blocks), x, normal, seen), sharing
+    return Shares(*groups(surface.take(some), pixel[some], blocks), x, normal, seen), sharing
 
 
-def _groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array]:
+def groups(
+    surface: Surface, pixel: Array, blocks: Array, kinds: Array | None = None
+) -> tuple[Array, Array]:
     """`Shares.group` and `members` of points of these pixels, of tiles' pixels in these blocks: in
-    their order, each joins the first group of its block whose first point is on its surface.
+    their order, each joins the first group of its block whose first point is on its surface and of
+    its kind. kinds: (m,) of the points.
     """
     most = GATHER_BLOCK * GATHER_BLOCK
     group, members = np.full(len(blocks), -1), np.full((len(pixel) + 1, most), -1)
@@ -136,6 +139,7 @@ def _groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array
     _, first, row = np.unique(blocks[pixel[order]], return_index=True, return_inverse=True)
     table = np.full((len(first), most), -1)  # points of each block
     table[row, np.arange(len(order)) - first[row]] = order
+    kinds = np.zeros(len(pixel)) if kinds is None else kinds
     count = 0
     for k in range(most):
         leads = np.flatnonzero((table[:, k] >= 0) & (group[pixel[table[:, k]]] < 0))
@@ -143,7 +147,8 @@ def _groups(surface: Surface, pixel: Array, blocks: Array) -> tuple[Array, Array
         for j in range(k, most):
             other = table[leads, j]
             free = (other >= 0) & (group[pixel[other]] < 0)
-            on = np.flatnonzero(free & _is_one_surface(surface, lead, other))
+            alike = kinds[lead] == kinds[other]
+            on = np.flatnonzero(free & alike & _is_one_surface(surface, lead, other))
             group[pixel[other[on]]] = count + on
             members[count + on, j] = pixel[other[on]]
         count += len(leads)

@@ -12,7 +12,6 @@ import numpy as np
 from ..film import CATCHER, VOLUME
 from . import catchers
 from .gathering import Shares, gathering, seen_lobes
-from .gloss import reflecting
 from .lighting import DirectLight
 from .lights import Source
 from .media import Spans
@@ -24,12 +23,12 @@ from .paths import (
     gives,
     joined,
     met,
-    reflected_by_lobes,
     straight_on,
 )
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
+from .reflections import Mixing, reflected, reflected_in_blocks
 from .scattering import scattered
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -48,20 +47,10 @@ AT_ONCE = 1 << 13
 """Rays whose scattered light is worked out together."""
 
 
-def reflected(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
-    """What leaves rough surfaces towards others."""
-    settings = stage.settings
-    terms = reflecting(at.coefficients.highlights, settings.reflecting)
-    if not terms:
-        return []
-    point = stage.lobe_point(sample, at.paths.reflections)
-    found = reflected_by_lobes(at, terms, point, settings)
-    return [] if found is None else [found]
-
-
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [(p.reflections, p.transmitted, p.gathers, p.shared, p.through_glass) for p in paths]
+    names = ["reflections", "transmitted", "gathers", "shared", "through_glass", "mixed"]
+    pasts = [tuple(getattr(p, name) for name in names) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 
@@ -69,15 +58,15 @@ def _alike(paths: list[Paths]) -> Iterator[Paths]:
 class Generations:
     """Follows the rays of one sample of a tile and adds what they bring to it."""
 
-    def __init__(
-        self, stage: Stage, tile: Tile, sample: int, places: Array, blocks: Array | None = None
-    ):
+    def __init__(self, stage: Stage, tile: Tile, sample: int, places: Array, blocks: Array) -> None:
         """places: (pixels,) of each in its block of `gather_points`.  blocks: (pixels,) which
-        blocks these are, where their pixels share what gather rays find.
+        blocks these are, where their pixels share what rays find or bring.
         """
         self._stage, self._tile, self._sample, self._places = stage, tile, sample, places
-        self._blocks = blocks
+        self._blocks: Array | None = blocks
         self._shares: Shares | None = None
+        self._mixing: Mixing | None = None
+        self._brought = Tile(len(places), frozenset(), 0, len(stage.scene.light_groups))
         self._seen = SeenPasses(stage, tile, sample, self._queries)
         stage.media.moment.sample = sample
 
@@ -91,9 +80,21 @@ class Generations:
                 here: Paths | None = paths
                 while here is not None:
                     self._stage.cancellation.check()
-                    here = self._step(here, strips, deeper)
+                    here = self._follow(here, strips, deeper)
                     strips = None
             generation = list(_alike(deeper))
+        if self._mixing is not None:
+            every = np.arange(len(self._places))
+            self._tile.take(self._brought, every, *self._mixing.shares())
+
+    def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
+        """A step of the paths; what mixed ones bring is kept apart."""
+        if not paths.mixed:
+            return self._step(paths, strips, deeper)
+        tile, self._tile = self._tile, self._brought
+        passed = self._step(paths, strips, deeper)
+        self._tile = tile
+        return passed
 
     def _step(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
         """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are
@@ -124,7 +125,8 @@ class Generations:
             self._seen.add_openness(at)
         at = seen_lobes(stage, at)
         self._light(at)
-        near, shares = gathering(stage, at, self._sample, self._places, blocks)
+        shared = blocks if stage.shares_gathers else None
+        near, shares = gathering(stage, at, self._sample, self._places, shared)
         self._shares = shares or self._shares
         deeper += near
         if at.coefficients.translucent.any():
@@ -132,7 +134,7 @@ class Generations:
             self._light(behind)
             deeper += gathering(stage, behind, self._sample, self._places)[0]
         if paths.depth < stage.settings.max_bounces and not paths.gathers:
-            deeper += self._bounce(at)
+            deeper += self._bounce(at, blocks if stage.mixes_gloss else None)
         return passed
 
     def _interaction(self, paths: Paths, hit: Array, hits: Hits) -> tuple[Interaction, Array]:
@@ -161,12 +163,17 @@ class Generations:
             self._seen.find_gaps(at, depth)
         return at, depth
 
-    def _bounce(self, at: Interaction) -> list[Paths]:
-        """Rays of mirrors, glass and rough surfaces."""
+    def _bounce(self, at: Interaction, blocks: Array | None) -> list[Paths]:
+        """Rays of mirrors, glass and rough surfaces. blocks: as those of all pixels, where they mix
+        what wide lobes reflect.
+        """
         stage = self._stage
         deeper = bounced(stage, at, self._sample)
         self._note_rough_glass(at)
-        reflections = reflected(stage, at, self._sample)
+        if blocks is None:
+            reflections = reflected(stage, at, self._sample)
+        else:
+            reflections, self._mixing = reflected_in_blocks(stage, at, self._sample, blocks)
         for some in reflections:
             self._tile.soft_light[some.pixel] = True
         return deeper + reflections

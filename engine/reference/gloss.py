@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..settings import GLOSSY_MASKING
 from . import stretching
 from .lights import LightPoint, LightSample, Source
 from .materials import Term, taken
@@ -30,25 +29,12 @@ class Reflections:
 
 def reflecting(terms: list[Term], which: str) -> list[Term]:
     """Those of the highlights that reflect other surfaces, as much of them as rays show: of metals,
-    or of all that have GGX's masking. which: "METALS", "GLOSSY", "ALL" or "OFF".
+    or of all that have GGX's masking. which: "METALS", "ALL" or "OFF".
     """
     if which == "OFF":
         return []
     chosen = [t for t in terms if (t.lobe.is_metallic if which == "METALS" else t.lobe.is_glossy)]
-    return [
-        replace(t, k=np.where(np.asarray(t.masking) > 0, _shown(t, which) * t.k, 0.0))
-        for t in chosen
-    ]
-
-
-def _shown(term: Term, which: str) -> Array | float:
-    """How much of a lobe reflected rays show."""
-    if term.lobe.is_metallic or which == "ALL":
-        return 1.0
-    if which != "GLOSSY":
-        return 0.0
-    whole, none = np.square(GLOSSY_MASKING)
-    return np.clip((none - np.square(term.masking)) / (none - whole), 0.0, 1.0)
+    return [replace(t, k=np.where(np.asarray(t.masking) > 0, t.k, 0.0)) for t in chosen]
 
 
 def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
@@ -57,6 +43,8 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
     to 0.6. Wide lobes are as if seen from less aslant. which: less what `reflecting` has of them.
     """
     total = np.zeros((3, len(seen)))
+    if which == "ALL":
+        return total
     for term in terms:
         if not (term.lobe.is_glossy and term.lobe.fresnel):
             continue
@@ -67,7 +55,7 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
         shaped = cosine / np.sqrt(a2 + (1 - a2) * cosine * cosine)
         factor = np.where(a2 > 0, size * shaped, 0.0)
         factor = factor * fresnel(cosine, np.broadcast_to(term.ior, cosine.shape))
-        add_at(total, term.index, factor * term.k * (1 - _shown(term, which)))
+        add_at(total, term.index, factor * term.k)
     return total
 
 

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..settings import Settings
-from .gloss import Narrow, Reflections, half_vector
+from .gloss import half_vector
 from .lights import LightPoint
-from .lobe_light import highlights
 from .materials import Coefficients, Term
 from .optics import fresnel, reflected, refracted
 from .rays import IncoherentRays, Rays
@@ -43,7 +41,8 @@ class Paths:
     first surface that they left refracted them, where passes ask for that. through_glass: they obey
     `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
     they look for surfaces that throw light on, near by. shared: what they find goes to the pixels
-    that `gathering.Shares` has for theirs.
+    that `gathering.Shares` has for theirs. mixed: so does what they bring, as `reflections.Mixing`
+    has it.
     """
 
     rays: Rays
@@ -60,6 +59,7 @@ class Paths:
     gathers: bool = False
     shared: bool = False
     through_glass: bool = False
+    mixed: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)
@@ -263,37 +263,6 @@ def refracted_roughly(
     return np.where(good, d, clear[0]), good | clear[1]
 
 
-def reflected_by_lobes(
-    at: Interaction, terms: list[Term], point: LightPoint, settings: Settings
-) -> Paths | None:
-    """A ray from each point in the direction in which the half vector at `point` of the lobes
-    mirrors the one that met it.
-    """
-    paths, hit, surface = at.paths, at.hit, at.surface
-    narrow = Narrow(surface, terms, at.weight, Reflections())
-    if not narrow:
-        return None
-    d, drawn, exponent = narrow.draw(point)
-    go = np.flatnonzero(drawn & (dot(surface.g, d) > 0))
-    d, some = pick(d, go), surface.take(go)
-    k = highlights(surface, terms, go, d) / (np.pi * narrow.density(go, d))
-    own = np.exp2(np.clip(np.floor(np.log2(np.maximum(exponent[go], 1.0))), 0, 60))
-    wide = replace(paths, widest=_with(paths.widest, hit[go], own))
-    k = np.where(np.isfinite(k), k, 0.0)
-    found = leaving(wide, hit[go], some, d, k, settings.cutoff)
-    if not len(found):
-        return None
-    skyless = np.ones(len(found), bool)
-    return replace(found, reflections=paths.reflections + 1, skyless=skyless)
-
-
-def _with(widest: Array, index: Array, own: Array) -> Array:
-    """Those at the places no larger than their own."""
-    result = widest.copy()
-    result[index] = np.minimum(widest[index], own)
-    return result
-
-
 def widened(coefficients: Coefficients, widest: Array) -> Coefficients:
     """With highlights whose exponents are at most `widest` (n,) at each point, and as bright in
     all: narrower ones would show points of lights as dots.
@@ -339,6 +308,7 @@ def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cuto
         np.zeros(len(go), bool),
         paths.reflections,
         transmitted=paths.transmitted,
+        mixed=paths.mixed,
     )
 
 

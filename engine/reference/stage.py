@@ -15,7 +15,7 @@ from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
 from ..lights.dome import dome_table
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
-from ..sampling import gather_points, light_points, lobe_points, scatter_offsets
+from ..sampling import gather_points, gloss_points, light_points, lobe_points, scatter_offsets
 from ..scene import Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
@@ -96,6 +96,7 @@ class Stage:
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
         self._lobe_points = lobe_points(settings.samples)
         self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
+        self._gloss_points = gloss_points(settings.samples)
         self.asks_rays = scene.most_asked > 0
         self._node_points = points_of_nodes(settings.samples, scene.most_asked)
         self.scatter_offsets = scatter_offsets(settings.samples)
@@ -143,6 +144,11 @@ class Stage:
         """
         return self.reach > 0 and not self.media.varies
 
+    @property
+    def mixes_gloss(self) -> bool:
+        """Whether they share what wide lobes reflect."""
+        return self.settings.reflecting != "OFF" and not self.media.varies
+
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""
         if self.gathers(paths):
@@ -163,6 +169,10 @@ class Stage:
         points, each = self._gather_points, GATHER_SAMPLES
         first = sample % max(points.shape[1] // each, 1) * each
         return points[:, first : first + each].transpose(1, 2, 0)[:, :, places]
+
+    def gloss_points(self, sample: int) -> Array:
+        """(2, 2) where in wide lobes the pixels of pairs reflect their rays."""
+        return self._gloss_points[sample % len(self._gloss_points)]
 
     def queries(
         self, sample: int, on_rays: Callable[[Array], None] = uncounted

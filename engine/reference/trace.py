@@ -127,8 +127,9 @@ class Tracer:
         )
 
     def _blocks_of(self, region: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
-        """The region with the pixels that share gather rays with its own."""
-        if not any(light.kind == "BOUNCED" for light in self._scene.lights):
+        """The region with the pixels that share rays with its own."""
+        gathers = any(light.kind == "BOUNCED" for light in self._scene.lights)
+        if not gathers and self._settings.reflecting == "OFF":
             return region
         (x0, y0, x1, y1), (width, height) = region, self._scene.camera.resolution
         side = GATHER_BLOCK
@@ -170,8 +171,7 @@ class Tracer:
                 len(self._scene.light_groups),
             )
             if len(rays):
-                shared = blocks if stage.shares_gathers else None
-                Generations(stage, tile, sample, places, shared).run(rays, strips)
+                Generations(stage, tile, sample, places, blocks).run(rays, strips)
             self.picture.keep(here, tile)
             if self._refinement:
                 values = np.concatenate([tile.color(), tile.lost[None]])

@@ -280,6 +280,17 @@ def gather_points(samples: int, each: int) -> np.ndarray:
     return points
 
 
+def gloss_points(samples: int) -> np.ndarray:
+    """(k, 2, 2) float64 in the unit disc: where in wide lobes the two pixels of a block whose turn
+    it is reflect their rays, of each sample; those beyond k = MOST_LOBE_POINTS take these again. As
+    `lobe_points` of twice as many samples, dealt out.
+    """
+    count = min(samples, MOST_LOBE_POINTS)
+    bits = max(count - 1, 0).bit_length()
+    disc = concentric_disc(2 * _sobol(2 << bits, _DOME) - 1).reshape(-1, 2, 2)
+    return disc[_shuffled(bits, 0)[:count]]
+
+
 @functools.lru_cache(maxsize=16)
 def walk_points(count: int, level: int) -> np.ndarray:
     """(count, 2) float64 in (0, 1), not to be written to: where walks of light turn at their steps,

@@ -152,11 +152,6 @@ class Lobe:
         return self.kind == "SPECULAR" and self.masking > 0
 
     @property
-    def least_masking(self) -> float:
-        """That its material's program can give it, or its own."""
-        return self.masking if self.masking_output < 0 else 0.0
-
-    @property
     def is_rough_glass(self) -> bool:
         """Whether what is seen through it is blurred."""
         return self.kind == "REFRACTION" and self.exponent > 0

@@ -95,7 +95,7 @@ CHOICES = {
     "illumination": ["PHYSICAL", "CLASSIC"],
     "world_light": ["OCCLUDED", "CONSTANT"],
     "mesh_light": ["ON", "OFF"],
-    "reflections": ["METALS", "ALL", "OFF", "GLOSSY"],
+    "reflections": ["METALS", "ALL", "OFF"],
     "backend": ["NATIVE", "NUMPY"],
     "acceleration": ["AUTO", "FAST", "BALANCED", "FINE"],
     "target": ["NONE", "LEVELS", "RMSE"],

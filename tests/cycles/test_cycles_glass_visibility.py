@@ -38,7 +38,7 @@ def behind_a_pane(kind: str, roughness: float, ior: float):
 def means(scene) -> tuple[np.ndarray, np.ndarray]:
     """Of the middle, of both engines."""
     glint = render_glint(
-        scene, "NATIVE", samples=32, max_bounces=12, reflections="GLOSSY", mesh_light="OFF"
+        scene, "NATIVE", samples=32, max_bounces=12, reflections="ALL", mesh_light="OFF"
     ).combined
     scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.use_denoising = 128, False

@@ -276,7 +276,7 @@ def settings(draw: Any) -> Settings:
         light_samples=draw(few),
         max_bounces=draw(st.integers(0, 3)),
         illumination=draw(st.sampled_from(("PHYSICAL", "PHYSICAL", "CLASSIC"))),
-        reflections=draw(st.sampled_from(("OFF", "METALS", "ALL", "GLOSSY"))),
+        reflections=draw(st.sampled_from(("OFF", "METALS", "ALL"))),
         diffuse_bounces=draw(st.sampled_from((0, 0, 1))),
         world_light=draw(st.sampled_from(("OCCLUDED", "CONSTANT"))),
         mesh_light=draw(st.sampled_from(("ON", "OFF"))),

@@ -149,18 +149,3 @@ def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside(backend: s
     every = {"reflections": "ALL", "max_bounces": 1}
     once = shown(varnished, **every).mean((0, 1)) / ALBEDO
     assert np.abs(once / alone.mean((0, 1)) - 1).max() < 0.06
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_glossy_shows_lobes_of_narrow_masking_by_rays_and_others_evenly(backend: str) -> None:
-    def picture(masking: float, which: str) -> np.ndarray:
-        lobe = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=30.0, masking=masking)
-        varnished = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
-        return added(varnished, backend, reflections=which, max_bounces=1)
-
-    for masking, alike in ((0.25, "METALS"), (0.166, "ALL")):
-        np.testing.assert_array_equal(picture(masking, "GLOSSY"), picture(masking, alike))
-    half = float(np.sqrt((1 / 16 + 1 / 36) / 2))
-    metals, glossy, everything = (picture(half, w) for w in ("METALS", "GLOSSY", "ALL"))
-    assert np.abs(everything - metals).max() > 1e-3
-    assert 0.48 < (glossy - metals).mean() / (everything - metals).mean() < 0.52

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 58
+#define GLINT_ABI_VERSION 59
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -327,13 +327,8 @@ typedef struct GlintSceneData {
 
 enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };
 enum GlintBuild { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED, GLINT_BUILD_FINE };
-/* Which rough surfaces reflect others: GLOSSY: metals, and others the more the narrower. */
-enum GlintReflect {
-  GLINT_REFLECT_OFF,
-  GLINT_REFLECT_METALS,
-  GLINT_REFLECT_ALL,
-  GLINT_REFLECT_GLOSSY
-};
+/* Which rough surfaces reflect others. */
+enum GlintReflect { GLINT_REFLECT_OFF, GLINT_REFLECT_METALS, GLINT_REFLECT_ALL };
 enum GlintWaves { GLINT_WAVES_UNSEEN, GLINT_WAVES_SEEN, GLINT_WAVES_HELD };
 
 /* Passes, as numbers for glint_render_picture and as bits (1 << pass) for GlintRenderSettings. */
@@ -448,6 +443,9 @@ typedef struct GlintNeighbour {
  * rays, of as many samples as divide gather_count, after which they begin again; row by row for the
  * pixels of squares of the frame, gather_block, 1 to 8, on a side; null only where gather_reach is
  * 0.
+ * gloss_points: null, or (gloss_count, 2) of the unit disc, two for each of as many samples as
+ * divide it, after which they begin again: where in wide lobes the rays of two pixels of such a
+ * square are reflected; all four share what these bring.
  * neighbours: null where nothing moves, else two, of the frame before and of the one after.
  * occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
@@ -472,10 +470,11 @@ typedef struct GlintRenderSettings {
   const double* occlusion_points;
   const double* node_points;
   const double* gather_points;
+  const double* gloss_points;
   const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
       camera_frame_count, scatter_count, occlusion_count, node_point_count, opening_count,
-      opening_point_count, gather_count, passes;
+      opening_point_count, gather_count, gloss_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,

@@ -136,10 +136,11 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
       "settings: unknown illumination");
-  add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_GLOSSY &&
+  add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_ALL &&
           (g.reflections == GLINT_REFLECT_OFF ||
            (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");
+  add(!g.gloss_points || g.gloss_count >= 2, "settings: no pair of gloss points");
   add(!scene.materials.has_rough_glass ||
           (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels),
       "settings: no points for rough glass");

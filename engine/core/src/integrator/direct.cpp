@@ -14,10 +14,6 @@ constexpr size_t kColumns =
     1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 + 3 +
     2;  // zeros, o, to, t_max, starts, ends, diffuse, specular, shadow, sky, density and distance
 
-/// GLINT_REFLECT_GLOSSY: the masking^2 of dielectrics from which on reflected rays show none of
-/// their lobes, and up to which all (of a roughness of 0.5, and of 0.41).
-constexpr double kNotShown = 1.0 / 16, kWhollyShown = 1.0 / 36;
-
 /// Paths that bring less than this of what a bounced ray meets ask for few samples of lights.
 constexpr double kFaint = 1.0 / 16;
 
@@ -94,10 +90,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.stride = batch.stride;
   stage_.max_specular = scene_.materials.max_specular;
   stage_.most_exponent = scene_.materials.most_exponent;
-  const bool glossy = plan_.reflections == GLINT_REFLECT_GLOSSY;
-  stage_.shown_slope = glossy ? 1 / (kWhollyShown - kNotShown) : 0;
-  stage_.shown_least = glossy ? -kNotShown / (kWhollyShown - kNotShown)
-                              : double(plan_.reflections == GLINT_REFLECT_ALL);
+  stage_.shown = plan_.reflections == GLINT_REFLECT_ALL;
   stage_.has_sheen = scene_.materials.has_sheen;
   stage_.has_fibre = scene_.materials.has_fibre;
   stage_.turns_lobes = scene_.materials.turns_lobes;
@@ -214,18 +207,50 @@ bool DirectLight::reflects() const {
   if (plan_.max_bounces == 0) return false;
   switch (plan_.reflections) {
     case GLINT_REFLECT_METALS: return materials.has_metals;
-    case GLINT_REFLECT_GLOSSY:
-      return materials.has_metals || materials.least_varnish_masking2 < kNotShown;
     case GLINT_REFLECT_ALL: return materials.has_gloss;
     default: return false;
   }
 }
 
 void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {
-  if (!reflects()) return;
-  const Queue& queue = *batch.queue;
-  const double* const place = plan_.lobe_point(sample, queue.reflections);
+  const double* const place = plan_.lobe_point(sample, batch.queue->reflections);
   set_place(stage_, place[0], place[1]);
+  push_reflected(batch, glossy, counts);
+}
+
+void DirectLight::reflect_in_blocks(const Batch& batch, const std::vector<uint32_t>& pixels,
+                                    uint32_t sample, Queue& glossy, Queue& mixed,
+                                    BlockShares& shares, RayCounts& counts) {
+  given_.assign(batch.size(), {});
+  set_place(stage_, 0, 0);  // where n mirrors
+  const size_t count = stages_.reflect(stage_);
+  for (size_t k = 0; k < count; ++k) {
+    const Vec3d given = row(stage_.diffuse_out, k);
+    if (stage_.t_max[k] < RenderPlan::kLeastUnmixed && finite(given)) given_[point_[k]] = given;
+  }
+  shares.set(plan_, batch, pixels, given_, true);
+  place_.resize(batch.size());
+  constexpr uint8_t kUnmixed = 0xff;
+  for (uint32_t k = 0; k < batch.size(); ++k)
+    place_[k] = any(given_[k]) ? uint8_t(shares.turn(k, sample)) : kUnmixed;
+  const auto push = [&](uint8_t turn, const double* place, Queue& to) {
+    linked_.assign(batch.lit.size(), 0);
+    for (size_t k = 0; k < batch.size(); ++k)
+      if (place_[k] == turn) linked_[k] = batch.lit[k];
+    stage_.lit = linked_.data();
+    set_place(stage_, place[0], place[1]);
+    push_reflected(batch, to, counts);
+  };
+  push(kUnmixed, plan_.lobe_point(sample, 0), glossy);
+  push(BlockShares::kAlone, plan_.lobe_point(sample, 0), mixed);
+  push(BlockShares::kFirst, plan_.gloss_places.row(sample, 0), mixed);
+  push(BlockShares::kSecond, plan_.gloss_places.row(sample, 1), mixed);
+  stage_.lit = batch.lit.data();
+}
+
+/// The rays that the stage's points reflect.
+void DirectLight::push_reflected(const Batch& batch, Queue& glossy, RayCounts& counts) {
+  const Queue& queue = *batch.queue;
   const size_t count = stages_.reflect(stage_);
   for (size_t k = 0; k < count; ++k) {
     const uint32_t from = point_[k];

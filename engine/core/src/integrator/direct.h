@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "integrator/batch.h"
-#include "integrator/gather_shares.h"
+#include "integrator/block_shares.h"
 #include "integrator/lamp_tree.h"
 #include "integrator/plan.h"
 #include "integrator/scatter_depths.h"
@@ -72,13 +72,17 @@ class DirectLight {
   /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
   /// `illuminate` was told last.
   void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
+  /// The same of camera rays; `mixed` gets those that wide lobes reflect, what they bring goes to
+  /// paths as `shares` tells. pixels: of the region, of each point of the batch.
+  void reflect_in_blocks(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
+                         Queue& glossy, Queue& mixed, BlockShares& shares, RayCounts& counts);
   /// How far gather rays look for surfaces that throw light on; 0: there are none.
   double reach() const { return reach_; }
   /// Adds to `gathering` the gather rays of the points that `illuminate` was told last: what is
   /// nearer than `reach` of bounced light. pixels: of the region, of each point of the batch.
   /// shares: which paths get what they find, where pixels share; null where they do not.
   void gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-              Queue& gathering, GatherShares* shares, RayCounts& counts);
+              Queue& gathering, BlockShares* shares, RayCounts& counts);
   /// Whether what the batch of this queue meets asks for gather rays.
   bool gathers(const Queue& queue) const;
   /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
@@ -87,6 +91,7 @@ class DirectLight {
  private:
   void prepare(const Batch& batch);
   void find_matt(const Batch& batch);
+  void push_reflected(const Batch& batch, Queue& glossy, RayCounts& counts);
   const Opacity* opacity(const Light& light) const {
     return alone_ ? scene_.trees.opacity_of_catchers(light) : scene_.trees.opacity(light);
   }
@@ -154,9 +159,9 @@ class DirectLight {
   bool scattering_ = false;      // points are of media and not of surfaces
   const bool glassy_;            // some surface lets light through
   LightStage stage_{};           // what it writes: a row for each point that a light sample reaches
-  std::vector<uint8_t> place_;   // in its block, of the pixel of each point
+  std::vector<uint8_t> place_;   // in its block, of the pixel of each point; or whose turn it is
   std::vector<double> disc_[2];  // below the direction of the gather ray of each point
-  std::vector<Vec3d> matt_;      // of each point, as GatherShares has it
+  std::vector<Vec3d> given_;     // of each point, as BlockShares has it
   Columns columns_;
   double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where

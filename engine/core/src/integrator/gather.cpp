@@ -21,7 +21,7 @@ bool DirectLight::gathers(const Queue& queue) const {
 }
 
 void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-                         Queue& gathering, GatherShares* shares, RayCounts& counts) {
+                         Queue& gathering, BlockShares* shares, RayCounts& counts) {
   const Queue& queue = *batch.queue;
   for (size_t c = 0; c < 2; ++c) {
     disc_[c].resize(columns_.rows());
@@ -30,10 +30,10 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
   place_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k) place_[k] = uint8_t(plan_.gather_place(pixels[k]));
   stage_.gathers_gloss = scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
-  matt_.assign(batch.size(), {});
+  given_.assign(batch.size(), {});
   if (shares) {
     find_matt(batch);
-    shares->set(plan_, batch, pixels, matt_);
+    shares->set(plan_, batch, pixels, given_);
   }
   const uint32_t places = plan_.gather_block * plan_.gather_block, each = plan_.gather_places.each;
   for (uint32_t j = 0; j < each; ++j) {
@@ -47,7 +47,7 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
         const uint32_t from = point_[k];
         if (place_[from] != place) continue;
         Path path = queue.path(from);
-        const bool is_shared = any(matt_[from]);
+        const bool is_shared = any(given_[from]);
         path.T = (1.0 / each) * (is_shared ? Vec3d{1, 1, 1} : row(stage_.diffuse_out, k));
         if (!finite(path.T)) continue;
         path.start = row(batch.points.x, from);
@@ -71,7 +71,7 @@ void DirectLight::find_matt(const Batch& batch) {
     const Vec3d matt = row(stage_.diffuse_out, k);
     const bool bent = stage_.unbent[0] && any(row(stage_.unbent, point));
     const bool lowers = stage_.lowering && stage_.lowering[point] > 1;
-    if (finite(matt) && !bent && !lowers) matt_[point] = matt;
+    if (finite(matt) && !bent && !lowers) given_[point] = matt;
   }
 }
 
@@ -83,7 +83,7 @@ void DirectLight::make_diffuse(Batch& batch) {
       if (linked_[k] && !scene_.materials[batch.material[k]].has(GLINT_AMBIENT)) linked_[k] = 0;
     stage_.lit = linked_.data();
     stage_.gathers_gloss = true;
-    stage_.shown_slope = stage_.shown_least = 0;
+    stage_.shown = 0;
     stages_.make_diffuse(stage_, batch.diffuse);
   }
   batch.clear_specular();

@@ -67,6 +67,21 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   sums_.reserve(kMost);
   soft_light_.assign(size(), 0);
   for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
+  if (!points.plan().mixes_gloss) return;
+  if (shared_.stride() != sums_.stride()) shared_ = Columns(columns_);
+  shared_.reserve(kMost);
+  for (size_t c = 0; c < columns_; ++c) std::fill_n(shared_[c], size(), 0.0);
+}
+
+void Paths::mix(const Film& film, const BlockShares& shares) {
+  for (int pass : {GLINT_PASS_COMBINED, GLINT_PASS_MIRROR, GLINT_PASS_GLOSSY_DIRECT,
+                   GLINT_PASS_GLOSSY_INDIRECT, GLINT_PASS_LIGHT_GROUPS}) {
+    if (film.column_of(pass) < 0) continue;
+    const size_t first = size_t(film.column_of(pass)),
+                 count = pass == GLINT_PASS_COMBINED ? 3 : film.channels_of(pass);
+    for (size_t c = 0; c < count; ++c)
+      shares.mix(c % 3, first_, shared_[first + c], sums_[first + c]);
+  }
 }
 
 template <size_t Count>

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "film/film.h"
+#include "integrator/block_shares.h"
 #include "integrator/columns.h"
 #include "integrator/plan.h"
 #include "scene/camera.h"
@@ -67,6 +68,10 @@ class Paths {
   double* sums(const Film& film, int pass) {
     return film.column_of(pass) < 0 ? nullptr : sums_[size_t(film.column_of(pass))];
   }
+  /// Until it is called again sums are those of what pixels share, which begin with nothing.
+  void swap() { std::swap(sums_, shared_); }
+  /// Adds these to the paths', as the shares have it.
+  void mix(const Film& film, const BlockShares& shares);
   double* lost_alpha() { return sums_[3]; }
   size_t stride() const { return sums_.stride(); }
   /// Whether a soft light reached each path's camera ray: as Refinement::soft_light has it of
@@ -98,7 +103,7 @@ class Paths {
 
   std::vector<double> u_, v_, lens_[2], frame_[12];
   std::vector<uint8_t> soft_light_;
-  Columns sums_;
+  Columns sums_, shared_;
   size_t columns_ = 0;
 };
 

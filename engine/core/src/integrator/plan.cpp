@@ -55,14 +55,17 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
       bounced_points(g.bounced_table, kPointColumns, g.bounced_samples, g.bounced_count),
       occlusion_directions(g.occlusion_points, 2, g.occlusion_samples, g.occlusion_count),
       gather_places(g.gather_points, 2, g.gather_samples, g.gather_count),
+      gloss_places(g.gloss_points, 2, 2, g.gloss_count),
       mesh_points(g.mesh_table, kPointColumns, g.mesh_samples, g.mesh_count),
       dome{g.dome_cells,   g.dome_irradiance,      g.dome_rows,
            g.dome_columns, g.dome_irradiance_rows, g.dome_irradiance_columns} {
   shown = {g.region[0], g.region[1], g.region[2], g.region[3]};
   const bool divides = (gather_block & (gather_block - 1)) == 0;  // tiles have whole blocks
-  shares_gathers = g.gather_reach > 0 && gather_block > 1 && gather_block <= kMostSharing &&
-                   divides && gather_places.each <= kMostShared && !scene.media.varies;
-  const uint32_t side = shares_gathers ? gather_block : 1;
+  const bool shares = gather_block > 1 && gather_block <= kMostSharing && divides &&
+                      !scene.media.varies;  // which are traced with few pixels at once
+  shares_gathers = g.gather_reach > 0 && shares && gather_places.each <= kMostShared;
+  mixes_gloss = g.gloss_points && shares && scene.materials.least_gloss_exponent < kLeastUnmixed;
+  const uint32_t side = shares_gathers || mixes_gloss ? gather_block : 1;
   traced = region = whole_blocks(shown, side, scene.camera);
   const bool refines = error_threshold > 0 || passes >> GLINT_PASS_ERROR & 1;
   if (refines && samples >= Refinement::kFirst)

@@ -53,14 +53,17 @@ struct RenderPlan : GlintRenderSettings {
 
   static constexpr uint32_t kMostShared = 8;   // rays of a sample: a tile's stay in one queue
   static constexpr uint32_t kMostSharing = 4;  // pixels on a block's side
+  /// Of the narrowest lobe of a point: what it reflects is seen too sharply to be mixed.
+  static constexpr double kLeastUnmixed = 128;
 
   /// In place of the settings' four numbers. shown: the pixels that were asked for.  traced: with
   /// those that share gather rays with them; the region has a margin where the neighbours of these
   /// are looked at.
   Region region{}, traced{}, shown{};
   bool shares_gathers = false;  // pixels of a block of gather_block
+  bool mixes_gloss = false;     // they share what wide lobes reflect
   int thread_count = 1;
-  SampleTable dome_directions, bounced_points, occlusion_directions, gather_places;
+  SampleTable dome_directions, bounced_points, occlusion_directions, gather_places, gloss_places;
   SampleTable mesh_points;  // of the first mesh light, and after its mesh_count those of the next
   SampleTable opening_places;  // where there are openings
   size_t lobe_tabled = 1;      // lobe_levels runs of so many lobe_points

@@ -71,6 +71,7 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
   none.reflections = queue.reflections;
   none.gathers = queue.gathers;
   none.shared = queue.shared;
+  none.mixed = queue.mixed;
   std::vector<Queue> pieces(1, none);
   for (size_t begin = 0, end; begin < order.size(); begin = end) {
     for (end = begin + 1; end < order.size() && queue.slot(order[end]) == queue.slot(order[begin]);)

@@ -89,7 +89,8 @@ class Queue : public RayLayout {
   uint32_t reflections = 0;
   bool gathers = false;  // they look for surfaces that throw light on: DirectLight::reach
   bool sees_blurred() const { return gathers || reflections > 0; }
-  bool shared = false;  // what they find goes to the paths that GatherShares has for theirs
+  bool shared = false;  // what they find goes to the paths that BlockShares has for theirs
+  bool mixed = false;   // so does what they bring, once all is known: wide lobes reflected them
   /// The largest exponent of highlights that ray k meets: a power of two, that of the narrowest
   /// lobe of the roughest surface on its way.
   double widest(size_t k) const {

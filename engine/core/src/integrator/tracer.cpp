@@ -36,6 +36,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       ahead_(scene, scratch_),
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
+      mixes_gloss_(plan.mixes_gloss && direct_.reflects()),
       catches_(scene.features & (GLINT_FEATURE_SHADOW_CATCHER | GLINT_FEATURE_HOLDOUT)),
       glass_differs_(scene.features & GLINT_FEATURE_REFRACTION &&
                      (scene.instances.glass_differs ||
@@ -43,7 +44,8 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
                                   [](const Light& light) { return light.glass_differs(); }))),
       program_slots_(size_t(scene.programs.most_slots) * kBlock) {}
 
-Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool gathers, bool shared) {
+Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool gathers, bool shared,
+                   bool mixed) {
   Queue queue(visibility);
   if (!spare_.empty()) {
     queue = std::move(spare_.back());
@@ -53,6 +55,7 @@ Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool gathers, bool
   queue.reflections = reflections;
   queue.gathers = gathers;
   queue.shared = shared;
+  queue.mixed = mixed;
   return queue;
 }
 
@@ -143,6 +146,7 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
   for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
     const uint32_t* const begin = active_.data() + k;
     follow_some(begin, begin + std::min(step, active_.size() - k), first);
+    if (mixes_gloss_) paths_.mix(film_, gloss_shares_);
     paths_.add_to(film_, *tile_, stages_);
     keep_meetings();
   }
@@ -180,8 +184,11 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   const bool apart =
       queue.visibility == kCamera || queue.gathers;  // else straight on is a mirror's
   const bool shares = plan_.shares_gathers && &queue == &first_;
-  NextRays next{take(queue.visibility, queue.reflections, queue.gathers, queue.shared),
-                take(kMirror, queue.reflections), take(kMirror, queue.reflections + 1),
+  const bool mixed = queue.mixed;
+  NextRays next{take(queue.visibility, queue.reflections, queue.gathers, queue.shared, mixed),
+                take(kMirror, queue.reflections, false, false, mixed),
+                take(kMirror, queue.reflections + 1, false, false, mixed),
+                take(kMirror, queue.reflections + 1, false, false, true),
                 take(kDiffuse, queue.reflections + 1, true, shares),
                 take(kDiffuse, queue.reflections + 1, true)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
@@ -189,12 +196,13 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   wait(std::move(next.behind));
   wait(std::move(next.straight));
   if (glass_differs_) {
-    Queue refracted = take(kTransmission, queue.reflections);
+    Queue refracted = take(kTransmission, queue.reflections, false, false, mixed);
     next.bounced.give_refracted(refracted);
     wait(std::move(refracted));
   }
   wait(std::move(next.bounced));
   wait(std::move(next.glossy));
+  wait(std::move(next.mixed));
 }
 
 void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next) {
@@ -221,7 +229,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (catches_) set_aside_caught(queue);
   direct_.illuminate(batch_, sample, counts_);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
-  if (!queue.gathers) direct_.reflect(batch_, sample, next.glossy, counts_);
+  if (direct_.reflects() && !queue.gathers) reflect(queue, sample, next);
   if (direct_.gathers(queue)) gather(queue, sample, next.gathering);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
@@ -231,9 +239,22 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   keep(queue);
 }
 
-void Tracer::gather(const Queue& queue, uint32_t sample, Queue& gathering) {
+/// Those of its rays' paths.
+void Tracer::find_pixels(const Queue& queue) {
   pixels_.resize(queue.size());
   for (size_t k = 0; k < queue.size(); ++k) pixels_[k] = pixel(queue, k);
+}
+
+void Tracer::reflect(const Queue& queue, uint32_t sample, NextRays& next) {
+  if (&queue != &first_ || !mixes_gloss_)
+    return direct_.reflect(batch_, sample, next.glossy, counts_);
+  find_pixels(queue);
+  direct_.reflect_in_blocks(batch_, pixels_, sample, next.glossy, next.mixed, gloss_shares_,
+                            counts_);
+}
+
+void Tracer::gather(const Queue& queue, uint32_t sample, Queue& gathering) {
+  find_pixels(queue);
   direct_.gather(batch_, pixels_, sample, gathering, gathering.shared ? &shares_ : nullptr,
                  counts_);
 }
@@ -254,8 +275,14 @@ void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
   turn();
 }
 
-/// The batch's sums to those of the paths.
+/// The batch's sums to those of the paths, or of what their blocks share.
 void Tracer::keep(const Queue& queue) {
+  if (queue.mixed) paths_.swap();
+  keep_parts(queue);
+  if (queue.mixed) paths_.swap();
+}
+
+void Tracer::keep_parts(const Queue& queue) {
   auto keep_part = [&](int part, double* const(&columns)[3]) {
     double* sums = paths_.sums(film_, part);
     if (!sums || !columns[0]) return;

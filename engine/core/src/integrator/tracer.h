@@ -58,13 +58,16 @@ class Tracer {
   void follow(uint32_t sample);
   /// Rays that leave the surfaces of a queue.
   struct NextRays {
-    Queue straight, bounced, glossy, gathering, behind;  // behind: gather rays of other sides
+    Queue straight, bounced, glossy, mixed, gathering,
+        behind;  // mixed: glossy ones of wide lobes; behind: gather rays of other sides
   };
   void follow_queue(Queue& queue, uint32_t sample);
   void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
   void make_diffuse(const Queue& queue);
+  void find_pixels(const Queue& queue);
+  void reflect(const Queue& queue, uint32_t sample, NextRays& next);
   void gather(const Queue& queue, uint32_t sample, Queue& gathering);
   void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
   void keep_gathered(const Queue& queue);
@@ -123,9 +126,10 @@ class Tracer {
                       ProgramPoints& points) const;
   void keep_meetings();
   void keep(const Queue& queue);
+  void keep_parts(const Queue& queue);
   void wait(Queue queue);
   Queue take(uint32_t visibility, uint32_t reflections = 0, bool gathers = false,
-             bool shared = false);
+             bool shared = false, bool mixed = false);
   void give(Queue queue);
   uint32_t pixel(const Queue& queue, size_t k) const {
     return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());
@@ -141,7 +145,8 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
-  GatherShares shares_;           // of the gather rays from where camera rays meet something first
+  // Of rays from where camera rays meet something first: gather rays, and those of wide lobes.
+  BlockShares shares_, gloss_shares_;
   std::vector<uint32_t> pixels_;  // of the region, of each point that gather rays start from
   SceneQueries queries_;
   MediaSpans media_;
@@ -152,6 +157,7 @@ class Tracer {
   LayersAhead ahead_;
   Batch batch_;
   const WindowReach reach_;   // of all samples
+  const bool mixes_gloss_;    // pixels share what wide lobes reflect
   const bool catches_;        // there are catchers of shadows, or holdouts
   const bool glass_differs_;  // refracted rays see other things than mirrored ones
   const Tile* tile_ = nullptr;

@@ -129,11 +129,12 @@ void compare_lobes(MaterialTable& t, Material& material) {
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     t.has_gloss = t.has_gloss || shaped;
+    if (shaped)
+      t.least_gloss_exponent =
+          std::min(t.least_gloss_exponent, lobe.exponent_slot > 0 ? 0 : lobe.exponent);
     t.has_metals = t.has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
     const bool varnish = shaped && lobe.fresnel & GLINT_DIELECTRIC;
     t.has_varnish = t.has_varnish || varnish;
-    const double least = lobe.masking_slot > 0 ? 0 : lobe.masking;
-    if (varnish) t.least_varnish_masking2 = std::min(t.least_varnish_masking2, least * least);
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
     if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);

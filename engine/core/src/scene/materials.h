@@ -68,7 +68,7 @@ struct MaterialTable {
   double most_exponent = 0;            // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false;
-  double least_varnish_masking2 = 1;  // of lobes of varnish
+  double least_gloss_exponent = HUGE_VAL;  // of SPECULAR lobes with masking
   bool has_rough_glass = false, has_fibre = false,
        has_sheen = false;  // SHEEN or FIBRE lobes
   bool has_translucent = false;

@@ -129,12 +129,11 @@ struct LightStage {
   double gather2;       // kBouncedSource: one over the square of the distance from which on it
                         // gives all that it does (far_share); 0: everywhere
   bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
-  double shown_slope, shown_least;  // times the masking^2, and on top of it, within 0 and 1: how
-                                    // much of dielectrics' gloss reflected rays show
-  bool has_sheen, has_fibre;        // among the lobes
-  bool turns_lobes;                 // some SPECULAR lobe may have a normal of its own
-  bool stretches_lobes;             // or be stretched
-  bool matt_alone, gloss_alone;     // lights no highlights, or no SHEEN and FIBRE_DIFFUSE lobes
+  double shown;         // how much of dielectrics' gloss reflected rays show, 0 or 1
+  bool has_sheen, has_fibre;     // among the lobes
+  bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
+  bool stretches_lobes;          // or be stretched
+  bool matt_alone, gloss_alone;  // lights no highlights, or no SHEEN and FIBRE_DIFFUSE lobes
 };
 
 /// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.

@@ -36,11 +36,7 @@ struct Term {
     const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
     const Doubles masking2 = load(column + SpecularTerm::kMasking * s.stride);
     const Mask dielectric = load(column + SpecularTerm::kFresnel * s.stride) > 0;
-    return where(masking2 > 0, choose(dielectric, shown(s, masking2), splat(1)));
-  }
-  /// The same of a dielectric's.
-  static Doubles shown(const LightStage& s, Doubles masking2) {
-    return larger(smaller(s.shown_slope * masking2 + s.shown_least, splat(1)), Doubles{});
+    return where(masking2 > 0, choose(dielectric, splat(s.shown), splat(1)));
   }
   Doubles weight(const Narrow& narrow) const {
     return where(exponent >= narrow.least, magnitude(k.x) + magnitude(k.y) + magnitude(k.z));
@@ -297,7 +293,7 @@ inline Three even_gloss(const LightStage& s, size_t k) {
     const Doubles cosine = root(seen * seen + 2 * (1 - seen * seen) / (p + 8)),
                   size = 8 / (p + 2 + 8 / (4 + p * p));
     Gloss gloss(cosine, cosine, cosine);
-    const Doubles rest = 1 - Term::shown(s, masking2);
+    const Doubles rest = 1 - splat(s.shown);
     sum = sum + where(good, rest * size * cosine * gloss.factor(masking2, fresnel) * term.k);
   }
   return sum;

@@ -1,4 +1,4 @@
-#include "integrator/gather_shares.h"
+#include "integrator/block_shares.h"
 
 #include "film/film.h"
 #include "math/math.h"
@@ -11,8 +11,9 @@ constexpr double kFlat = 0.04;   // of the way between its points, squared, the 
 
 }  // namespace
 
-void GatherShares::set(const RenderPlan& plan, const Batch& batch,
-                       const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& matt) {
+void BlockShares::set(const RenderPlan& plan, const Batch& batch,
+                      const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& given,
+                      bool mixes) {
   const uint32_t width = plan.region.width(), across = Tile::kSize / plan.gather_block;
   points_.resize(batch.size());
   group_.resize(batch.size());
@@ -20,9 +21,10 @@ void GatherShares::set(const RenderPlan& plan, const Batch& batch,
   blocks_.resize(size_t(across) * across);
   for (std::vector<uint32_t>& block : blocks_) block.clear();
   for (uint32_t k = 0; k < batch.size(); ++k) {
-    const bool shares = any(matt[k]);
+    const bool shares = any(given[k]);
     points_[k] = {row(batch.points.x, k), row(batch.points.n, k),
-                  shares ? matt[k] : Vec3d{1, 1, 1}};
+                  shares ? given[k] : Vec3d{1, 1, 1}, 0};
+    for (int c = 0; mixes && c < 3; ++c) points_[k].channels |= (points_[k].given[c] != 0) << c;
     const uint32_t column = (plan.region.x0 + pixels[k] % width) / plan.gather_block % across,
                    line = (plan.region.y0 + pixels[k] / width) / plan.gather_block % across;
     if (shares) join(k, line * across + column);
@@ -33,8 +35,25 @@ void GatherShares::set(const RenderPlan& plan, const Batch& batch,
   }
 }
 
+void BlockShares::mix(size_t c, uint32_t sample, const double* from, double* to) const {
+  for (const Group& group : groups_) {
+    if (points_[group.paths[0]].given[int(c)] == 0) continue;
+    double sum = 0, count = 0;
+    for (uint32_t k = 0; k < group.count; ++k) {
+      const uint32_t path = group.paths[k];
+      if (turn(path, sample) == kWaits) continue;
+      sum += from[path] / points_[path].given[int(c)];
+      ++count;
+    }
+    for (uint32_t k = 0; k < group.count; ++k) {
+      const uint32_t path = group.paths[k];
+      to[path] += points_[path].given[int(c)] * (sum / count);
+    }
+  }
+}
+
 /// Adds the point to the first group of the block whose first point is on its surface.
-void GatherShares::join(uint32_t path, size_t block) {
+void BlockShares::join(uint32_t path, size_t block) {
   const Point& point = points_[path];
   for (const uint32_t number : blocks_[block]) {
     Group& group = groups_[number];
@@ -42,7 +61,8 @@ void GatherShares::join(uint32_t path, size_t block) {
     const Vec3d way = point.x - other.x;
     const double along = dot(way, point.n), beside = dot(way, other.n),
                  flat = kFlat * dot(way, way);
-    if (dot(point.n, other.n) >= kAlike && along * along <= flat && beside * beside <= flat) {
+    if (point.channels == other.channels && dot(point.n, other.n) >= kAlike &&
+        along * along <= flat && beside * beside <= flat) {
       group.paths[group.count++] = path;
       group_[path] = number;
       return;

@@ -1,0 +1,78 @@
+// Which pixels of a block get what a sample's rays of one of them find, gather rays or those that
+// wide lobes reflect: neighbours on one surface look in directions of their own (Keller, Heidrich
+// 2001, Interleaved sampling), and each takes what the others find as if it had found it (Bekaert,
+// Sbert, Halton 2002, Accelerating path tracing by re-using paths).
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "integrator/batch.h"
+#include "integrator/plan.h"
+
+namespace glint {
+
+/// Of the camera rays of one sample of a tile's pixels.
+class BlockShares {
+ public:
+  /// Of paths from the batch's points on, which are of these pixels of the region. given: what each
+  /// gives back of light, of gather rays from all sides, all 0 where it shares nothing: what its
+  /// own rays find is its own then, as they carry it. mixes: for `mix`, those of a group give back
+  /// light of the same channels.
+  void set(const RenderPlan& plan, const Batch& batch, const std::vector<uint32_t>& pixels,
+           const std::vector<Vec3d>& given, bool mixes = false);
+  /// add(path, share) for each path that gets something of what a ray of `path` finds at x, on a
+  /// surface with the normal g: by how densely the rays of each look there (the balance heuristic).
+  template <class Add>
+  void give(uint32_t path, Vec3d x, Vec3d g, Add add) const {
+    const Group& group = groups_[group_[path]];
+    if (group.count == 1) return add(path, points_[path].given);
+    double dense[kMost], total = 0;
+    for (uint32_t k = 0; k < group.count; ++k)
+      total += dense[k] = density(points_[group.paths[k]], x, g);
+    if (!(total > 0)) return;
+    for (uint32_t k = 0; k < group.count; ++k)
+      if (dense[k] > 0) add(group.paths[k], (dense[k] / total) * points_[group.paths[k]].given);
+  }
+  /// Where in a wide lobe the path's ray of this sample is reflected. Those of a group take turns:
+  /// of four two that lie across send rays, to the sample's first and second place for pairs, of
+  /// fewer one.
+  enum Turn { kWaits, kAlone, kFirst, kSecond };
+  Turn turn(uint32_t path, uint32_t sample) const {
+    const Group& group = groups_[group_[path]];
+    const uint32_t* const own = std::find(group.paths, group.paths + group.count, path);
+    const uint32_t k = uint32_t(own - group.paths), odd = sample & 1;
+    if (group.count != 4) return sample % group.count == k ? kAlone : kWaits;
+    if (k != odd && k != 3 - odd) return kWaits;
+    return (k == odd) == (sample % 4 < 2) ? kFirst : kSecond;
+  }
+  /// Adds to each path's sum of `to`, the channel c, what those of its group brought to `from` that
+  /// sent rays, in equal parts and as much of it as it gives back itself.
+  void mix(size_t c, uint32_t sample, const double* from, double* to) const;
+
+ private:
+  static constexpr uint32_t kMost = RenderPlan::kMostSharing * RenderPlan::kMostSharing;
+  struct Point {
+    Vec3d x, n, given;  // given: 1 where it shares nothing
+    int channels;       // of what it gives, a bit each, where these are to be the same
+  };
+  /// Points of a block on one surface.
+  struct Group {
+    uint32_t count = 0, paths[kMost];
+  };
+
+  /// How densely, by area, a point's rays lie at x, times π.
+  static double density(const Point& from, Vec3d x, Vec3d g) {
+    const Vec3d to = x - from.x;
+    const double d2 = dot(to, to);
+    return std::max(dot(from.n, to), 0.0) * std::fabs(dot(g, to)) / (d2 * d2);
+  }
+  void join(uint32_t path, size_t block);
+
+  std::vector<Point> points_;
+  std::vector<Group> groups_;
+  std::vector<uint32_t> group_;                // of each path
+  std::vector<std::vector<uint32_t>> blocks_;  // groups of each block of a tile
+};
+
+}  // namespace glint

@@ -1,0 +1,175 @@
+"""What wide lobes reflect, which pixels of a block share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bounced_scenes import HERE
+from glint.engine import Settings, render
+from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.sampling import gloss_points, lobe_points
+from glint.engine.scene import Camera, Input, Instances, Light, Lobe, Material, Scene
+from test_reflections import metal, square
+
+BACKENDS = ("NATIVE", "NUMPY")
+FLOOR = square((-4, -4, 0), (4, -4, 0), (4, 4, 0), (-4, 4, 0))
+WALL = square((-4, 1, 0), (-4, 1, 3), (4, 1, 3), (4, 1, 0))
+PANE = square((-4, -2, 1.5), (4, -2, 1.5), (4, 1, 1.5), (-4, 1, 1.5))
+LAMP = Light("lamp", "POINT", np.c_[np.eye(3), [0.5, -0.5, 0.8]], strength=20.0)
+CLEAR = Material("clear", (Lobe("TRANSPARENT", (Input((1.0, 1.0, 1.0)),)),))
+
+
+def tinted(color: tuple[float, ...], exponent: float = 40.0) -> Material:
+    (lobe,) = metal(exponent).lobes
+    return Material("metal", (replace(lobe, factors=(Input(color),)),))
+
+
+def paint(*color: float) -> Material:
+    return Material("paint", (Lobe("DIFFUSE", (Input(color),)),))
+
+
+def above(size: tuple[int, int], half: float = 0.9) -> Camera:
+    """Looks down on the floor before the wall."""
+    frame = np.column_stack([np.eye(3), (0.0, 0.0, 2.5)])
+    width = half * size[0] / size[1]
+    return Camera("ORTHOGRAPHIC", frame, (-width, width, -half, half), size)
+
+
+def floor_before_wall(size: tuple[int, int] = (24, 20), *more: Lobe) -> Scene:
+    """A dull metal floor beside a painted wall, which has a mirror or glass in front of some."""
+    front = square((-4, 0.95, 0), (-4, 0.95, 3), (0, 0.95, 3), (0, 0.95, 0))
+    things = [Instances(f"{k}", k, HERE[None], (k,)) for k in range(2)]
+    materials = [tinted((0.9, 0.7, 0.4)), paint(0.2, 0.5, 0.8)]
+    geometries = [FLOOR, WALL]
+    if more:
+        geometries.append(front)
+        things.append(Instances("front", 2, HERE[None], (2,)))
+        materials.append(Material("front", more))
+    return Scene(above(size), tuple(geometries), tuple(things), tuple(materials), (), (LAMP,))
+
+
+def seen(scene: Scene, backend: str = "NATIVE", **more) -> np.ndarray:
+    plan = {"samples": 16, "filter_width": 0.0, "max_bounces": 4, "reflections": "ALL"}
+    film = render(scene, Settings(**plan | more, backend=backend))
+    return film.passes["Combined"][..., :3].astype(np.float64)
+
+
+def test_neighbours_see_as_if_they_had_more_rays() -> None:
+    """Behind a clear pane each pixel has its own alone."""
+    scene = floor_before_wall()
+    behind = replace(
+        scene,
+        geometries=(*scene.geometries, PANE),
+        instances=(*scene.instances, Instances("pane", 2, HERE[None], (2,))),
+        materials=(*scene.materials, CLEAR),
+    )
+
+    def blocks(which: Scene, samples: int) -> np.ndarray:
+        return seen(which, samples=samples).reshape(10, 2, 12, 2, 3).mean((1, 3))
+
+    truth = blocks(behind, 4096)
+    assert truth.max() > 0.05
+    mixed, alone = (np.sqrt(((blocks(s, 8) - truth) ** 2).mean()) for s in (scene, behind))
+    assert mixed < 0.6 * alone
+    assert np.abs(blocks(scene, 1024) - truth).max() < 0.003 * truth.max()
+
+
+FRONTS = {
+    "alone": (),
+    "mirror": (Lobe("MIRROR", (Input((0.8, 0.8, 0.8)),)),),
+    "glass": (
+        Lobe("REFRACTION", (Input((0.6, 0.8, 0.8)),), ior=1.4),
+        Lobe("MIRROR", (Input((0.3, 0.3, 0.3)),)),
+    ),
+    "clear": (
+        Lobe("TRANSPARENT", (Input((0.5, 0.6, 0.5)),)),
+        Lobe("DIFFUSE", (Input((0.1, 0.1, 0.1)),)),
+    ),
+}
+PASSES = frozenset({"Mirror", "Glossy Direct", "Glossy Indirect", "Diffuse Direct", "Cost"})
+
+
+@pytest.mark.parametrize("front", FRONTS)
+def test_both_tracers_mix_the_same(front: str) -> None:
+    """Of an odd frame, whose blocks have one, two and four pixels."""
+    scene = floor_before_wall((13, 11), *FRONTS[front])
+    named = replace(LAMP, light_group=0)
+    scene = replace(scene, lights=(named,), light_groups=("lamps",))
+    plan = {"samples": 8, "filter_width": 0.0, "max_bounces": 4, "reflections": "ALL"}
+    core, reference = (
+        render(scene, Settings(**plan, passes=PASSES, backend=b)).passes for b in BACKENDS
+    )
+    assert core.keys() == reference.keys()
+    assert reference["Glossy Indirect"].any()
+    for name in core:
+        wrong = np.abs(core[name] - reference[name]) > 1e-4 * (1 + np.abs(reference[name]))
+        assert wrong.mean() <= 0.01, name  # rays may turn at an edge
+    lit = [name for name in core if "lamps" in name]
+    assert lit
+    np.testing.assert_allclose(
+        core[lit[0]][..., :3], core["Combined"][..., :3], rtol=1e-5, atol=1e-6
+    )
+
+
+def test_the_bits_are_the_same_for_threads_and_regions() -> None:
+    scene = floor_before_wall((23, 21), *FRONTS["glass"])
+    for more in ({}, {"error_threshold": 4.0, "samples": 32}):
+        whole = seen(scene, threads=1, **more)
+        np.testing.assert_array_equal(whole, seen(scene, threads=3, **more))
+        part = seen(scene, region=(5, 7, 16, 20), **more)
+        np.testing.assert_array_equal(part, whole[7:20, 5:16])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_colours_stay_with_their_surfaces(backend: str) -> None:
+    """Two metals in one plane: each gives back its own channels, as bright as alone."""
+    scene = floor_before_wall((12, 12))
+    left = square((-4, -4, 0), (0.02, -4, 0), (0.02, 4, 0), (-4, 4, 0))
+    right = square((0.02, -4, 0), (4, -4, 0), (4, 4, 0), (0.02, 4, 0))
+    red, blue = tinted((0.9, 0.0, 0.0)), tinted((0.0, 0.0, 0.8))
+    both = replace(
+        scene,
+        geometries=(left, WALL, right),
+        instances=(*scene.instances, Instances("right", 2, HERE[None], (2,))),
+        materials=(red, scene.materials[1], blue),
+    )
+    found = seen(both, backend)
+    alone = [
+        seen(replace(scene, materials=(one, scene.materials[1])), backend) for one in (red, blue)
+    ]
+    for k, channel, columns in ((0, 0, slice(0, 6)), (1, 2, slice(7, 12))):
+        others = [c for c in range(3) if c != channel]
+        assert not found[:, columns, others].any()
+        ratio = found[:8, columns, channel].mean() / alone[k][:8, columns, channel].mean()
+        assert abs(ratio - 1) < 0.02
+
+
+@pytest.mark.parametrize("front", FRONTS)
+def test_explain_adds_up_what_neighbours_bring(front: str) -> None:
+    scene = floor_before_wall((13, 11), *FRONTS[front])
+    plan = Settings(samples=1, filter_width=0.0, max_bounces=4, reflections="ALL")
+    picture = render(scene, plan).passes["Combined"]
+    explainer = PixelExplainer(scene, plan)
+    kinds = set()
+    for x, y in ((0, 0), (4, 5), (7, 6), (12, 10), (12, 3), (6, 9)):
+        ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
+        kinds |= {follow.kind for follow in ray.follow}
+    assert "reflection" in kinds
+
+
+def test_pairs_deal_one_even_set() -> None:
+    """Of each sample they lie on different sides of the disc, of all in all parts of it."""
+    pairs = gloss_points(256)
+    assert pairs.shape == (256, 2, 2)
+    every = pairs.reshape(-1, 2)
+    assert len(np.unique(every, axis=0)) == 512
+    for points in (every, lobe_points(512)[0]):
+        radius2 = (points**2).sum(1)
+        angle = np.arctan2(points[:, 1], points[:, 0]) % (2 * np.pi)
+        cells = np.histogram2d(radius2, angle, (4, 8), ((0, 1), (0, 2 * np.pi)))[0]
+        assert np.abs(cells - 16).max() <= 3
+    assert ((pairs[:, 0] * pairs[:, 1]).sum(1) < 0).mean() > 0.5
