@@ -26,7 +26,7 @@ from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
-from .paths import Interaction, Paths, bounced, camera_paths, met, straight_on
+from .paths import Interaction, Paths, bounced, camera_paths, met, one_by_one, straight_on
 from .rays import IncoherentRays
 from .reflections import reflected, reflected_in_blocks
 from .scattering import scattered
@@ -83,14 +83,16 @@ class Explainer:
         (3,) what the pixel gets of what they bring. None where it has but its own.
         """
         stage, (width, height) = self.stage, self.stage.scene.camera.resolution
+        near: list[Paths] | None = [] if stage.shares_gathers else None
+        mixed: list[tuple[Paths, Array]] | None = [] if stage.mixes_gloss else None
+        if near is None and mixed is None:
+            return None, None
         x0, y0 = (at // GATHER_BLOCK * GATHER_BLOCK for at in (x, y))
         block = (x0, min(x0 + GATHER_BLOCK, width)), (y0, min(y0 + GATHER_BLOCK, height))
         own = (y - y0) * (block[0][1] - x0) + x - x0
         paths = self._camera_paths(*block)
         found = stage.visibility.closest(paths.rays, paths.visibility)
         hit = np.flatnonzero(found.primitive != NOTHING)
-        near: list[Paths] | None = [] if stage.shares_gathers else None
-        mixed: list[tuple[Paths, Array]] | None = [] if stage.mixes_gloss else None
         if not len(hit):
             return near, mixed
         if stage.media:
@@ -109,7 +111,7 @@ class Explainer:
                 self._shares, self._own = shares, own
                 group = shares.group[own]
                 alike = shares.members[group] if group >= 0 else np.full(1, own)
-                near = list(_those(gathered, alike))
+                near = list(one_by_one(gathered, alike))
         if mixed is not None:
             rays, mixing = reflected_in_blocks(stage, at, 0, one)
             sender, receiver, share = (np.empty(0), np.empty(0), np.empty((3, 0)))
@@ -117,7 +119,7 @@ class Explainer:
                 sender, receiver, share = mixing.shares()
             for k in np.flatnonzero(receiver == own):
                 some = [found for found in rays if found.mixed or sender[k] == own]
-                mixed += [(found, share[:, k]) for found in _those(some, sender[k])]
+                mixed += [(found, share[:, k]) for found in one_by_one(some, sender[k])]
         return near, mixed
 
     def _share(self, paths: Paths, surface: Surface | None) -> Array:
@@ -277,7 +279,7 @@ class Explainer:
             if mixed is None:
                 mixed = [(found, np.ones(3)) for found in reflected(self.stage, at, 0)]
             for after, share in mixed:
-                yield _scaled(self.follow(after, "reflection"), share)
+                yield self.follow(after, "reflection").times(_numbers(share))
         straight = straight_on(at, depth, np.zeros(1, bool))
         if straight is not None:
             yield self.follow(straight, "transparent")
@@ -490,34 +492,6 @@ def _sum(hit: Hit) -> Array:
     for term in hit.lights:
         total = total + (np.array(term.diffuse) + np.array(term.specular)) * np.array(term.shadow)
     return total
-
-
-def _those(rays: list[Paths], pixels: Array) -> Iterator[Paths]:
-    """The rays of these pixels, one by one."""
-    for some in rays:
-        for k in np.flatnonzero(np.isin(some.pixel, pixels)):
-            yield _one(some, int(k))
-
-
-def _scaled(ray: Ray, share: Array) -> Ray:
-    """What a pixel gets of what a ray brings to another: (3,) times as much."""
-    weight, own, color = (
-        _numbers(share * np.array(given)) for given in (ray.weight, ray.own, ray.color)
-    )
-    follow = tuple(_scaled(one, share) for one in ray.follow)
-    return replace(ray, weight=weight, own=own, color=color, follow=follow)
-
-
-def _one(paths: Paths, k: int) -> Paths:
-    """Ray k."""
-    some = np.array([k])
-    columns = ("pixel", "straight", "widest", "refractions", "refracted")
-    return replace(
-        paths,
-        rays=paths.rays.take(some),
-        weight=paths.weight[:, some],
-        **{name: getattr(paths, name)[some] for name in columns},
-    )
 
 
 def _numbers(values: Array) -> Numbers:

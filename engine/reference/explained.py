@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Numbers = tuple[float, ...]
 
@@ -79,8 +79,9 @@ class Hit:
 class Ray:
     """A ray and those that follow from it.
 
-    kind: camera, or lens for one through a point of the camera's, mirror, refraction, gather (for
-    what throws light on near by) or transparent (the same ray beyond a surface).  weight: T.
+    kind: camera, or lens for one through a point of the camera's, mirror, refraction, reflection
+    (by a rough surface), gather (for what throws light on near by) or transparent (the same ray
+    beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
     passed: what media leave of it on its way, which `shapes` have in them.  media: what these
     scatter of lights, by their names, and "" what they give of themselves.  shapes: (name,
@@ -103,3 +104,12 @@ class Ray:
     passed: Numbers = (1.0, 1.0, 1.0)
     media: tuple[tuple[str, Numbers], ...] = ()
     cells: int = 0
+
+    def times(self, share: Numbers) -> Ray:
+        """What a pixel gets of it that gets so much, red, green and blue, of what it brings."""
+        weight, own, color = (
+            tuple(k * value for k, value in zip(share, values, strict=True))
+            for values in (self.weight, self.own, self.color)
+        )
+        follow = tuple(ray.times(share) for ray in self.follow)
+        return replace(self, weight=weight, own=own, color=color, follow=follow)

@@ -139,6 +139,19 @@ def joined(paths: list[Paths]) -> Paths:
     return replace(paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight, **others)
 
 
+def one_by_one(paths: list[Paths], pixels: Array) -> Iterator[Paths]:
+    """The rays of these pixels, each by itself."""
+    columns = ("pixel", "straight", "skyless", "widest", "refractions", "refracted")
+    for some in paths:
+        for k in np.flatnonzero(np.isin(some.pixel, pixels)):
+            yield replace(
+                some,
+                rays=some.rays.take(np.array([k])),
+                weight=some.weight[:, [k]],
+                **{name: getattr(some, name)[[k]] for name in columns},
+            )
+
+
 def straight_on(at: Interaction, depth: Array, wanted: Array) -> Paths | None:
     """The same rays beyond transparent surfaces. wanted: (m,) bool, go on for data."""
     paths, hit, surface, k = at.paths, at.hit, at.surface, at.coefficients.transparent

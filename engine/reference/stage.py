@@ -146,7 +146,7 @@ class Stage:
 
     @property
     def mixes_gloss(self) -> bool:
-        """Whether they share what wide lobes reflect."""
+        """Whether pixels of a block share what wide lobes reflect, as `shares_gathers`."""
         return self.settings.reflecting != "OFF" and not self.media.varies
 
     def lighting_of(self, paths: Paths) -> Lighting:
