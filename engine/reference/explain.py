@@ -297,7 +297,9 @@ class Explainer:
             primitive=int(surface.local[0]),
             material=materials[number].name if 0 <= number < len(materials) else "",
             barycentric=_numbers(surface.weights[:, 0]),
-            depth=float(depth[0] * (stage.camera.along if paths.depth == 0 else 1.0)),
+            depth=float(
+                (stage.camera.hit_depth(surface.x, depth) if paths.depth == 0 else depth)[0]
+            ),
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),

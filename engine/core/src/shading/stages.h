@@ -25,6 +25,7 @@ struct CameraStage {
   double *o[3], *d[3], *t_min, *t_max;  // o: only where it is not the eye of all
   double *latest, *earliest;            // the largest t_min and the least t_max; not of panoramas
   const GlintCamera* panorama;          // null for none; its rays that see nothing end at -1
+  const GlintCamera* eye;               // null where the camera's place is the eye
 };
 
 /// Points of surfaces in anchored space, as surface.h has them one by one. Masks are 0 or -1.
