@@ -5,7 +5,7 @@ import pytest
 
 import cycles_reference as cycles
 import small_scenes as build
-from glint_picture import BACKENDS, render_pair
+from glint_picture import BACKENDS, render_glint, render_pair
 
 LOW, HIGH = (3.0, -3.5, 1.6), (3.0, -3.5, 6.0)
 
@@ -88,3 +88,55 @@ def test_shading_offset_of_mirrors(backend):
     ball = pair.cycles["Depth"] < 1e9
     assert np.ptp(theirs[ball, 0]) > 0.1
     assert (np.abs(theirs - ours).max(-1)[ball] > 1e-3).mean() < 0.01
+
+
+def under_a_sky(offset, make):
+    scene = cycles.empty_scene(48, 48)
+    build.add_camera(scene, (3.6, -4.8, 2.6), (0, 0, 0), lens=70)
+    cycles.set_world(scene, (1.0, 1.0, 1.0))
+    ball = build.ball(8, 6, True, make())
+    thing = build.add(scene, "Ball", ball, build.moved(0, 0, 0, 1.2, 1.2, 1.2))
+    set_offset(thing, "shading", offset)
+    return scene
+
+
+@pytest.mark.parametrize("kind", ["matt", "metal"])
+def test_shading_offset_of_a_constant_world(kind):
+    """How much less of it is given back, on the average: metal shows it aslant."""
+    paint = {
+        "matt": lambda: build.lambert((0.8, 0.8, 0.8)),
+        "metal": lambda: build.metal(0.5, (0.8, 0.8, 0.8)),
+    }[kind]
+    theirs, ours = [], []
+    for offset in (0.0, 0.5):
+        scene = under_a_sky(offset, paint)
+        film = render_glint(scene, "NATIVE", world_light="CONSTANT")
+        reference = cycles.render_cycles(scene, 256, bounces=1)
+        seen = reference["Depth"] < 1e9
+        theirs.append(reference["Combined"][seen, 0].mean())
+        ours.append(film.passes["Combined"][seen, 0].mean())
+    assert theirs[1] / theirs[0] < 0.65
+    assert ours[1] / ours[0] == pytest.approx(theirs[1] / theirs[0], rel=0.02)
+
+
+def test_shading_offset_of_what_is_thrown_on():
+    """A ball lights the floor round it by less."""
+    theirs, ours = [], []
+    for offset in (0.0, 0.5):
+        scene = cycles.empty_scene(48, 48)
+        build.add_camera(scene, (4.2, -5.6, 2.4), (0, 0, 0.8))
+        build.add_light(scene, "SUN", (3, -2, 5), energy=3.0)
+        build.add(scene, "Floor", build.plane(5.0, build.lambert((0.8, 0.8, 0.8))))
+        ball = build.ball(8, 6, True, build.lambert((0.8, 0.8, 0.8)))
+        thing = build.add(scene, "Ball", ball, build.moved(0, 0, 1.2, 1.2, 1.2, 1.2))
+        set_offset(thing, "shading", offset)
+        film = render_glint(scene, "NATIVE", samples=64, light_samples=16, diffuse_bounces=2)
+        cycles.make_exact(scene, 1024, 0, 2)
+        scene.cycles.diffuse_bounces = 2
+        reference = cycles.render_passes(scene)
+        place = reference["Position"]
+        near = (np.abs(place[..., 2]) < 1e-3) & (np.abs(place[..., :2]).max(-1) < 1.3)
+        theirs.append(reference["Combined"][near, :3].mean())
+        ours.append(film.passes["Combined"][near, :3].mean())
+    assert theirs[1] / theirs[0] < 0.96
+    assert ours[1] / ours[0] == pytest.approx(theirs[1] / theirs[0], abs=0.015)

@@ -1,6 +1,7 @@
 // Constant lobes (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
 #pragma once
 #include "shading/stage_math.h"
+#include "shading/stage_terminator.h"
 #include "shading/stages.h"
 
 namespace glint {
@@ -59,6 +60,7 @@ struct Seen {
 
 inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& rows) {
   const Doubles cosine = seen_cosine(load3(s.n, k), load3(s.d, k));
+  const Doubles low = s.lowering ? mean_lowered(load(s.lowering + k)) : splat(1);
   Seen sum{};
   for (size_t term = 0; term < size_t(s.max_view); ++term) {
     const size_t at = ViewTerm::kColumns * term;
@@ -66,7 +68,7 @@ inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& 
         grazing_power(cosine,
                       larger(gather(rows, rows.view, at + ViewTerm::kExponent), splat(1e-6))) *
         T;
-    sum.ambient = sum.ambient + share * gather3(rows, rows.view, at + ViewTerm::kAmbient);
+    sum.ambient = sum.ambient + low * share * gather3(rows, rows.view, at + ViewTerm::kAmbient);
     sum.diffuse = sum.diffuse + share * gather3(rows, rows.view, at + ViewTerm::kDiffuse);
   }
   return sum;
@@ -106,6 +108,17 @@ inline Mask store_specular(const ShadeStage& s, size_t k, const Three& T, const 
   return lit;
 }
 
+/// What ambient light does not bring of T times its terms to surfaces that see light lower.
+__attribute__((noinline)) void take_lowered(const ShadeStage& s, size_t k, const Three& T,
+                                            const TermRows& rows) {
+  const Three given = T * gather3(rows, &MaterialTerms::ambient);
+  const Doubles lowering = load(s.lowering + k);
+  if (!bits(nonzero(given) & (lowering > 1))) return;
+  const Three less = (1 - mean_lowered(lowering)) * given;
+  store3(s.sums.total, k, load3(s.sums.total, k) - less);
+  if (s.sums.ambient[0]) store3(s.sums.ambient, k, load3(s.sums.ambient, k) - less);
+}
+
 size_t shade(const ShadeStage& s) {
   size_t others = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
@@ -116,6 +129,7 @@ size_t shade(const ShadeStage& s) {
     store_part(s.sums.ambient, k, T, rows, &MaterialTerms::ambient);
     store_part(s.sums.emission, k, T, rows, &MaterialTerms::emission);
     store_part(s.sums.environment, k, T, rows, &MaterialTerms::environment);
+    if (s.lowering) take_lowered(s, k, T, rows);
     clear_part(s.sums.diffuse, k);
     clear_part(s.sums.specular, k);
     clear_part(s.sums.shadow, k);

@@ -37,5 +37,11 @@ inline Doubles lowered(Doubles lowering, Doubles cosine) {
   return choose(lowering > 1, where(cosine > 0, share), splat(1));
 }
 
+/// Its mean over the light of an even sky.
+inline Doubles mean_lowered(Doubles lowering) {
+  const Doubles mean = 2 * (lowering * sin(kRightHigh / lowering) - 1) / (lowering * lowering - 1);
+  return choose(lowering > 1, mean, splat(1));
+}
+
 }  // namespace
 }  // namespace glint

@@ -54,6 +54,7 @@ struct SurfaceStage {
 /// Constant lobes. Writes every column of the sums; `diffuse`, `specular` and `lit` say what lights
 /// are to add.
 struct ShadeStage {
+  const double* lowering;  // as LightStage has it
   size_t count;
   const double* T[3];
   const uint32_t* material;
