@@ -21,7 +21,7 @@ inline void set_row(const ShadeStage& s, uint32_t material, size_t lane, TermRow
   rows.view[lane] = s.view_terms + ViewTerm::kColumns * size_t(s.max_view) * material;
 }
 
-inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
+__attribute__((always_inline)) inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
   if (s.count - k >= kLanes && same(s.material + k)) {
     set_row(s, s.material[k], 0, rows);
     rows.others = rows.of[0]->others ? kAllLanes : 0;
@@ -58,9 +58,9 @@ struct Seen {
   Three ambient, diffuse;
 };
 
-inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& rows) {
+__attribute__((always_inline)) inline Seen seen(const ShadeStage& s, size_t k, const Three& T,
+                                                const TermRows& rows) {
   const Doubles cosine = seen_cosine(load3(s.n, k), load3(s.d, k));
-  const Doubles low = s.lowering ? mean_lowered(load(s.lowering + k)) : splat(1);
   Seen sum{};
   for (size_t term = 0; term < size_t(s.max_view); ++term) {
     const size_t at = ViewTerm::kColumns * term;
@@ -68,14 +68,14 @@ inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& 
         grazing_power(cosine,
                       larger(gather(rows, rows.view, at + ViewTerm::kExponent), splat(1e-6))) *
         T;
-    sum.ambient = sum.ambient + low * share * gather3(rows, rows.view, at + ViewTerm::kAmbient);
+    sum.ambient = sum.ambient + share * gather3(rows, rows.view, at + ViewTerm::kAmbient);
     sum.diffuse = sum.diffuse + share * gather3(rows, rows.view, at + ViewTerm::kDiffuse);
   }
   return sum;
 }
 
 /// Whether a material of the group has lobes that depend on the view.
-inline bool any_view(const TermRows& rows) {
+__attribute__((always_inline)) inline bool any_view(const TermRows& rows) {
   bool found = false;
   for (size_t lane = 0, lanes = rows.same ? 1 : kLanes; lane < lanes; ++lane)
     found = found || rows.of[lane]->view_count > 0;
@@ -108,15 +108,20 @@ inline Mask store_specular(const ShadeStage& s, size_t k, const Three& T, const 
   return lit;
 }
 
-/// What ambient light does not bring of T times its terms to surfaces that see light lower.
-__attribute__((noinline)) void take_lowered(const ShadeStage& s, size_t k, const Three& T,
-                                            const TermRows& rows) {
-  const Three given = T * gather3(rows, &MaterialTerms::ambient);
-  const Doubles lowering = load(s.lowering + k);
-  if (!bits(nonzero(given) & (lowering > 1))) return;
-  const Three less = (1 - mean_lowered(lowering)) * given;
-  store3(s.sums.total, k, load3(s.sums.total, k) - less);
-  if (s.sums.ambient[0]) store3(s.sums.ambient, k, load3(s.sums.ambient, k) - less);
+/// Takes away what ambient light does not bring to surfaces that see light lower.
+__attribute__((noinline)) void take_lowered(const ShadeStage& s) {
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Doubles lowering = load(s.lowering + k);
+    if (!bits(lowering > 1)) continue;
+    TermRows rows;
+    look_up(s, k, rows);
+    const Three T = load3(s.T, k);
+    Three given = T * gather3(rows, &MaterialTerms::ambient);
+    if (s.max_view > 0 && any_view(rows)) given = given + seen(s, k, T, rows).ambient;
+    const Three less = (1 - mean_lowered(lowering)) * given;
+    store3(s.sums.total, k, load3(s.sums.total, k) - less);
+    if (s.sums.ambient[0]) store3(s.sums.ambient, k, load3(s.sums.ambient, k) - less);
+  }
 }
 
 size_t shade(const ShadeStage& s) {
@@ -129,7 +134,6 @@ size_t shade(const ShadeStage& s) {
     store_part(s.sums.ambient, k, T, rows, &MaterialTerms::ambient);
     store_part(s.sums.emission, k, T, rows, &MaterialTerms::emission);
     store_part(s.sums.environment, k, T, rows, &MaterialTerms::environment);
-    if (s.lowering) take_lowered(s, k, T, rows);
     clear_part(s.sums.diffuse, k);
     clear_part(s.sums.specular, k);
     clear_part(s.sums.shadow, k);
@@ -151,6 +155,7 @@ size_t shade(const ShadeStage& s) {
     for (uint32_t m = rows.others; m; m &= m - 1)
       s.others[others++] = uint32_t(k) + uint32_t(__builtin_ctz(m));
   }
+  if (s.lowering) take_lowered(s);
   return others;
 }
 

@@ -7,7 +7,7 @@
 namespace glint {
 namespace {
 
-/// How much of the way to Hanika's point shadow rays along l start at: all for light from behind
+/// How much of the way to the lifted point shadow rays along l start at: all for light from behind
 /// the face, nothing where it stands higher over the surface than what grazes it. LightStage's
 /// grazing: one over the cosine below which light does; 0 for never.
 inline Doubles lift_share(Doubles grazing, Doubles nl, Doubles gl) {
