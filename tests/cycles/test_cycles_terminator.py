@@ -164,3 +164,19 @@ def test_shading_offset_of_what_is_thrown_on():
         ours.append(film.passes["Combined"][near, :3].mean())
     assert theirs[1] / theirs[0] < 0.96
     assert ours[1] / ours[0] == pytest.approx(theirs[1] / theirs[0], abs=0.015)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_geometry_offset_of_a_face_that_bends_on_one_side(backend):
+    """The tangent plane of its first corner is the face itself: half of a parabola lifts it."""
+    scene = cycles.empty_scene(32, 32)
+    build.add_camera(scene, (0, 0, 4), (0, 0.001, 0), lens=60)
+    build.add_light(scene, "SUN", (-1.0, 0.0, -0.2), energy=2.0, use_shadow=True)
+    turn = np.arange(3) * 2 * np.pi / 3
+    rim = np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1)
+    leaning = np.array([0, 0, 0.6]) + 0.8 * rim * [[0], [1], [1]]
+    faces = build.mesh("face", rim.tolist(), [(0, 1, 2)], True, build.lambert((0.6, 0.6, 0.6)))
+    faces.normals_split_custom_set(leaning.tolist())
+    build.add(scene, "Face", faces, build.moved(0, 0, 0, 1, 1, 1))
+    pair = render_pair(scene, backend, "terminator-bent")
+    assert wrong(pair, 1e-3).sum() == 0
