@@ -297,11 +297,13 @@ class Explainer:
             primitive=int(surface.local[0]),
             material=materials[number].name if 0 <= number < len(materials) else "",
             barycentric=_numbers(surface.weights[:, 0]),
-            depth=float(depth[0] * (stage.camera.along if paths.depth == 0 else 1.0)),
+            depth=float(
+                (stage.camera.hit_depth(surface.x, depth) if paths.depth == 0 else depth)[0]
+            ),
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),
-            ambient=_numbers(coefficients.ambient[:, 0] * stage.ambient[:, 0]),
+            ambient=_numbers((coefficients.ambient * stage.even_light(surface))[:, 0]),
             emission=_numbers(coefficients.emission[:, 0]),
             lights=(
                 *self._lights(surface, coefficients, paths),

@@ -330,7 +330,7 @@ class Generations:
                 self._add(paths, part, pixel, weight * values, group)
 
         world = stage.scene.world.light_group
-        add("Ambient", coefficients.ambient * self._stage.ambient, world)
+        add("Ambient", coefficients.ambient * self._stage.even_light(surface), world)
         if not (paths.reflections and self._stage.is_lit_by_meshes):
             group = stage.per_object("light_group", surface.row)
             add("Emission", coefficients.emission, group)
@@ -389,7 +389,7 @@ class Generations:
         """
         coefficients, weight = at.coefficients, at.weight
         mirrored, refracted = gives(at.surface, coefficients)
-        ambient = coefficients.ambient * self._stage.ambient
+        ambient = coefficients.ambient * self._stage.even_light(at.surface)
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
             "Diffuse Indirect": light.lit_bounced,

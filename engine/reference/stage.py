@@ -34,6 +34,7 @@ from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
 from .tabled_lights import FAINT, SKY_PARTS, BouncedSource, Dome, MeshSource, OpeningPoints
+from .terminator import mean_lowered
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -112,6 +113,10 @@ class Stage:
         if isinstance(source, BouncedSource):
             return source.widened() if self.reach > 0 else source
         return source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
+
+    def even_light(self, surface: Surface) -> Array:
+        """(3, n): what AMBIENT lobes of points give back."""
+        return self.ambient * mean_lowered(surface.lowering)
 
     def background_of(self, along: Array, kind: str) -> Array:
         """(3, n) or (3, 1): what rays of a kind in the directions (3, n) see that hit nothing."""

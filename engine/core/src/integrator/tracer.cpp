@@ -82,7 +82,7 @@ void Tracer::choose(const Tile& tile) {
     std::iota(active_.begin(), active_.end(), 0u);
   }
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
-                  !camera_.is_panorama() &&
+                  camera_.has_frustums() &&
                   !(scene_.features & (GLINT_FEATURE_VISIBLE_LIGHTS | GLINT_FEATURE_MEDIA)) &&
                   !scene_.world.sky_program && scene_.trees.accel().surely_empty(frustum(tile));
 }
