@@ -302,10 +302,11 @@ def test_hair_is_as_bright_from_all_sides(component):
 COLORS = {"brown": (0.5, 0.25, 0.1, 1), "black": (0.02,) * 3 + (1,)}
 
 
-QUICK = [("field", "CHIANG", "brown"), ("field", "HUANG", "black")]
+PAIRS = ("CHIANG", "brown"), ("HUANG", "black")
+QUICK = [(stand, *kind) for stand in ("ball", "field") for kind in PAIRS]
 QUICK += [("few", "HUANG", "brown"), ("few", "CHIANG", "black")]
 KINDS = [
-    pytest.param(*kind, marks=() if kind[0] == "ball" or kind in QUICK else pytest.mark.slow)
+    pytest.param(*kind, marks=() if kind in QUICK else pytest.mark.slow)
     for kind in product(STANDS, ("CHIANG", "HUANG"), COLORS)
 ]
 
