@@ -134,10 +134,10 @@ def test_what_is_found_is_lit_by_all_of_the_sky() -> None:
     sky = Light("sky", "DOME", HERE, radiance=np.ones((4, 8, 3), np.float32))
     scene = replace(wall_with_ends(), lights=(sky,))
     for some in (on_small_floor(scene), replace(window_scene(walls()), lights=(sky,))):
-        native, exact = (drawn(some, 1, backend, samples=8) for backend in BACKENDS)
+        native, exact = (drawn(some, 1, backend, samples=2) for backend in BACKENDS)
         apart = np.abs(native - exact).max(2)
         assert np.median(apart) < 5e-7 * exact.mean()
-        bounced = exact - drawn(some, 0, "NUMPY", samples=8)
+        bounced = exact - drawn(some, 0, "NUMPY", samples=2)
         assert (apart > 1e-4 * bounced.mean()).mean() < 0.02  # edges
     # half of few directions by each of 64 samples, and half of many
     few, many = (added(scene, samples=64, light_samples=n)[..., 0] for n in (2, 16))
@@ -218,7 +218,7 @@ def test_panes_dim_what_is_thrown_on_through_them() -> None:
     assert half == pytest.approx(plain / 4, rel=0.01)
     for scene in scenes:
         small = on_small_floor(scene)
-        native, exact = (added(small, backend, samples=16)[before] for backend in BACKENDS)
+        native, exact = (added(small, backend, samples=4)[before] for backend in BACKENDS)
         assert np.median(np.abs(native - exact)) < 1e-5 * exact.mean()  # but for edges
 
 
