@@ -16,7 +16,7 @@ from ..lights.dome import dome_table
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import gather_points, gloss_points, light_points, lobe_points, scatter_offsets
-from ..scene import Light, Scene
+from ..scene import EVERYTHING, Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
 from .camera import CameraRays
@@ -148,6 +148,25 @@ class Stage:
         few pixels at once.
         """
         return self.reach > 0 and not self.media.varies
+
+    def points_apart(self, surface: Surface) -> Array:
+        """(n,) bool: whose light of the points of bounced light is not as what they give back of
+        all light: that of gloss, of lobes that depend on where it comes from, of lights that light
+        but some.
+        """
+        bounced = [source for source in self.sources if isinstance(source, BouncedSource)]
+        lobes = [lobe for material in self.scene.materials for lobe in material.lobes]
+        shows_gloss = self.settings.reflecting != "ALL" and any(
+            lobe.is_glossy and lobe.fresnel for lobe in lobes
+        )
+        if shows_gloss or any(source.light.receivers != EVERYTHING for source in bounced):
+            return np.ones(len(surface), bool)
+        soft = [
+            any(lobe.kind == "SHEEN" or lobe.kind.startswith("FIBRE") for lobe in material.lobes)
+            for material in self.scene.materials
+        ]
+        is_strand = surface.primitive >= self.geometry.first_rod
+        return np.array(soft, bool)[surface.material] | is_strand
 
     @property
     def mixes_gloss(self) -> bool:

@@ -444,8 +444,8 @@ typedef struct GlintNeighbour {
  * gather_samples rays, 1 to 64, for what throws light on, in place of those points; 0: none does.
  * gather_points: (gather_block², gather_count, 2) of the unit disc, below the directions of those
  * rays, of as many samples as divide gather_count, after which they begin again; row by row for the
- * pixels of squares of the frame, gather_block, 1 to 8, on a side; null only where gather_reach is
- * 0.
+ * pixels of squares of the frame, gather_block, 1 to 8, on a side. Those on one surface share what
+ * they find, and one of them asks for the points, for all. Null only where gather_reach is 0.
  * gloss_points: null, or (gloss_count, 2) of the unit disc, two for each of as many samples as
  * divide it, after which they begin again: where in wide lobes the rays of two pixels of such a
  * square are reflected; all four share what these bring.

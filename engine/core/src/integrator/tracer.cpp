@@ -227,7 +227,12 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (gives_aovs) note_aovs(queue);
   if (queue.visibility == kCamera && film_.wants_lighting()) note_colors(queue);
   if (catches_) set_aside_caught(queue);
-  direct_.illuminate(batch_, sample, counts_);
+  const bool in_blocks = plan_.shares_gathers && &queue == &first_ && direct_.gathers(queue);
+  if (in_blocks) {
+    find_pixels(queue);
+    direct_.find_blocks(batch_, pixels_, shares_);
+  }
+  direct_.illuminate(batch_, sample, counts_, in_blocks ? &shares_ : nullptr);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   if (direct_.reflects() && !queue.gathers) reflect(queue, sample, next);
   if (direct_.gathers(queue)) gather(queue, sample, next.gathering);
