@@ -168,18 +168,21 @@ class LiveRender:
         with self._changed:
             self._running = self._shown = None
             if self._waiting and not self._closed:
-                self._running, self._is_outdated = self._waiting.pop(0), False
+                # in this order: `busy` is read without the lock
+                self._running, self._is_outdated = self._waiting[0], False
+                del self._waiting[0]
             return self._running
 
     def _publish(self, task: Task, film: Film, final: bool, start: float) -> None:
         with self._changed:
             self._number += 1
             self._shown = task
-            self._running = None if final else task
             now = time.perf_counter()
             self._newest = Wave(
                 task, film, self._number, final, now - start, film.stats.get("build", 0.0), now
             )
+            # after the picture: who finds this no longer busy, without the lock, looks for it
+            self._running = None if final else task
             self._changed.notify_all()
 
     def _end(self) -> None:

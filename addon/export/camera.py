@@ -9,7 +9,7 @@ import numpy as np
 
 from ...engine.scene import Camera, Lens
 from ...engine.scene.panorama import Panorama, panorama_problems
-from .panorama import Looker, panorama_of
+from .panorama import Looker, eye_of, panorama_of
 from .report import Report
 
 Window = tuple[float, float, float, float]
@@ -81,7 +81,11 @@ def export_camera(
             1e-5,
             1e5,
         )
-    _note_approximations(camera, data, looker, report)
+    if data.type not in ("PERSP", "ORTHO", "PANO"):
+        report.note(
+            "Custom cameras are rendered as perspective ones ({}): choose another type",
+            camera.name,
+        )
     kind = _KINDS.get(data.type, "PERSPECTIVE")
     shift = (data.shift_x if looker is None else looker.shift_x, data.shift_y)
     window = _window_of(data, render, size, kind, shift)
@@ -101,7 +105,8 @@ def export_camera(
         data.clip_start,
         data.clip_end,
         lens=_aperture(camera, data, frame, report) if data.dof.use_dof else None,
-        panorama=_panorama(camera, render, size, looker, report) if kind == "PANORAMA" else None,
+        panorama=_panorama(camera, render, size, report) if kind == "PANORAMA" else None,
+        eye=eye_of(data.stereo, looker.side) if looker is not None and looker.side else None,
     )
 
 
@@ -125,12 +130,9 @@ def _window_of(
     return _window(size, _pixel_aspect(render), half, data.sensor_fit, shift)
 
 
-def _panorama(
-    camera: Any, render: Any, size: tuple[int, int], looker: Looker | None, report: Report
-) -> Panorama:
+def _panorama(camera: Any, render: Any, size: tuple[int, int], report: Report) -> Panorama:
     aspect = _pixel_aspect(render)
-    side = looker.side if looker is not None else 0
-    panorama = panorama_of(camera.data, (size[0] * aspect[0], size[1] * aspect[1]), side, report)
+    panorama = panorama_of(camera.data, (size[0] * aspect[0], size[1] * aspect[1]), report)
     for problem in panorama_problems(panorama):
         raise ExportError(f"Camera '{camera.name}': {problem}")
     return panorama
@@ -237,17 +239,3 @@ def _light_lens(camera: Any) -> float:
     if camera.type == "LIGHT" and camera.data.type == "SPOT":
         return 16.0 / math.tan(camera.data.spot_size / 2)
     return 50.0
-
-
-def _note_approximations(camera: Any, data: Any, looker: Looker | None, report: Report) -> None:
-    if data.type not in ("PERSP", "ORTHO", "PANO"):
-        report.note(
-            "Custom cameras are rendered as perspective ones ({}): choose another type",
-            camera.name,
-        )
-    if looker is not None and looker.side and data.type != "PANO":
-        report.note(
-            "Spherical stereo is rendered for panoramic cameras only, so both eyes of {} see the "
-            "same: turn it off, or choose Panoramic",
-            camera.name,
-        )

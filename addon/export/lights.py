@@ -12,6 +12,7 @@ import numpy as np
 
 from ...engine.program.program import Program, compile_program
 from ...engine.scene import Light, Texture
+from .camera import inverse_axes
 from .images.images import Images
 from .instances import Flags
 from .materials.closures import LobeKey
@@ -197,14 +198,17 @@ def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
 def _lamp(data: Any, frame: np.ndarray, matrix: np.ndarray, shape: dict[str, Any]) -> Lamp:
     """The light as its nodes see it; a POINT that is scaled to nothing has its own axes."""
     axes = matrix[:, :3]
-    turned = np.linalg.det(axes) != 0
+    object_from_light = normals_to_world = np.eye(3)
+    if np.linalg.det(axes) != 0:
+        back = inverse_axes(axes)
+        object_from_light, normals_to_world = back @ frame[:, :3], back.T
     return Lamp(
         data.type,
-        np.linalg.inv(axes) @ frame[:, :3] if turned else np.eye(3),
+        object_from_light,
         (shape.get("size_x", 0.0), shape.get("size_y", 0.0)),
         shape.get("spot_size", 0.0),
         frame[:, :3].T if data.type == "SPOT" else None,
-        np.linalg.inv(axes).T if turned else np.eye(3),
+        normals_to_world,
     )
 
 

@@ -29,8 +29,8 @@ class Looker:
     side: int = 0
 
 
-def panorama_of(data: Any, aspect: tuple[float, float], side: int, report: Report) -> Panorama:
-    """Of a panoramic camera's data for a frame with sides like `aspect`. side: as of `Looker`."""
+def panorama_of(data: Any, aspect: tuple[float, float], report: Report) -> Panorama:
+    """Of a panoramic camera's data for a frame with sides like `aspect`."""
     kind = _setting(data, "panorama_type", "FISHEYE_EQUISOLID")
     kind = _OTHER_NAMES.get(kind, kind)
     if kind not in PROJECTIONS:
@@ -53,7 +53,6 @@ def panorama_of(data: Any, aspect: tuple[float, float], side: int, report: Repor
         lens=_setting(data, "fisheye_lens", 10.5),
         sensor=_sensor(data, aspect),
         polynomial=tuple(_setting(data, f"fisheye_polynomial_k{k}", 0.0) for k in range(5)),
-        eye=_eye(data.stereo, side) if side else None,
     )
 
 
@@ -76,7 +75,8 @@ def _sensor(data: Any, aspect: tuple[float, float]) -> tuple[float, float]:
     return (size, size * up / across) if horizontal else (size * across / up, size)
 
 
-def _eye(stereo: Any, side: int) -> Eye:
+def eye_of(stereo: Any, side: int) -> Eye:
+    """Of a camera's stereoscopy. side: as of `Looker`, not 0."""
     parallel = stereo.convergence_mode == "PARALLEL"
     start, end = stereo.pole_merge_angle_from, stereo.pole_merge_angle_to
     merges = stereo.use_pole_merge and end > 0

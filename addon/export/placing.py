@@ -198,7 +198,7 @@ def note_empty_view(
     the frame (notes, section 7.5). Through a lens things beside the frame may be seen, and in a
     panorama nothing has to be ahead.
     """
-    if camera.lens is not None or camera.kind == "PANORAMA":
+    if camera.lens is not None or camera.eye is not None or camera.kind == "PANORAMA":
         return
     seen = (
         (geometries[block.geometry], block.world_from_object)

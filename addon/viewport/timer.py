@@ -69,10 +69,12 @@ def look() -> float | None:
     if redraws.is_over:
         for session in _sessions:
             session.go_on()
+    # before looking for news: a last picture that comes in between is looked for once more
+    is_busy = any(session.busy for session in _sessions)
     news = {session.region for session in _sessions if session.wants_redraw}
     if news:
         _redraw(news)
-    if any(session.busy for session in _sessions):
+    if is_busy:
         return LOOK
     return _PATIENCE if news else None
 

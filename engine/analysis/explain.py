@@ -77,7 +77,12 @@ def _sharing(hit: Hit | None) -> list[str]:
     """What is told where lights share shadow rays."""
     if hit is None:
         return []
-    return [
+    turns = (
+        [f"{hit.turns} pixels that show one surface take turns with points of bounced light"]
+        if hit.turns > 1
+        else []
+    )
+    return turns + [
         f"each sample of the picture looks for the shadows of {rays} of {samples} {of}, here all "
         "are looked for"
         for (rays, samples), of in (

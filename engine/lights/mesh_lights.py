@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
 from .dome import LARGEST
@@ -147,6 +148,14 @@ def _varies(material: Material) -> bool:
     return any(f.texture >= 0 or f.attribute or f.output >= 0 for f in factors)
 
 
+def _glow_of(material: Material) -> Material:
+    """Its EMISSION lobes, with what they need of its program."""
+    lobes = tuple(lobe for lobe in material.lobes if lobe.kind == "EMISSION")
+    read = {f.output for lobe in lobes for f in lobe.factors if f.output >= 0}
+    program = without_the_rest(material.program, read) if material.program and read else None
+    return replace(material, lobes=lobes, program=program)
+
+
 def _parts(material: Material, triangles: int) -> int:
     """To a side of each of so many triangles of a material."""
     return int(np.clip(np.sqrt(PARTS / triangles), 1, MOST_PARTS)) if _varies(material) else 1
@@ -161,7 +170,8 @@ class _Surfaces:
         from ..reference.materials import Shader
 
         self._materials, self._geometry = scene.materials, gather(scene, origin)
-        self._shader = Shader(scene, Attributes(scene), self._geometry)
+        glow = replace(scene, materials=tuple(map(_glow_of, scene.materials)))
+        self._shader = Shader(glow, Attributes(scene), self._geometry)
 
     def parts(self) -> Iterator[Emitters]:
         """Of each material; weights are but for the radiance, and `Polygons` are left out."""

@@ -46,6 +46,7 @@ _LIKENESS = attrgetter(
     "visible_diffuse",
     "light_set",
     "catcher",
+    "shading_offset",
 )
 """Of blocks: what says whether and how light meets them, but for materials and values."""
 
@@ -84,6 +85,8 @@ def met_surfaces(
     from ..reference.materials import Shader
     from ..reference.rays import IncoherentRays
     from ..reference.surface import surface_at
+    from ..reference.terminator import lowered
+    from ..reference.vectors import dot
 
     hit = np.flatnonzero(hits.instance >= 0)
     placement, row = np.unique(hits.instance[hit], return_inverse=True)
@@ -115,6 +118,7 @@ def met_surfaces(
     # strands stand closer together than points can tell apart: they would be specks
     varnished = np.maximum(lobes.ambient - lobes.translucent, 0.0)
     given = np.where(_is_varnished(some, surface), varnished, lobes.diffuse)
+    given = given * lowered(surface.lowering, dot(surface.n, surface.v))
     is_hair = np.array(hair, bool)[block]
     lobes = replace(
         lobes,

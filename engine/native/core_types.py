@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 59
+ABI_VERSION = 60
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -367,6 +367,7 @@ class CameraData(Structure):
         *_each(c_double * 5, "polynomial"),
         *_each(c_double, "eye_offset convergence"),
         *_each(c_double * 2, "pole_merge"),
+        *_each(c_double * 3, "eye_up"),
         *_each(c_int32, "projection reserved"),
     ]
 

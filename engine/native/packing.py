@@ -286,6 +286,9 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     data.kind = number(camera.kind, core_types.CameraKind, "camera kind")
     if camera.kind == "PANORAMA" and camera.panorama is not None:
         _pack_panorama(data, camera.panorama)
+    eye = camera.eye or Eye(0.0)
+    data.eye_offset, data.convergence = eye.offset, eye.convergence
+    data.eye_up[:], data.pole_merge[:] = eye.up, eye.pole_merge or (0.0, 0.0)
     return data
 
 
@@ -294,9 +297,6 @@ def _pack_panorama(data: core_types.CameraData, panorama: Panorama) -> None:
     for name in ("longitude", "latitude", "heights", "sensor", "polynomial"):
         getattr(data, name)[:] = getattr(panorama, name)
     data.fov, data.lens = panorama.fov, panorama.lens
-    eye = panorama.eye or Eye(0.0)
-    data.eye_offset, data.convergence = eye.offset, eye.convergence
-    data.pole_merge[:] = eye.pole_merge or (0.0, 0.0)
 
 
 # --- textures and lights

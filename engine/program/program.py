@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 from .graph import Call, Graph, Value, needed
-from .operations import Operation, Reference
+from .operations import Kind, Operation, Reference
 from .operations_rays import ASKING
 from .table import CODES, OPERATIONS
 
@@ -75,6 +75,39 @@ def instructions(program: Program) -> Iterator[Instruction]:
             operation, code[at + 1 : outputs], code[outputs:arguments], code[arguments:end]
         )
         at = end
+
+
+def without_the_rest(program: Program, numbers: Iterable[int]) -> Program:
+    """The instructions that the outputs of these numbers need; the other outputs hold anything."""
+    steps, kept = list(instructions(program)), []
+    wide = {place: kind for step in steps for place, kind in _written(step)}
+    places = (program.outputs[number] for number in numbers)
+    live = {place + row for place in places for row in range(wide[place])}
+    for step in reversed(steps):
+        written = _rows(_written(step))
+        if live.isdisjoint(written):
+            continue
+        kinds = (kind for _, kind in step.operation.arguments)
+        live = (live - written) | _rows(zip(step.arguments, kinds, strict=True))
+        kept.append(step)
+    code = [
+        word
+        for step in reversed(kept)
+        for word in (
+            CODES[step.operation.name], *step.outputs, *step.arguments, *step.settings
+        )
+    ]  # fmt: skip
+    return replace(program, code=tuple(code))
+
+
+def _written(step: Instruction) -> Iterator[tuple[int, Kind]]:
+    """Where each output stands, and what it is."""
+    return zip(step.outputs, (kind for _, kind in step.operation.outputs), strict=True)
+
+
+def _rows(places: Iterable[tuple[int, Kind]]) -> set[int]:
+    """Slots of what stands in some: constants, and what nothing reads, do not."""
+    return {place + row for place, kind in places if place >= 0 for row in range(kind)}
 
 
 def _asked(step: Instruction) -> int:

@@ -12,7 +12,7 @@ from ..sampling import places_in_blocks
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, sample_times
 from ..scene import Camera, Scene
-from ..scene.panorama import Panorama
+from ..scene.panorama import Eye, Panorama
 from .geometry import Geometry
 from .panorama import from_eye, looks, through_lens
 from .raster import Strips, pixel_strips
@@ -20,6 +20,8 @@ from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
 from .vectors import length, transform, transform_each, unit
 
 Array = np.ndarray
+
+_RIGHT, _UP = np.eye(3)[:, :1], np.eye(3)[:, 1:2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,8 @@ class CameraRays:
 
     near, far: the clip range with a margin for the rounding of depths, so that hits at its very
     ends count.  clip_planes: (k, 4).  focus: depth of a lens's sharp plane.  eye: (3,) world.
-    panorama: None for none; its depths are distances.
+    panorama: None for none; its depths are distances.  aside: of a pair, None where `eye` is the
+    eye.
     """
 
     frame: Frame
@@ -69,6 +72,7 @@ class CameraRays:
     eye: Array
     clip_start: float
     panorama: Panorama | None = None
+    aside: Eye | None = None
 
     @classmethod
     def of(cls, camera: Camera, geometry: Geometry) -> CameraRays:
@@ -97,12 +101,8 @@ class CameraRays:
             np.asarray(camera.world_from_camera, np.float64)[:, 3],
             camera.clip_start,
             camera.panorama if camera.kind == "PANORAMA" else None,
+            camera.eye,
         )
-
-    @property
-    def along(self) -> float:
-        """World units per unit of the parameter of its rays."""
-        return self.unit if self.panorama is None else 1.0
 
     def weights(self, rays: Rays) -> Array:
         """(n,) of camera rays: 1, and 0 beyond the picture of a panorama's lens."""
@@ -128,7 +128,7 @@ class CameraRays:
         """The same, each from where its pixel looks."""
         if self.panorama is not None:
             return self._panoramic(x, y, offset, spread), None
-        if spread.lens is None and spread.frames is None:
+        if spread.lens is None and spread.frames is None and self.aside is None:
             return self.pixels(x, y, offset)
         return self._spread(x, y, offset, spread), None
 
@@ -147,10 +147,16 @@ class CameraRays:
         if spread.frames is None:
             world = np.linalg.inv(self.frame.matrix)
             origin, along = transform(world, origin), transform(world, along)
+            right = world[:, :1]
         else:
             world = spread.frames[place] * (1.0, 1.0, -1.0, 1.0)
             moved = world[:, :, 3].T - self.eye[:, None]
             origin, along = transform_each(world, origin) + moved, transform_each(world, along)
+            right = world[:, :, 0].T
+        if self.aside is not None:
+            size, up = length(along), np.array(self.aside.up)[:, None]
+            origin, d = from_eye(self.aside, up, right, origin, along / size)
+            along = size * d
         return IncoherentRays.of(origin, along, *self._clipped(start, slope))
 
     def _window(self, x: tuple[int, int], y: tuple[int, int], offset: Array) -> tuple[Array, Array]:
@@ -170,8 +176,8 @@ class CameraRays:
         o = np.zeros_like(d)
         if spread.lens is not None:
             o, d = through_lens(d, spread.lens[place].T, self.focus)
-        if self.panorama.eye is not None:
-            o, d = from_eye(self.panorama.eye, o, d)
+        if self.aside is not None:
+            o, d = from_eye(self.aside, _UP, _RIGHT, o, d)
         if spread.frames is None:
             world = np.linalg.inv(self.frame.matrix) * (1.0, 1.0, -1.0)
             o, d = transform(world, o), transform(world, d)
@@ -190,6 +196,14 @@ class CameraRays:
         if self.panorama is not None:
             return length(points) / self.unit
         return transform(self.frame.matrix, points)[2]
+
+    def hit_depth(self, points: Array, parameter: Array) -> Array:
+        """World units of depth of hits (3, n) relative to the eye, which rays of the camera that
+        stands still have at `parameter`, (n,).
+        """
+        if self.panorama is None and self.aside is None:
+            return parameter * self.unit
+        return self.depth(points) * self.unit
 
     def distance(self, points: Array) -> Array:
         """World units from the eye to points (3, n) relative to it; along the view where rays are

@@ -95,8 +95,9 @@ class EmissionPoints:
 
     def ray_length(self) -> Array:
         """(n,) in the world."""
-        is_camera = self._kind == "camera"
-        return self._far - clipped(self._around.camera, self._d) if is_camera else self._far
+        if self._kind != "camera":
+            return self._far
+        return self._far - clipped(self._around.camera, self._d, self._x, self._far)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,9 @@ from . import catchers
 from .bumps import bump_shadow
 from .camera import Spread
 from .cancellation import Cancellation
+from .explain_block import PixelBlock
 from .explained import Hit, LightTerm, Numbers, Ray
-from .gathering import Shares, gathering, seen_lobes
+from .gathering import gathering, seen_lobes
 from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
@@ -26,14 +27,14 @@ from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
-from .paths import Interaction, Paths, bounced, camera_paths, met, one_by_one, straight_on
+from .paths import Interaction, Paths, bounced, camera_paths, met, straight_on
 from .rays import IncoherentRays
-from .reflections import reflected, reflected_in_blocks
+from .reflections import reflected
 from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
-from .tabled_lights import Dome
+from .tabled_lights import BouncedSource, Dome
 from .terminator import lowered, mean_lowered, start_towards
 from .translucent import other_side
 from .vectors import dot, length, unit
@@ -57,17 +58,14 @@ class Explainer:
         self._spread = Spread.samples(scene, settings.samples)[0]
         self._looks_round = OCCLUSION in settings.passes
         self._places = np.zeros(1, np.intp)
-        self._near: list[Paths] | None = None
-        self._mixed: list[tuple[Paths, Array]] | None = None
-        self._shares: Shares | None = None
-        self._own = 0  # which pixel of its block
+        self._block = PixelBlock()
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
         and its point of the lens: the first sample of a picture.
         """
         self._places = places_in_blocks((x, x + 1), (y, y + 1), GATHER_BLOCK)
-        self._near, self._mixed = self._of_block(x, y)
+        self._block = self._block_of(x, y)
         paths = self._camera_paths((x, x + 1), (y, y + 1))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
@@ -75,66 +73,31 @@ class Explainer:
         rays = self.stage.camera.rays(x, y, np.zeros(2), self._spread)[0]
         return camera_paths(rays, self.stage.camera.weights(rays))
 
-    def _of_block(
-        self, x: int, y: int
-    ) -> tuple[list[Paths] | None, list[tuple[Paths, Array]] | None]:
-        """Of what the pixel's camera ray meets first the gather rays and those that rough surfaces
-        reflect, one each: its own and those that pixels of its block share with it; of the latter
-        (3,) what the pixel gets of what they bring. None where it has but its own.
-        """
+    def _block_of(self, x: int, y: int) -> PixelBlock:
         stage, (width, height) = self.stage, self.stage.scene.camera.resolution
-        near: list[Paths] | None = [] if stage.shares_gathers else None
-        mixed: list[tuple[Paths, Array]] | None = [] if stage.mixes_gloss else None
-        if near is None and mixed is None:
-            return None, None
         x0, y0 = (at // GATHER_BLOCK * GATHER_BLOCK for at in (x, y))
-        block = (x0, min(x0 + GATHER_BLOCK, width)), (y0, min(y0 + GATHER_BLOCK, height))
-        own = (y - y0) * (block[0][1] - x0) + x - x0
-        paths = self._camera_paths(*block)
-        found = stage.visibility.closest(paths.rays, paths.visibility)
-        hit = np.flatnonzero(found.primitive != NOTHING)
+        square = (x0, min(x0 + GATHER_BLOCK, width)), (y0, min(y0 + GATHER_BLOCK, height))
+        found = PixelBlock((y - y0) * (square[0][1] - x0) + x - x0)
+        found.near = [] if stage.shares_gathers else None
+        found.mixed = [] if stage.mixes_gloss else None
+        if found.near is None and found.mixed is None:
+            return found
+        paths = self._camera_paths(*square)
+        hits = stage.visibility.closest(paths.rays, paths.visibility)
+        hit = np.flatnonzero(hits.primitive != NOTHING)
         if not len(hit):
-            return near, mixed
+            return found
         if stage.media:
-            spans = stage.media.spans(paths.rays, paths.visibility, found.depth)
-            passed = stage.media.passed(spans, paths.rays.near, found.depth)
+            spans = stage.media.spans(paths.rays, paths.visibility, hits.depth)
+            passed = stage.media.passed(spans, paths.rays.near, hits.depth)
             paths = replace(paths, weight=paths.weight * passed)
-        surface = self._surface(paths, hit, found.primitive[hit], found.depth[hit])
+        surface = self._surface(paths, hit, hits.primitive[hit], hits.depth[hit])
         shown = np.flatnonzero(~stage.per_object("holdout", surface.row).astype(bool))
         hit, surface = hit[shown], surface.take(shown)
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
-        places, one = places_in_blocks(*block, GATHER_BLOCK), np.zeros(len(paths), np.intp)
-        at = Interaction(paths, hit, surface, coefficients)
-        if near is not None:
-            gathered, shares = gathering(stage, at, 0, places, one)
-            if shares is not None:
-                self._shares, self._own = shares, own
-                group = shares.group[own]
-                alike = shares.members[group] if group >= 0 else np.full(1, own)
-                near = list(one_by_one(gathered, alike))
-        if mixed is not None:
-            rays, mixing = reflected_in_blocks(stage, at, 0, one)
-            sender, receiver, share = (np.empty(0), np.empty(0), np.empty((3, 0)))
-            if mixing is not None:
-                sender, receiver, share = mixing.shares()
-            for k in np.flatnonzero(receiver == own):
-                some = [found for found in rays if found.mixed or sender[k] == own]
-                mixed += [(found, share[:, k]) for found in one_by_one(some, sender[k])]
-        return near, mixed
-
-    def _share(self, paths: Paths, surface: Surface | None) -> Array:
-        """(3, 1) what the pixel gets of what its own gather ray, or a neighbour's, finds there; an
-        even part where that finds nothing.
-        """
-        if not paths.shared:
-            return np.ones((3, 1))
-        assert self._shares is not None
-        if surface is None:
-            group = self._shares.group
-            alike = (group == group[self._own]).sum() if group[self._own] >= 0 else 1
-            return self._shares.matt[:, [self._own]] / alike
-        _, receiver, share = self._shares.given(paths.pixel, surface.x, surface.g)
-        return share[:, receiver == self._own].sum(1, keepdims=True)
+        places = places_in_blocks(*square, GATHER_BLOCK)
+        found.meet(stage, Interaction(paths, hit, surface, coefficients), places)
+        return found
 
     def _surface(self, paths: Paths, hit: Array, primitive: Array, depth: Array) -> Surface:
         stage = self.stage
@@ -182,7 +145,7 @@ class Explainer:
         )
         own = sent * sum((np.array(light) for _, light in (*shapes, *media)), np.zeros(3))
         if found.primitive[0] == NOTHING:
-            even = np.array(ray.weight) * self._share(paths, None)[:, 0]
+            even = np.array(ray.weight) * self._block.share(paths, None)[:, 0]
             ray = replace(ray, weight=_numbers(even))
             own = own + paths.weight[:, 0] * np.array(ray.background)
             return replace(ray, own=_numbers(own), color=_numbers(own))
@@ -192,7 +155,7 @@ class Explainer:
     def _at_surface(self, ray: Ray, paths: Paths, found, own: Array) -> Ray:
         stage, hit, depth = self.stage, np.zeros(1, np.intp), found.depth
         surface = self._surface(paths, hit, found.primitive, depth)
-        sent, share = paths, self._share(paths, surface)
+        sent, share = paths, self._block.share(paths, surface)
         paths = replace(paths, weight=paths.weight * share)
         ray = replace(ray, weight=_numbers(np.array(ray.weight) * share[:, 0]))
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
@@ -200,20 +163,20 @@ class Explainer:
         coefficients = at.coefficients
         if paths.reflections and stage.is_lit_by_meshes:
             coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
-        about = self._hit(surface, coefficients, depth, paths)
+        is_first = ray.kind in ("camera", "lens")
+        about = self._hit(surface, coefficients, depth, paths, is_first)
         if about.holdout or about.caught is not None:
             coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
         at = replace(at, coefficients=coefficients)
-        is_first = ray.kind in ("camera", "lens")
-        near = self._near if is_first else None
+        near = self._block.near if is_first else None
         if about.holdout:
             near = []
         elif near is None:
-            near = gathering(stage, at, 0, self._places)[0]
+            near = gathering(stage, at, 0, self._places)
         is_seen = not about.holdout and about.caught is None
         after = self._next(replace(at, paths=sent), depth, is_first and is_seen)
         if is_seen and coefficients.translucent.any():
-            near = [*near, *gathering(stage, other_side(stage, at, depth), 0, self._places)[0]]
+            near = [*near, *gathering(stage, other_side(stage, at, depth), 0, self._places)]
         follow = (*(self.follow(one, "gather") for one in near), *after)
         _, d = paths.rays.lines(hit)
         if about.holdout:
@@ -275,7 +238,7 @@ class Explainer:
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0
                 yield self.follow(after, "mirror" if is_mirror else "refraction")
-            mixed = self._mixed if is_first else None
+            mixed = self._block.mixed if is_first else None
             if mixed is None:
                 mixed = [(found, np.ones(3)) for found in reflected(self.stage, at, 0)]
             for after, share in mixed:
@@ -284,27 +247,37 @@ class Explainer:
         if straight is not None:
             yield self.follow(straight, "transparent")
 
-    def _hit(self, surface: Surface, coefficients: Coefficients, depth: Array, paths: Paths) -> Hit:
+    def _hit(
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        depth: Array,
+        paths: Paths,
+        is_first: bool,
+    ) -> Hit:
         stage, row = self.stage, surface.row[0]
         block = int(stage.geometry.placements.block[row])
         instances = stage.scene.instances[block]
         first = int(np.flatnonzero(stage.geometry.placements.block == block)[0])
         number = int(surface.material[0])
         materials = stage.scene.materials
+        asker = self._block.asker if is_first else None
         return Hit(
             thing=instances.name,
             place=int(row) - first,
             primitive=int(surface.local[0]),
             material=materials[number].name if 0 <= number < len(materials) else "",
             barycentric=_numbers(surface.weights[:, 0]),
-            depth=float(depth[0] * (stage.camera.along if paths.depth == 0 else 1.0)),
+            depth=float(
+                (stage.camera.hit_depth(surface.x, depth) if paths.depth == 0 else depth)[0]
+            ),
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),
-            ambient=_numbers(coefficients.ambient[:, 0] * stage.ambient[:, 0]),
+            ambient=_numbers((coefficients.ambient * stage.even_light(surface))[:, 0]),
             emission=_numbers(coefficients.emission[:, 0]),
             lights=(
-                *self._lights(surface, coefficients, paths),
+                *self._lights(surface, coefficients, paths, asker),
                 *self._lights_behind(surface, coefficients, depth, paths),
             ),
             holdout=instances.holdout and paths.depth == 0,
@@ -314,6 +287,7 @@ class Explainer:
             else None,
             shared=(stage.lighting.marks, stage.shared_samples),
             shared_bounced=stage.shared_bounced,
+            turns=self._block.turns if is_first else 1,
             open=_numbers(openness(stage, surface, 0, lambda: None)[:, 0])
             if paths.depth == 0 and self._looks_round
             else None,
@@ -323,10 +297,18 @@ class Explainer:
     # ----------------------------------------------------------------------------------------------
 
     def _lights(
-        self, surface: Surface, coefficients: Coefficients, paths: Paths
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        paths: Paths,
+        asker: tuple[Surface, Coefficients, Array] | None = None,
     ) -> Iterator[LightTerm]:
+        """asker: as `PixelBlock` has it."""
         lighting, weight = self._lighting(surface, paths), paths.weight
         for source in lighting.sources:
+            if asker is not None and isinstance(source, BouncedSource):
+                yield from self._lights_of_asker(source, lighting, asker, weight)
+                continue
             margin, j = 0, 0
             hidden = source.hidden_counts if isinstance(source, Dome) else 1
             for j, (narrow, sample, diffuse) in enumerate(
@@ -345,6 +327,21 @@ class Explainer:
                     yield term
             if isinstance(source, Dome) and margin >= 0:
                 yield self._rest(surface, coefficients, source, j + 1)
+
+    def _lights_of_asker(
+        self,
+        source: BouncedSource,
+        lighting: Lighting,
+        asker: tuple[Surface, Coefficients, Array],
+        weight: Array,
+    ) -> Iterator[LightTerm]:
+        """What the pixel gets of the points of bounced light that another of its block asks."""
+        surface, coefficients, share = asker
+        samples = lighting.samples(surface, coefficients, weight, source, 0)
+        for j, (narrow, sample, _) in enumerate(samples):
+            term = self._light(surface, coefficients, source, narrow, sample, j, lighting)
+            diffuse, specular = (share * np.array(x) for x in (term.diffuse, term.specular))
+            yield replace(term, diffuse=_numbers(diffuse), specular=_numbers(specular))
 
     def _lighting(self, surface: Surface, paths: Paths) -> Lighting:
         kinds = self.stage.lighting_of(paths).kinds(surface, paths.weight)

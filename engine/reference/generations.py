@@ -11,7 +11,8 @@ import numpy as np
 
 from ..film import CATCHER, VOLUME
 from . import catchers
-from .gathering import Shares, gathering, seen_lobes
+from .blocks import PointShares, Shares
+from .gathering import gathering, seen_lobes, sharing
 from .lighting import DirectLight
 from .lights import Source
 from .media import Spans
@@ -60,7 +61,7 @@ class Generations:
 
     def __init__(self, stage: Stage, tile: Tile, sample: int, places: Array, blocks: Array) -> None:
         """places: (pixels,) of each in its block of `gather_points`.  blocks: (pixels,) which
-        blocks these are, where their pixels share what rays find or bring.
+        block each is in, where pixels share what rays find or bring.
         """
         self._stage, self._tile, self._sample, self._places = stage, tile, sample, places
         self._blocks: Array | None = blocks
@@ -124,15 +125,15 @@ class Generations:
             at = self._catch(at)
             self._seen.add_openness(at)
         at = seen_lobes(stage, at)
-        self._light(at)
-        shared = blocks if stage.shares_gathers else None
-        near, shares = gathering(stage, at, self._sample, self._places, shared)
-        self._shares = shares or self._shares
-        deeper += near
+        shares = None
+        if blocks is not None and stage.shares_gathers:
+            shares = self._shares = sharing(stage, at, self._sample, blocks)
+        self._light(at, shares)
+        deeper += gathering(stage, at, self._sample, self._places, shares)
         if at.coefficients.translucent.any():
             behind = other_side(stage, at, hits.depth[at.hit])
             self._light(behind)
-            deeper += gathering(stage, behind, self._sample, self._places)[0]
+            deeper += gathering(stage, behind, self._sample, self._places)
         if paths.depth < stage.settings.max_bounces and not paths.gathers:
             deeper += self._bounce(at, blocks if stage.mixes_gloss else None)
         return passed
@@ -315,10 +316,14 @@ class Generations:
         coefficients = self._stage.shader.coefficients(surface, at.paths.kind, queries)
         return Interaction(at.paths, at.hit[places], surface, coefficients)
 
-    def _light(self, at: Interaction) -> None:
-        (self._share if at.paths.shared else self._shade)(at)
+    def _light(self, at: Interaction, shares: Shares | None = None) -> None:
+        """shares: how pixels share bounced light."""
+        if at.paths.shared:
+            self._share(at)
+        else:
+            self._shade(at, shares.of_points(at.pixel) if shares else None)
 
-    def _shade(self, at: Interaction) -> None:
+    def _shade(self, at: Interaction, shares: PointShares | None = None) -> None:
         """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each
         part by itself.
         """
@@ -330,7 +335,7 @@ class Generations:
                 self._add(paths, part, pixel, weight * values, group)
 
         world = stage.scene.world.light_group
-        add("Ambient", coefficients.ambient * self._stage.ambient, world)
+        add("Ambient", coefficients.ambient * self._stage.even_light(surface), world)
         if not (paths.reflections and self._stage.is_lit_by_meshes):
             group = stage.per_object("light_group", surface.row)
             add("Emission", coefficients.emission, group)
@@ -340,7 +345,7 @@ class Generations:
             self._tile.soft_light[matt] = self._tile.bounced[matt] = True
         on_reach, on_cut = self._listeners(pixel)
         light = self._stage.lighting_of(paths).direct(
-            surface, coefficients, weight, self._sample, on_reach, on_cut
+            surface, coefficients, weight, self._sample, on_reach, on_cut, shares
         )
         if paths.gathers:
             to = surface.x - paths.rays.lines(at.hit)[0]
@@ -389,7 +394,7 @@ class Generations:
         """
         coefficients, weight = at.coefficients, at.weight
         mirrored, refracted = gives(at.surface, coefficients)
-        ambient = coefficients.ambient * self._stage.ambient
+        ambient = coefficients.ambient * self._stage.even_light(at.surface)
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
             "Diffuse Indirect": light.lit_bounced,

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
+from .blocks import PointShares
 from .bumps import bump_shadow
 from .cancellation import Cancellation
 from .gloss import Narrow, even_gloss
@@ -51,7 +52,8 @@ class DirectLight:
 @dataclass(frozen=True, eq=False)
 class _Receivers:
     """n points that get light in one sample of their pixels. weight: (3, n) T of the rays that see
-    them.  given: (n,) bool, those that light is for.
+    them.  given: (n,) bool, those that light is for.  shares: how they share what points of bounced
+    light give.
     """
 
     surface: Surface
@@ -59,19 +61,21 @@ class _Receivers:
     weight: Array
     sample: int
     given: Array
+    shares: PointShares | None
 
 
 @dataclass(frozen=True, eq=False)
 class _Sharing:
     """Lights that share so many shadow rays of a point and sample. sources: gives them, the same
     each time, with what points get of those that they see in clusters.  matt, glossy: the sums to
-    which what such lobes throw back is added.
+    which what such lobes throw back is added.  shares: how points share it.
     """
 
     sources: Callable[[], Iterable[tuple[Source, FarLight | None]]]
     marks: int
     matt: Array
     glossy: Array
+    shares: PointShares | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,11 +179,13 @@ class Lighting:
         sample: int,
         on_reach: Callable[[Source, Array, bool], None],
         on_cut: Callable[[Array], None],
+        shares: PointShares | None = None,
     ) -> DirectLight:
         """What all lights add at the points of `surface` in sample `sample` of their pixels.
         weight: (3, n) T of the rays that see them. on_reach: told which points each sample of a
         light reaches, or which ask for its shadow, and whether its pixels take more samples before
         they may stop.  on_cut: told the points whose horizon cuts a light of more than one sample.
+        shares: how the points share what points of bounced light give; None where they do not.
         """
         rows = (3,) * 7 + (3 * self.light_groups,)
         total = DirectLight(*(np.zeros((count, len(surface))) for count in rows))
@@ -188,7 +194,7 @@ class Lighting:
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for lighting, points in self.kinds(surface, weight):
             if (given & points).any():
-                at = _Receivers(surface, coefficients, weight, sample, given & points)
+                at = _Receivers(surface, coefficients, weight, sample, given & points, shares)
                 lighting._light(at, on_reach, on_cut, total)
         return total
 
@@ -255,7 +261,11 @@ class Lighting:
         bounced = [(x, None) for x in self.sources if isinstance(x, BouncedSource)]
         if bounced:
             yield _Sharing(
-                lambda: bounced, self.bounced_marks, total.lit_bounced, total.lit_glossy_bounced
+                lambda: bounced,
+                self.bounced_marks,
+                total.lit_bounced,
+                total.lit_glossy_bounced,
+                at.shares,
             )
 
     def _share(
@@ -272,6 +282,7 @@ class Lighting:
             for source, far in group.sources():
                 current[:] = [source]
                 lit = at.given & self.lights(source, at.surface)
+                lit = lit if group.shares is None else lit & group.shares.asks
                 for each, light_sample, is_drawn in self._samples_given(at, source, lit):
                     if far is not None:
                         white = dot(at.surface.n, light_sample.direction) * light_sample.intensity
@@ -294,7 +305,7 @@ class Lighting:
             (group.glossy, passed * specular),
             (total.groups, groups),
         ):
-            sums += light
+            sums += light if group.shares is None else group.shares.spread(light)
 
     def _lamps(self, at: _Receivers) -> Iterator[tuple[Source, FarLight | None]]:
         """The lamps that share shadow rays, and what points get of those that they see in

@@ -113,17 +113,19 @@ def through_lens(d: Array, lens: Array, focus: float) -> tuple[Array, Array]:
     return o, unit(d - o / focus)
 
 
-def from_eye(eye: Eye, o: Array, d: Array) -> tuple[Array, Array]:
-    """Origins and unit directions of the rays as an eye of a pair sees them."""
-    side = cross(d, np.array([[0.0], [1.0], [0.0]]) + 0 * d)
+def from_eye(eye: Eye, up: Array, right: Array, o: Array, d: Array) -> tuple[Array, Array]:
+    """Origins and unit directions of the rays o, d (3, n) as an eye of a pair sees them. up: (3, 1)
+    unit. right: (3, 1) or (3, n), where the eye stands if a ray goes up or down.
+    """
+    side = cross(d, up + 0 * d)
     offset = np.full(d.shape[1], eye.offset)
     if eye.pole_merge is not None:
         start, end = eye.pole_merge
-        elevation = np.abs(np.arcsin(np.clip(d[1], -1.0, 1.0)))
+        elevation = np.abs(np.arcsin(np.clip(dot(up, d), -1.0, 1.0)))
         with np.errstate(over="ignore"):
             share = np.clip((elevation - start) / (end - start), 0.0, 1.0)
         offset = np.where(elevation > end, 0.0, offset * np.cos(np.pi / 2 * share))
-    aside = offset * unit(np.where(side.any(0), side, [[1.0], [0.0], [0.0]]))
+    aside = offset * unit(np.where(side.any(0), side, right))
     with np.errstate(invalid="ignore", over="ignore"):
         return o + aside, unit(d - aside / eye.convergence)
 

@@ -43,10 +43,15 @@ def _camera_axes(camera: Camera) -> Array:
     return axes / np.sqrt((axes * axes).sum(0)) * np.array([1.0, 1.0, -1.0])
 
 
-def clipped(camera: Camera, d: Array) -> Array:
-    """(n,) lengths along unit d (3, n) of what lies before the camera's clip_start."""
+def clipped(camera: Camera, d: Array, x: Array, far: Array) -> Array:
+    """(n,) lengths along unit d (3, n) of what lies before the camera's clip_start. x: (3, n) hits
+    relative to the eye, far: (n,) how long rays are to there; an eye of a pair turns d.
+    """
     if camera.kind == "PANORAMA":
         return np.full(d.shape[1], float(camera.clip_start))
+    if camera.eye is not None and camera.eye.convergence < np.inf:
+        aside, c = x - far * d, camera.eye.convergence
+        d = unit(np.sqrt(c * c + dot(aside, aside)) * d + aside)
     back = np.asarray(camera.world_from_camera, np.float64)[:, 2:3]
     return -camera.clip_start * dot(back, back) / dot(back, d)
 
@@ -208,8 +213,9 @@ class SurfacePoints:
     def ray_length(self) -> Array:
         """(m,) of the ray that meets the point."""
         far = self._surface.far[self._index]
-        is_camera = self._kind == "camera"
-        return far - clipped(self._around.camera, -self._of("v")) if is_camera else far
+        if self._kind != "camera":
+            return far
+        return far - clipped(self._around.camera, -self._of("v"), self._of("x"), far)
 
     def ray_depth(self) -> tuple[Array, ...]:
         """Four times (m,): bounces, surfaces that dim passed since, refractions among the bounces,

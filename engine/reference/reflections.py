@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .gathering import groups
+from .blocks import ALONE, FIRST, SECOND, WAITS, groups, turns
 from .gloss import Narrow, Reflections, reflecting
 from .lights import CENTER, LightPoint
 from .lobe_light import highlights
@@ -26,10 +26,6 @@ Array = np.ndarray
 
 LEAST_UNMIXED = 128.0
 """Exponent of the narrowest lobe of a point: what that reflects is seen too sharply to be mixed."""
-WAITS, ALONE, FIRST, SECOND = range(4)
-"""Whether a pixel of a group sends a ray in a sample, and where in its lobe: of four pixels two do,
-to the sample's first and second place for pairs, of fewer one.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,14 +140,6 @@ def _mixing(given: Array, at: Interaction, sample: int, blocks: Array) -> Mixing
     some = np.flatnonzero(given.any(0))
     channels = np.array([1, 2, 4]) @ (pick(given, some) != 0)
     group, members = groups(at.surface.take(some), at.pixel[some], blocks, channels)
-    turns, seen = np.full(len(blocks), ALONE), np.ones((3, len(blocks)))
+    seen = np.ones((3, len(blocks)))
     seen[:, at.pixel[some]] = pick(given, some)
-    there = members >= 0
-    number, count = np.cumsum(there, 1) - 1, there.sum(1, keepdims=True)
-    odd = sample % 2
-    pairs = np.where(number == odd, FIRST, np.where(number == 3 - odd, SECOND, WAITS))
-    if sample % 4 >= 2:
-        pairs = np.where(pairs == WAITS, WAITS, FIRST + SECOND - pairs)
-    one = np.where(sample % np.maximum(count, 1) == number, ALONE, WAITS)
-    turns[members[there]] = np.where(count == 4, pairs, one)[there]
-    return Mixing(group, members, turns, seen)
+    return Mixing(group, members, turns(members, sample, len(blocks)), seen)

@@ -53,8 +53,8 @@ class SeenPasses:
         moved = {"Vector": motion_vectors(stage, some)} if "Vector" in self._tile.data else {}
         self._tile.record(
             at.pixel[chosen],
-            Depth=depth[chosen] * stage.camera.along
-            if stage.scene.camera.motion is None and stage.camera.panorama is None
+            Depth=stage.camera.hit_depth(some.x, depth[chosen])
+            if stage.scene.camera.motion is None
             else stage.camera.depth(some.x) * stage.camera.unit,
             Position=some.x + stage.eye[:, None],
             Normal=some.n,

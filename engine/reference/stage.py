@@ -16,7 +16,7 @@ from ..lights.dome import dome_table
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import gather_points, gloss_points, light_points, lobe_points, scatter_offsets
-from ..scene import Light, Scene
+from ..scene import EVERYTHING, Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
 from .camera import CameraRays
@@ -34,6 +34,7 @@ from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
 from .tabled_lights import FAINT, SKY_PARTS, BouncedSource, Dome, MeshSource, OpeningPoints
+from .terminator import mean_lowered
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -113,6 +114,10 @@ class Stage:
             return source.widened() if self.reach > 0 else source
         return source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
 
+    def even_light(self, surface: Surface) -> Array:
+        """(3, n): what AMBIENT lobes of points give back."""
+        return self.ambient * mean_lowered(surface.lowering)
+
     def background_of(self, along: Array, kind: str) -> Array:
         """(3, n) or (3, 1): what rays of a kind in the directions (3, n) see that hit nothing."""
         program = self.scene.world.program
@@ -143,6 +148,25 @@ class Stage:
         few pixels at once.
         """
         return self.reach > 0 and not self.media.varies
+
+    def points_apart(self, surface: Surface) -> Array:
+        """(n,) bool: whose light of the points of bounced light is not as what they give back of
+        all light: that of gloss, of lobes that depend on where it comes from, of lights that light
+        but some.
+        """
+        bounced = [source for source in self.sources if isinstance(source, BouncedSource)]
+        lobes = [lobe for material in self.scene.materials for lobe in material.lobes]
+        shows_gloss = self.settings.reflecting != "ALL" and any(
+            lobe.is_glossy and lobe.fresnel for lobe in lobes
+        )
+        if shows_gloss or any(source.light.receivers != EVERYTHING for source in bounced):
+            return np.ones(len(surface), bool)
+        soft = [
+            any(lobe.kind == "SHEEN" or lobe.kind.startswith("FIBRE") for lobe in material.lobes)
+            for material in self.scene.materials
+        ]
+        is_strand = surface.primitive >= self.geometry.first_rod
+        return np.array(soft, bool)[surface.material] | is_strand
 
     @property
     def mixes_gloss(self) -> bool:

@@ -254,6 +254,23 @@ def _rod_points(geometry: Geometry, index: Array, at: Array) -> tuple[Array, Arr
     return x, unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
 
 
+def _bulge(v: list[Array], n: list[Array], w: Array) -> Array:
+    """(m,) how far over a face the surface may be that its normals tell of: the least of what the
+    three corners' tangent planes have there over the highest corner, or half of a parabola's.
+    v, n: (3, m) each, corners and their unit normals. w: (3, m) weights.
+    """
+    over = [[dot(v[j] - v[k], n[k]) for j in range(3)] for k in range(3)]
+    least: Array = np.min(
+        [
+            np.maximum(np.max(over[k], 0) - sum(w[j] * over[k][j] for j in range(3)), 0.0)
+            for k in range(3)
+        ],
+        0,
+    )
+    parabola = -sum(w[j] * w[k] * (over[j][k] + over[k][j]) for j, k in ((0, 1), (0, 2), (1, 2)))
+    return np.maximum(least, parabola / 2)
+
+
 def _shading_normals(
     geometry: Geometry,
     attributes: Attributes,
@@ -263,8 +280,8 @@ def _shading_normals(
     g: Array,
     side: Array,
 ):
-    """Interpolated normals, and Hanika's starts of shadow rays (Hacking the shadow terminator,
-    2021).
+    """Interpolated normals, and the lifted starts of shadow rays (after Hanika 2021, Hacking the
+    shadow terminator).
     """
     pool = attributes.normals()
     smooth = np.flatnonzero(pool.has(spot.geometry) & (spot.primitive < geometry.triangle_count))
@@ -284,11 +301,9 @@ def _shading_normals(
     )
     zero = ~mixed.any(0)
     n[:, smooth] = np.where(zero, pick(n, smooth), mixed)
-    lift = np.zeros_like(mixed)
-    for k, corner in enumerate(corners):
-        n_k = unit(transform_each(matrix, corner)) * mirror * side
-        v_k = pick(geometry.points, geometry.triangles[k][spot.primitive[smooth]])
-        lift += w[k] * np.maximum(0.0, dot(v_k - pick(x, smooth), n_k)) * n_k
+    normals = [unit(transform_each(matrix, corner)) * mirror * side for corner in corners]
+    places = [pick(geometry.points, t[spot.primitive[smooth]]) for t in geometry.triangles]
+    lift = _bulge(places, normals, w) * sum(w[k] * normals[k] for k in range(3))
     face = pick(g, smooth) * side
     # never below the face: a thin thing's normals may point there by their rounding
     lift -= np.minimum(0.0, dot(lift, face)) * face

@@ -19,7 +19,7 @@ Array = np.ndarray
 
 def start_towards(surface: Surface, seen: Array, direction: Array) -> Array:
     """(3, m) where the shadow rays along these directions (3, m) leave the points `seen` (m,): x
-    where light stands high over the surface, Hanika's point where it comes from behind the face.
+    where light stands high over the surface, the lifted point where it comes from behind the face.
     """
     x, start = pick(surface.x, seen), pick(surface.start, seen)
     n, g, low = pick(surface.n, seen), pick(surface.g, seen), surface.grazing[seen]

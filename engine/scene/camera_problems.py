@@ -10,7 +10,7 @@ import numpy as np
 from ..linear import determinant, length, pseudo_inverse
 from .checks import Found, array, finite_array, numbers, one_of, placement
 from .model import CAMERAS, Camera, Lens
-from .panorama import panorama_problems
+from .panorama import eye_problems, panorama_problems
 
 _DOUBTFUL_VOLUME = 1e-6
 """Of three unit axes: from it on the smallest singular value is at least 5e-7 of the largest, far
@@ -40,6 +40,10 @@ def camera_problems(camera: Camera) -> Found:
     yield from _clip(camera)
     if camera.kind == "PANORAMA":
         yield from panorama_problems(camera.panorama)
+    if camera.eye is not None:
+        yield from eye_problems(camera.eye)
+        if camera.kind == "ORTHOGRAPHIC":
+            yield "eye is for cameras that look from one place: use None"
     if camera.lens is not None:
         yield from _lens(camera.lens)
     if camera.motion is not None:
@@ -82,6 +86,8 @@ def _clip(camera: Camera) -> Found:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
     if len(camera.clip_planes) and camera.kind == "PANORAMA":
         yield "clip_planes cut panoramas nowhere: use ()"
+    elif len(camera.clip_planes) and camera.eye is not None:
+        yield "clip_planes cut nothing for an eye of a pair: use ()"
     for plane in camera.clip_planes:
         yield from numbers("clip_planes", plane, 4)
 

@@ -19,7 +19,7 @@ from ..program.program import Program
 from .model_geometry import Geometry, Instances, Strands
 from .model_lights import Light
 from .model_surfaces import Material, Medium, Texture
-from .panorama import Panorama
+from .panorama import Eye, Panorama
 
 Array = np.ndarray
 
@@ -59,7 +59,9 @@ class Camera:
     mirrors meet is not cut. resolution: (nx, ny) of the full frame. lens: None for a pinhole.
     motion: (k, 3, 4) float64, k >= 2, world_from_camera at even times while the shutter is open;
     None for a camera that stands still. shutter: (k,) float64, k >= 2, at least 0 and not all 0:
-    how far it is open at even times, None for all of it. panorama: of that kind alone.
+    how far it is open at even times, None for all of it. panorama: of that kind alone. eye: of a
+    stereoscopic pair that looks in every direction, none of an ORTHOGRAPHIC; None where e is the
+    eye.
     """
 
     kind: str
@@ -73,6 +75,7 @@ class Camera:
     motion: Array | None = None
     shutter: Array | None = None
     panorama: Panorama | None = None
+    eye: Eye | None = None
 
 
 MISTS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")

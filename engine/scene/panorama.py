@@ -5,7 +5,7 @@ eye of a pair stands (SEMANTICS.md, "Panoramas").
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, pi
+from math import hypot, inf, pi
 from typing import Any
 
 from .checks import Found, is_real, numbers, one_of
@@ -26,14 +26,17 @@ PROJECTIONS = (
 class Eye:
     """One eye of a pair that looks in every direction.
 
-    offset: from the camera's place to the right of each direction, negative to its left, camera
-    units. convergence: the distance at which both look at one point; infinite for parallel eyes.
+    offset: from the camera's place to the right of each direction, negative to its left.
+    convergence: the distance at which both look at one point; infinite for parallel eyes.
     pole_merge: elevations, radians, between which the offset fades to nothing; None for no fading.
+    up: (3,) unit, where elevations count to, in the world. A PANORAMA's up is its v instead. Units:
+    the world's, of a PANORAMA the camera's.
     """
 
     offset: float
     convergence: float = inf
     pole_merge: tuple[float, float] | None = None
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Panorama:
     cylinder of radius 1. fov: angle of a fisheye's whole cone, radians. lens, sensor: focal length,
     width and height, one unit (EQUISOLID; sensor also of LENS_POLYNOMIAL). polynomial: minus the
     angle off the view, radians, as k0 + k1 r + … + k4 r⁴ of the distance r from the sensor's
-    middle. eye: None where the camera's place is the eye.
+    middle.
     """
 
     projection: str
@@ -57,7 +60,6 @@ class Panorama:
     lens: float = 10.5
     sensor: tuple[float, float] = (36.0, 36.0)
     polynomial: tuple[float, float, float, float, float] = (0.0, -0.02, 0.0, 0.0, 0.0)
-    eye: Eye | None = None
 
 
 def panorama_problems(panorama: Any) -> Found:
@@ -79,15 +81,18 @@ def panorama_problems(panorama: Any) -> Found:
     if not found and not min(panorama.sensor) > 0:
         yield f"panorama's sensor is {panorama.sensor}: use a width and a height above 0"
     yield from numbers("panorama's polynomial", panorama.polynomial, 5)
-    if panorama.eye is not None:
-        yield from _eye_problems(panorama.eye)
 
 
-def _eye_problems(eye: Any) -> Found:
+def eye_problems(eye: Any) -> Found:
+    """What makes one unfit to look with, a sentence each."""
     if not isinstance(eye, Eye):
-        yield f"panorama's eye is a {type(eye).__name__}: use an Eye or None"
+        yield f"eye is a {type(eye).__name__}: use an Eye or None"
         return
-    yield from numbers("panorama's eye", (eye.offset,), 1)
+    yield from numbers("the eye's offset", (eye.offset,), 1)
+    found = [*numbers("the eye's up", eye.up, 3)]
+    yield from found
+    if not found and not abs(hypot(*eye.up) - 1) < 1e-6:
+        yield f"the eye's up {eye.up} is not of length 1: use a unit vector"
     if not (is_real(eye.convergence) and eye.convergence > 0):
         yield f"the eye's convergence is {eye.convergence!r}: use a distance above 0"
     if eye.pole_merge is None:

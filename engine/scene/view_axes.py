@@ -68,8 +68,12 @@ class ViewAxes:
 
     def _camera(self, camera: Camera) -> Camera:
         motion = None if camera.motion is None else self._told(camera.motion)
+        eye = camera.eye
+        if eye is not None:
+            x, y, z = map(float, self.axes.T @ eye.up)
+            eye = replace(eye, up=(x, y, z))
         return replace(
-            camera, world_from_camera=self._told(camera.world_from_camera), motion=motion
+            camera, world_from_camera=self._told(camera.world_from_camera), motion=motion, eye=eye
         )
 
     def _instances(self, block: Instances) -> Instances:

@@ -1,5 +1,7 @@
 """The camera's frame, window and border against Blender's own projection and its own border."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -8,10 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mathutils import Euler, Matrix, Vector
 
-from export_support import export, link, scene  # noqa: F401
+from export_support import export, link, mesh_object, scene  # noqa: F401
 from glint.addon.export import ExportError, Looker
 from glint.addon.export.camera import border, inverse_axes
 from glint.engine.scene import Camera
+from glint.engine.scene.panorama import Eye
 
 PROPERTY = settings(
     max_examples=60,
@@ -244,7 +247,8 @@ def test_a_panorama_has_blenders_numbers(scene):  # noqa: F811
     camera = export().scene.camera
     assert camera.kind == "PANORAMA" and camera.window == (0.25, 1.25, 0.0, 1.0)
     seen = camera.panorama
-    assert (seen.projection, seen.lens, seen.fov, seen.eye) == ("FISHEYE_EQUISOLID", 9, 2.5, None)
+    assert (seen.projection, seen.lens, seen.fov) == ("FISHEYE_EQUISOLID", 9, 2.5)
+    assert camera.eye is None
     np.testing.assert_allclose(seen.sensor, (30, 30 * 48 / 64))
 
 
@@ -255,14 +259,25 @@ def test_a_panorama_of_nothing_is_an_error(scene):  # noqa: F811
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "PANO"])
-def test_spherical_stereo_is_of_panoramas(scene, kind):  # noqa: F811
+def test_spherical_stereo(scene, kind):  # noqa: F811
     data = scene.camera.data
     data.type, data.stereo.interocular_distance = kind, 0.5
+    data.stereo.convergence_mode, data.stereo.convergence_distance = "OFFAXIS", 3.0
     looker = Looker(scene.camera, np.array(scene.camera.matrix_world, np.float64), 0.0, -1)
     found = export(looker=looker)
-    assert len(found.notes) == (kind == "PERSP")
-    if kind == "PANO":
-        assert found.scene.camera.panorama.eye.offset == -0.25
+    assert not found.notes and found.scene.camera.eye == Eye(-0.25, 3.0)
+    data.stereo.use_pole_merge, data.stereo.convergence_mode = True, "PARALLEL"
+    merge = data.stereo.pole_merge_angle_from, data.stereo.pole_merge_angle_to
+    assert export(looker=replace(looker, side=1)).scene.camera.eye == Eye(0.25, np.inf, merge)
+    assert export(looker=replace(looker, side=0)).scene.camera.eye is None
+
+
+def test_an_eye_may_see_what_is_beside_the_frame(scene):  # noqa: F811
+    mesh_object("face", [(0, 0, 0), (1, 0, 0), (0, 0, 1)], [(0, 1, 2)])
+    scene.camera.location.x += 200
+    assert any("sees no object" in note for note in export().notes)
+    looker = Looker(scene.camera, np.array(scene.camera.matrix_world, np.float64), 0.0, -1)
+    assert not export(looker=looker).notes
 
 
 def test_looking_through_a_spot_light_takes_in_its_cone(scene):  # noqa: F811

@@ -17,6 +17,7 @@ from export_support import (  # noqa: F401
     total,
     weight,
 )
+from glint.addon.export.materials.expressions import Expressions
 from glint.addon.export.materials.fresnel import fresnel, normal_reflectance
 from glint.addon.export.materials.roughness import (
     highlights,
@@ -27,6 +28,7 @@ from glint.addon.export.materials.roughness import (
     world_of,
 )
 from glint.addon.export.materials.sheen import sheen_table
+from glint.addon.export.materials.varying import ROWS, Roughness
 from glint.addon.ui.nodes import add_blinn_phong
 
 
@@ -485,3 +487,10 @@ def test_widths_of_highlights_end_at_one(scene):  # noqa: F811
         set_inputs(shader.shader, Roughness=roughness, Anisotropy=amount)
         lobes.append(max(x.masking for x in of_kind(shader.export()[1], "SPECULAR")))
     assert lobes[0] < 0.6 * lobes[1]
+
+
+def test_a_table_of_colours_asks_once_for_each_row():
+    asked, expressions = [], Expressions()
+    value = expressions.number(expressions.apply("position", shift=0))
+    Roughness(value, expressions).color(lambda r: asked.append(r) or (r, r, r))
+    assert len(asked) == ROWS

@@ -376,3 +376,16 @@ def test_a_bent_normal_is_turned_with_each_light(scene):  # noqa: F811
     assert one.program is not None and value_fingerprint(one.program) != value_fingerprint(
         other.program
     )
+
+
+def test_no_thread_of_the_linear_algebra_library_wakes(scene, monkeypatch):  # noqa: F811
+    """NumPy's inverse does that, even of 3 rows, and the thread spins beside the tracer."""
+
+    def refused(*_):
+        raise AssertionError("NumPy was asked for an inverse")
+
+    for name in ("inv", "solve"):
+        monkeypatch.setattr(np.linalg, name, refused)
+    for kind in ("POINT", "SUN", "SPOT", "AREA"):
+        _light(kind).scale = (1.0, 2.0, 3.0)
+    assert len(export().scene.lights) == 4

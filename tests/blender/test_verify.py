@@ -8,9 +8,7 @@ import pytest
 
 from blender_process import REGISTER_TREE, Blender
 
-MAKE = (
-    REGISTER_TREE
-    + """
+SET_UP = """
 from glint.operators import command_line
 bpy.ops.wm.read_homefile(use_factory_startup=True)
 scene = bpy.context.scene
@@ -39,39 +37,49 @@ def save(name):
 def verify(*names):
     return command_line.run(["verify", *(str(FOLDER / name) for name in names)])
 """  # noqa: E501 - a script for another Blender
-)
+MAKE = REGISTER_TREE + SET_UP
+KINDS = [
+    ("a.exr", "OPEN_EXR", "32"),
+    ("a.exr", "OPEN_EXR", "16"),
+    ("a.exr", "OPEN_EXR_MULTILAYER", "32"),
+    ("a.png", "PNG", "8"),
+    ("a.png", "PNG", "16"),
+]
 
 
-@pytest.mark.parametrize(
-    ("name", "kind", "depth"),
-    [
-        ("a.exr", "OPEN_EXR", "32"),
-        ("a.exr", "OPEN_EXR", "16"),
-        ("a.exr", "OPEN_EXR_MULTILAYER", "32"),
-        ("a.png", "PNG", "8"),
-        ("a.png", "PNG", "16"),
-    ],
-)
-def test_the_same_picture_is_the_same_and_another_is_not(tmp_path, name, kind, depth):
-    """Frame 3 from a file that is saved at frame 1, without saying which file it was."""
-    run = Blender(tmp_path).run(
-        MAKE
+@pytest.fixture(scope="module")
+def verified(tmp_path_factory):
+    """The answers and what was told of each of `KINDS`, in one Blender."""
+    run = Blender(tmp_path_factory.mktemp("kinds")).run(
+        REGISTER_TREE
         + f"""
-save("a.blend")
-draw({name!r}, {kind!r}, {depth!r})
-scene.frame_set(1)
-save("a.blend")
-same = verify({name!r})
-bpy.context.scene.glint.final.samples = 2
-bpy.data.objects["Light"].data.energy *= 1.01
-save("b.blend")
-answer([same, verify({name!r}, "b.blend")])
+answers = []
+for name, kind, depth in {KINDS!r}:
+    exec({SET_UP!r})
+    print("NEXT", flush=True)
+    save("a.blend")
+    draw(name, kind, depth)
+    scene.frame_set(1)
+    save("a.blend")
+    same = verify(name)
+    bpy.context.scene.glint.final.samples = 2
+    bpy.data.objects["Light"].data.energy *= 1.01
+    save("b.blend")
+    answers.append([same, verify(name, "b.blend")])
+answer(answers)
 """
     )
     assert run.returncode == 0, run.output
-    assert run.answer == [0, 1]
-    assert "the settings changed: samples 1 → 2" in run.output and "the scene changed" in run.output
-    assert "pixels differ, in columns" in run.output and run.output.count("other bits") == 1
+    return list(zip(run.answer, run.output.split("NEXT")[1:], strict=True))
+
+
+@pytest.mark.parametrize("number", range(len(KINDS)), ids=map("-".join, KINDS))
+def test_the_same_picture_is_the_same_and_another_is_not(verified, number):
+    """Frame 3 from a file that is saved at frame 1, without saying which file it was."""
+    answer, told = verified[number]
+    assert answer == [0, 1]
+    assert "the settings changed: samples 1 → 2" in told and "the scene changed" in told
+    assert "pixels differ, in columns" in told and told.count("other bits") == 1
 
 
 def test_views_are_verified(tmp_path):

@@ -437,6 +437,25 @@ def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(
     assert film.samples == 2 and same(film, watcher.expected())
 
 
+def test_a_last_picture_that_comes_while_the_timer_looks_is_looked_for_again(monkeypatch):
+    class Session:
+        region, busy, has_news = 0, True, False
+
+        @property
+        def wants_redraw(self):
+            told, self.busy, self.has_news = self.has_news, False, True
+            return told
+
+        def go_on(self):
+            pass
+
+    drawn = []
+    monkeypatch.setattr(session.timer, "_sessions", [Session()])
+    monkeypatch.setattr(session.timer, "_redraw", drawn.append)
+    assert session.timer.look() is not None and not drawn
+    assert session.timer.look() is not None and drawn == [{0}]
+
+
 def test_an_edit_is_traced_before_blender_draws(watcher):
     one = watcher.session
     bpy.data.objects["Quad 0.5"].location.x += 0.1

@@ -81,7 +81,7 @@ def smoky():
 def pair(scene, bounces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
     options = {"samples": samples, "light_samples": 2, "filter_width": 0.01, "max_bounces": 0}
     film = render_glint(scene, "NATIVE", diffuse_bounces=bounces, **options)
-    cycles.make_exact(scene, 1024)
+    cycles.make_exact(scene, 256)
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = bounces
     reference = cycles.render_passes(scene)
     return film.passes["Combined"][..., :3], reference["Combined"][..., :3]
@@ -141,7 +141,7 @@ def test_a_painted_room_behind_a_window_is_as_bright_as_in_cycles() -> None:
     film = render_glint(
         scene, "NATIVE", samples=64, light_samples=2, filter_width=0.01, diffuse_bounces=4
     )
-    cycles.make_exact(scene, 400)
+    cycles.make_exact(scene, 128)
     scene.cycles.max_bounces, scene.cycles.diffuse_bounces = 12, 4
     scene.cycles.glossy_bounces = 4
     glint, reference = (

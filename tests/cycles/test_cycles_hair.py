@@ -4,6 +4,8 @@ Info tells; curves and the hair of particles.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -300,9 +302,16 @@ def test_hair_is_as_bright_from_all_sides(component):
 COLORS = {"brown": (0.5, 0.25, 0.1, 1), "black": (0.02,) * 3 + (1,)}
 
 
-@pytest.mark.parametrize("model", ["CHIANG", "HUANG"])
-@pytest.mark.parametrize("color", ["brown", "black"])
-@pytest.mark.parametrize("stand", STANDS)
+PAIRS = ("CHIANG", "brown"), ("HUANG", "black")
+QUICK = [(stand, *kind) for stand in ("ball", "field") for kind in PAIRS]
+QUICK += [("few", "HUANG", "brown"), ("few", "CHIANG", "black")]
+KINDS = [
+    pytest.param(*kind, marks=() if kind in QUICK else pytest.mark.slow)
+    for kind in product(STANDS, ("CHIANG", "HUANG"), COLORS)
+]
+
+
+@pytest.mark.parametrize(("stand", "model", "color"), KINDS)
 def test_principled_hair_beside_light_from_strand_to_strand(stand, model, color):
     """Beside Cycles with 8 bounces from four sides, from few strands to dense ones: within a fifth
     and a tenth of the brightest, a fifth on average, and bright where it is there.

@@ -43,6 +43,7 @@ def compared(scene, truth: int = 16, bounces: int = 0, **settings):
     settings = {"samples": 1, "max_bounces": bounces, **settings}
     film = render_glint(scene, "NATIVE", filter_width=0.0, **settings)
     cycles.make_exact(scene, truth, bounces=bounces)
+    cycles.march_volumes(scene)
     scene.cycles.transmission_bounces = bounces
     exact = cycles.render_passes(scene)["Combined"]
     return film.passes["Combined"][..., :3].astype(float), exact[..., :3].astype(float)

@@ -36,7 +36,7 @@ def skin_and_fur(count: int, skin: str, light: str, color="brown", model="CHIANG
 
 def both_means(scene, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Of the upper half of Cycles' picture with 8 bounces, and ours."""
-    cycles.make_exact(scene, 64, 0, 8)
+    cycles.make_exact(scene, 16, 0, 8)
     scene.cycles.transmission_bounces = scene.cycles.diffuse_bounces = 8
     truth = cycles.render_passes(scene)["Combined"]
     film = render_glint(scene, "NATIVE", samples=samples, diffuse_bounces=4)

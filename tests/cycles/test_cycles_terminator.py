@@ -5,8 +5,9 @@ import pytest
 
 import cycles_reference as cycles
 import small_scenes as build
-from glint_picture import BACKENDS, render_pair
+from glint_picture import BACKENDS, render_glint, render_pair
 
+bmesh = pytest.importorskip("bmesh")
 LOW, HIGH = (3.0, -3.5, 1.6), (3.0, -3.5, 6.0)
 
 
@@ -42,13 +43,36 @@ def wrong(pair, tolerance: float = 5e-3) -> np.ndarray:
 @pytest.mark.parametrize("sun", [LOW, HIGH], ids=("low", "high"))
 @pytest.mark.parametrize("offset", [0.0, 0.02, 0.1, 0.5, 1.0])
 def test_geometry_offset(offset, sun, backend):
-    """Shadows start where they do in Cycles, but for edges of shadows: Hanika's point is not quite
-    what Cycles lifts the ray to.
-    """
+    """Shadows start where they do in Cycles."""
     scene, ball = coarse_ball(sun)
     set_offset(ball, "geometry", offset)
     pair = render_pair(scene, backend, f"terminator-geometry-{offset}")
-    assert wrong(pair).sum() <= (0 if offset <= 0.1 else 16)
+    assert wrong(pair).sum() == 0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("sun", [LOW, HIGH, (2.0, 1.0, 1.5)], ids=("low", "high", "across"))
+@pytest.mark.parametrize("offset", [0.0, 0.1, 0.5])
+def test_geometry_offset_of_hollows(offset, sun, backend):
+    """Faces of a coarse bowl are lifted too, and throw shadows on themselves where light comes from
+    behind them.
+    """
+    scene = cycles.empty_scene(112, 112)
+    build.add_camera(scene, (1.0, -3.0, 4.0), (0, 0, -0.3), lens=60)
+    build.add_light(scene, "SUN", sun, energy=2.0, use_shadow=True)
+    mesh = build.ball(8, 6, True, build.lambert((0.6, 0.6, 0.6)))
+    half = bmesh.new()
+    half.from_mesh(mesh)
+    upper = [v for v in half.verts if v.co.z > 0.1]
+    bmesh.ops.delete(half, geom=upper, context="VERTS")
+    half.to_mesh(mesh)
+    half.free()
+    bowl = build.add(scene, "Bowl", mesh, build.moved(0, 0, 0, 1.2, 1.2, 1.2))
+    set_offset(bowl, "geometry", offset)
+    pair = render_pair(scene, backend, f"terminator-bowl-{offset}")
+    theirs, _ = pair.colors()
+    assert 0.05 < (theirs.max(-1) > 0.01).mean() < 0.9
+    assert wrong(pair).sum() <= 1
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -88,3 +112,71 @@ def test_shading_offset_of_mirrors(backend):
     ball = pair.cycles["Depth"] < 1e9
     assert np.ptp(theirs[ball, 0]) > 0.1
     assert (np.abs(theirs - ours).max(-1)[ball] > 1e-3).mean() < 0.01
+
+
+def under_a_sky(offset, make):
+    scene = cycles.empty_scene(48, 48)
+    build.add_camera(scene, (3.6, -4.8, 2.6), (0, 0, 0), lens=70)
+    cycles.set_world(scene, (1.0, 1.0, 1.0))
+    ball = build.ball(8, 6, True, make())
+    thing = build.add(scene, "Ball", ball, build.moved(0, 0, 0, 1.2, 1.2, 1.2))
+    set_offset(thing, "shading", offset)
+    return scene
+
+
+@pytest.mark.parametrize("kind", ["matt", "metal"])
+def test_shading_offset_of_a_constant_world(kind):
+    """How much less of it is given back, on the average: metal shows it aslant."""
+    paint = {
+        "matt": lambda: build.lambert((0.8, 0.8, 0.8)),
+        "metal": lambda: build.metal(0.5, (0.8, 0.8, 0.8)),
+    }[kind]
+    theirs, ours = [], []
+    for offset in (0.0, 0.5):
+        scene = under_a_sky(offset, paint)
+        film = render_glint(scene, "NATIVE", world_light="CONSTANT")
+        reference = cycles.render_cycles(scene, 256, bounces=1)
+        seen = reference["Depth"] < 1e9
+        theirs.append(reference["Combined"][seen, 0].mean())
+        ours.append(film.passes["Combined"][seen, 0].mean())
+    assert theirs[1] / theirs[0] < 0.65
+    assert ours[1] / ours[0] == pytest.approx(theirs[1] / theirs[0], rel=0.02)
+
+
+def test_shading_offset_of_what_is_thrown_on():
+    """A ball lights the floor round it by less."""
+    theirs, ours = [], []
+    for offset in (0.0, 0.5):
+        scene = cycles.empty_scene(48, 48)
+        build.add_camera(scene, (4.2, -5.6, 2.4), (0, 0, 0.8))
+        build.add_light(scene, "SUN", (3, -2, 5), energy=3.0)
+        build.add(scene, "Floor", build.plane(5.0, build.lambert((0.8, 0.8, 0.8))))
+        ball = build.ball(8, 6, True, build.lambert((0.8, 0.8, 0.8)))
+        thing = build.add(scene, "Ball", ball, build.moved(0, 0, 1.2, 1.2, 1.2, 1.2))
+        set_offset(thing, "shading", offset)
+        film = render_glint(scene, "NATIVE", samples=64, light_samples=16, diffuse_bounces=2)
+        cycles.make_exact(scene, 1024, 0, 2)
+        scene.cycles.diffuse_bounces = 2
+        reference = cycles.render_passes(scene)
+        place = reference["Position"]
+        near = (np.abs(place[..., 2]) < 1e-3) & (np.abs(place[..., :2]).max(-1) < 1.3)
+        theirs.append(reference["Combined"][near, :3].mean())
+        ours.append(film.passes["Combined"][near, :3].mean())
+    assert theirs[1] / theirs[0] < 0.96
+    assert ours[1] / ours[0] == pytest.approx(theirs[1] / theirs[0], abs=0.015)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_geometry_offset_of_a_face_that_bends_on_one_side(backend):
+    """The tangent plane of its first corner is the face itself: half of a parabola lifts it."""
+    scene = cycles.empty_scene(32, 32)
+    build.add_camera(scene, (0, 0, 4), (0, 0.001, 0), lens=60)
+    build.add_light(scene, "SUN", (-1.0, 0.0, -0.2), energy=2.0, use_shadow=True)
+    turn = np.arange(3) * 2 * np.pi / 3
+    rim = np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1)
+    leaning = np.array([0, 0, 0.6]) + 0.8 * rim * [[0], [1], [1]]
+    faces = build.mesh("face", rim.tolist(), [(0, 1, 2)], True, build.lambert((0.6, 0.6, 0.6)))
+    faces.normals_split_custom_set(leaning.tolist())
+    build.add(scene, "Face", faces, build.moved(0, 0, 0, 1, 1, 1))
+    pair = render_pair(scene, backend, "terminator-bent")
+    assert wrong(pair, 1e-3).sum() == 0

@@ -85,7 +85,7 @@ def test_a_room_behind_a_curtain() -> None:
     film = render_glint(
         scene, "NATIVE", samples=64, light_samples=2, filter_width=0.01, diffuse_bounces=4
     )
-    cycles.make_exact(scene, 400)
+    cycles.make_exact(scene, 128)
     scene.cycles.max_bounces = 12
     for name in ("diffuse", "glossy", "transmission"):
         setattr(scene.cycles, f"{name}_bounces", 4)

@@ -154,8 +154,6 @@ def test_ground_fog_of_the_world_in_a_room() -> None:
     density = math(tree, "MULTIPLY", thin, 0.3)
     fed("ShaderNodeVolumeScatter", output, density, Color=(0.8, 0.85, 0.9, 1))
     scene.world.cycles.volume_step_size = 0.1
-    if hasattr(scene.cycles, "volume_biased"):
-        scene.cycles.volume_biased = True
     add_light(scene, "POINT", (1.0, -1.0, 4.0), energy=500.0, shadow_soft_size=0.1)
     add_camera(scene, (0, -5.5, 1.5), (0, 0, 0.7), angle=0.9)
     assert_alike(*compared(scene, 256, samples=16, light_samples=2))

@@ -161,7 +161,7 @@ def stage(*geometries, instances=(), materials=(), lights=(), **more) -> s.Scene
 
 @scene
 def flat_and_smooth() -> s.Scene:
-    """Flat and smooth meshes under a sun: interpolated normals, Hanika's shadow start."""
+    """Flat and smooth meshes under a sun: interpolated normals, lifted shadow starts."""
     placed = (
         s.Instances("ball", 1, at((-0.8, 0, 0.9), 0.9), (1,), object_index=2),
         s.Instances("facets", 2, at((1.1, 0.3, 0.8), 0.8), (1,)),

@@ -104,7 +104,7 @@ def test_same_picture(name: str, illumination: str) -> None:
 @pytest.mark.parametrize("distance", [1e3, 1e4])
 def test_no_shadow_on_a_convex_body_seen_from_afar(distance: float, copies: int) -> None:
     """A smooth ball through a long lens: where a step of float32 at its distance is more than
-    Hanika's starts lie above the faces.
+    lifted starts lie above the faces.
     """
     matrix = np.repeat(np.eye(4)[None, :3], copies, 0)
     matrix[1:, 2, 3] = 5 * distance  # out of sight

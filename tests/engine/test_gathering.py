@@ -11,7 +11,7 @@ from bounced_scenes import GROUND, HERE, added, drawn, lamp, matt, room
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lights.bounced_light import bounced_light, bounced_table
-from glint.engine.reference.gathering import Shares
+from glint.engine.reference.blocks import Shares
 from glint.engine.sampling import GATHER_BLOCK, gather_points
 from glint.engine.scene import Camera, Input, Instances, Light, Lobe, Material, Mesh, Scene, Strands
 from test_bounced_discs import FLOOR, LAMP, PIXELS, UP, WIDE, floor_points, form
@@ -134,10 +134,10 @@ def test_what_is_found_is_lit_by_all_of_the_sky() -> None:
     sky = Light("sky", "DOME", HERE, radiance=np.ones((4, 8, 3), np.float32))
     scene = replace(wall_with_ends(), lights=(sky,))
     for some in (on_small_floor(scene), replace(window_scene(walls()), lights=(sky,))):
-        native, exact = (drawn(some, 1, backend, samples=8) for backend in BACKENDS)
+        native, exact = (drawn(some, 1, backend, samples=2) for backend in BACKENDS)
         apart = np.abs(native - exact).max(2)
         assert np.median(apart) < 5e-7 * exact.mean()
-        bounced = exact - drawn(some, 0, "NUMPY", samples=8)
+        bounced = exact - drawn(some, 0, "NUMPY", samples=2)
         assert (apart > 1e-4 * bounced.mean()).mean() < 0.02  # edges
     # half of few directions by each of 64 samples, and half of many
     few, many = (added(scene, samples=64, light_samples=n)[..., 0] for n in (2, 16))
@@ -195,7 +195,8 @@ def test_each_light_bounces_as_often_as_asked() -> None:
 
 def test_panes_dim_what_is_thrown_on_through_them() -> None:
     """A clear pane before the wall changes nothing, one that takes half dims it twice: before the
-    wall is lit, and after. Of few samples each takes other points of the walks.
+    wall is lit, and after. Of few samples each takes other points of the walks,
+    and pixels of a block take turns with these.
     """
 
     def with_pane(share: float) -> Scene:
@@ -214,11 +215,11 @@ def test_panes_dim_what_is_thrown_on_through_them() -> None:
     before = floor_points()[..., 0] > -0.2
     scenes = wall_with_ends(), with_pane(1.0), with_pane(0.5)
     plain, clear, half = (added(scene, samples=256)[before].mean() for scene in scenes)
-    assert clear == pytest.approx(plain, rel=1e-6)
+    assert clear == pytest.approx(plain, rel=2e-4)
     assert half == pytest.approx(plain / 4, rel=0.01)
     for scene in scenes:
         small = on_small_floor(scene)
-        native, exact = (added(small, backend, samples=16)[before] for backend in BACKENDS)
+        native, exact = (added(small, backend, samples=4)[before] for backend in BACKENDS)
         assert np.median(np.abs(native - exact)) < 1e-5 * exact.mean()  # but for edges
 
 
@@ -242,6 +243,9 @@ def test_explain_follows_gather_rays() -> None:
     ray = PixelExplainer(scene, settings).pixel(18, PIXELS // 2)
     near = [after for after in ray.follow if after.kind == "gather"]
     assert len(near) == 2 * GATHER_BLOCK**2
+    assert ray.hit is not None and ray.hit.turns == GATHER_BLOCK**2
+    lines = explanation_lines(ray)
+    assert any("4 pixels that show one surface take turns" in line for line in lines)
     assert any("thrown on by what is near" in line for line in explanation_lines(ray)) == any(
         max(after.color) > 0 for after in near
     )
@@ -291,7 +295,7 @@ def test_shares_are_as_dense_as_rays_of_each_lie_there() -> None:
     normal = np.array([[0.0, 0, 1], [0, 0, 0], [1, 1, 0]])
     members = np.array([[0, 1, -1, -1], [-1, -1, -1, -1]])
     matt = np.array([[0.2, 0.4, 1.0]] * 3)
-    shares = Shares(np.array([0, 0, -1]), members, x, normal, matt)
+    shares = Shares(np.array([0, 0, -1]), members, *np.zeros((2, 3), bool), x, normal, matt)
     over = np.array([[0.0], [0.0], [2.0]])
     for giver in (0, 1):
         ray, receiver, share = shares.given(np.array([giver]), over, np.array([[0.0], [0], [-1]]))

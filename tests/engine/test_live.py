@@ -75,6 +75,32 @@ def test_the_last_wave_has_the_bits_of_a_render(live, backend):
     assert same(wave.film, render(scene(), settings))
 
 
+def test_who_is_no_longer_busy_has_the_picture():
+    """After each instruction of the thread, as whoever looks takes no lock."""
+    live, seen, last = LiveRender(), [], [0]
+
+    def look(frame, event, argument):
+        if frame.f_globals["__name__"] == LiveRender.__module__:
+            frame.f_trace_opcodes = True
+            newest = live.newest
+            seen.append(live.busy or (newest is not None and newest.task.tag == last[0]))
+            return look
+        return None
+
+    threading.settrace(look)  # of threads that begin
+    try:
+        live.start([Task(scene(), replace(SETTINGS, samples=1), 0)])
+        wait(live)
+    finally:
+        threading.settrace(None)
+    last[0] = 1
+    live.start([Task(scene(), replace(SETTINGS, samples=1), 1)])
+    wait(live)
+    live.close()
+    assert len(seen) > 500
+    assert all(seen)
+
+
 @pytest.mark.skipif("NATIVE" not in available_backends(), reason="no core here")
 def test_pictures_of_waves_are_handed_over_and_stay_as_they_are():
     passes = frozenset({"Depth", "Diffuse", "Samples", "Error"})

@@ -11,8 +11,10 @@ from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.lights.mesh_lights import mesh_lights, mesh_table
 from glint.engine.program.graph import Graph
-from glint.engine.program.program import compile_program
+from glint.engine.program.program import compile_program, instructions
 from glint.engine.program.table import BY_NAME
+from glint.engine.reference import materials
+from glint.engine.reference.program import run
 from glint.engine.sampling import patterns
 from glint.engine.scene import (
     POINT,
@@ -268,6 +270,30 @@ def test_an_image_lights_from_where_it_is_bright(backend):
     material = Material("screen", (Lobe("EMISSION", (Input(texture=0),)),))
     value = drawn(scene(lamp, material=material, textures=(texture,)), backend, samples=256)
     np.testing.assert_allclose(value, rectangle_form_factor(1, 1, 1) / 2, rtol=0.02)
+
+
+def test_programs_run_for_what_glows_alone(monkeypatch):
+    """Instructions that other lobes need do not, and no bit differs."""
+    graph = Graph()
+    x = graph.apply(BY_NAME["position"], shift=0)[0]
+    wave, bright = (graph.apply(BY_NAME[k], x)[0] for k in ("rgb_to_bw", "vector_normalized"))
+    program = compile_program(graph, [wave, bright])
+    emission = Lobe("EMISSION", (Input(output=1),))
+    both = Material("screen", (Lobe("DIFFUSE", (Input(output=0),)), emission), program=program)
+    alone = Material(
+        "screen", (replace(emission, factors=(Input(output=0),)),),
+        program=compile_program(graph, [bright]),
+    )  # fmt: skip
+    ran = []
+    monkeypatch.setattr(
+        materials, "run", lambda program, *more: ran.append(program) or run(program, *more)
+    )
+    found, wanted = (
+        mesh_lights(scene(panel(), material=material))[0].emitters for material in (both, alone)
+    )
+    for name in ("corners", "front", "back", "weight"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+    assert len({len(list(instructions(each))) for each in ran}) == 1
 
 
 @pytest.mark.parametrize(

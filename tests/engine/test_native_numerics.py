@@ -171,7 +171,7 @@ def test_smooth_coarse_balls_do_not_shadow_themselves(rings: int) -> None:
         (sun,),
     )
     film = draw(scene, "Normal", "Shadow", "Diffuse")
-    # Hanika's start lies outside of the convex mesh and the tangent plane there is its surface:
+    # a lifted start lies outside of the convex mesh and the tangent plane there is its surface:
     # blocked only where n.l is close to 0.
     lit = film.passes["Diffuse"][..., 0] > 0.25
     assert lit.sum() > 100

@@ -97,6 +97,16 @@ def test_masking_and_fresnel_of_a_highlight(masking: float, fresnel: str) -> Non
         )
 
 
+def test_highlights_of_different_reflectance_add_up() -> None:
+    """Lobes share what they have in common, and nothing else."""
+    axes = np.array([[np.cos(1.3), 0, np.sin(1.3)], [0, 1, 0], [-np.sin(1.3), 0, np.cos(1.3)]])
+    lights = (lamp("SUN", axes=axes, strength=np.pi),)
+    kinds = ({}, {"schlick": True}, {"fresnel": True}, {"fresnel": True, "ior": 2.5}, {})
+    lobes = [s.Lobe("SPECULAR", constant(0.2), 3.0, masking=0.3, **kind) for kind in kinds]
+    alone = sum(color(balls(lobe, lights=lights)).astype(np.float64) for lobe in lobes)
+    np.testing.assert_allclose(color(balls(*lobes, lights=lights)), alone, rtol=1e-6, atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["AMBIENT", "DIFFUSE"])
 def test_lobes_that_depend_on_the_view(kind: str) -> None:
     """Times (1 - n·v)^exponent, beside one that does not."""

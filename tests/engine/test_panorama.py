@@ -161,7 +161,7 @@ def test_eyes_stand_aside_of_every_direction(eye, backend):
     the camera's, the point that both eyes see.
     """
     chosen, p = EYES[eye], PANORAMAS["equirectangular"]
-    found = passes_of(inside_of_a_ball(seen(replace(p, eye=chosen)), 4.0), backend)
+    found = passes_of(inside_of_a_ball(seen(p, eye=chosen), 4.0), backend)
     d = directions(p).reshape(-1, 3)
     side = np.cross(d, [0.0, 1.0, 0.0])
     offset = np.full(len(d), chosen.offset)
@@ -200,12 +200,8 @@ def test_programs_know_the_point_of_the_picture(name, backend):
 @pytest.mark.parametrize("lens", [None, Lens(0.2, 4.0, 5, 0.3, 1.5)])
 @pytest.mark.parametrize("name", [*PANORAMAS, *EYES])
 def test_both_tracers_see_the_same(name, lens):
-    panorama = (
-        PANORAMAS[name]
-        if name in PANORAMAS
-        else replace(PANORAMAS["part of a sphere"], eye=EYES[name])
-    )
-    camera = seen(panorama, frame=turned(0.2, 0.1, 0.0, 0.3), lens=lens)
+    panorama = PANORAMAS[name if name in PANORAMAS else "part of a sphere"]
+    camera = seen(panorama, frame=turned(0.2, 0.1, 0.0, 0.3), lens=lens, eye=EYES.get(name))
     if name in ("cylinder", "merging"):
         camera = moving(camera, turned(0.1, 0.0, 0.1, 0.2), turned(0.3, 0.2, 0.0, 0.4))
     passes = frozenset(film.PASSES) - {"Cost", "Fallbacks"}
@@ -275,7 +271,7 @@ def test_a_pixel_is_explained():
 
 def all_at_once(name: str = "equidistant") -> Scene:
     eye = EYES["converging"]
-    camera = seen(replace(PANORAMAS[name], eye=eye), size=(64, 56), lens=Lens(0.1, 4.0, 5))
+    camera = seen(PANORAMAS[name], size=(64, 56), lens=Lens(0.1, 4.0, 5), eye=eye)
     return depths(moving(camera, turned(-0.05, -0.2, 0, 0), turned(0.03, 0.2, 0.1, 0)))
 
 
@@ -289,9 +285,7 @@ def test_threads_and_borders_do_not_change_a_bit(name):
     whole = picture(wanted, threads=1)
     np.testing.assert_array_equal(whole, picture(wanted, threads=3))
     np.testing.assert_array_equal(whole[11:50, 5:60], picture(wanted, region=(5, 11, 60, 50)))
-    plain = replace(
-        wanted, camera=replace(wanted.camera, lens=None, motion=None, panorama=PANORAMAS[name])
-    )
+    plain = replace(wanted, camera=replace(wanted.camera, lens=None, motion=None, eye=None))
     whole = picture(plain, error_threshold=2.0, samples=32)
     part = picture(plain, error_threshold=2.0, samples=32, region=(5, 11, 60, 50))
     np.testing.assert_array_equal(whole[11:50, 5:60], part)
@@ -342,8 +336,6 @@ def test_nothing_is_taken_for_empty_that_is_not():
         Panorama("FISHEYE_LENS_POLYNOMIAL", polynomial=(0.0,) * 5),
         Panorama("FISHEYE_LENS_POLYNOMIAL", polynomial=(1e300,) * 5, fov=1e308),
         Panorama("CENTRAL_CYLINDRICAL", heights=(-1e300, 1e300)),
-        Panorama("EQUIRECTANGULAR", eye=Eye(1e300, 1e-300)),
-        Panorama("EQUIRECTANGULAR", eye=Eye(1e-300, 1e-300, (0.0, 5e-324))),
     ],
 )
 def test_extremes_are_finite(panorama, backend):
@@ -365,9 +357,6 @@ def test_extremes_are_finite(panorama, backend):
         ({"lens": np.nan}, "lens is nan"),
         ({"sensor": (0.0, 1.0)}, "sensor is (0.0, 1.0)"),
         ({"polynomial": (0.0, np.inf, 0.0, 0.0, 0.0)}, "polynomial"),
-        ({"eye": Eye(np.nan)}, "eye"),
-        ({"eye": Eye(0.1, 0.0)}, "convergence is 0.0"),
-        ({"eye": Eye(0.1, 1.0, (0.5, 0.5))}, "pole_merge (0.5, 0.5)"),
     ],
 )
 def test_problems_name_the_number(changes, words):

@@ -17,7 +17,13 @@ from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations import Operation
 from glint.engine.program.operations_math import MathOperation as M
 from glint.engine.program.problems import program_problems
-from glint.engine.program.program import UNREAD, Program, compile_program, instructions
+from glint.engine.program.program import (
+    UNREAD,
+    Program,
+    compile_program,
+    instructions,
+    without_the_rest,
+)
 from glint.engine.program.table import BY_NAME
 from glint.engine.reference.program import apply, run
 
@@ -154,6 +160,9 @@ def test_programs_give_the_direct_values(are_constants, recipe, numbers, picks):
     assert problems(program) == []
     for k, result in zip(varying, results, strict=True):
         np.testing.assert_array_equal(_as_rows(direct[k]), result[: values[k].width])
+        alone = without_the_rest(program, [varying.index(k)])
+        again = run(alone, Points(channels=channels), HITS)[varying.index(k)]
+        np.testing.assert_array_equal(result[: values[k].width], again[: values[k].width])
     for k in set(chosen) - set(varying):
         rows = np.array(values[k].constant)[:, None]
         np.testing.assert_array_equal(_as_rows(direct[k]), np.repeat(rows, HITS, 1))
@@ -247,6 +256,17 @@ def test_what_nothing_reads_is_left_out():
     (step,) = instructions(compile_program(graph, [vector]))
 
     assert step.outputs == (0, UNREAD)
+
+
+def test_outputs_that_are_not_asked_for_cost_nothing():
+    graph = Graph(apply)
+    x, y = number(graph, "x"), number(graph, "y")
+    program = compile_program(graph, [sum_of(graph, y, y), sum_of(graph, x, x)])
+
+    alone = without_the_rest(program, [1])
+
+    assert len(list(instructions(alone))) == 2 < len(list(instructions(program)))
+    assert alone.outputs == program.outputs
 
 
 def test_references_are_numbered_in_the_order_of_use():

@@ -420,7 +420,7 @@ def test_mirrors_see_what_their_flag_says_and_the_part_is_theirs() -> None:
 
 def test_the_surface_at_the_point_itself_casts_no_shadow_on_it() -> None:
     """Normals that lean inwards, as in a bowl: a light below the triangle's plane but above the
-    shading normal's is not shadowed by it.
+    shading normal's is not shadowed by it, but for rays that start lifted above it.
     """
     angle = np.arange(3) * 2 * np.pi / 3
     rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
@@ -430,7 +430,7 @@ def test_the_surface_at_the_point_itself_casts_no_shadow_on_it() -> None:
     scene = s.Scene(
         DOWN,
         (mesh,),
-        (s.Instances("b", 0, at(), (0,)),),
+        (s.Instances("b", 0, at(), (0,), geometry_offset=0.0),),
         (material(s.Lobe("DIFFUSE", constant(1.0))),),
         (),
         (sun,),
@@ -438,10 +438,12 @@ def test_the_surface_at_the_point_itself_casts_no_shadow_on_it() -> None:
     found = values(scene)
     assert found["Diffuse"].max() > 0
     assert not found["Shadow"].any()
+    lifted = replace(scene, instances=(replace(scene.instances[0], geometry_offset=0.1),))
+    assert values(lifted)["Shadow"].any()
 
 
 def test_smooth_coarse_meshes_do_not_shadow_themselves() -> None:
-    """Hanika's start: on a convex smooth ball under a sun nothing is taken away where n·l > 0, up
+    """Lifted starts: on a convex smooth ball under a sun nothing is taken away where n·l > 0, up
     to the grazing rim.
     """
     sun = s.Light("sun", "SUN", look_at((2, -1, 1), (0, 0, 0)), strength=3.0)

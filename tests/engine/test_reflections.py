@@ -122,15 +122,16 @@ def behind_glass(*passed: Lobe) -> Scene:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_sky_behind_glass_is_not_counted_twice(backend):
     """Shadow rays see it where they pass the glass, and reflected rays where they do not."""
-    few = {"samples": 32, "backend": backend}
+    part = {"region": (4, 4, 8, 8)} if backend == "NUMPY" else {}
+    few = {"samples": 32, "backend": backend, **part}
     clear = Lobe("TRANSPARENT", (Input((0.3,) * 3),))
     lit = drawn(behind_glass(clear), max_bounces=0, **few)
     assert lit.mean() > 0.06
     np.testing.assert_array_equal(drawn(behind_glass(clear), **few), lit)
-    seen = drawn(behind_glass(), backend, samples=256)
+    seen = drawn(behind_glass(), backend, samples=256 if backend == "NATIVE" else 64, **part)
     assert drawn(behind_glass(), max_bounces=0, **few).max() == 0
     np.testing.assert_allclose(
-        seen, drawn(under_a_sky(metal(100.0)), samples=1024) * 0.6, rtol=0.02
+        seen, drawn(under_a_sky(metal(100.0)), samples=1024, **part) * 0.6, rtol=0.02
     )
 
 

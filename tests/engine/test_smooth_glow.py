@@ -1,4 +1,4 @@
-"""Coarse smooth meshes that glow or scatter light: shadow rays start at Hanika's point there, far
+"""Coarse smooth meshes that glow or scatter light: shadow rays start at a lifted point there, far
 from the point that is shaded, and what belongs to that one must not be taken from the other.
 """
 

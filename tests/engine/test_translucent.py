@@ -112,8 +112,8 @@ def test_it_shows_what_a_matt_one_shows_from_the_other_side(
     assert found.max() > 0.05
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_so_it_does_with_what_a_wall_throws_on(backend: str) -> None:
+@needs_core
+def test_so_it_does_with_what_a_wall_throws_on() -> None:
     """A wall that stands at it, beside which gather rays find most of that."""
 
     def at_a_wall(lobe: s.Lobe) -> s.Scene:
@@ -128,16 +128,19 @@ def test_so_it_does_with_what_a_wall_throws_on(backend: str) -> None:
             materials=(*scene.materials, matt),
         )
 
+    def beside(scene: s.Scene, backend: str, samples: int) -> np.ndarray:
+        thrown = picture(scene, backend, samples=samples, diffuse_bounces=1) - picture(
+            scene, backend, samples=samples
+        )
+        return thrown[:, 8:10].mean((0, 1))
+
     through, matt = at_a_wall(LEAF), from_below(at_a_wall(MATT))
-    beside = [
-        (
-            picture(scene, backend, samples=16, diffuse_bounces=1)
-            - picture(scene, backend, samples=16)
-        )[:, 8:10].mean((0, 1))
-        for scene in (through, matt)
-    ]
-    np.testing.assert_allclose(*beside, rtol=0.01)
-    assert beside[0][0] > 0.1
+    # of matt ones four pixels take turns with what they get
+    found = beside(through, "NATIVE", 1024)
+    np.testing.assert_allclose(found, beside(matt, "NATIVE", 1024), rtol=0.01)
+    assert found[0] > 0.1
+    few = [beside(through, backend, 16) for backend in BACKENDS]
+    np.testing.assert_allclose(*few, rtol=1e-4)
 
 
 @needs_core

@@ -247,6 +247,7 @@ def scattered(reflectance: float, roughness: float) -> float:
     return reflectance * once / (1 - min(reflectance, 1.0) * (1 - once))
 
 
+@functools.lru_cache(maxsize=1 << 14)
 def scattered_narrow(roughness: float) -> float:
     """Which share of that, beside what is sent out at once, looks like the highlight; the rest of
     it looks matt.

@@ -4,7 +4,7 @@ sums and as lobes' numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from ....engine.program.graph import Value
@@ -56,7 +56,8 @@ class Roughness:
     def color(self, of: Callable[[float], RGB]) -> Sum:
         if not self.varies:
             return constant(of(self.value))
-        parts = [self._looked_up(lambda r, c=c: of(r)[c]) for c in range(3)]
+        channels = zip(*map(of, _PLACES), strict=True)
+        parts = [self._interpolated(channel) for channel in channels]
         return self._expressions.sum_of(self._expressions.apply("combine_xyz", *parts))
 
     def exponent(self, of: Callable[[float], float]) -> dict[str, Any]:
@@ -84,12 +85,18 @@ class Roughness:
     def _key(self, name: str, of: Callable[[float], float]) -> dict[str, Any]:
         if not self.varies:
             return {name: of(self.value)}
-        output = self._expressions.output(self._looked_up(of))
-        return {name: max(map(of, _PLACES)), f"{name}_output": output}
+        column = [of(r) for r in _PLACES]
+        output = self._expressions.output(self._interpolated(column))
+        return {name: max(column), f"{name}_output": output}
 
     def _looked_up(self, of: Callable[[float], float]) -> Value:
-        table = tuple(x for r in _PLACES for x in (0.0, 0.0, 0.0, float(of(r))))
-        return self._expressions.looked_up(self.value, table)
+        return self._interpolated(map(of, _PLACES))
+
+    def _interpolated(self, column: Iterable[float]) -> Value:
+        """Between a function's values at `_PLACES`."""
+        table = [0.0] * (4 * ROWS)
+        table[3::4] = map(float, column)
+        return self._expressions.looked_up(self.value, tuple(table))
 
 
 class Ior:

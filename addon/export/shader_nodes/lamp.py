@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....engine.program.graph import Graph, Value
+from ..camera import inverse_axes
 from .bare import BareReader
 from .reader import READERS, Arithmetic, NodeInputs, Outputs
 
@@ -62,9 +63,8 @@ class LampReader(BareReader):
             found = super().apply(name, *arguments, **settings)[0]
             return (self._turned(self.lamp.object_from_light, found),)
         if name == "object_normal":
-            found = self._turned(
-                np.linalg.inv(self.lamp.object_from_light).T, super().apply(name)[0]
-            )
+            turn = inverse_axes(self.lamp.object_from_light).T
+            found = self._turned(turn, super().apply(name)[0])
             return super().apply("vector_normalized", found)
         if name == "uv" and not settings["attribute"]:
             return (self._uv(),)

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 59
+#define GLINT_ABI_VERSION 60
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -264,13 +264,16 @@ enum GlintProjection {
 };
 
 /* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c,
- * d); x, y along the camera's axes, z depth; none of a panorama. What follows is a panorama's:
+ * d); x, y along the camera's axes, z depth; none of a panorama, and of an eye of a pair. What
+ * follows is a panorama's:
  * projection, of GlintProjection; longitude, latitude: first and last, radians; heights: of the
  * cylinder of radius 1; fov: radians; lens, sensor: width and height, one unit; polynomial: of the
- * angle over the distance on the sensor, from the constant up. eye_offset: of an eye to the right
- * of the camera's place, across every direction, 0 for one that does not stand aside; convergence:
- * the distance at which eyes look at one point, infinite where they look in parallel; pole_merge:
- * elevations between which the offset fades away, used where pole_merge[1] > 0. */
+ * angle over the distance on the sensor, from the constant up. Of all but orthographic ones:
+ * eye_offset: of an eye to the right of the camera's place, across every direction, 0 for one that
+ * does not stand aside; convergence: the distance at which eyes look at one point, infinite where
+ * they look in parallel; pole_merge: elevations between which the offset fades away, used where
+ * pole_merge[1] > 0; eye_up: unit, where a perspective's elevations count to, a panorama's do along
+ * its own axis. */
 typedef struct GlintCamera {
   double world_from_camera[12];
   double window[4]; /* l, r, b, t */
@@ -279,7 +282,7 @@ typedef struct GlintCamera {
   int32_t kind, clip_plane_count;
   double clip_planes[6][4];
   double longitude[2], latitude[2], heights[2], fov, lens, sensor[2], polynomial[5];
-  double eye_offset, convergence, pole_merge[2];
+  double eye_offset, convergence, pole_merge[2], eye_up[3];
   int32_t projection, reserved;
 } GlintCamera;
 
@@ -441,8 +444,8 @@ typedef struct GlintNeighbour {
  * gather_samples rays, 1 to 64, for what throws light on, in place of those points; 0: none does.
  * gather_points: (gather_block², gather_count, 2) of the unit disc, below the directions of those
  * rays, of as many samples as divide gather_count, after which they begin again; row by row for the
- * pixels of squares of the frame, gather_block, 1 to 8, on a side; null only where gather_reach is
- * 0.
+ * pixels of squares of the frame, gather_block, 1 to 8, on a side. Those on one surface share what
+ * they find, and one of them asks for the points, for all. Null only where gather_reach is 0.
  * gloss_points: null, or (gloss_count, 2) of the unit disc, two for each of as many samples as
  * divide it, after which they begin again: where in wide lobes the rays of two pixels of such a
  * square are reflected; all four share what these bring.

@@ -98,9 +98,13 @@ void make_panorama(Dice& dice, GlintCamera& c) {
   }
   for (double* x : {&c.fov, &c.lens, &c.sensor[0], &c.sensor[1]}) *x = positive(dice);
   for (double& x : c.polynomial) x = dice.number();
-  c.eye_offset = dice.chance(0.5) ? 0 : dice.number();
+}
+
+void make_eye(Dice& dice, GlintCamera& c) {
+  c.eye_offset = dice.number();
   c.convergence = dice.chance(0.5) ? kInf : positive(dice);
   if (dice.chance(0.5)) c.pole_merge[1] = c.pole_merge[0] + positive(dice);
+  for (double& x : c.eye_up) x = dice.number();
 }
 
 /// One table without its array, or with nothing in it.
@@ -158,7 +162,8 @@ GlintCamera camera(Dice& dice) {
   c.height = uint32_t(1 + dice.below(20));
   c.kind = int32_t(dice.below(3));
   if (c.kind == GLINT_PANORAMA) make_panorama(dice, c);
-  if (dice.chance(c.kind == GLINT_PANORAMA ? 0.1 * dice.wildness : 0.3))
+  if (dice.chance(c.kind == GLINT_ORTHOGRAPHIC ? 0.1 * dice.wildness : 0.3)) make_eye(dice, c);
+  if (dice.chance(c.kind == GLINT_PANORAMA || c.eye_offset != 0 ? 0.1 * dice.wildness : 0.3))
     c.clip_plane_count = int32_t(dice.below(7)) + dice.chance(0.1 * dice.wildness);
   for (int p = 0; p < std::min(c.clip_plane_count, 6); ++p)
     for (double& x : c.clip_planes[p]) x = dice.number();

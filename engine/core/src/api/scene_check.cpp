@@ -66,17 +66,24 @@ void check_panorama(const GlintCamera& c, Report& report) {
   report.add(all_finite(c.sensor, 2) && c.sensor[0] > 0 && c.sensor[1] > 0,
              "camera: a sensor of %g by %g", c.sensor[0], c.sensor[1]);
   report.add(all_finite(c.polynomial, 5), "camera: the lens polynomial is not finite");
+  report.add(c.clip_plane_count == 0, "camera: a panorama has no clip planes");
+}
+
+void check_eye(const GlintCamera& c, Report& report) {
   report.add(all_finite(&c.eye_offset, 1) && c.convergence > 0 && all_finite(c.pole_merge, 2) &&
+                 all_finite(c.eye_up, 3) &&
                  !(c.pole_merge[1] > 0 && c.pole_merge[0] >= c.pole_merge[1]),
              "camera: an eye %g aside that converges at %g, merged from %g to %g", c.eye_offset,
              c.convergence, c.pole_merge[0], c.pole_merge[1]);
-  report.add(c.clip_plane_count == 0, "camera: a panorama has no clip planes");
+  report.add(c.kind != GLINT_ORTHOGRAPHIC, "camera: an orthographic one has no eye");
+  report.add(c.clip_plane_count == 0, "camera: an eye of a pair has no clip planes");
 }
 
 void check_surroundings(const GlintSceneData& d, Report& report) {
   const GlintCamera& c = d.camera;
   report.add(within(c.kind, GLINT_PANORAMA), "camera: unknown kind %d", c.kind);
   if (c.kind == GLINT_PANORAMA) check_panorama(c, report);
+  if (c.eye_offset != 0) check_eye(c, report);
   report.add(all_finite(c.world_from_camera, 12) && all_finite(c.window, 4),
              "camera: a number is not finite");
   report.add(any(affine(c.world_from_camera).z), "camera: its view direction is zero");

@@ -13,7 +13,7 @@ constexpr double kFlat = 0.04;   // of the way between its points, squared, the 
 
 void BlockShares::set(const RenderPlan& plan, const Batch& batch,
                       const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& given,
-                      bool mixes) {
+                      const std::vector<uint8_t>* apart) {
   const uint32_t width = plan.region.width(), across = Tile::kSize / plan.gather_block;
   points_.resize(batch.size());
   group_.resize(batch.size());
@@ -21,10 +21,11 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
   blocks_.resize(size_t(across) * across);
   for (std::vector<uint32_t>& block : blocks_) block.clear();
   for (uint32_t k = 0; k < batch.size(); ++k) {
-    const bool shares = any(given[k]);
+    uint8_t kind = apart && (*apart)[k] ? kApart : 0;
+    for (int c = 0; c < 3; ++c) kind |= uint8_t((std::fabs(given[k][c]) >= kLeast) << c);
+    const bool shares = kind & kChannels;
     points_[k] = {row(batch.points.x, k), row(batch.points.n, k),
-                  shares ? given[k] : Vec3d{1, 1, 1}, 0};
-    for (int c = 0; mixes && c < 3; ++c) points_[k].channels |= (points_[k].given[c] != 0) << c;
+                  shares ? given[k] : Vec3d{1, 1, 1}, kind};
     const uint32_t column = (plan.region.x0 + pixels[k] % width) / plan.gather_block % across,
                    line = (plan.region.y0 + pixels[k] / width) / plan.gather_block % across;
     if (shares) join(k, line * across + column);
@@ -37,7 +38,7 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
 
 void BlockShares::mix(size_t c, uint32_t sample, const double* from, double* to) const {
   for (const Group& group : groups_) {
-    if (points_[group.paths[0]].given[int(c)] == 0) continue;
+    if (std::fabs(points_[group.paths[0]].given[int(c)]) < kLeast) continue;
     double sum = 0, count = 0;
     for (uint32_t k = 0; k < group.count; ++k) {
       const uint32_t path = group.paths[k];
@@ -61,8 +62,8 @@ void BlockShares::join(uint32_t path, size_t block) {
     const Vec3d way = point.x - other.x;
     const double along = dot(way, point.n), beside = dot(way, other.n),
                  flat = kFlat * dot(way, way);
-    if (point.channels == other.channels && dot(point.n, other.n) >= kAlike &&
-        along * along <= flat && beside * beside <= flat) {
+    if (point.kind == other.kind && dot(point.n, other.n) >= kAlike && along * along <= flat &&
+        beside * beside <= flat) {
       group.paths[group.count++] = path;
       group_[path] = number;
       return;

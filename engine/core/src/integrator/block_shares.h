@@ -1,7 +1,8 @@
-// Which pixels of a block get what a sample's rays of one of them find, gather rays or those that
-// wide lobes reflect: neighbours on one surface look in directions of their own (Keller, Heidrich
-// 2001, Interleaved sampling), and each takes what the others find as if it had found it (Bekaert,
-// Sbert, Halton 2002, Accelerating path tracing by re-using paths).
+// Which pixels of a block get what a sample's rays of some of them find: of bounced light, from its
+// points and by gather rays, and of what wide lobes reflect. Neighbours on one surface look in
+// directions of their own, or in turn (Keller, Heidrich 2001, Interleaved sampling), and each takes
+// what the others find as if it had found it (Bekaert, Sbert, Halton 2002, Accelerating path
+// tracing by re-using paths).
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -17,10 +18,11 @@ class BlockShares {
  public:
   /// Of paths from the batch's points on, which are of these pixels of the region. given: what each
   /// gives back of light, of gather rays from all sides, all 0 where it shares nothing: what its
-  /// own rays find is its own then, as they carry it. mixes: for `mix`, those of a group give back
-  /// light of the same channels.
+  /// own rays find is its own then, as they carry it. Those of a group give back the same channels.
+  /// apart: which share gather rays, but no points of bounced light; null for none.
   void set(const RenderPlan& plan, const Batch& batch, const std::vector<uint32_t>& pixels,
-           const std::vector<Vec3d>& given, bool mixes = false);
+           const std::vector<Vec3d>& given, const std::vector<uint8_t>* apart = nullptr);
+  bool shares(uint32_t path) const { return points_[path].kind & kChannels; }
   /// add(path, share) for each path that gets something of what a ray of `path` finds at x, on a
   /// surface with the normal g: by how densely the rays of each look there (the balance heuristic).
   template <class Add>
@@ -39,12 +41,28 @@ class BlockShares {
   /// fewer one.
   enum Turn { kWaits, kAlone, kFirst, kSecond };
   Turn turn(uint32_t path, uint32_t sample) const {
-    const Group& group = groups_[group_[path]];
-    const uint32_t* const own = std::find(group.paths, group.paths + group.count, path);
-    const uint32_t k = uint32_t(own - group.paths), odd = sample & 1;
-    if (group.count != 4) return sample % group.count == k ? kAlone : kWaits;
+    const uint32_t count = groups_[group_[path]].count, k = place(path), odd = sample & 1;
+    if (count != 4) return sample % count == k ? kAlone : kWaits;
     if (k != odd && k != 3 - odd) return kWaits;
     return (k == odd) == (sample % 4 < 2) ? kFirst : kSecond;
+  }
+  /// Whether the path asks the points of bounced light in this sample: one of its group does. Every
+  /// fourth sample lies in the same part of its pixel, and each has its turn in all of these.
+  bool asks(uint32_t path, uint32_t sample) const {
+    const uint32_t turn = sample + sample / 4;
+    return !shares_points(path) || turn % groups_[group_[path]].count == place(path);
+  }
+  /// add(path, share) for each path that gets what `path` is given by those.
+  template <class Add>
+  void spread(uint32_t path, Add add) const {
+    if (!shares_points(path)) return add(path, Vec3d{1, 1, 1});
+    const Group& group = groups_[group_[path]];
+    const Vec3d own = points_[path].given;
+    for (uint32_t k = 0; k < group.count; ++k) {
+      Vec3d share = points_[group.paths[k]].given;
+      for (int c = 0; c < 3; ++c) share[c] = std::fabs(own[c]) >= kLeast ? share[c] / own[c] : 0;
+      add(group.paths[k], share);
+    }
   }
   /// Adds to each path's sum of `to`, the channel c, what those of its group brought to `from` that
   /// sent rays, in equal parts and as much of it as it gives back itself.
@@ -52,15 +70,23 @@ class BlockShares {
 
  private:
   static constexpr uint32_t kMost = RenderPlan::kMostSharing * RenderPlan::kMostSharing;
+  static constexpr double kLeast = 1e-100;  // that is given of a channel: less is nothing
+  static constexpr uint8_t kChannels = 7, kApart = 8;
   struct Point {
     Vec3d x, n, given;  // given: 1 where it shares nothing
-    int channels;       // of what it gives, a bit each, where these are to be the same
+    uint8_t kind;       // the channels of what it gives, a bit each, and kApart
   };
   /// Points of a block on one surface.
   struct Group {
     uint32_t count = 0, paths[kMost];
   };
 
+  bool shares_points(uint32_t path) const { return shares(path) && !(points_[path].kind & kApart); }
+  /// Of the path among those of its group.
+  uint32_t place(uint32_t path) const {
+    const Group& group = groups_[group_[path]];
+    return uint32_t(std::find(group.paths, group.paths + group.count, path) - group.paths);
+  }
   /// How densely, by area, a point's rays lie at x, times π.
   static double density(const Point& from, Vec3d x, Vec3d g) {
     const Vec3d to = x - from.x;

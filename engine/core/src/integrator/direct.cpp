@@ -99,8 +99,10 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.evenly = scene_.instances.mirrors_differ;
 }
 
-void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
+void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts,
+                             const BlockShares* blocks) {
   sample_ = sample;
+  blocks_ = blocks;
   prepare(batch);
   const uint32_t kinds = find_kinds(batch);
   if (kinds <= 1) return add_lights(batch, sample, counts);

@@ -24,6 +24,7 @@ struct SharedLight {
   std::vector<LampSample> samples;
   std::vector<const Light*> light;  // of each
   std::vector<uint32_t> groups;     // and its light group, the number of these for none
+  const int64_t* lit = nullptr;     // mask: points that take part in this sample
   size_t clustered = 0;             // the first of those whose lamps far points see in clusters
   std::vector<LampCluster> clusters;
   std::vector<double> color_sums;              // as ShareStage has them
@@ -49,8 +50,12 @@ class DirectLight {
   DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
               const std::atomic<bool>& cancel, Scratch& scratch);
 
-  /// Adds all lights to the points of `batch`, for pixel sample `sample`.
-  void illuminate(Batch& batch, uint32_t sample, RayCounts& counts);
+  /// Adds all lights to the points of `batch`, for pixel sample `sample`. blocks: which of them
+  /// share what they get of the points of bounced light, as `find_blocks` has it; or null.
+  void illuminate(Batch& batch, uint32_t sample, RayCounts& counts,
+                  const BlockShares* blocks = nullptr);
+  /// Which points of the batch share bounced light. pixels: of the region, of each.
+  void find_blocks(const Batch& batch, const std::vector<uint32_t>& pixels, BlockShares& blocks);
   /// The same as if catchers of shadows were the only things there.
   void illuminate_catchers(Batch& batch, uint32_t sample, RayCounts& counts) {
     alone_ = true;
@@ -80,9 +85,9 @@ class DirectLight {
   double reach() const { return reach_; }
   /// Adds to `gathering` the gather rays of the points that `illuminate` was told last: what is
   /// nearer than `reach` of bounced light. pixels: of the region, of each point of the batch.
-  /// shares: which paths get what they find, where pixels share; null where they do not.
+  /// blocks: which paths get what they find, where pixels share; null where they do not.
   void gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-              Queue& gathering, BlockShares* shares, RayCounts& counts);
+              Queue& gathering, const BlockShares* blocks, RayCounts& counts);
   /// Whether what the batch of this queue meets asks for gather rays.
   bool gathers(const Queue& queue) const;
   /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
@@ -91,6 +96,8 @@ class DirectLight {
  private:
   void prepare(const Batch& batch);
   void find_matt(const Batch& batch);
+  void look_around();
+  bool is_apart(const Batch& batch, size_t k) const;
   void push_reflected(const Batch& batch, Queue& glossy, RayCounts& counts);
   const Opacity* opacity(const Light& light) const {
     return alone_ ? scene_.trees.opacity_of_catchers(light) : scene_.trees.opacity(light);
@@ -142,7 +149,8 @@ class DirectLight {
            const AskedLamp* end, RayCounts& counts);
   void mark_matt(const Batch& batch) const;
   void add_shared(const SharedLight& shared, const Batch& batch) const;
-  void share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open) const;
+  void share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open, size_t to,
+                    Vec3d share) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -150,10 +158,11 @@ class DirectLight {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   uint32_t sample_ = 0;
-  double reach_ = 0;         // as reach()
-  bool alone_ = false;       // catchers of shadows are the only things there
-  bool on_strands_ = false;  // only points on strands are lit
-  bool takes_few_ = false;   // of them, or of what is faint
+  double reach_ = 0;             // as reach()
+  bool bounced_linked_ = false;  // bounced light lights but some
+  bool alone_ = false;           // catchers of shadows are the only things there
+  bool on_strands_ = false;      // only points on strands are lit
+  bool takes_few_ = false;       // of them, or of what is faint
   std::vector<uint8_t> kinds_;
   std::vector<int64_t> whole_;   // the batch's mask of points that lights may reach
   bool scattering_ = false;      // points are of media and not of surfaces
@@ -162,6 +171,9 @@ class DirectLight {
   std::vector<uint8_t> place_;   // in its block, of the pixel of each point; or whose turn it is
   std::vector<double> disc_[2];  // below the direction of the gather ray of each point
   std::vector<Vec3d> given_;     // of each point, as BlockShares has it
+  std::vector<uint8_t> apart_;   // the same
+  const BlockShares* blocks_ = nullptr;  // of points that are lit
+  std::vector<int64_t> asking_;          // mask: those whose turn it is
   Columns columns_;
   double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where

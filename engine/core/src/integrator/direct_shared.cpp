@@ -125,6 +125,7 @@ void DirectLight::find_sharing() {
     lamps_.takes_part.push_back(is_lamp && light.casts_shadow() && !light.program);
     bounced_.takes_part.push_back(light.is_bounced());
     bounced_.on |= light.is_bounced();
+    bounced_linked_ |= light.is_bounced() && !light.lights_all();
     if (!lamps_.takes_part.back()) continue;
     ++lamps;
     samples = std::max(samples, plan_.samples_of(light));
@@ -154,6 +155,13 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
     return;
   if (&shared == &bounced_ && batch.soft_light && !alone_) mark_matt(batch);
   const LightStage before = stage_;
+  shared.lit = batch.lit.data();
+  if (&shared == &bounced_ && blocks_) {
+    asking_.assign(batch.lit.begin(), batch.lit.end());
+    for (uint32_t k = 0; k < batch.size(); ++k)
+      if (!blocks_->asks(k, sample)) asking_[k] = 0;
+    shared.lit = asking_.data();
+  }
   place_sums(shared, batch.size());
   place_groups(shared, batch.size());
   list_samples(shared, batch, sample);
@@ -189,7 +197,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   shared.shows_gloss =
       is_bounced && scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
   for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
-  stage_.lit = batch.lit.data();
+  stage_.lit = shared.lit;
   shared.near.resize(shared.columns.rows());
   for (const bool clustered : {false, true}) {
     shared.clustered = shared.samples.size();
@@ -233,8 +241,8 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
 
 /// The mask of the points that a lamp may light.
 const int64_t* DirectLight::receivers(SharedLight& shared, const Batch& batch, const Light& light) {
+  if (light.lights_all()) return shared.lit;
   find_lit(batch, light);
-  if (light.lights_all()) return stage_.lit;
   return shared.receives.emplace_back(linked_).data();
 }
 
@@ -245,7 +253,7 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   shared.reaching.resize(most);
   ShareStage stage{};
   stage.count = batch.size();
-  stage.lit = batch.lit.data();
+  stage.lit = shared.lit;
   stage.samples = shared.samples.data();
   stage.sample_count = shared.samples.size();
   stage.offset = mark_offset(sample);
@@ -323,30 +331,38 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   for (const AskedLamp* p = begin; p != end; ++p) shared.asks[p->point] = 0;
 }
 
-/// Adds what all lamps give, with the shadows of those that were asked.
+/// Adds what all lamps give, with the shadows of those that were asked, to the points that asked
+/// and those that share with them.
 void DirectLight::add_shared(const SharedLight& shared, const Batch& batch) const {
-  for (size_t k = 0; k < batch.size(); ++k) {
+  const bool is_bounced = &shared == &bounced_;
+  for (uint32_t k = 0; k < batch.size(); ++k) {
     if (!(shared.total[k] > 0)) continue;
     const Vec3d diffuse = row(shared.diffuse, k), specular = row(shared.specular, k),
                 full = diffuse + specular,
                 open = share_open(row(shared.asked, k), row(shared.passed, k), {1, 1, 1});
     const SumColumns& sums = batch.sums;
-    Batch::add_to(sums.total, k, open * full);
-    Batch::add_to(sums.diffuse, k, diffuse);
-    Batch::add_to(sums.specular, k, specular);
-    Batch::add_to(sums.shadow, k, open * full - full);
-    if (batch.has_groups()) share_groups(shared, batch, k, open);
-    if (!batch.splits()) continue;
-    const bool is_bounced = &shared == &bounced_;
-    Batch::add_to(is_bounced ? batch.lit_bounced : batch.lit_diffuse, k, open * diffuse);
-    Batch::add_to(is_bounced ? batch.lit_glossy_bounced : batch.lit_specular, k, open * specular);
+    const auto add = [&](uint32_t to, Vec3d share) {
+      Batch::add_to(sums.total, to, share * (open * full));
+      Batch::add_to(sums.diffuse, to, share * diffuse);
+      Batch::add_to(sums.specular, to, share * specular);
+      Batch::add_to(sums.shadow, to, share * (open * full - full));
+      if (batch.has_groups()) share_groups(shared, batch, k, open, to, share);
+      if (!batch.splits()) return;
+      Batch::add_to(is_bounced ? batch.lit_bounced : batch.lit_diffuse, to,
+                    share * (open * diffuse));
+      Batch::add_to(is_bounced ? batch.lit_glossy_bounced : batch.lit_specular, to,
+                    share * (open * specular));
+    };
+    if (is_bounced && blocks_) blocks_->spread(k, add);
+    else add(k, {1, 1, 1});
   }
 }
 
-/// What each group of lights gives, by what got through of those of it that were asked; and what is
-/// left between the sum of these and all is shared out, so that they are all together.
-void DirectLight::share_groups(const SharedLight& shared, const Batch& batch, size_t k,
-                               Vec3d open) const {
+/// What each group of lights gives to point k, by what got through of those of it that were asked;
+/// and what is left between the sum of these and all is shared out, so that they are all together.
+/// Point `to` gets a share of it.
+void DirectLight::share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open,
+                               size_t to, Vec3d share) const {
   const auto at = [&](const std::vector<double*>& columns, size_t group) {
     return Vec3d{columns[3 * group][k], columns[3 * group + 1][k], columns[3 * group + 2][k]};
   };
@@ -365,7 +381,7 @@ void DirectLight::share_groups(const SharedLight& shared, const Batch& batch, si
     Vec3d own = lit(group);
     for (int c = 0; c < 3; ++c)
       if (size[c] > 0) own[c] += left[c] * (std::fabs(own[c]) / size[c]);
-    batch.add_to_group(int(group), k, own);
+    batch.add_to_group(int(group), to, share * own);
   }
 }
 

@@ -21,20 +21,11 @@ bool DirectLight::gathers(const Queue& queue) const {
 }
 
 void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-                         Queue& gathering, BlockShares* shares, RayCounts& counts) {
+                         Queue& gathering, const BlockShares* blocks, RayCounts& counts) {
   const Queue& queue = *batch.queue;
-  for (size_t c = 0; c < 2; ++c) {
-    disc_[c].resize(columns_.rows());
-    stage_.disc[c] = disc_[c].data();
-  }
+  look_around();
   place_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k) place_[k] = uint8_t(plan_.gather_place(pixels[k]));
-  stage_.gathers_gloss = scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
-  given_.assign(batch.size(), {});
-  if (shares) {
-    find_matt(batch);
-    shares->set(plan_, batch, pixels, given_);
-  }
   const uint32_t places = plan_.gather_block * plan_.gather_block, each = plan_.gather_places.each;
   for (uint32_t j = 0; j < each; ++j) {
     for (size_t k = 0; k < batch.size(); ++k) {
@@ -47,7 +38,7 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
         const uint32_t from = point_[k];
         if (place_[from] != place) continue;
         Path path = queue.path(from);
-        const bool is_shared = any(given_[from]);
+        const bool is_shared = blocks && blocks->shares(from);
         path.T = (1.0 / each) * (is_shared ? Vec3d{1, 1, 1} : row(stage_.diffuse_out, k));
         if (!finite(path.T)) continue;
         path.start = row(batch.points.x, from);
@@ -60,6 +51,37 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
         ++counts.gather;
       }
   }
+}
+
+/// The stage as `gather` of the stages reads it.
+void DirectLight::look_around() {
+  for (size_t c = 0; c < 2; ++c) {
+    disc_[c].resize(columns_.rows());
+    stage_.disc[c] = disc_[c].data();
+  }
+  stage_.gathers_gloss = scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+}
+
+void DirectLight::find_blocks(const Batch& batch, const std::vector<uint32_t>& pixels,
+                              BlockShares& blocks) {
+  prepare(batch);
+  look_around();
+  given_.assign(batch.size(), {});
+  find_matt(batch);
+  apart_.resize(batch.size());
+  for (size_t k = 0; k < batch.size(); ++k) apart_[k] = any(given_[k]) && is_apart(batch, k);
+  blocks.set(plan_, batch, pixels, given_, &apart_);
+}
+
+/// Whether what the point gets of the points of bounced light is not as what it gives back of all
+/// light: that of gloss, of lobes that depend on where it comes from, of lights that light but
+/// some.
+bool DirectLight::is_apart(const Batch& batch, size_t k) const {
+  const Material& material = scene_.materials[batch.material[k]];
+  return stage_.gathers_gloss || bounced_linked_ || material.has(GLINT_SHEEN) ||
+         material.has(GLINT_FIBRE_DIFFUSE) || material.has(GLINT_FIBRE_SPECULAR) ||
+         material.has(GLINT_FIBRE_TRANSMISSION) ||
+         scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS;
 }
 
 /// What points throw back of light from all sides, but for those that get less of some.

@@ -33,7 +33,7 @@ void DirectLight::reflect_in_blocks(const Batch& batch, const std::vector<uint32
     const Vec3d given = row(stage_.diffuse_out, k);
     if (stage_.t_max[k] < RenderPlan::kLeastUnmixed && finite(given)) given_[point_[k]] = given;
   }
-  shares.set(plan_, batch, pixels, given_, true);
+  shares.set(plan_, batch, pixels, given_);
   place_.resize(batch.size());
   constexpr uint8_t kUnmixed = 0xff;
   for (uint32_t k = 0; k < batch.size(); ++k)

@@ -82,7 +82,7 @@ void Tracer::choose(const Tile& tile) {
     std::iota(active_.begin(), active_.end(), 0u);
   }
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
-                  !camera_.is_panorama() &&
+                  camera_.has_frustums() &&
                   !(scene_.features & (GLINT_FEATURE_VISIBLE_LIGHTS | GLINT_FEATURE_MEDIA)) &&
                   !scene_.world.sky_program && scene_.trees.accel().surely_empty(frustum(tile));
 }
@@ -227,7 +227,12 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (gives_aovs) note_aovs(queue);
   if (queue.visibility == kCamera && film_.wants_lighting()) note_colors(queue);
   if (catches_) set_aside_caught(queue);
-  direct_.illuminate(batch_, sample, counts_);
+  const bool in_blocks = plan_.shares_gathers && &queue == &first_ && direct_.gathers(queue);
+  if (in_blocks) {
+    find_pixels(queue);
+    direct_.find_blocks(batch_, pixels_, shares_);
+  }
+  direct_.illuminate(batch_, sample, counts_, in_blocks ? &shares_ : nullptr);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   if (direct_.reflects() && !queue.gathers) reflect(queue, sample, next);
   if (direct_.gathers(queue)) gather(queue, sample, next.gathering);

@@ -9,6 +9,7 @@ namespace glint {
 
 void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
+  stage.lowering = batch_.lowering;
   stage.count = queue.size();
   stage.material = batch_.material.data();
   stage.terms =

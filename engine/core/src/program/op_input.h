@@ -156,15 +156,25 @@ inline void incoming(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) { at.put(0, k, -point3(m.points.d, k)); });
 }
 
+/// Where a ray of the camera went before an eye of a pair turned it.
+inline Three unturned(const Machine& m, size_t k) {
+  const ProgramView& view = *m.tables.view;
+  const Three d = point3(m.points.d, k);
+  if (!(view.convergence < __builtin_inf())) return d;
+  const Three hit = to_world(view, point3(m.points.x, k)) - splat3(view.eye);
+  const Three aside = hit - load(m.points.length + k) * d;
+  return unit(root(view.convergence * view.convergence + dot(aside, aside)) * d + aside);
+}
+
 inline void ray_length(const Machine& m, const Operands& at) {
   const ProgramView& view = *m.tables.view;
   each_group(m, [&](size_t k) {
     Doubles length = load(m.points.length + k);
     if (m.kind == RayKind::kCamera) {
       const Three back = splat3(view.axes[2]);
-      length = length + (view.panorama ? splat(-view.clip_start)
-                                       : view.clip_start * dot(back, back) /
-                                             dot(back, point3(m.points.d, k)));
+      length =
+          length + (view.panorama ? splat(-view.clip_start)
+                                  : view.clip_start * dot(back, back) / dot(back, unturned(m, k)));
     }
     at.put(0, k, length);
   });

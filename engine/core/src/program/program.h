@@ -93,6 +93,7 @@ struct ProgramView {
                 // parallel at any; world
   bool parallel;
   double clip_start;            // where rays of the camera start: a share of its axis backward
+  double convergence;           // of an eye of a pair; infinite where rays are not turned
   const GlintCamera* panorama;  // null for none
 };
 

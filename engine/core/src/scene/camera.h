@@ -22,7 +22,9 @@ class CameraRays {
 
   bool is_panorama() const { return camera_.kind == GLINT_PANORAMA; }
   /// Whether its rays begin at one point, where no lens and no motion part them.
-  bool has_one_eye() const { return !parallel() && !(is_panorama() && camera_.eye_offset != 0); }
+  bool has_one_eye() const { return !parallel() && camera_.eye_offset == 0; }
+  /// Whether its rays fill the frustums between those of their corners.
+  bool has_frustums() const { return !is_panorama() && camera_.eye_offset == 0; }
 
   /// Where column + 0.5 + dx of the frame's columns is in the window, and row + 0.5 + dy of its
   /// rows.
@@ -47,6 +49,7 @@ class CameraRays {
     s.clip_end = camera_.clip_end;
     s.parallel = parallel();
     s.panorama = is_panorama() ? &camera_ : nullptr;
+    s.eye = camera_.eye_offset != 0 ? &camera_ : nullptr;
     return s;
   }
 
@@ -65,7 +68,8 @@ class CameraRays {
     }
   }
 
-  /// Round all rays through points of the window from (u0, v0) to (u1, v1); not of a panorama.
+  /// Round all rays through points of the window from (u0, v0) to (u1, v1); where it
+  /// `has_frustums`.
   TileFrustum frustum(double u0, double v0, double u1, double v1) const {
     const double corners[4][2] = {{u0, v0}, {u1, v0}, {u1, v1}, {u0, v1}};
     Vec3d origins[4], directions[4];

@@ -26,6 +26,7 @@ ProgramView program_view(const GlintCamera& camera, const Anchor& anchor) {
   view.scale = anchor.scale;
   view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
   view.clip_start = camera.clip_start;
+  view.convergence = camera.eye_offset != 0 ? camera.convergence : kInfinity;
   std::copy_n(camera.window, 4, view.window);
   view.panorama = camera.kind == GLINT_PANORAMA ? &camera : nullptr;
   view.step = view.panorama

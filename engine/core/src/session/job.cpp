@@ -17,12 +17,11 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
   const bool same_planes = a.clip_plane_count == b.clip_plane_count &&
                            std::memcmp(a.clip_planes, b.clip_planes, sizeof a.clip_planes) == 0;
   const size_t first = offsetof(GlintCamera, longitude);
-  const bool same_panorama =
-      a.kind != GLINT_PANORAMA ||
+  const bool same_rest =
       std::memcmp(reinterpret_cast<const char*>(&a) + first,
                   reinterpret_cast<const char*>(&b) + first, sizeof a - first) == 0;
   return a.width == b.width && a.height == b.height && a.kind == b.kind && same_planes &&
-         same_panorama && a.clip_start == b.clip_start && a.clip_end == b.clip_end &&
+         same_rest && a.clip_start == b.clip_start && a.clip_end == b.clip_end &&
          std::equal(a.window, a.window + 4, b.window) &&
          std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }

@@ -202,6 +202,7 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   if (lobe.kind == GLINT_TRANSLUCENT) return void(sum.translucent = sum.translucent + k);
   if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, p, lobe, k, sum);
   if (!ambient && s.dark) return;
+  if (ambient && s.lowering) k = mean_lowered(gather(s.lowering, at)) * k;
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
   sum.glow = sum.glow + c;
   add_part(ambient ? s.sums.ambient : s.sums.emission, at, c);

@@ -16,7 +16,7 @@ inline Doubles far_share(const LightStage& s, Doubles d2) {
 }
 
 /// How far along g a ray starts that leaves to the back of its face: beyond the face, but not where
-/// Hanika's start is above it already. There the face is out of its way, and beyond the face it
+/// the lifted start is above it already. There the face is out of its way, and beyond the face it
 /// would start within the body.
 inline Doubles below(const LightStage& s, size_t k, const Three& origin, const Three& g,
                      Doubles offset) {
@@ -25,7 +25,7 @@ inline Doubles below(const LightStage& s, size_t k, const Three& origin, const T
 }
 
 /// Where the shadow ray from `origin` to a mesh light's sample ends: before the surface, on the
-/// side that it comes from. Hanika's start may be on another than the point.
+/// side that it comes from. A lifted start may be on another than the point.
 inline Three before_mesh(const LightStage& s, size_t k, const Sample& sample, const Three& origin) {
   if (s.origin[0] == s.points_x[0]) return sample.end;  // no smooth faces
   const Three q = splat3(s.end), n = splat3(s.axis),
@@ -94,7 +94,7 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
 }
 
 /// Which points may see a disc of bounced light, on smooth meshes: shadow rays begin on its side
-/// that shines, as Hanika's start may be beyond a ridge, and the surface that is near round a point
+/// that shines, as a lifted start may be beyond a ridge, and the surface that is near round a point
 /// shines to its own side alone.
 template <int Shape>
 inline Mask may_see(const LightStage& s, size_t k, const Three& x, Mask behind) {

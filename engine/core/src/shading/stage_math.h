@@ -78,21 +78,25 @@ class Gloss {
 
   /// The same of a lobe that is stretched: of the directions v and l what the squares of their
   /// parts along the surface are times alpha^2.
-  Doubles stretched_factor(Doubles masking2, Doubles fresnel, Doubles v, Doubles l) const {
+  Doubles stretched_factor(Doubles masking2, Doubles fresnel, Doubles v, Doubles l) {
     const Doubles down =
         nl_ * root(nv_ * nv_ + masking2 * v) + nv_ * root(nl_ * nl_ + masking2 * l);
     return with_fresnel(choose(masking2 > 0, 2 * nl_ / down, splat(1)), fresnel);
   }
 
  private:
-  Doubles with_fresnel(Doubles result, Doubles fresnel) const {
-    const uint32_t schlick = bits(fresnel < 0), dielectric = bits(fresnel > 0);
-    if (schlick) result = result * choose(fresnel < 0, schlick_weight(), splat(1));
-    if (dielectric)
-      result = result * choose(fresnel > 0,
-                               fresnel_reflectance(vh_, choose(fresnel > 0, fresnel, splat(1))),
-                               splat(1));
-    return result;
+  /// The lobes that stand for one of GGX share their reflectance.
+  Doubles with_fresnel(Doubles result, Doubles fresnel) {
+    if (bits(fresnel != fresnel_)) {
+      fresnel_ = fresnel;
+      reflectance_ = choose(fresnel < 0, schlick_weight(), splat(1));
+      const Mask dielectric = fresnel > 0;
+      if (any(dielectric)) {
+        const Doubles ior = choose(dielectric, fresnel, splat(1));
+        reflectance_ = choose(dielectric, fresnel_reflectance(vh_, ior), reflectance_);
+      }
+    }
+    return result * reflectance_;
   }
   Doubles schlick_weight() const {
     const Doubles rest = 1 - vh_, square = rest * rest;
@@ -100,6 +104,7 @@ class Gloss {
   }
 
   Doubles nl_, nv_, vh_, masking2_ = splat(0), masking_ = splat(1);
+  Doubles fresnel_ = splat(0), reflectance_ = splat(1);
 };
 
 void cosine_powers(const double* tangent2, const double* p, double* out, size_t count) {

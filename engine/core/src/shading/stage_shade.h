@@ -1,6 +1,7 @@
 // Constant lobes (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
 #pragma once
 #include "shading/stage_math.h"
+#include "shading/stage_terminator.h"
 #include "shading/stages.h"
 
 namespace glint {
@@ -20,7 +21,7 @@ inline void set_row(const ShadeStage& s, uint32_t material, size_t lane, TermRow
   rows.view[lane] = s.view_terms + ViewTerm::kColumns * size_t(s.max_view) * material;
 }
 
-inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
+__attribute__((always_inline)) inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
   if (s.count - k >= kLanes && same(s.material + k)) {
     set_row(s, s.material[k], 0, rows);
     rows.others = rows.of[0]->others ? kAllLanes : 0;
@@ -57,7 +58,8 @@ struct Seen {
   Three ambient, diffuse;
 };
 
-inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& rows) {
+__attribute__((always_inline)) inline Seen seen(const ShadeStage& s, size_t k, const Three& T,
+                                                const TermRows& rows) {
   const Doubles cosine = seen_cosine(load3(s.n, k), load3(s.d, k));
   Seen sum{};
   for (size_t term = 0; term < size_t(s.max_view); ++term) {
@@ -73,7 +75,7 @@ inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& 
 }
 
 /// Whether a material of the group has lobes that depend on the view.
-inline bool any_view(const TermRows& rows) {
+__attribute__((always_inline)) inline bool any_view(const TermRows& rows) {
   bool found = false;
   for (size_t lane = 0, lanes = rows.same ? 1 : kLanes; lane < lanes; ++lane)
     found = found || rows.of[lane]->view_count > 0;
@@ -104,6 +106,22 @@ inline Mask store_specular(const ShadeStage& s, size_t k, const Three& T, const 
     lit |= nonzero(Tk);
   }
   return lit;
+}
+
+/// Takes away what ambient light does not bring to surfaces that see light lower.
+__attribute__((noinline)) void take_lowered(const ShadeStage& s) {
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Doubles lowering = load(s.lowering + k);
+    if (!bits(lowering > 1)) continue;
+    TermRows rows;
+    look_up(s, k, rows);
+    const Three T = load3(s.T, k);
+    Three given = T * gather3(rows, &MaterialTerms::ambient);
+    if (s.max_view > 0 && any_view(rows)) given = given + seen(s, k, T, rows).ambient;
+    const Three less = (1 - mean_lowered(lowering)) * given;
+    store3(s.sums.total, k, load3(s.sums.total, k) - less);
+    if (s.sums.ambient[0]) store3(s.sums.ambient, k, load3(s.sums.ambient, k) - less);
+  }
 }
 
 size_t shade(const ShadeStage& s) {
@@ -137,6 +155,7 @@ size_t shade(const ShadeStage& s) {
     for (uint32_t m = rows.others; m; m &= m - 1)
       s.others[others++] = uint32_t(k) + uint32_t(__builtin_ctz(m));
   }
+  if (s.lowering) take_lowered(s);
   return others;
 }
 

@@ -167,22 +167,35 @@ inline Three blend(const Weights& b, const Three (&n)[3]) {
           finite_or_zero(b.a * a.z + b.b * c.z + b.c * e.z)};
 }
 
-/// A vertex's share of Hanika's shadow origin (surface.h): x moved towards the vertex' tangent
-/// plane.
-inline Three towards_plane(Doubles weight, const Three& vertex, const Three& x, const Three& n) {
-  return (weight * larger(dot(vertex - x, n), splat(0))) * n;
+/// How much lower than a corner's tangent plane the face is where two other corners' heights over
+/// the plane weigh so much, and the plane is moved out to the higher of these.
+inline Doubles below_plane(Doubles first, Doubles second, Doubles b, Doubles c) {
+  const Doubles top = larger(larger(first, second), splat(0));
+  return larger(top - (b * first + c * second), splat(0));
 }
 
-/// x moved out to the tangent planes, and never below the face: normals of a thin thing may point
-/// there by their rounding.
+/// How far over a face the surface may be that its normals tell of: the least of what the three
+/// tangent planes have there, or half of a parabola's.
+inline Doubles bulge(const Face& face, const Weights& b, Doubles side) {
+  const Three* const n = face.upright;
+  const auto over = [&](const Three& edge, int k) { return side * dot(edge, n[k]); };
+  const Three e3 = face.e2 - face.e1;
+  const Doubles ab = over(face.e1, 0), ac = over(face.e2, 0), ba = -over(face.e1, 1),
+                bc = over(e3, 1), ca = -over(face.e2, 2), cb = -over(e3, 2);
+  const Doubles least =
+      smaller(below_plane(ab, ac, b.b, b.c),
+              smaller(below_plane(ba, bc, b.a, b.c), below_plane(ca, cb, b.a, b.b)));
+  const Doubles parabola = -(b.a * b.b * (ab + ba) + b.a * b.c * (ac + ca) + b.b * b.c * (bc + cb));
+  return larger(least, 0.5 * parabola);
+}
+
+/// x moved out by that along the normal, and never below the face: normals of a thin thing may
+/// point there by their rounding.
 inline Three shadow_origin(const Three& x, const Three& g, const Face& face, const Weights& b,
                            Doubles side) {
-  const Three corners[3] = {face.a, face.a + face.e1, face.a + face.e2};
-  const Doubles weights[3] = {b.a, b.b, b.c};
-  Three sum{};
-  for (int k = 0; k < 3; ++k)
-    sum = sum + towards_plane(weights[k], corners[k], x, side * face.upright[k]);
-  return x + (sum - smaller(dot(sum, g), splat(0)) * g);
+  const Three lift = bulge(face, b, side) * side *
+                     (b.a * face.upright[0] + b.b * face.upright[1] + b.c * face.upright[2]);
+  return x + (lift - smaller(dot(lift, g), splat(0)) * g);
 }
 
 inline void place_group(const SurfaceStage& s, size_t k, const Face& face) {

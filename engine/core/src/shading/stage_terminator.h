@@ -7,7 +7,7 @@
 namespace glint {
 namespace {
 
-/// How much of the way to Hanika's point shadow rays along l start at: all for light from behind
+/// How much of the way to the lifted point shadow rays along l start at: all for light from behind
 /// the face, nothing where it stands higher over the surface than what grazes it. LightStage's
 /// grazing: one over the cosine below which light does; 0 for never.
 inline Doubles lift_share(Doubles grazing, Doubles nl, Doubles gl) {
@@ -35,6 +35,12 @@ inline Doubles lowered(Doubles lowering, Doubles cosine) {
   const Doubles angle = lowering * acos(smaller(larger(cosine, splat(0)), splat(1)));
   const Doubles share = where(angle < kRightHigh, cos(angle) / cosine);
   return choose(lowering > 1, where(cosine > 0, share), splat(1));
+}
+
+/// Its mean over the light of an even sky.
+inline Doubles mean_lowered(Doubles lowering) {
+  const Doubles mean = 2 * (lowering * sin(kRightHigh / lowering) - 1) / (lowering * lowering - 1);
+  return choose(lowering > 1, mean, splat(1));
 }
 
 }  // namespace

@@ -25,6 +25,7 @@ struct CameraStage {
   double *o[3], *d[3], *t_min, *t_max;  // o: only where it is not the eye of all
   double *latest, *earliest;            // the largest t_min and the least t_max; not of panoramas
   const GlintCamera* panorama;          // null for none; its rays that see nothing end at -1
+  const GlintCamera* eye;               // null where the camera's place is the eye
 };
 
 /// Points of surfaces in anchored space, as surface.h has them one by one. Masks are 0 or -1.
@@ -53,6 +54,7 @@ struct SurfaceStage {
 /// Constant lobes. Writes every column of the sums; `diffuse`, `specular` and `lit` say what lights
 /// are to add.
 struct ShadeStage {
+  const double* lowering;  // as LightStage has it
   size_t count;
   const double* T[3];
   const uint32_t* material;

@@ -1,0 +1,181 @@
+"""Pixels of a block on one surface share what rays of some of them find: of bounced light, from its
+points and by gather rays, and of what wide lobes reflect. They look in directions of their own, or
+in turn (Keller, Heidrich 2001, Interleaved sampling), and each takes what the others find as if it
+had found it (Bekaert, Sbert, Halton 2002, Accelerating path tracing by re-using paths).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..sampling import GATHER_BLOCK
+from .surface import Surface
+from .vectors import add_at, dot, pick
+
+Array = np.ndarray
+
+ALIKE = 0.97
+"""Least cosine between the normals of points of pixels of a block that share what rays find."""
+FLAT = 0.04
+"""Of the way between these points, squared, the most along their normals."""
+WAITS, ALONE, FIRST, SECOND = range(4)
+"""Whether a pixel of a group sends a ray in a sample, and to which of its places for pairs: of four
+pixels two do, of fewer one.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class PointShares:
+    """Which of m points ask for light that others of their blocks get too. asks: (m,) bool.
+    asker, receiver: (k,) points, share: (3, k) how many times as much as the first the second get.
+    """
+
+    asks: Array
+    asker: Array
+    receiver: Array
+    share: Array
+
+    def spread(self, light: Array) -> Array:
+        """(3 g, m): what all points get. light: (3 g, m) of those that ask."""
+        found = np.zeros_like(light)
+        share = np.tile(self.share, (len(light) // 3, 1))
+        add_at(found, self.receiver, share * light[:, self.asker])
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """Which of n pixels of a tile get what is found by others in a sample. group: (n,) its number,
+    -1 for none.  members: (groups, most) pixels, -1 for none.  asks: (n,) bool, whether it is the
+    one of its group that asks the points of bounced light.  apart: (n,) bool, shares gather rays,
+    but none of these. x, normal: (3, n) where they look from.  matt: (3, n) what each throws back
+    of light from all sides, 1 without group.
+    """
+
+    group: Array
+    members: Array
+    asks: Array
+    apart: Array
+    x: Array
+    normal: Array
+    matt: Array
+
+    def given(self, pixel: Array, x: Array, g: Array) -> tuple[Array, Array, Array]:
+        """(k,) which rays, (k,) the pixels that get something of what these find, (3, k) what of
+        it: by how densely the rays of each look there (the balance heuristic). pixel: (m,) of the
+        rays, x, g: (3, m) what they meet, and its normal.
+        """
+        group = self.group[pixel]
+        members = self.members[group].copy()
+        members[:, 0] = np.where(group < 0, pixel, members[:, 0])
+        members[group < 0, 1:] = -1
+        dense = np.zeros(members.shape)
+        for number, other in enumerate(members.T):
+            to = x - pick(self.x, other)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found = np.maximum(dot(pick(self.normal, other), to), 0.0) * np.abs(dot(g, to))
+                dense[:, number] = np.where(other >= 0, found / dot(to, to) ** 2, 0.0)
+        alone = (members >= 0).sum(1) == 1
+        dense[alone] = members[alone] >= 0
+        total = dense.sum(1)
+        ray, k = np.nonzero((dense > 0) & (total > 0)[:, None])
+        receiver = members[ray, k]
+        return ray, receiver, dense[ray, k] / total[ray] * pick(self.matt, receiver)
+
+    def of_points(self, pixel: Array) -> PointShares:
+        """How m points share light, of these pixels (m,)."""
+        number = np.full(len(self.group), -1)
+        number[pixel] = np.arange(len(pixel))
+        own = (self.group[pixel] < 0) | self.apart[pixel]
+        asks = own | self.asks[pixel]
+        sharing = np.flatnonzero(asks & ~own)
+        members = self.members[self.group[pixel[sharing]]]
+        row, k = np.nonzero(members >= 0)
+        asker, receiver = pixel[sharing[row]], members[row, k]
+        given = pick(self.matt, asker)
+        share = np.divide(1.0, given, out=np.zeros_like(given), where=given != 0)
+        alone = np.flatnonzero(own)
+        return PointShares(
+            asks,
+            np.concatenate([alone, number[asker]]),
+            np.concatenate([alone, number[receiver]]),
+            np.concatenate([np.ones((3, len(alone))), share * pick(self.matt, receiver)], 1),
+        )
+
+
+def shares_of(
+    surface: Surface, pixel: Array, given: Array, apart: Array, sample: int, blocks: Array
+) -> Shares:
+    """How pixels of a tile share light in a sample. pixel: (m,) of the points.  given: (3, m) what
+    these give back of light from all sides, 0 where they share none.  apart: (m,) bool, as `Shares`
+    has it.  blocks: (n,) which block each of the tile's pixels is in.
+    """
+    n, some = len(blocks), np.flatnonzero(given.any(0))
+    x, normal, matt = np.zeros((3, 3, n))
+    x[:, pixel], normal[:, pixel], matt[:] = surface.x, surface.n, 1.0
+    matt[:, pixel[some]] = pick(given, some)
+    is_apart = np.zeros(n, bool)
+    is_apart[pixel] = apart
+    kinds = np.array([1, 2, 4, 8]) @ np.vstack([given != 0, apart])
+    group, members = groups(surface.take(some), pixel[some], blocks, kinds[some])
+    asks = asking(members, sample, n)
+    return Shares(group, members, asks, is_apart, x, normal, matt)
+
+
+def turns(members: Array, sample: int, n: int) -> Array:
+    """(n,) the turn of each pixel in a sample. members: (groups, most), as `Shares` has them."""
+    turn, there = np.full(n, ALONE), members >= 0
+    number, count = np.cumsum(there, 1) - 1, there.sum(1, keepdims=True)
+    odd = sample % 2
+    pairs = np.where(number == odd, FIRST, np.where(number == 3 - odd, SECOND, WAITS))
+    if sample % 4 >= 2:
+        pairs = np.where(pairs == WAITS, WAITS, FIRST + SECOND - pairs)
+    one = np.where(sample % np.maximum(count, 1) == number, ALONE, WAITS)
+    turn[members[there]] = np.where(count == 4, pairs, one)[there]
+    return turn
+
+
+def asking(members: Array, sample: int, n: int) -> Array:
+    """(n,) bool: the pixels that ask the points of bounced light in a sample, one of each group.
+    Every fourth sample lies in the same part of its pixel, and each has its turn in all of these.
+    """
+    asks, there, turn = np.zeros(n, bool), members >= 0, sample + sample // 4
+    number, count = np.cumsum(there, 1) - 1, there.sum(1, keepdims=True)
+    asks[members[there]] = (turn % np.maximum(count, 1) == number)[there]
+    return asks
+
+
+def groups(surface: Surface, pixel: Array, blocks: Array, kinds: Array) -> tuple[Array, Array]:
+    """`Shares.group` and `members` of points of these pixels, of tiles' pixels in these blocks: in
+    their order, each joins the first group of its block whose first point is on its surface and of
+    its kind. kinds: (m,) of the points.
+    """
+    most = GATHER_BLOCK * GATHER_BLOCK
+    group, members = np.full(len(blocks), -1), np.full((len(pixel) + 1, most), -1)
+    if not len(pixel):
+        return group, members
+    order = np.argsort(blocks[pixel], kind="stable")
+    _, first, row = np.unique(blocks[pixel[order]], return_index=True, return_inverse=True)
+    table = np.full((len(first), most), -1)  # points of each block
+    table[row, np.arange(len(order)) - first[row]] = order
+    count = 0
+    for k in range(most):
+        leads = np.flatnonzero((table[:, k] >= 0) & (group[pixel[table[:, k]]] < 0))
+        lead = table[leads, k]
+        for j in range(k, most):
+            other = table[leads, j]
+            free = (other >= 0) & (group[pixel[other]] < 0)
+            alike = kinds[lead] == kinds[other]
+            on = np.flatnonzero(free & alike & _is_one_surface(surface, lead, other))
+            group[pixel[other[on]]] = count + on
+            members[count + on, j] = pixel[other[on]]
+        count += len(leads)
+    return group, members
+
+
+def _is_one_surface(surface: Surface, a: Array, b: Array) -> Array:
+    n, m, way = pick(surface.n, a), pick(surface.n, b), pick(surface.x, a) - pick(surface.x, b)
+    flat = FLAT * dot(way, way)
+    return (dot(n, m) >= ALIKE) & (dot(way, n) ** 2 <= flat) & (dot(way, m) ** 2 <= flat)

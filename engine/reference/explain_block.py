@@ -1,0 +1,97 @@
+"""What a pixel gets of the rays of its block, for Explain Pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .blocks import Shares
+from .gathering import gathering, sharing
+from .materials import Coefficients
+from .paths import Interaction, Paths, one_by_one
+from .reflections import reflected_in_blocks
+from .surface import Surface
+from .vectors import pick
+
+if TYPE_CHECKING:
+    from .stage import Stage
+
+Array = np.ndarray
+
+
+@dataclass(eq=False)
+class PixelBlock:
+    """Of what a pixel's camera ray meets first the gather rays and those that rough surfaces
+    reflect, one each: its own and those that pixels of its block share with it; of the latter (3,)
+    what the pixel gets of what they bring. None where it has but its own.
+
+    own: which pixel of the block it is.  asker: where in the block the points of bounced light are
+    asked for the pixel, and (3,) how many times as much as is found there it gets; None where it
+    asks them itself.  turns: how many pixels take turns in that.
+    """
+
+    own: int = 0
+    near: list[Paths] | None = None
+    mixed: list[tuple[Paths, Array]] | None = None
+    asker: tuple[Surface, Coefficients, Array] | None = None
+    turns: int = 1
+    _shares: Shares | None = field(default=None, repr=False)
+
+    def meet(self, stage: Stage, at: Interaction, places: Array) -> None:
+        """Takes in what the block's camera rays meet. places: (n,) of its pixels, as `gathering`
+        has them.
+        """
+        one = np.zeros(len(places), np.intp)
+        if self.near is not None:
+            self._shares = sharing(stage, at, 0, one)
+            self.asker = self._asker_of(stage, at)
+            found = gathering(stage, at, 0, places, self._shares)
+            self.near = list(one_by_one(found, self._alike()))
+        if self.mixed is not None:
+            self.mixed = list(self._mixed_of(stage, at, one))
+
+    def _mixed_of(self, stage: Stage, at: Interaction, one: Array) -> Iterator[tuple[Paths, Array]]:
+        rays, mixing = reflected_in_blocks(stage, at, 0, one)
+        if mixing is None:
+            return
+        sender, receiver, share = mixing.shares()
+        for k in np.flatnonzero(receiver == self.own):
+            some = [found for found in rays if found.mixed or sender[k] == self.own]
+            yield from ((found, share[:, k]) for found in one_by_one(some, sender[k]))
+
+    def _asker_of(
+        self, stage: Stage, at: Interaction
+    ) -> tuple[Surface, Coefficients, Array] | None:
+        assert self._shares is not None
+        shares = self._shares.of_points(at.pixel)
+        own = np.flatnonzero(at.pixel[shares.receiver] == self.own)
+        asker = shares.asker[own]
+        self.turns = int((shares.asker == asker).sum()) if len(own) else 1
+        if not len(own) or at.pixel[asker[0]] == self.own:
+            return None
+        surface = at.surface.take(asker)
+        found = stage.shader.coefficients(surface, at.paths.kind, stage.queries(0))
+        return surface, found, shares.share[:, own[0]]
+
+    def _alike(self) -> Array:
+        """(k,) the pixels that share bounced light with the pixel, and itself."""
+        group = -1 if self._shares is None else self._shares.group[self.own]
+        if self._shares is None or group < 0:
+            return np.full(1, self.own)
+        members = self._shares.members[group]
+        return members[members >= 0]
+
+    def share(self, paths: Paths, surface: Surface | None) -> Array:
+        """(3, 1) what the pixel gets of what its own gather ray, or a neighbour's, finds there; an
+        even part where that finds nothing.
+        """
+        if not paths.shared:
+            return np.ones((3, 1))
+        assert self._shares is not None
+        if surface is None:
+            return pick(self._shares.matt, np.array([self.own])) / len(self._alike())
+        _, receiver, share = self._shares.given(paths.pixel, surface.x, surface.g)
+        return share[:, receiver == self.own].sum(1, keepdims=True)

@@ -1,0 +1,108 @@
+"""Shading Offset of even light and of walks: closed forms, in both tracers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import Settings, render
+from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.lights.bounced_light import bounced_light
+from glint.engine.program.table import BY_NAME
+from glint.engine.scene import Input, Instances, Light, Lobe, Material, Scene
+from test_lens import BACKENDS, card, scene, seen
+from test_program_render import new_graph, shown
+
+OFFSET = 0.6
+F = 1 / (1 - OFFSET / 2)
+COLOR, LIGHT = Input((0.5, 0.25, 0.75)), (1.0, 2.0, 0.5)
+GLOW = Lobe("EMISSION", (Input((0.3, 0.1, 0.2)),))
+VARNISH = Lobe("SPECULAR", (COLOR,), exponent=30.0, masking=0.3, fresnel=True)
+
+
+def low(made: Scene) -> Scene:
+    blocks = tuple(replace(block, shading_offset=OFFSET) for block in made.instances)
+    return replace(made, instances=blocks)
+
+
+def varying() -> Material:
+    graph = new_graph()
+    return shown(graph, graph.apply(BY_NAME["position"], shift=0)[0], "AMBIENT")
+
+
+MATERIALS = {
+    "even": Material("even", (Lobe("AMBIENT", (COLOR,)), GLOW)),
+    "grazing": Material("grazing", (Lobe("AMBIENT", (COLOR,), exponent=2.0), GLOW)),
+    "varying": varying(),
+}
+
+
+def lit(material: Material) -> Scene:
+    """A card in an even light."""
+    camera = seen("PERSPECTIVE", None, 8)
+    made = scene(camera, card("card", -3.0, -5, 5, -5, 5), materials=(material,))
+    return replace(made, world=replace(made.world, ambient=LIGHT))
+
+
+def even_share() -> float:
+    """Of an even sky's light, by a sum over the angles off the normal."""
+    angle = (np.arange(20_000) + 0.5) / 20_000 * np.pi / 2
+    kept = np.maximum(np.cos(F * angle), 0.0) * np.sin(angle)
+    return kept.sum() / (np.cos(angle) * np.sin(angle)).sum()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", MATERIALS)
+def test_ambient_light_is_the_mean_over_an_even_sky(name, backend):
+    passes = frozenset({"Ambient", "Emission", "Diffuse Direct"})
+    settings = Settings(samples=1, backend=backend, passes=passes)
+    full, less = (
+        render(made, settings).passes for made in (lit(MATERIALS[name]), low(lit(MATERIALS[name])))
+    )
+    assert full["Ambient"].any() and np.array_equal(full["Emission"], less["Emission"])
+    for part in ("Ambient", "Diffuse Direct"):
+        np.testing.assert_allclose(less[part], even_share() * full[part], rtol=2e-6)
+    glow = full["Combined"][..., :3] - full["Ambient"]
+    rest = less["Combined"][..., :3] - less["Ambient"]
+    np.testing.assert_allclose(rest, glow, atol=2e-7)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_so_it_is_explained(name):
+    made = low(lit(MATERIALS[name]))
+    picture = render(made, Settings(samples=1)).combined
+    for x, y in ((1, 2), (6, 5)):
+        found = PixelExplainer(made, Settings(samples=1)).pixel(x, y)
+        np.testing.assert_allclose(found.color, picture[y, x, :3], rtol=2**-22, atol=1e-9)
+
+
+@pytest.mark.parametrize("gloss", [(), (VARNISH, Lobe("AMBIENT", (COLOR,)))])
+def test_walks_throw_on_what_surfaces_see_of_their_light(gloss):
+    """Two cards of one mesh under a sun, one of which sees it lower."""
+    made = scene(
+        seen("PERSPECTIVE", None, 8),
+        card("card", -3.0, -1, 1, -1, 1),
+        materials=(Material("matt", (Lobe("DIFFUSE", (COLOR,)), *gloss)),),
+    )
+    angle = 0.7
+    c, s = np.cos(angle), np.sin(angle)
+    sun = Light("sun", "SUN", np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0.0]]), strength=3.0)
+    beside = np.eye(3, 4)
+    beside[0, 3] = 5.0
+    first = made.instances[0]
+    made = replace(
+        made,
+        instances=(first, Instances("other", 0, beside[None], first.materials)),
+        lights=(sun,),
+    )
+    lower = replace(made, instances=(first, replace(made.instances[1], shading_offset=OFFSET)))
+    full, less = (bounced_light(x, 1).bounces for x in (made, lower))
+    np.testing.assert_array_equal(full.points, less.points)
+    power, left = (
+        b.radiance * (b.weights * b.spreads / b.weights.sum())[:, None] for b in (full, less)
+    )
+    share = np.where(full.points[:, :1] > full.points[:, 0].mean(), np.cos(F * angle) / c, 1.0)
+    assert 0.2 < (share == 1).mean() < 0.8
+    np.testing.assert_allclose(left, share * power, rtol=1e-9)
