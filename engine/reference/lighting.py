@@ -4,7 +4,7 @@ times the shadow, summed over lights.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -23,7 +23,7 @@ from .lights import CENTER, LightPoint, LightSample, Source
 from .lobe_light import fibres, highlights, matt_lobes, ways_through
 from .materials import Coefficients, Term
 from .shadows import Shadows
-from .shared_lamps import Given, share_shadows
+from .shared_lamps import Given, Sharing, share_shadows
 from .surface import Surface
 from .tabled_lights import FEW_PARTS, BouncedSource, Dome, MeshSource, far_share
 from .terminator import lowered, mean_lowered
@@ -62,20 +62,6 @@ class _Receivers:
     sample: int
     given: Array
     shares: PointShares | None
-
-
-@dataclass(frozen=True, eq=False)
-class _Sharing:
-    """Lights that share so many shadow rays of a point and sample. sources: gives them, the same
-    each time, with what points get of those that they see in clusters.  matt, glossy: the sums to
-    which what such lobes throw back is added.  shares: how points share it.
-    """
-
-    sources: Callable[[], Iterable[tuple[Source, FarLight | None]]]
-    marks: int
-    matt: Array
-    glossy: Array
-    shares: PointShares | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,10 +235,10 @@ class Lighting:
     def _shares(self, source: Source) -> bool:
         return isinstance(source, BouncedSource) or (self.marks > 0 and may_share(source.light))
 
-    def _groups(self, at: _Receivers, total: DirectLight) -> Iterator[_Sharing]:
+    def _groups(self, at: _Receivers, total: DirectLight) -> Iterator[Sharing]:
         """Lamps that share shadow rays, and bounced light, the points of which do."""
         if self.marks:
-            yield _Sharing(
+            yield Sharing(
                 lambda: self._lamps(at),
                 self.marks,
                 total.lit_diffuse,
@@ -260,7 +246,7 @@ class Lighting:
             )
         bounced = [(x, None) for x in self.sources if isinstance(x, BouncedSource)]
         if bounced:
-            yield _Sharing(
+            yield Sharing(
                 lambda: bounced,
                 self.bounced_marks,
                 total.lit_bounced,
@@ -270,7 +256,7 @@ class Lighting:
 
     def _share(
         self,
-        group: _Sharing,
+        group: Sharing,
         at: _Receivers,
         on_reach: Callable[[Source, Array, bool], None],
         total: DirectLight,

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..lights.lamps import first_mark
+from .blocks import PointShares
+from .lamp_clusters import FarLight
 from .light_groups import SharedGroups, share_open
+from .lights import Source
 from .vectors import add_at, pick
 
 Array = np.ndarray
@@ -30,6 +33,21 @@ class Given:
     open: Callable[[Array], Array]
     asked: Array
     group: Array | int
+
+
+@dataclass(frozen=True, eq=False)
+class Sharing:
+    """Lights that share so many shadow rays of a point and sample. sources: gives them, the same
+    each time, with what n points get of those that they see in clusters.  matt, glossy: (3, n), the
+    sums to which what such lobes throw back is added.  shares: how the points share it; None where
+    each asks for itself.
+    """
+
+    sources: Callable[[], Iterable[tuple[Source, FarLight | None]]]
+    marks: int
+    matt: Array
+    glossy: Array
+    shares: PointShares | None = None
 
 
 def choose(given: Array, marks: int, sample: int) -> Array:

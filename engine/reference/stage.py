@@ -115,7 +115,7 @@ class Stage:
         return source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
 
     def even_light(self, surface: Surface) -> Array:
-        """(3, n): what AMBIENT lobes of points give back."""
+        """(3, n) the world's radiance that AMBIENT lobes of n points give back."""
         return self.ambient * mean_lowered(surface.lowering)
 
     def background_of(self, along: Array, kind: str) -> Array:

@@ -71,6 +71,15 @@ def added(scene: Scene, backend: str = "NATIVE", bounces: int = 1, **settings) -
     return drawn(scene, bounces, backend, **settings) - drawn(scene, 0, backend, **settings)
 
 
+def each_asks(scene: Scene) -> Scene:
+    """The same, but no pixel asks the points of bounced light for others: a lobe that gives
+    nothing back of it, but not of all light alike.
+    """
+    soft = Lobe("SHEEN", (Input((0.0,) * 3),), 0.3, masking=0.1)
+    materials = tuple(replace(m, lobes=(*m.lobes, soft)) for m in scene.materials)
+    return replace(scene, materials=materials)
+
+
 def lamp(kind: str = "POINT", at=(0.0, 0.0, 0.0), **more) -> Light:
     frame = HERE.copy()
     frame[:, 3] = at

@@ -4,12 +4,9 @@ same bits whatever the work.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
+import hashlib
 from dataclasses import replace
 from math import pi
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +18,7 @@ from glint.engine.program.table import BY_NAME
 from glint.engine.scene import Camera, Lens, Scene
 from glint.engine.scene.panorama import Eye
 from glint.engine.scene.view_axes import narrow_view_axes
+from native_tools import hashes_with
 from test_lens import BACKENDS, card, depths, glowing, moving, scene, turned
 from test_panorama import inside_of_a_ball, passes_of
 from test_program_render import new_graph, shown
@@ -208,23 +206,12 @@ def test_threads_and_borders_do_not_change_a_bit(plain):
     np.testing.assert_array_equal(whole[11:30, 5:35], part)
 
 
+def hashes() -> str:
+    return hashlib.sha256(picture(all_at_once()).tobytes()).hexdigest()
+
+
 def test_same_bits_from_every_instruction_set():
-    program = (
-        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import glint_tree\n"
-        "from test_eyes import all_at_once, picture\n"
-        "print(hashlib.sha256(picture(all_at_once()).tobytes()).hexdigest())\n"
-    )
-    here = Path(__file__).resolve().parent
-    found = {
-        subprocess.run(
-            [sys.executable, "-c", program, str(here.parent), str(here)],
-            env={**os.environ, "GLINT_ISA": isa},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for isa in ("sse42", "avx2", "avx512")
-    }
+    found = {hashes_with("test_eyes", isa) for isa in ("sse42", "avx2", "avx512")}
     assert len(found) == 1 and found.pop()
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bounced_scenes import GROUND, HERE, added, drawn, lamp, matt, room
+from bounced_scenes import GROUND, HERE, added, drawn, each_asks, lamp, matt, room
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lights.bounced_light import bounced_light, bounced_table
@@ -195,8 +195,8 @@ def test_each_light_bounces_as_often_as_asked() -> None:
 
 def test_panes_dim_what_is_thrown_on_through_them() -> None:
     """A clear pane before the wall changes nothing, one that takes half dims it twice: before the
-    wall is lit, and after. Of few samples each takes other points of the walks,
-    and pixels of a block take turns with these.
+    wall is lit, and after. Each takes the points of the walks in another order, so that pixels ask
+    for themselves, and of few samples other points.
     """
 
     def with_pane(share: float) -> Scene:
@@ -213,9 +213,9 @@ def test_panes_dim_what_is_thrown_on_through_them() -> None:
         )  # fmt: skip
 
     before = floor_points()[..., 0] > -0.2
-    scenes = wall_with_ends(), with_pane(1.0), with_pane(0.5)
+    scenes = tuple(map(each_asks, (wall_with_ends(), with_pane(1.0), with_pane(0.5))))
     plain, clear, half = (added(scene, samples=256)[before].mean() for scene in scenes)
-    assert clear == pytest.approx(plain, rel=2e-4)
+    assert clear == pytest.approx(plain, rel=1e-6)
     assert half == pytest.approx(plain / 4, rel=0.01)
     for scene in scenes:
         small = on_small_floor(scene)

@@ -4,12 +4,9 @@ the work.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
+import hashlib
 from dataclasses import replace
 from math import asin, cos, pi, sin, tan
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +18,7 @@ from glint.engine.program.table import BY_NAME
 from glint.engine.scene import Camera, Instances, Lens, Medium, Scene, Spheres
 from glint.engine.scene.panorama import Eye, Panorama
 from media_scenes import rich
+from native_tools import hashes_with
 from test_lens import BACKENDS, depths, glowing, moving, turned
 from test_program_render import new_graph, shown
 
@@ -291,24 +289,13 @@ def test_threads_and_borders_do_not_change_a_bit(name):
     np.testing.assert_array_equal(whole[11:50, 5:60], part)
 
 
+def hashes() -> str:
+    pictures = (picture(all_at_once(name)) for name in PANORAMAS)
+    return " ".join(hashlib.sha256(image.tobytes()).hexdigest() for image in pictures)
+
+
 def test_same_bits_from_every_instruction_set():
-    program = (
-        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import glint_tree\n"
-        "from test_panorama import PANORAMAS, all_at_once, picture\n"
-        "for name in PANORAMAS:\n"
-        "    print(hashlib.sha256(picture(all_at_once(name)).tobytes()).hexdigest())\n"
-    )
-    here = Path(__file__).resolve().parent
-    found = set()
-    for isa in ("sse42", "avx2", "avx512"):
-        run = subprocess.run(
-            [sys.executable, "-c", program, str(here.parent), str(here)],
-            env={**os.environ, "GLINT_ISA": isa},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        found.add(run.stdout)
+    found = {hashes_with("test_panorama", isa) for isa in ("sse42", "avx2", "avx512")}
     assert len(found) == 1 and len(set(found.pop().split())) == len(PANORAMAS)
 
 
