@@ -237,7 +237,7 @@ def irradiance_between_slats(light: s.Light) -> np.ndarray:
     found = np.zeros(P.shape[:2])
     for at in np.ndindex(*found.shape):
         local = (P[at] - frame[:, 3]) @ frame[:, :3]  # the light shines along -z
-        half, depth, n = np.array([light.size_x, light.size_y]) / 2, -local[2], 600
+        half, depth, n = np.array([light.size_x, light.size_y]) / 2, -local[2], 240
         low = np.maximum(-half, local[:2] - t * depth)
         top = np.minimum(half, local[:2] + t * depth)
         if not (depth > 0 and (low < top).all()):
