@@ -24,7 +24,6 @@ from .shader_nodes.lamp import Lamp, LampReader
 from .unsupported import note_light
 
 BLACK = (0.0, 0.0, 0.0)
-_FULL_SPREAD = math.pi - 1e-4
 _SAME_LENGTH = 1e-5
 """Relative difference of axis lengths that float32 matrices have by rounding."""
 
@@ -165,12 +164,6 @@ class Lights:
         return Emission(program=own, textures=textures, is_shared=is_shared)
 
     def _note_approximations(self, name: str, data: Any) -> None:
-        if data.type == "AREA" and data.spread < _FULL_SPREAD:
-            self.report.note(
-                "The spread of area lights is not rendered ({}): they shine over the whole "
-                "half-space",
-                name,
-            )
         if data.type == "AREA" and not data.size * _size_up(data):
             self.report.note(
                 "Area lights without a size ({}) shine here, but not in Cycles: give them one", name
@@ -224,6 +217,7 @@ def _shape(data: Any, lengths: np.ndarray) -> dict[str, Any]:
             "shape": shape,
             "size_x": data.size * float(lengths[0]),
             "size_y": _size_up(data) * float(lengths[1]),
+            "spread": data.spread,
         }
     soft = {
         "radius": data.shadow_soft_size,

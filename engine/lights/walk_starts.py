@@ -149,6 +149,7 @@ def _from_mesh(light: Light, origin: Array, n: int) -> Start:
 
 
 def _from_lamp(light: Light, origin: Array, far: _Far, n: int, openings: Openings | None) -> Start:
+    from ..reference.area_lights import around
     from ..reference.emission import Emission
     from ..reference.lights import CENTER, Source
     from ..reference.textures import Image
@@ -176,7 +177,9 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int, openings: Opening
         square = 2 * u - 1
         a, b = (square if light.shape == "RECTANGLE" else concentric_disc(square)).T
         o = center + a * whole.right + b * whole.up
-        d = cosine_around(np.repeat(axis, n, 1), *v.T)
+        half = whole.half_spread
+        axes = np.repeat(axis, n, 1)
+        d = cosine_around(axes, *v.T) if half is None else around(axes, half, *v.T)
     else:
         edge = np.cos(light.spot_size / 2) if light.kind == "SPOT" else -1.0
         d = _cone(np.repeat(axis, n, 1), edge, *v.T)
@@ -187,7 +190,8 @@ def _from_lamp(light: Light, origin: Array, far: _Far, n: int, openings: Opening
         square = dot(to, to)
         if light.kind == "AREA":
             z = np.maximum(dot(d[:, number], axis), 1e-12)
-            return given(o[:, number], x, square * np.pi / z)
+            share = np.maximum(whole.along(-d[:, number]), TINY)
+            return given(o[:, number], x, square * np.pi / (z * share))
         # a disc that faces what it lights shines past it where it is seen large; a ball does not
         middle = dot(x - center, x - center)
         facing = light.radius**2 if light.soft_falloff else 0.0

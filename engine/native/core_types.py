@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 60
+ABI_VERSION = 61
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -337,7 +337,7 @@ class LightData(Structure):
     _fields_ = [
         *_each(c_double * 12, "world_from_light"),
         *_each(c_double * 3, "color"),
-        *_each(c_double, "strength radius angle spot_size spot_blend size_x size_y"),
+        *_each(c_double, "strength radius angle spot_size spot_blend size_x size_y spread"),
         *_each(c_int32, "kind"),
         *_each(c_uint32, "flags"),
         *_each(c_int32, "program program_slot level light_group"),

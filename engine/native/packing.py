@@ -340,6 +340,7 @@ def _light(light: Light, level: int, first_emitter: int, emitter_count: int) -> 
         light.spot_blend,
         light.size_x,
         light.size_y,
+        light.spread,
         number(light.kind, core_types.LightKind, "light kind"),
         flags,
         0,

@@ -13,21 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..scene import Light
+from .area_lights import between, half_spread, seen_rectangle
 from .emission import Emission
 from .rays import ULPS
-from .rectangle import rectangle_point
 from .vectors import basis_around, dot, length, pick, unit
 
 Array = np.ndarray
 
 HUGE = 1e100
 """Intensities saturate here, far beyond any float32, so that products stay finite."""
-
-
 CUT_OFF = 4 - 32 / (3 * np.pi)
 """16 times by how much (1 + c)² / 4 is more than the exact 2 / 3π at c = 0."""
-NEAR = 4.0
-"""Half diagonals of a rectangle within which it is seen large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +152,7 @@ class Source:
         self.light = light
         self.physical = physical
         self.emission = emission
+        self.half_spread = half_spread(light)
         self.position = (frame[:, 3] - eye)[:, None]
         self.axis = unit(-frame[:, 2:3])
         self.right, self.up = light.size_x / 2 * frame[:, 0:1], light.size_y / 2 * frame[:, 1:2]
@@ -240,7 +237,7 @@ class Source:
             if self.light.kind == "SUN":
                 sample = self._sun(x, point, n)
             elif self.light.kind == "AREA":
-                sample = self._area(x, point, n)
+                sample = self._spotted(self._area(x, point, n))
             elif n == 1:
                 sample = self._spotted(self._center(x))
             else:
@@ -271,6 +268,7 @@ class Source:
                 )
             elif self.light.kind == "AREA":
                 sample, missed = self._area_at(x, direction, n)
+                sample = self._spotted(sample)
             else:
                 sample, missed = (
                     self._disc_at(x, direction, n)
@@ -374,11 +372,18 @@ class Source:
             (t > 0) & (dot(off, off) <= self.light.radius**2)
         )
 
+    def along(self, direction: Array) -> Array:
+        """(k,) what of a spot's or an area light's radiance leaves against unit directions."""
+        if self.half_spread is not None:
+            return between(self.half_spread, direction, self.axis, self.physical)
+        z = -dot(direction, self.axis)
+        return self.spot(z) if self.light.kind == "SPOT" else np.ones_like(z)
+
     def _spotted(self, sample: LightSample, x: Array | None = None) -> LightSample:
-        """With the share of a spotlight's cone. x: of points that may be inside its ball."""
-        if self.light.kind != "SPOT":
+        """With the share of its cone. x: of points that may be inside a spotlight's ball."""
+        if self.light.kind != "SPOT" and self.half_spread is None:
             return sample
-        share = self.spot(-dot(sample.direction, self.axis))
+        share = self.along(sample.direction)
         if x is not None:
             share = np.where(self.is_around(x), 1.0, share)
         return replace(sample, intensity=sample.intensity * share)
@@ -421,11 +426,14 @@ class Source:
         )
         q = self.position + a * self.right + b * self.up
         even = self._area_to(x, q, unit(q - x), n)
-        return self._rectangle(x, point, n, even) if n > 1 and self._may_be_large else even
+        return (
+            seen_rectangle(self, x, point.square, n, even) if n > 1 and self._may_be_large else even
+        )
 
     @property
     def _may_be_large(self) -> bool:
-        return self.physical and self.light.shape == "RECTANGLE" and self.area > 0
+        some = self.light.shape == "RECTANGLE" or self.half_spread is not None
+        return self.physical and some and self.area > 0
 
     def _area_to(self, x: Array, q: Array, direction: Array, n: int) -> LightSample:
         to, z = q - x, -dot(direction, self.axis)
@@ -447,39 +455,8 @@ class Source:
             else a * a + b * b <= 1
         )
         even = self._area_to(x, q, direction, n)
-        sample = self._rectangle(x, CENTER, n, even, drawn=True) if self._may_be_large else even
+        sample = seen_rectangle(self, x, None, n, even) if self._may_be_large else even
         return sample, ~((t > 0) & hit)
-
-    def _rectangle(
-        self, x: Array, point: LightPoint, n: int, even: LightSample, drawn: bool = False
-    ) -> LightSample:
-        """`even`, but where the rectangle is seen large its point, unless directions are drawn, is
-        even over the solid angle.
-        """
-        to, sides = self.position - x, np.array([self.light.size_x, self.light.size_y]) / 2
-        size = np.hypot(*sides)
-        large = np.flatnonzero((length(to) < NEAR * size) & (-dot(to, self.axis) > 1e-30 * size))
-        if not len(large):
-            return even
-        right, up, (half_x, half_y) = unit(self.right), unit(self.up), sides / size
-        i, j, k = (dot(pick(to, large), axis) / size for axis in (right, up, -self.axis))
-        u, v = (point.square + 1) / 2
-        i, j, solid_angle = rectangle_point(
-            np.stack([i - half_x, i + half_x]), np.stack([j - half_y, j + half_y]), k, u, v
-        )
-        direction, intensity, spread = (
-            even.direction.copy(),
-            even.intensity.copy(),
-            even.spread.copy(),
-        )
-        assert even.end is not None
-        end = even.end if even.end.shape[1] > 1 else np.repeat(even.end, x.shape[1], 1)
-        if not drawn:
-            way = i * right + j * up - k * self.axis
-            direction[:, large], end[:, large] = unit(way), pick(x, large) + size * way
-        intensity[large] = solid_angle / (np.pi**2 * self.light.size_x * self.light.size_y * n)
-        spread[large] = solid_angle
-        return LightSample(direction, intensity, end, spread)
 
 
 def _half_square(a: Array) -> Array:

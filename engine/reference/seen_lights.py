@@ -21,8 +21,10 @@ def seen_radiance(
         t = _MEETS[light.kind](source, o, d)
         reached = (t > near) & ((t < depth) | (np.isinf(t) & np.isinf(depth)))
         share = (
-            np.where(source.is_around(o), 1.0, source.spot(-dot(d, source.axis) / length(d)))
-            if light.kind == "SPOT"
+            np.where(
+                (light.kind == "SPOT") & source.is_around(o), 1.0, source.along(-d / length(d))
+            )
+            if light.kind in ("SPOT", "AREA")
             else 1.0
         )
     radiance = np.where(reached, share, 0.0) * _radiance(source)[:, None]

@@ -67,7 +67,7 @@ def light_problems(light: Light) -> Found:
     yield from finite("strength", light.strength)
     for name in ("radius", "size_x", "size_y"):
         yield from at_least(name, getattr(light, name), 0)
-    for name in ("angle", "spot_size"):
+    for name in ("angle", "spot_size", "spread"):
         yield from at_least(name, getattr(light, name), 0, 2 * np.pi)
     yield from at_least("spot_blend", light.spot_blend, 0, 1)
 

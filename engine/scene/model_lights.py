@@ -119,19 +119,20 @@ class Light:
     of POINT and SPOT, world units; soft_falloff: the radius is a disc that faces the shaded point
     instead of a sphere. angle: full angle of the SUN. spot_size: full cone angle, spot_blend: 0-1.
     shape: RECTANGLE or ELLIPSE, size_x, size_y: full extents of an AREA light along its x and y,
-    world units. cast_shadow: False lights through everything. visible_*: the light's own shape is
-    seen by those rays. lights_matt, lights_gloss, lights_media: whether DIFFUSE, SHEEN, TRANSLUCENT
-    and FIBRE_DIFFUSE lobes get its light, other lobes, and media. program: its first output, a
-    vector, is what the colour is times at each point of the light that is seen from a lit one, None
-    for 1; it reads no attributes, and a DOME has none. textures: what it refers to. radiance: of a
-    DOME, times color and strength: (h, w, 3) float32 in the light's axes, equirectangular as
-    `engine.lights.dome` says. emitters: of a MESH, whose bounds are size_x, size_y and twice the
-    radius along the light's axes, round its origin. bounces: of a BOUNCED one, the same. openings:
-    of a DOME, points on which are samples of it too; `Scene.as_lit` finds them. receivers: a bit
-    for each light_set of the instances that it lights, blockers: of those that cast shadows in it.
-    motion: (k, 3, 4) float64, k >= 2, world_from_light at even times while the shutter is open;
-    None for one that stands still, and of a DOME, MESH or BOUNCED one. light_group: of
-    `Scene.light_groups`, -1 for none; emitters and bounces have their own.
+    world units; spread: full angle of the cone that it shines in. cast_shadow: False lights through
+    everything. visible_*: the light's own shape is seen by those rays. lights_matt, lights_gloss,
+    lights_media: whether DIFFUSE, SHEEN, TRANSLUCENT and FIBRE_DIFFUSE lobes get its light, other
+    lobes, and media. program: its first output, a vector, is what the colour is times at each point
+    of the light that is seen from a lit one, None for 1; it reads no attributes, and a DOME has
+    none. textures: what it refers to. radiance: of a DOME, times color and strength: (h, w, 3)
+    float32 in the light's axes, equirectangular as `engine.lights.dome` says. emitters: of a MESH,
+    whose bounds are size_x, size_y and twice the radius along the light's axes, round its origin.
+    bounces: of a BOUNCED one, the same. openings: of a DOME, points on which are samples of it too;
+    `Scene.as_lit` finds them. receivers: a bit for each light_set of the instances that it lights,
+    blockers: of those that cast shadows in it. motion: (k, 3, 4) float64, k >= 2, world_from_light
+    at even times while the shutter is open; None for one that stands still, and of a DOME, MESH or
+    BOUNCED one. light_group: of `Scene.light_groups`, -1 for none; emitters and bounces have their
+    own.
     """
 
     name: str
@@ -147,6 +148,7 @@ class Light:
     shape: str = "RECTANGLE"
     size_x: float = 0.0
     size_y: float = 0.0
+    spread: float = np.pi
     cast_shadow: bool = True
     visible_camera: bool = False
     visible_mirror: bool = False

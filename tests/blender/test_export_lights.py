@@ -1,5 +1,7 @@
 """Lights: every field, and strengths that Cycles confirms."""
 
+import math
+
 import bpy
 import numpy as np
 import pytest
@@ -288,11 +290,13 @@ def test_portals_are_no_lights(scene):  # noqa: F811
     assert export().scene.lights == ()
 
 
-def test_narrow_spread_is_noted(scene):  # noqa: F811
+def test_spread(scene):  # noqa: F811
     thing = _light("AREA")
-    assert export().notes == ()
+    assert export().scene.lights[0].spread == pytest.approx(math.pi)
     thing.data.spread = 1
-    assert any("spread" in note for note in export().notes)
+    exported = export()
+    assert exported.scene.lights[0].spread == 1
+    assert exported.notes == ()
 
 
 UNNORMALIZED = {

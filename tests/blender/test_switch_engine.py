@@ -155,7 +155,7 @@ for number in range(6):
     pane.data.materials.append(glass)
     scene.collection.objects.link(pane)
 pane.hide_set(True)
-lamp.data.type, lamp.data.spread = "AREA", 0.5
+lamp.data.cycles.max_bounces = 2
 bpy.ops.glint.switch_to_glint()
 found = {}
 for number, row in enumerate(scene.glint_switch.rows):
@@ -174,7 +174,7 @@ answer(found)
     panes = [f"Pane {number}" for number in range(5)]
     assert about("Glass throws no caustics") == ["DIFFERENT", ["FINISHED"], panes, panes[0]]
     assert about("Glass BSDF: ")[:3] == ["NEARLY", ["FINISHED"], panes]
-    assert about("The spread of area lights")[2] == ["Light"]
+    assert about("Max Bounces of lights")[2] == ["Light"]
     assert not [text for text in got if text.startswith(("Toon", "Subsurface"))]
 
 

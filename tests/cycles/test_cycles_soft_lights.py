@@ -43,6 +43,9 @@ SOFT_LIGHTS = {
     "area_square": ("AREA", {"energy": 80.0, "shape": "SQUARE", "size": 1.2}),
     "area_rectangle": ("AREA", {"energy": 80.0, "shape": "RECTANGLE", "size": 2.0, "size_y": 0.5}),
     "area_disk": ("AREA", {"energy": 80.0, "shape": "DISK", "size": 1.4}),
+    "area_spread": ("AREA", {"energy": 80.0, "size": 1.2, "spread": radians(100)}),
+    "disk_spread": ("AREA", {"energy": 9.0, "shape": "DISK", "size": 1.8, "spread": radians(40)}),
+    "area_beam": ("AREA", {"energy": 1.0, "size": 1.2, "spread": radians(2)}),
     "area_ellipse": ("AREA", {"energy": 80.0, "shape": "ELLIPSE", "size": 2.0, "size_y": 0.8}),
 }
 

@@ -206,6 +206,7 @@ def lights(draw: Any, dice: Dice) -> s.Light:
         shape=draw(st.sampled_from(s.LIGHT_SHAPES)),
         size_x=0.8,
         size_y=0.5,
+        spread=draw(st.sampled_from((np.pi, 1.0, 0.05))),
         cast_shadow=draw(mostly),
         visible_camera=draw(flags),
         visible_mirror=draw(flags),

@@ -66,6 +66,7 @@ LAMPS = {
     "point": (lamp(at=(0.3, 0.2, -0.1)), 100.0),
     "spot": (lamp("SPOT", at=(0.3, 0, 0), spot_size=1.6, spot_blend=0.0), 50 * (1 - np.cos(0.8))),
     "area": (lamp("AREA", at=(0, 0.2, 0), size_x=0.2, size_y=0.1), 100.0),
+    "slats": (lamp("AREA", at=(0, 0.2, 0), size_x=0.2, size_y=0.1, spread=1.0), 100.0),
     # a disc that faces each point of the wall, and a ball
     "disc": (lamp(radius=0.5, soft_falloff=True), 100 / (1 + 0.5**2)),
     "ball": (lamp(radius=0.5), 100.0),

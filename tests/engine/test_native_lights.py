@@ -4,6 +4,8 @@ in float64.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -225,6 +227,65 @@ def test_rectangles_converge_to_the_irradiance_of_a_polygon(
     truth = 30 / (np.pi**2 * light.size_x * light.size_y) * irradiance_of_polygon(corners)
     found = color(plane(light), light_samples=samples, backend=backend)[..., 0]
     assert np.abs(found - truth).max() <= room * truth.max()
+
+
+def irradiance_between_slats(light: s.Light) -> np.ndarray:
+    """Irradiance (h, w) at P of a light of radiance 1 over what slats let through, by a sum over
+    the part of its plane that is seen.
+    """
+    frame, t, h = light.world_from_light, np.tan(light.spread / 2), light.spread / 2
+    found = np.zeros(P.shape[:2])
+    for at in np.ndindex(*found.shape):
+        local = (P[at] - frame[:, 3]) @ frame[:, :3]  # the light shines along -z
+        half, depth, n = np.array([light.size_x, light.size_y]) / 2, -local[2], 240
+        low = np.maximum(-half, local[:2] - t * depth)
+        top = np.minimum(half, local[:2] + t * depth)
+        if not (depth > 0 and (low < top).all()):
+            continue
+        x, y = (a + (b - a) * (np.arange(n) + 0.5) / n for a, b in zip(low, top, strict=True))
+        to = np.stack([*np.meshgrid(x, y), np.zeros((n, n))], -1) - local
+        d2 = (to**2).sum(-1)
+        share = np.maximum(t - np.hypot(to[..., 0], to[..., 1]) / depth, 0) / (t - h)
+        if light.shape == "ELLIPSE":
+            share *= ((to + local)[..., :2] ** 2 / half**2).sum(-1) <= 1
+        facing = np.maximum(to @ frame[2, :3], 0) * depth / d2**2
+        found[at] = (share * facing).sum() * (top - low).prod() / n**2
+    return found
+
+
+@pytest.mark.parametrize(
+    ("backend", "samples", "room"), [("NATIVE", 512, 0.01), ("NUMPY", 128, 0.03)]
+)
+@pytest.mark.parametrize("shape", s.LIGHT_SHAPES)
+@pytest.mark.parametrize("spread", [2.5, 1.2, 0.2])
+@pytest.mark.parametrize(
+    "light",
+    [
+        area_light((0.3, 0.1, 0.7), 0.5, 0.8, 0.5),
+        area_light((0.1, 0.1, 6.0), 0.1, 0.8, 0.5),
+        area_light((0.2, 0.1, 0.8), 0.0, 7.0, 7.0),
+    ],
+)
+def test_slats_let_through_what_a_sum_says(
+    light: s.Light, spread: float, shape: str, backend: str, samples: int, room: float
+) -> None:
+    light = replace(light, spread=spread, shape=shape)
+    area = light.size_x * light.size_y * (np.pi / 4 if shape == "ELLIPSE" else 1)
+    truth = 30 / (np.pi**2 * area) * irradiance_between_slats(light)
+    found = color(plane(light), light_samples=samples, backend=backend)[..., 0]
+    assert np.abs(found - truth).max() <= room * truth.max()
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-6, 3e-4])
+def test_the_narrowest_spread_is_a_beam(spread: float) -> None:
+    """Its floor is as bright as the light is per area, and black beside it."""
+    light = replace(area_light((0.25, 0.25, 3.0), 0.0, 0.5, 0.5), spread=spread)
+    found = color(plane(light), light_samples=64)[..., 0]
+    inside = (np.abs(P[..., :2] - 0.25) < 0.25 - 1e-3).all(-1)
+    beside = (np.abs(P[..., :2] - 0.25) > 0.25 + 1e-3).any(-1)
+    assert inside.any()
+    assert np.abs(found[inside] / (30 / (np.pi * 0.25)) - 1).max() < 0.01
+    assert found[beside].max() == 0
 
 
 @pytest.mark.parametrize("height", [0.0, -1e-9, 1e-300])

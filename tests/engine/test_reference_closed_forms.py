@@ -62,6 +62,10 @@ def expected_intensity(
         intensity = intensity * t * t * (3 - 2 * t)
     if light.kind == "AREA":
         intensity = 4 * intensity * np.maximum(0, z) if physical else intensity * (z > 0)
+    if light.kind == "AREA" and light.spread < PI:
+        h = light.spread / 2
+        through = np.maximum(np.tan(h) - np.tan(np.arccos(z)), 0)
+        intensity = intensity * through / (np.tan(h) - h if physical else np.tan(h))
     return direction, intensity
 
 
@@ -70,6 +74,7 @@ HARD_LIGHTS = [
     hard("SUN"),
     hard("SPOT", spot_size=1.1, spot_blend=0.7),
     hard("AREA"),
+    hard("AREA", spread=2.0),
     hard("POINT", radius=0.2),
 ]
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from glint.engine.lights.bounced_light import bounced_light
+from glint.engine.reference.area_lights import around, between
+from glint.engine.sampling.patterns import walk_points
 from glint.engine.scene import (
     Camera,
     Input,
@@ -19,6 +21,7 @@ from glint.engine.scene import (
 )
 
 HERE = np.eye(3, 4)
+UP = np.array([[0.0], [0.0], [1.0]])
 WALL = Spheres("wall", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
 RADIUS = 0.4
 
@@ -60,3 +63,19 @@ def test_a_plate_beside_the_middle_of_a_lamp_leaves_what_shines_beyond_it(soft: 
     up, down = segment.mean(), (1 - segment).mean()
     truth = up / (up + down)  # of what meets the wall: 0.28
     assert abs(share_above(height, soft_falloff=soft) - truth) < 0.02
+
+
+@pytest.mark.parametrize("half", [1.4, 0.5, 0.01])
+def test_directions_of_a_light_between_slats(half: float) -> None:
+    """Their density is what slats let through times the cosine, over π: shares within cones."""
+    u, v = walk_points(4096, 254).T
+    found = around(np.repeat(UP, 4096, 1), half, u, v)
+    assert np.allclose(np.linalg.norm(found, axis=0), 1)
+    angles = (np.arange(100_000) + 0.5) / 100_000 * half
+    density = between(half, np.stack([np.sin(angles), 0 * angles, -np.cos(angles)]), UP, True)
+    density *= 2 * np.cos(angles) * np.sin(angles) * half / 100_000
+    assert density.sum() == pytest.approx(1, rel=1e-6)
+    for part in (0.2, 0.5, 0.8):
+        within = (np.arctan2(np.hypot(*found[:2]), found[2]) < part * half).mean()
+        assert within == pytest.approx(density[angles < part * half].sum(), abs=2e-3)
+        assert (np.abs(found[:2].mean(1)) < 2e-3).all()

@@ -202,6 +202,7 @@ struct Description {
     g.spot_blend = 0.3;
     g.kind = kind;
     g.flags = flags;
+    g.spread = 4;
     g.radius = g.angle = g.size_x = g.size_y = extent;
     lights.push_back(g);
   }

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 60
+#define GLINT_ABI_VERSION 61
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -225,7 +225,8 @@ enum GlintLightFlags {
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
  * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light is the scene's
  * emitters from first_emitter on, emitter_count of them; size_x, size_y and twice the radius are
- * its bounds. A BOUNCED light, of which there is one at most, has no highlights. excluded_sets: a
+ * its bounds. spread: of an AREA light, the full angle of what it shines in; pi or more: all that
+ * is before it. A BOUNCED light, of which there is one at most, has no highlights. excluded_sets: a
  * bit for each light_set of the instances that it does not light, passed_sets: of those that its
  * shadow rays pass. level: of a POINT lamp that far points see in clusters with others, where in
  * their tree it is parted from the one before it, 0 to 127 (engine/lights/lamps.py,
@@ -234,7 +235,7 @@ enum GlintLightFlags {
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
-  double strength, radius, angle, spot_size, spot_blend, size_x, size_y;
+  double strength, radius, angle, spot_size, spot_blend, size_x, size_y, spread;
   int32_t kind;
   uint32_t flags;
   int32_t program, program_slot;

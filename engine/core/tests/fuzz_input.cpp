@@ -24,6 +24,7 @@ GlintLight light(Dice& dice) {
   g.spot_blend = positive(dice);
   g.size_x = positive(dice);
   g.size_y = positive(dice);
+  g.spread = dice.chance(0.5) ? 4 : positive(dice);
   g.kind = int32_t(dice.below(5));
   g.flags = uint32_t(dice.below(32));
   g.program = dice.chance(0.3);

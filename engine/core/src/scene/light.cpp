@@ -20,6 +20,8 @@ constexpr double kLeastWide =
 /// distance from which it is seen (MERGED of engine/lights/mesh_lights.py and of bounced_light.py).
 double merged(uint32_t count, bool bounced = false) { return (bounced ? 1.25 : 64) * kPi * count; }
 
+constexpr double kLeastSpread = 1e-4, kFullSpread = 0.5 * kPi - 5e-5;  // half angles
+
 constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large
 
 double saturate(double x) { return std::clamp(x, -kHuge, kHuge); }
@@ -42,7 +44,7 @@ double area_of(const GlintLight& g) {
 bool sound(const GlintLight& g) {
   bool good = finite(affine(g.world_from_light)) && any(affine(g.world_from_light).z);
   for (double x : {g.color[0], g.color[1], g.color[2], g.strength, g.radius, g.angle, g.spot_size,
-                   g.spot_blend, g.size_x, g.size_y})
+                   g.spot_blend, g.size_x, g.size_y, g.spread})
     good = good && std::isfinite(x);
   return good;
 }
@@ -93,6 +95,12 @@ Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramTable& prog
   }
   if (kind == GLINT_AREA) {
     extended = g.size_x > 0 || g.size_y > 0;
+    if (const double h = std::max(half(g.spread), kLeastSpread); h < kFullSpread) {
+      const double h2 = h * h;
+      tan_spread = sine(h) / cosine(h);
+      even_spread =
+          1 / (h2 < 0.01 ? h * h2 / 3 * (1 + h2 * (2.0 / 5 + h2 * (17.0 / 105))) : tan_spread - h);
+    }
     shape = kPi * area_of(g);
   }
   if (kind == GLINT_POINT_LIGHT || kind == GLINT_SPOT) {
@@ -112,15 +120,23 @@ double Light::spot(double z) const {
   return t * t * (3 - 2 * t);
 }
 
-/// With an area: a strip without a width is not.
-bool Light::is_rectangle() const {
-  return kind == GLINT_AREA && !(flags & GLINT_ELLIPSE) && length(right) * length(up) > 0;
+/// What of a spot's or an area light's radiance leaves along the unit vector d.
+double Light::along(Vec3d d, bool physical) const {
+  const double z = dot(d, axis);
+  if (!(tan_spread > 0)) return spot(z);
+  const double tangent = length(d - z * axis) / z;
+  return std::max(tan_spread - tangent, 0.0) * (physical ? even_spread : 1 / tan_spread);
 }
+
+/// With an area: a strip without a width has none.
+bool Light::has_extent() const { return kind == GLINT_AREA && length(right) * length(up) > 0; }
 
 LightShape Light::shape(bool soft, bool physical) const {
   if (kind == GLINT_SUN) return kDirection;
   if (kind == GLINT_AREA)
-    return soft && physical && is_rectangle() ? kRectangleSource : kPlaneSource;
+    return soft && physical && has_extent() && (tan_spread > 0 || !(flags & GLINT_ELLIPSE))
+               ? kRectangleSource
+               : kPlaneSource;
   return !soft ? kPointSource : flags & GLINT_SOFT_FALLOFF ? kDiscSource : kSphereSource;
 }
 
@@ -128,6 +144,7 @@ LightShape Light::shape(bool soft, bool physical) const {
 void Light::set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const {
   stage.physical = true;
   stage.spot = false;
+  stage.tan_spread = 0;
   stage.casts_shadow = casts_shadow();
   stage.share = count;
   stage.versine = 0;
@@ -189,6 +206,8 @@ void Light::set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bo
   stage.shape = shape(soft, physical);
   stage.physical = physical;
   stage.spot = kind == GLINT_SPOT;
+  stage.tan_spread = tan_spread;
+  stage.even_spread = physical ? even_spread : 1 / tan_spread;
   stage.casts_shadow = casts_shadow();
   stage.factor = physical ? (soft ? 2 / (2 - versine) : 1) / kPi : 1;
   for (int c = 0; c < 3; ++c) {
@@ -230,7 +249,7 @@ void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
 
 void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
   const double x = length(right), y = length(up), size = std::sqrt(x * x + y * y);
-  stage.factor = scale2 / (4 * kPi * kPi * x * y);
+  stage.factor = scale2 / ((flags & GLINT_ELLIPSE ? kPi : 4) * kPi * kPi * x * y);
   stage.a = q.a;
   stage.b = q.b;
   stage.size = size;
@@ -332,7 +351,7 @@ Vec3d Light::radiance(Vec3d o, Vec3d d, bool physical) const {
   if (kind == GLINT_AREA && !(dot(d, axis) < 0)) return {};
   const Vec3d to = center - o;
   const bool inside = dot(to, to) <= radius * radius && !(flags & GLINT_SOFT_FALLOFF);
-  return (inside ? 1.0 : spot(-dot(d, axis))) * (physical ? seen : color);
+  return (inside ? 1.0 : along(-1.0 * d, physical)) * (physical ? seen : color);
 }
 
 LightTable place_lights(const GlintSceneData& data, const Anchor& anchor,

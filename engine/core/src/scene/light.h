@@ -50,12 +50,14 @@ struct Light {
       1;  // (anchored length / world length)^2: inverse squares are taken in world units
   double versine = 0;  // 1 - cos of the sun's half angle
   double spot_cosine = -1, spot_sine = 0, spot_blend = 0;
-  Vec3d seen;                // radiance of the visible shape
-  int group = -1;            // of lights, but of those on surfaces; -1 for none
-  int level = -1;            // in the tree of clusters, as GlintLight has it
-  bool extended = false;     // has more than one sample when the settings want them
-  uint32_t number = 0;       // among the scene's lights
-  uint32_t mesh_number = 0;  // of a mesh light, among these
+  double tan_spread = 0, even_spread = 0;  // of an area light that shines in a cone: the tangent T
+                                           // of its half angle h, and 1 / (T - h); else 0
+  Vec3d seen;                              // radiance of the visible shape
+  int group = -1;                          // of lights, but of those on surfaces; -1 for none
+  int level = -1;                          // in the tree of clusters, as GlintLight has it
+  bool extended = false;                   // has more than one sample when the settings want them
+  uint32_t number = 0;                     // among the scene's lights
+  uint32_t mesh_number = 0;                // of a mesh light, among these
   size_t first_emitter = 0, emitter_count = 0;  // of the scene's, that are a mesh light
   const ProgramShape* program = nullptr;        // what color is times at each sample; null: 1
   size_t slot = 0;                              // in the block of its slots
@@ -124,11 +126,12 @@ struct Light {
   void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const;
-  bool is_rectangle() const;
+  bool has_extent() const;
   LightShape shape(bool soft, bool physical) const;
   void set_rectangle(LightStage& stage, const LightPoint& q) const;
   void set_lobes(LightStage& stage, const LightPoint& q, bool soft) const;
   double spot(double z) const;
+  double along(Vec3d d, bool physical) const;
   Part within_cone(Vec3d o, Vec3d d, double cosine2) const;
   double meets_sphere(Vec3d o, Vec3d d) const;
   double meets_area(Vec3d o, Vec3d d) const;

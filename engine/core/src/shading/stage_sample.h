@@ -34,6 +34,14 @@ inline Doubles spot(const LightStage& s, const Three& l) {
   return t * t * (3 - 2 * t);
 }
 
+/// What an area light with a spread shines in the direction that is seen as l: what its slats let
+/// through.
+inline Doubles between_slats(const LightStage& s, const Three& l) {
+  const Three axis = splat3(s.axis);
+  const Doubles z = -dot(l, axis), tangent = length(l + z * axis) / z;
+  return larger(s.tan_spread - tangent, splat(0)) * s.even_spread;
+}
+
 /// The direction at the disc point of the cone round `axis` with 1 - cos(half angle) = versine,
 /// uniform in solid angle.
 inline Three in_cone(const LightStage& s, const Three& axis, Doubles versine) {
@@ -164,6 +172,13 @@ inline Sample disc_at(const LightStage& s, const Three& x, const Three& l) {
   return at;
 }
 
+/// Whether a point of its plane is on the area light.
+inline Mask on_light(const LightStage& s, const Three& end) {
+  const Three off = end - splat3(s.center);
+  const Doubles a = dot(off, splat3(s.across)), b = dot(off, splat3(s.upward));
+  return s.ellipse ? a * a + b * b <= 1 : (magnitude(a) <= 1) & (magnitude(b) <= 1);
+}
+
 inline Sample plane_at(const LightStage& s, const Three& x, const Three& end, const Three& l) {
   const Three to = end - x;
   const Doubles z = -dot(l, splat3(s.axis)), d2 = dot(to, to);
@@ -176,19 +191,19 @@ inline Sample sample_plane(const LightStage& s, const Three& x) {
 
 inline Sample plane_at(const LightStage& s, const Three& x, const Three& l) {
   const Doubles t = dot(splat3(s.center) - x, splat3(s.axis)) / dot(l, splat3(s.axis));
-  const Three end = x + t * l, off = end - splat3(s.center);
-  const Doubles a = dot(off, splat3(s.across)), b = dot(off, splat3(s.upward));
+  const Three end = x + t * l;
   Sample at = plane_at(s, x, end, l);
-  at.good &= (t > 0) & (s.ellipse ? a * a + b * b <= 1 : (magnitude(a) <= 1) & (magnitude(b) <= 1));
+  at.good &= (t > 0) & on_light(s, end);
   return at;
 }
 
 /// Even over the solid angle where the rectangle is seen large, over its area elsewhere: there the
-/// two are nearly the same, and rays that end in one point are faster.
+/// two are nearly the same, and rays that end in one point are faster. Of one with a spread only a
+/// square round the foot of the point is seen.
 struct SeenRectangle {
   Three right, up, axis;
   Rectangle seen;
-  Mask large;
+  Mask large, some;
   SeenRectangle(const LightStage& s, const Three& p)
       : right(splat3(s.right)), up(splat3(s.up)), axis(splat3(s.axis)) {
     const Three to = splat3(s.center) - p;
@@ -196,6 +211,19 @@ struct SeenRectangle {
                   z = -dot(to, axis) / s.size;
     large = (dot(to, to) < s.near2) & (z > 1e-30);
     seen = {x - s.half[0], x + s.half[0], y - s.half[1], y + s.half[1], z};
+    some = ~Mask{};
+    if (s.tan_spread > 0) cut(s.tan_spread * z);
+  }
+
+ private:
+  void cut(const Doubles& reach) {
+    large |= (seen.z > 1e-30) &
+             ((seen.x0 < -reach) | (seen.x1 > reach) | (seen.y0 < -reach) | (seen.y1 > reach));
+    seen.x0 = larger(seen.x0, -reach);
+    seen.x1 = smaller(seen.x1, reach);
+    seen.y0 = larger(seen.y0, -reach);
+    seen.y1 = smaller(seen.y1, reach);
+    some = (seen.x0 < seen.x1) & (seen.y0 < seen.y1);
   }
 };
 
@@ -204,10 +232,11 @@ inline Sample sample_rectangle(const LightStage& s, const Three& p) {
   const SeenRectangle r(s, p);
   if (!any(r.large)) return even;
   const RectanglePoint q = rectangle_point(r.seen, 0.5 * (s.a + 1), 0.5 * (s.b + 1));
-  const Three l = q.x * r.right + q.y * r.up - r.seen.z * r.axis;
-  return {choose(r.large, unit(l), even.l), choose(r.large, p + splat(s.size) * l, even.end),
+  const Three l = q.x * r.right + q.y * r.up - r.seen.z * r.axis, end = p + splat(s.size) * l;
+  const Mask on = s.ellipse ? r.some & on_light(s, end) : r.some;
+  return {choose(r.large, unit(l), even.l), choose(r.large, end, even.end),
           choose(r.large, q.solid_angle * s.factor, even.factor),
-          choose(r.large, q.solid_angle, even.spread), r.large | even.good};
+          choose(r.large, q.solid_angle, even.spread), (r.large & on) | (~r.large & even.good)};
 }
 
 inline Sample rectangle_at(const LightStage& s, const Three& p, const Three& l) {
@@ -222,6 +251,7 @@ inline Sample rectangle_at(const LightStage& s, const Three& p, const Three& l) 
 
 inline void share(const LightStage& s, Sample& sample) {
   if (s.spot && s.shape != kSphereSource) sample.factor = sample.factor * spot(s, sample.l);
+  if (s.tan_spread > 0) sample.factor = sample.factor * between_slats(s, sample.l);
   if (s.share > 1) sample.factor = sample.factor / s.share;
   sample.good &= sample.factor != 0;
 }
