@@ -127,10 +127,9 @@ def _across(cosine: Array) -> Array:
     return np.sqrt(np.maximum(1 - cosine * cosine, 0.0))
 
 
-def reflected(d: Array, n: Array, g: Array) -> Array:
-    """d − 2(d·n)n; where that points below the surface, with g in the place of n."""
-    r = d - 2 * dot(d, n) * n
-    return unit(np.where(dot(r, g) < 0, d - 2 * dot(d, g) * g, r))
+def reflected(d: Array, n: Array) -> Array:
+    """d − 2(d·n)n."""
+    return unit(d - 2 * dot(d, n) * n)
 
 
 def fresnel(cosine: Array, index: Array) -> Array:
@@ -145,11 +144,8 @@ def fresnel(cosine: Array, index: Array) -> Array:
     return np.where(sine2 >= 1, 1.0, (across * across + along * along) / 2)
 
 
-def refracted(d: Array, n: Array, g: Array, index: Array) -> tuple[Array, Array]:
-    """Snell's direction, and (m,) bool where there is one (no total reflection). Where n is turned
-    away from the ray, g takes its place.
-    """
-    n = np.where(dot(d, n) > 0, g, n)
+def refracted(d: Array, n: Array, index: Array) -> tuple[Array, Array]:
+    """Snell's direction, and (m,) bool where there is one (no total reflection)."""
     cosine = -dot(d, n)
     sine2 = (1 - cosine * cosine) / (index * index)
     inner = np.sqrt(np.maximum(0.0, 1 - sine2))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .bumps import lifted
 from .gloss import half_vector
 from .lights import LightPoint
 from .materials import Coefficients, Term
@@ -206,10 +207,10 @@ def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:
         for term in mirrors:
             if term.lobe.normal_output == output:
                 add_at(k, term.index, term.k * _reflectance(surface, term))
-                n[:, term.index] = term.normals(surface)
+                n[:, term.index] = _lifted(surface, term)
         go = np.flatnonzero(k.any(0))
         some, n = surface.take(go), pick(n, go)
-        d = reflected(-some.v, n, some.g)
+        d = reflected(-some.v, n)
         yield leaving(past, at.hit[go], some, d, pick(k, go), cutoff)
 
 
@@ -223,9 +224,9 @@ def _refracted(stage: Stage, at: Interaction, sample: int) -> Iterator[Paths]:
     paths = replace(paths, skyless=skyless, transmitted=transmitted)
     point = stage.lobe_point(sample, paths.depth)
     for term in at.coefficients.refractions:
-        some = replace(surface.take(term.index), n=term.normals(surface))
+        some = replace(surface.take(term.index), n=_lifted(surface, term))
         index = relative_index(some, term.ior)
-        d, passes = refracted(-some.v, some.n, some.g, index)
+        d, passes = refracted(-some.v, some.n, index)
         rough = np.broadcast_to(np.asarray(term.exponent) > 0, passes.shape)
         if term.lobe.is_rough_glass:
             blurred = refracted_roughly(some, term.exponent, index, point, (d, passes))
@@ -236,7 +237,7 @@ def _refracted(stage: Stage, at: Interaction, sample: int) -> Iterator[Paths]:
         if term.lobe.fresnel and term.lobe.is_rough_glass:
             # no lobe mirrors what cannot leave
             shut = rough & ~passes
-            d = np.where(shut, reflected(-some.v, some.n, some.g), d)
+            d = np.where(shut, reflected(-some.v, some.n), d)
             through = np.where(shut, 1.0, through)
         k = through * term.k
         go = np.flatnonzero(k.any(0))
@@ -268,10 +269,9 @@ def refracted_roughly(
     """As `refracted` at the half vector that lies at the point of a rough lobe, where that leads to
     the other side; else what is `clear`.
     """
-    n = np.where(dot(surface.v, surface.n) < 0, surface.g, surface.n)
     share = min(float(np.square(point.disc).sum()), 1 - 2.0**-53)
-    h = half_vector(n, point, share, exponent)
-    d, passes = refracted(-surface.v, h, surface.g, index)
+    h = half_vector(surface.n, point, share, exponent)
+    d, passes = refracted(-surface.v, h, index)
     good = passes & (dot(surface.v, h) > 0) & (dot(d, surface.g) < 0)
     return np.where(good, d, clear[0]), good | clear[1]
 
@@ -293,11 +293,17 @@ def relative_index(surface: Surface, ior: Array | float) -> Array:
     return np.where(surface.outside, ior, 1 / ior)
 
 
+def _lifted(surface: Surface, term: Term) -> Array:
+    """(3, m) normals of a lobe that sends rays on: mirrored at them these leave the surface."""
+    some = surface.take(term.index)
+    return lifted(term.normals(surface), some.g, some.v)
+
+
 def _reflectance(surface: Surface, term: Term) -> Array | float:
     if not term.lobe.fresnel:
         return 1.0
     some = surface.take(term.index)
-    return fresnel(np.abs(dot(some.v, term.normals(surface))), relative_index(some, term.ior))
+    return fresnel(dot(some.v, _lifted(surface, term)), relative_index(some, term.ior))
 
 
 def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float) -> Paths:

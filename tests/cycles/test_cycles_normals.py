@@ -293,6 +293,26 @@ def test_coats_mirror_at_their_own_normals(linked) -> None:
     assert np.median(off) <= 1e-5 and np.percentile(off, 99) <= 1e-4
 
 
+def test_smooth_faces_mirror_nothing_below_them() -> None:
+    """A coarse smooth ball before a sky of colours: towards its outline, normals of its faces turn
+    away from the viewer.
+    """
+    scene = cycles.empty_scene(64, 64)
+    material, tree, output = new_material("mirror")
+    node = tree.nodes.new("ShaderNodeBsdfGlossy")
+    node.inputs["Roughness"].default_value = 0.0
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    add(scene, "ball", ball(9, 7, material=material))
+    add_camera(scene, (0, -3, 0.4), (0, 0, 0))
+    tree = scene.world.node_tree
+    background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
+    place = tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(place.outputs["Generated"], background.inputs["Color"])
+    wanted, found = render_pair(scene, "NATIVE", "smooth", bounces=1).colors()
+    # beside edges a pixel's centre is on another face
+    assert np.percentile(np.abs(found - wanted).max(-1), 97) <= 1e-5
+
+
 @pytest.mark.parametrize("bent", ["BsdfDiffuse", "BsdfGlossy"])
 def test_mixed_shaders_keep_their_normals(bent) -> None:
     """A matt one and one that shines, of which one is bumped, under a sun."""

@@ -10,6 +10,7 @@ import pytest
 from engine_scenes import at, constant, grid_mesh, look_at
 from floor_views import unit, viewing_rays
 from glint.engine import scene as s
+from glint.engine.reference.bumps import lifted
 from glint.engine.reference.optics import fresnel, reflected, refracted
 from test_reference_support import (
     DIFFUSE,
@@ -110,19 +111,21 @@ def test_refracted_rays_obey_snell() -> None:
     assert np.allclose(found[..., :2], reached / 40 + 0.5, atol=1e-7)  # the UV map is float32
 
 
-def test_where_a_shading_normal_turns_away_the_geometric_one_takes_its_place() -> None:
-    """Mirror directions below the surface, and refraction at a normal that faces away from the
-    ray.
-    """
+@pytest.mark.parametrize("steep", [0.1, 1e-4])
+def test_shading_normals_are_lifted_until_what_they_mirror_leaves_the_surface(steep: float) -> None:
+    """As high as 0.01, or nine tenths of the way that the ray comes from, in the plane of both."""
     g = np.array([[0.0], [0.0], [1.0]])
-    d = unit(np.array([1.0, 0.0, -0.1]))[:, None]
+    d = unit(np.array([1.0, 0.0, -steep]))[:, None]
     towards, away = (unit(np.array([x, 0.0, 1.0]))[:, None] for x in (-0.3, 0.3))
-    assert np.allclose(reflected(d, towards, g), d - 2 * (d * towards).sum() * towards)
-    assert np.allclose(reflected(d, away, g), d * [[1], [1], [-1]])
-    bent, passes = refracted(d, away, g, np.array([1.5]))
+    assert np.array_equal(lifted(towards, g, -d), towards)
+    n = lifted(away, g, -d)
+    high = reflected(d, n)
+    assert np.allclose([np.linalg.norm(n), n[1, 0]], [1, 0])
+    assert high[2] == pytest.approx(min(0.01, -0.9 * d[2, 0]), rel=1e-9)
+    assert high[0] > 0.9
+    bent, passes = refracted(d, n, np.array([1.5]))
     assert passes[0]
-    assert np.allclose(bent[0], d[0] / 1.5)
-    assert bent[2] < 0
+    assert bent[2] < -0.5
 
 
 def test_alpha_compositing() -> None:

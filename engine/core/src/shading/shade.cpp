@@ -5,6 +5,7 @@
 
 #include "math/math.h"
 #include "shading/light_program.h"
+#include "shading/stage_bump.h"
 #include "shading/stage_math.h"
 
 namespace glint {
@@ -82,14 +83,16 @@ Vec3d Shader::passed(const Batch& batch, size_t k) const {
 
 Gives Shader::gives(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
-  const Vec3d d = batch.queue->ray(k).d, n = row(batch.points.n, k);
+  const Vec3d d = batch.queue->ray(k).d, n = row(batch.points.n, k), g = row(batch.points.g, k);
   Gives gives;
   const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
     const double given = batch.passing_ior(k, i, lobe->ior),
                  ior = batch.outside[k] ? given : 1 / given;
     const bool mirrors = lobe->kind == GLINT_MIRROR, refracts = lobe->kind == GLINT_REFRACTION;
-    const double cosine = std::fabs(dot(batch.passing_normal(k, i, n), d)),
+    const Vec3d own = batch.passing_normal(k, i, n);
+    const Three at = lifted(splat3(&own.x), splat3(&g.x), -splat3(&d.x));
+    const double cosine = -dot(at, splat3(&d.x))[0],
                  R = lobe->fresnel && (mirrors || refracts)
                          ? fresnel_reflectance(splat(cosine), splat(ior))[0]
                          : 0;

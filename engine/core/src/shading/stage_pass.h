@@ -2,6 +2,7 @@
 // so that rays of one kind are neighbours. Letters: d direction, n shading normal, g geometric
 // normal, T weight to the pixel, k coefficient of a lobe.
 #pragma once
+#include "shading/stage_bump.h"
 #include "shading/stage_math.h"
 #include "shading/stage_rows.h"
 #include "shading/stage_sample.h"
@@ -19,12 +20,15 @@ struct Arriving {
         n(gather3(s.n, at)),
         g(gather3(s.g, at)),
         outside(gather(s.outside, at)) {}
-  /// As the lobe of that number among those that send rays on sees them.
+  /// As the lobe of that number among those that send rays on sees them: mirrored, they leave the
+  /// surface.
   void turn(const PassStage& s, const Chosen& at, size_t number) {
-    if (s.passing_columns != PassingTerm::kTurned) return;
-    const size_t first = size_t(s.passing_columns) * number + PassingTerm::kNormal;
-    const Three own = gather3(s.passing + first * s.passing_stride, s.passing_stride, at);
-    n = choose(nonzero(own), own, n);
+    if (s.passing_columns == PassingTerm::kTurned) {
+      const size_t first = size_t(s.passing_columns) * number + PassingTerm::kNormal;
+      const Three own = gather3(s.passing + first * s.passing_stride, s.passing_stride, at);
+      n = choose(nonzero(own), own, n);
+    }
+    if (any(nonzero(n - g))) n = lifted(n, g, -d);
   }
   Doubles relative(Doubles ior) const { return choose(outside, ior, 1 / ior); }
 };
@@ -37,11 +41,10 @@ inline Doubles fresnel(const Arriving& ray, const LobeShape& lobe, Doubles ior) 
 
 /// The unit direction refracted at the normal that the ray comes from; zero at total reflection.
 inline Three refract(const Arriving& ray, Doubles relative_ior) {
-  const Three n = choose(dot(ray.d, ray.n) <= 0, ray.n, ray.g);
-  const Doubles cosine = -dot(ray.d, n),
+  const Doubles cosine = -dot(ray.d, ray.n),
                 sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior);
   const Three bent =
-      unit((1 / relative_ior) * ray.d + (cosine / relative_ior - root(1 - sine2)) * n);
+      unit((1 / relative_ior) * ray.d + (cosine / relative_ior - root(1 - sine2)) * ray.n);
   return where(sine2 < 1, bent);
 }
 
@@ -59,7 +62,7 @@ inline Doubles place(const PassStage& s, const Chosen& at, Of of) {
 inline Three refract_roughly(const PassStage& s, const Chosen& at, const Arriving& ray,
                              Doubles exponent, Doubles index) {
   Arriving rough = ray;
-  const Three n = choose(dot(ray.d, ray.n) <= 0, ray.n, ray.g);
+  const Three n = ray.n;
   const Doubles rest =
       smaller(place(s, at, [](const DiscPlace& p) { return p.radius2; }), splat(1 - 0x1p-53));
   const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
@@ -73,11 +76,7 @@ inline Three refract_roughly(const PassStage& s, const Chosen& at, const Arrivin
                 refract(ray, index));
 }
 
-/// Mirrored at n, or at g where that points below the surface.
-inline Three reflect(const Arriving& ray) {
-  const Three r = ray.d - (2 * dot(ray.d, ray.n)) * ray.n;
-  return unit(choose(dot(r, ray.g) < 0, ray.d - (2 * dot(ray.d, ray.g)) * ray.g, r));
-}
+inline Three reflect(const Arriving& ray) { return unit(ray.d - (2 * dot(ray.d, ray.n)) * ray.n); }
 
 inline Three weight(const PassStage& s, const Chosen& at) {
   return gather3(s.from + RayLayout::kT * s.from_stride, s.from_stride, at);
