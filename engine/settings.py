@@ -43,7 +43,7 @@ _MESH_LIGHTS = (
     (
         "ON",
         "On",
-        "For most pictures: screens, panels and bulbs with emission light what is round them, with "
+        "For most pictures: screens, bulbs and fire with emission light what is round them, with "
         "soft shadows. Takes shadow rays where something glows",
     ),
     ("OFF", "Off", "For quick pictures: what glows is seen, and lights nothing. Costs nothing"),
@@ -276,7 +276,7 @@ class Settings:
     mesh_light: str = _setting(
         "ON",
         "Mesh Lights",
-        "Whether surfaces that glow light others. With Classic illumination they do not",
+        "Whether surfaces and volumes that glow light others. With Classic illumination they do not",
         choices=_MESH_LIGHTS,
     )
     reflections: str = _setting(

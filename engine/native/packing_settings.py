@@ -10,6 +10,7 @@ from ..errors import SceneError
 from ..film import OCCLUSION, PASSES
 from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
 from ..lights.dome import dome_table
+from ..lights.glowing_media import medium_table
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable, mesh_table
 from ..lights.openings import opening_table
@@ -95,7 +96,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
             _add_dome(data, packer, light, settings)
         if light.kind == "BOUNCED":
             _add_bounced(data, packer, light, settings)
-    _add_meshes(data, packer, [x for x in scene.lights if x.kind == "MESH"], settings)
+    _add_glow(data, packer, [x for x in scene.lights if x.kind in _TABLES], settings)
     if scene.camera.lens:
         _add_lens(data, packer, scene.camera.lens, settings)
     data.moving = is_moving(scene)
@@ -149,14 +150,18 @@ def _add_openings(
     data.opening_samples = settings.opening_samples
 
 
-def _add_meshes(
+_TABLES = {"MESH": mesh_table, "MEDIUM": medium_table}
+
+
+def _add_glow(
     data: core_types.RenderSettingsData, packer: Packer, lights: list[Light], settings: Settings
 ) -> None:
     if not lights:
         return
-    tables = [mesh_table(light, settings.samples, settings.mesh_samples) for light in lights]
+    each = settings.mesh_samples
+    tables = [_TABLES[light.kind](light, settings.samples, each) for light in lights]
     rows = np.concatenate([_point_rows(table) for table in tables])
-    data.mesh_table = address(packer.lend(rows, np.float64, (None, 18), "mesh light samples"))
+    data.mesh_table = address(packer.lend(rows, np.float64, (None, 18), "samples of what glows"))
     data.mesh_count, data.mesh_samples = len(rows) // len(lights), tables[0].each
 
 

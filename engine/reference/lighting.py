@@ -16,6 +16,7 @@ from ..scene import EVERYTHING
 from .blocks import PointShares
 from .bumps import bump_shadow
 from .cancellation import Cancellation
+from .glowing_media import MediumSource
 from .gloss import Narrow, even_gloss
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
@@ -410,7 +411,7 @@ class Lighting:
 
     def even_gloss(self, source: Source, surface: Surface, coefficients: Coefficients) -> Array:
         """(3, n) what gloss gives back of a light as if it were matt."""
-        if not isinstance(source, BouncedSource):
+        if not isinstance(source, BouncedSource | MediumSource):
             return np.zeros((3, len(surface)))
         return even_gloss(dot(surface.n, surface.v), coefficients.highlights, self.reflecting)
 

@@ -13,6 +13,7 @@ from ..cryptomatte import id_bits
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
 from ..lights.dome import dome_table
+from ..lights.glowing_media import medium_table
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import gather_points, gloss_points, light_points, lobe_points, scatter_offsets
@@ -23,6 +24,7 @@ from .camera import CameraRays
 from .cancellation import Cancellation
 from .emission import Emission
 from .geometry import gather
+from .glowing_media import MediumSource
 from .lighting import Lighting
 from .lights import CENTER, LightPoint, Source
 from .materials import Shader
@@ -214,6 +216,9 @@ class Stage:
         if light.kind == "MESH":
             table = mesh_table(light, samples, self.settings.mesh_samples)
             return MeshSource(light, self.eye, table)
+        if light.kind == "MEDIUM":
+            table = medium_table(light, samples, self.settings.mesh_samples)
+            return MediumSource(light, self.eye, table)
         if light.kind == "BOUNCED":
             table = bounced_table(light, samples, self.settings.bounced_samples)
             return BouncedSource(light, self.eye, table)

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 60
+#define GLINT_ABI_VERSION 62
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -206,7 +206,8 @@ enum GlintLightKind {
   GLINT_AREA,
   GLINT_DOME,
   GLINT_MESH_LIGHT,
-  GLINT_BOUNCED_LIGHT
+  GLINT_BOUNCED_LIGHT,
+  GLINT_MEDIUM_LIGHT
 };
 enum GlintLightFlags {
   GLINT_CAST_SHADOW = 1,
@@ -223,14 +224,15 @@ enum GlintLightFlags {
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
  * and counted. program: 0, or 1 plus the number of the program that says, sample by sample, what
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
- * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light is the scene's
- * emitters from first_emitter on, emitter_count of them; size_x, size_y and twice the radius are
- * its bounds. A BOUNCED light, of which there is one at most, has no highlights. excluded_sets: a
+ * attributes or triangles. DOME, MESH, BOUNCED and MEDIUM lights have none. A MESH light is the
+ * scene's emitters from first_emitter on, emitter_count of them; its bounds, and those of a MEDIUM
+ * light, are size_x, size_y and twice the radius. A BOUNCED light, of which there is one at most,
+ * and MEDIUM lights have no highlights. excluded_sets: a
  * bit for each light_set of the instances that it does not light, passed_sets: of those that its
  * shadow rays pass. level: of a POINT lamp that far points see in clusters with others, where in
  * their tree it is parted from the one before it, 0 to 127 (engine/lights/lamps.py,
- * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH and BOUNCED lights
- * their triangles and points have one each. */
+ * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH, BOUNCED and MEDIUM
+ * lights their triangles and points have one each. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -415,9 +417,11 @@ typedef struct GlintNeighbour {
  * all in the world, and the share of the points; opening_points: (opening_point_count, 3), of as
  * many samples, opening_samples points each, as divide it: the row of openings, and where on it
  * from -1 to 1 along its half sides. mesh_table: (mesh_count, 18), of as many samples, mesh_samples
- * points each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the
- * point and its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a
- * point of the unit disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT,
+ * points each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT and
+ * GLINT_MEDIUM_LIGHT in turn: the point and its unit normal in the light's axes, the numbers of
+ * GlintEmitter but the normal, a point of the unit disc, 0, and its light_group; of a medium front
+ * is what it gives a world unit, spread one over its density by volume, and reach the radius of the
+ * ball that it stands for; normal and back are unused. bounced_table: the same of a GLINT_BOUNCED_LIGHT,
  * with 1 for points on catchers in place of the 0, and 2 more for those whose light goes on from no
  * other surface that gather rays find, and in place of back[0] the spread of the disc where no rays
  * gather what is near. Tables may be null where the scene has no such light.
@@ -527,7 +531,8 @@ enum GlintFeature {
   GLINT_FEATURE_MEDIA = 32768,
   GLINT_FEATURE_SHADOW_CATCHER = 65536,
   GLINT_FEATURE_OPENINGS = 131072,
-  GLINT_FEATURE_VARIED_MEDIA = 262144
+  GLINT_FEATURE_VARIED_MEDIA = 262144,
+  GLINT_FEATURE_MEDIUM_LIGHT = 524288
 };
 
 typedef struct GlintStats {

@@ -143,7 +143,8 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   for (const Light& light : scene_.lights) {
     const uint32_t parts = plan_.parts_of(light, batch.queue->sees_blurred(), takes_few_),
                    count = plan_.samples_of(light) / parts;
-    if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
+    // Catchers are not among what glows.
+    if (alone_ && (light.is_mesh() || light.is_medium())) continue;
     const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),
                notes = batch.soft_light && count > 1 && sample < Refinement::kFirst;
     if (!shares || notes) find_lit(batch, light);

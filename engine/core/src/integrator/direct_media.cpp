@@ -102,7 +102,7 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
     group_ = point.group;
     stage_.casts_shadow = true;  // so that the ways to it are known
     stage_.draws = false;
-    if (light.is_surface()) {
+    if (light.is_tabled()) {
       const Vec3d end{stage_.end[0], stage_.end[1], stage_.end[2]};
       depths_.aim(light, {false, end, 0.5 * std::sqrt(stage_.near2)}, batch.queue->rays());
     } else if (j == 0) {

@@ -121,7 +121,7 @@ void find_clusters(SharedLight& shared) {
 void DirectLight::find_sharing() {
   uint32_t lamps = 0, samples = 1;
   for (const Light& light : scene_.lights) {
-    const bool is_lamp = !light.is_dome() && !light.is_surface();
+    const bool is_lamp = !light.is_dome() && !light.is_tabled();
     lamps_.takes_part.push_back(is_lamp && light.casts_shadow() && !light.program);
     bounced_.takes_part.push_back(light.is_bounced());
     bounced_.on |= light.is_bounced();

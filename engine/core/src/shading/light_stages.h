@@ -34,6 +34,7 @@ enum LightShape : int {
   kOpenSky,  // beside points on openings
   kMeshSource,
   kBouncedSource,  // points of it are discs
+  kMediumSource,   // points of it are balls
 };
 
 /// One over the cosine below which light grazes smooth surfaces, where instances say nothing else.
@@ -94,7 +95,8 @@ struct LightStage {
   double back[3];  // kMeshSource, kBouncedSource, also end, axis, color: the sample, its normal,
                    // what comes from its two sides. spread: one over its density by area; near2:
                    // the least distance^2, or the disc's radius^2; size: how far before the surface
-                   // segments end
+                   // segments end. kMediumSource: end, color, spread: by volume; near2: of the
+                   // ball's radius
   double right[3], up[3], size, half[2], near2, a,
       b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
           // of the distance within which it is seen large; the sample in the square
