@@ -112,6 +112,8 @@ BOUNCED_SHARE = 16
 """The same of a BOUNCED light: all that is lit."""
 BOUNCED_SHADOWS = 4
 """So many shadow rays these share."""
+MEDIUM_SHARE, MEDIUM_SHADOWS = 32, 4
+"""The same of a MEDIUM light, in which near points count most: all that glows, and their rays."""
 MOST_BOUNCED = 256
 """Light samples from which on they are no more: there are some 2¹³ points in all."""
 BUILDS = ACCELERATIONS[1:]
@@ -368,6 +370,16 @@ class Settings:
     def bounced_shadows(self) -> int:
         """Shadow rays that the points of a BOUNCED light share for each sample of a pixel."""
         return BOUNCED_SHADOWS * min(self.light_samples, MOST_BOUNCED)
+
+    @property
+    def medium_samples(self) -> int:
+        """Points of a MEDIUM light for each sample of a pixel."""
+        return MEDIUM_SHARE * min(self.light_samples, MOST_BOUNCED)
+
+    @property
+    def medium_shadows(self) -> int:
+        """Shadow rays that these share for each sample of a pixel."""
+        return MEDIUM_SHADOWS * min(self.light_samples, MOST_BOUNCED)
 
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""

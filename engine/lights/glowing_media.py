@@ -34,7 +34,9 @@ LONGEST = 1 / 16
 """Of a rod, over the longest side of the box round its placement."""
 FINEST = 1 / 64
 """Steps in media that vary, as of `Medium.step`."""
-MERGED = 64
+SHIFTS = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])
+"""Powers of a number like the golden ratio: multiples of them are even in three dimensions."""
+MERGED = 4
 """Samples of a pixel, among whose points each stands for a ball, within which light is evened out:
 there it is finite, and right where the medium glows evenly.
 """
@@ -173,15 +175,15 @@ class _Lines:
         size = boxes[rows, 1] - boxes[rows, 0]
         axes = (size.argmax(1)[:, None] + np.arange(3)) % 3
         sides = np.take_along_axis(size, axes, 1)
-        u = dome_points(count)
-        # steps begin elsewhere on each line
-        later = (np.arange(count) * 0.5545497331806323) % 1.0
+        # elsewhere in each placement, and steps begin elsewhere on each line
+        u = (dome_points(count) + np.arange(len(rows))[:, None, None] * SHIFTS[:2]) % 1.0
+        later = (np.arange(count) * SHIFTS[2]) % 1.0
         before = 2 * self._step * size.mean(1)
         at = np.stack(
             [
                 -0.01 * sides[:, :1] - before[:, None] * later,
-                u[:, 0] * sides[:, 1:2],
-                u[:, 1] * sides[:, 2:3],
+                u[..., 0] * sides[:, 1:2],
+                u[..., 1] * sides[:, 2:3],
             ],
             2,
         )

@@ -96,7 +96,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
             _add_dome(data, packer, light, settings)
         if light.kind == "BOUNCED":
             _add_bounced(data, packer, light, settings)
-    _add_glow(data, packer, [x for x in scene.lights if x.kind in _TABLES], settings)
+    _add_meshes(data, packer, [x for x in scene.lights if x.kind == "MESH"], settings)
+    _add_media(data, packer, [x for x in scene.lights if x.kind == "MEDIUM"], settings)
     if scene.camera.lens:
         _add_lens(data, packer, scene.camera.lens, settings)
     data.moving = is_moving(scene)
@@ -150,19 +151,27 @@ def _add_openings(
     data.opening_samples = settings.opening_samples
 
 
-_TABLES = {"MESH": mesh_table, "MEDIUM": medium_table}
-
-
-def _add_glow(
+def _add_meshes(
     data: core_types.RenderSettingsData, packer: Packer, lights: list[Light], settings: Settings
 ) -> None:
     if not lights:
         return
-    each = settings.mesh_samples
-    tables = [_TABLES[light.kind](light, settings.samples, each) for light in lights]
+    tables = [mesh_table(light, settings.samples, settings.mesh_samples) for light in lights]
     rows = np.concatenate([_point_rows(table) for table in tables])
-    data.mesh_table = address(packer.lend(rows, np.float64, (None, 18), "samples of what glows"))
+    data.mesh_table = address(packer.lend(rows, np.float64, (None, 18), "mesh light samples"))
     data.mesh_count, data.mesh_samples = len(rows) // len(lights), tables[0].each
+
+
+def _add_media(
+    data: core_types.RenderSettingsData, packer: Packer, lights: list[Light], settings: Settings
+) -> None:
+    if not lights:
+        return
+    tables = [medium_table(light, settings.samples, settings.medium_samples) for light in lights]
+    rows = np.concatenate([_point_rows(table) for table in tables])
+    data.medium_table = address(packer.lend(rows, np.float64, (None, 18), "medium light samples"))
+    data.medium_count, data.medium_samples = len(rows) // len(lights), tables[0].each
+    data.medium_shadows = settings.medium_shadows
 
 
 def _add_bounced(

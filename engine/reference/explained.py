@@ -73,6 +73,7 @@ class Hit:
     moved: Numbers | None = None
     shared: tuple[int, int] = (0, 0)
     shared_bounced: tuple[int, int] = (0, 0)
+    shared_media: tuple[int, int] = (0, 0)
     turns: int = 1
     open: Numbers | None = None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .lights import HUGE, LightSample
@@ -9,6 +11,9 @@ from .tabled_lights import MeshPoint, MeshSource
 from .vectors import dot, unit
 
 Array = np.ndarray
+
+WIDER = 2.0
+"""Balls of an eighth of the points (`settings.MEDIUM_SHARE`, `MEDIUM_SHADOWS`)."""
 
 
 class MediumSource(MeshSource):
@@ -18,6 +23,11 @@ class MediumSource(MeshSource):
 
     def drawn_at(self, number: int, point: MeshPoint) -> None:
         return None
+
+    def fewer(self, count: int) -> MediumSource:
+        """The first so many of the points of each sample, in place of them all, for wider balls."""
+        table = self._table.first(count)
+        return MediumSource(self.light, self._eye, replace(table, reach=WIDER * table.reach))
 
     def least_distance(self, point: MeshPoint) -> float:
         """The radius of the ball that a point stands for."""

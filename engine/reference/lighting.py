@@ -70,7 +70,7 @@ class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
     of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
-    bounced_marks: how many the points of bounced light share.  reflecting: what reflected rays show
+    bounced_marks, medium_marks: how many the points of bounced light and of media share. reflecting: what reflected rays show
     of gloss, which shows bounced light evenly but for that.
     catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
     many light is told apart by.  reach: how far gather rays look for what bounced light has the
@@ -86,6 +86,7 @@ class Lighting:
     sets: Array
     marks: int = 0
     bounced_marks: int = 1
+    medium_marks: int = 1
     catchers_alone: bool = False
     light_groups: int = 0
     reflecting: str = "OFF"
@@ -101,7 +102,9 @@ class Lighting:
         parts = [s.in_parts(FEW_PARTS) if isinstance(s, tabled) else s for s in self.sources]
         shared = [s.parts for s in parts if isinstance(s, BouncedSource)]
         marks = max(self.bounced_marks // max(shared, default=1), 1)
-        return replace(self, sources=tuple(parts), bounced_marks=marks)
+        shared = [s.parts for s in parts if isinstance(s, MediumSource)]
+        media = max(self.medium_marks // max(shared, default=1), 1)
+        return replace(self, sources=tuple(parts), bounced_marks=marks, medium_marks=media)
 
     @cached_property
     def of_strands(self) -> Lighting:
@@ -124,8 +127,11 @@ class Lighting:
         """Those that light media: each point has a ray of its own there, so bounced light has
         fewer.
         """
+        marks = {BouncedSource: self.bounced_marks, MediumSource: self.medium_marks}
         return tuple(
-            source.fewer(self.bounced_marks) if isinstance(source, BouncedSource) else source
+            source.fewer(marks[type(source)])
+            if isinstance(source, BouncedSource | MediumSource)
+            else source
             for source in self.sources
             if source.light.lights_media
         )
@@ -234,7 +240,8 @@ class Lighting:
             yield brought, light_sample, is_drawn
 
     def _shares(self, source: Source) -> bool:
-        return isinstance(source, BouncedSource) or (self.marks > 0 and may_share(source.light))
+        asks_few = isinstance(source, BouncedSource | MediumSource)
+        return asks_few or (self.marks > 0 and may_share(source.light))
 
     def _groups(self, at: _Receivers, total: DirectLight) -> Iterator[Sharing]:
         """Lamps that share shadow rays, and bounced light, the points of which do."""
@@ -253,6 +260,11 @@ class Lighting:
                 total.lit_bounced,
                 total.lit_glossy_bounced,
                 at.shares,
+            )
+        media = [(x, None) for x in self.sources if isinstance(x, MediumSource)]
+        if media:
+            yield Sharing(
+                lambda: media, self.medium_marks, total.lit_diffuse, total.lit_specular
             )
 
     def _share(

@@ -67,6 +67,9 @@ class Stage:
         asked, points = settings.bounced_shadows, settings.bounced_samples
         bounced = any(light.kind == "BOUNCED" for light in scene.lights)
         self.shared_bounced = (asked, points) if bounced else (0, 0)
+        media = any(light.kind == "MEDIUM" for light in scene.lights)
+        of_media = settings.medium_shadows, settings.medium_samples
+        self.shared_media = of_media if media else (0, 0)
         self.media = Media(scene, self.attributes, self.visibility)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
         self.shadows = shadows
@@ -79,6 +82,7 @@ class Stage:
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
             shared_rays(scene.lights, settings),
             asked,
+            medium_marks=settings.medium_shadows,
             light_groups=len(scene.light_groups),
             reflecting=settings.reflecting,
             first_rod=self.geometry.first_rod,
@@ -217,7 +221,7 @@ class Stage:
             table = mesh_table(light, samples, self.settings.mesh_samples)
             return MeshSource(light, self.eye, table)
         if light.kind == "MEDIUM":
-            table = medium_table(light, samples, self.settings.mesh_samples)
+            table = medium_table(light, samples, self.settings.medium_samples)
             return MediumSource(light, self.eye, table)
         if light.kind == "BOUNCED":
             table = bounced_table(light, samples, self.settings.bounced_samples)

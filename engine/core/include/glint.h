@@ -417,11 +417,12 @@ typedef struct GlintNeighbour {
  * all in the world, and the share of the points; opening_points: (opening_point_count, 3), of as
  * many samples, opening_samples points each, as divide it: the row of openings, and where on it
  * from -1 to 1 along its half sides. mesh_table: (mesh_count, 18), of as many samples, mesh_samples
- * points each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT and
- * GLINT_MEDIUM_LIGHT in turn: the point and its unit normal in the light's axes, the numbers of
- * GlintEmitter but the normal, a point of the unit disc, 0, and its light_group; of a medium front
- * is what it gives a world unit, spread one over its density by volume, and reach the radius of the
- * ball that it stands for; normal and back are unused. bounced_table: the same of a GLINT_BOUNCED_LIGHT,
+ * points each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the
+ * point and its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a
+ * point of the unit disc, 0, and its light_group. medium_table: the same of each
+ * GLINT_MEDIUM_LIGHT; front is what the medium gives a world unit, spread one over the density of
+ * points by volume, reach the radius of the ball that each stands for, normal and back are unused.
+ * bounced_table: the same of a GLINT_BOUNCED_LIGHT,
  * with 1 for points on catchers in place of the 0, and 2 more for those whose light goes on from no
  * other surface that gather rays find, and in place of back[0] the spread of the disc where no rays
  * gather what is near. Tables may be null where the scene has no such light.
@@ -444,7 +445,7 @@ typedef struct GlintNeighbour {
  * lamp_shadows: where more than twice as many lamps cast shadows and have no program, a point sends
  * so many of its rays to them, times the samples of a soft one; 0: one to each, up to 1024.
  * bounced_shadows: how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1
- * to bounced_samples. gather_reach: within that distance, world units, each sample looks along
+ * to bounced_samples; medium_shadows: the same of all of a GLINT_MEDIUM_LIGHT. gather_reach: within that distance, world units, each sample looks along
  * gather_samples rays, 1 to 64, for what throws light on, in place of those points; 0: none does.
  * gather_points: (gather_block², gather_count, 2) of the unit disc, below the directions of those
  * rays, of as many samples as divide gather_count, after which they begin again; row by row for the
@@ -466,6 +467,7 @@ typedef struct GlintRenderSettings {
   const double* dome_table;
   const double* mesh_table;
   const double* bounced_table;
+  const double* medium_table;
   const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
@@ -479,13 +481,13 @@ typedef struct GlintRenderSettings {
   const double* gather_points;
   const double* gloss_points;
   const GlintNeighbour* neighbours;
-  uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
+  uint64_t light_point_count, dome_count, mesh_count, bounced_count, medium_count, lobe_count, lens_point_count,
       camera_frame_count, scatter_count, occlusion_count, node_point_count, opening_count,
       opening_point_count, gather_count, gloss_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, lamp_shadows, occlusion_samples, opening_samples, gather_samples,
+      bounced_shadows, medium_samples, medium_shadows, lamp_shadows, occlusion_samples, opening_samples, gather_samples,
       gather_block;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;

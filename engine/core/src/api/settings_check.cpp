@@ -37,8 +37,13 @@ bool sound_openings(const GlintRenderSettings& g) {
 }
 
 bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
-  return !(scene.features & (GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_MEDIUM_LIGHT)) ||
+  return !(scene.features & GLINT_FEATURE_MESH_LIGHT) ||
          (g.mesh_samples >= 1 && g.mesh_table && g.mesh_count >= g.mesh_samples);
+}
+
+bool enough_medium_points(const GlintRenderSettings& g, const Scene& scene) {
+  return !(scene.features & GLINT_FEATURE_MEDIUM_LIGHT) ||
+         (g.medium_samples >= 1 && g.medium_table && g.medium_count >= g.medium_samples);
 }
 
 bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
@@ -109,7 +114,9 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: fewer light points than samples * light_samples");
   add(enough_camera_rows(g), "settings: fewer lens points or frames than a block has, or no focus");
   add(enough_mesh_points(g, scene),
-      "settings: fewer points of what glows than those of a sample");
+      "settings: fewer points of a mesh light than those of a sample");
+  add(enough_medium_points(g, scene),
+      "settings: fewer points of a medium light than those of a sample");
   add(enough_bounced_points(g, scene),
       "settings: fewer points of bounced light than those of a sample");
   add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");

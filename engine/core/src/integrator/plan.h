@@ -64,7 +64,8 @@ struct RenderPlan : GlintRenderSettings {
   bool mixes_gloss = false;     // they share what wide lobes reflect
   int thread_count = 1;
   SampleTable dome_directions, bounced_points, occlusion_directions, gather_places, gloss_places;
-  SampleTable mesh_points;  // of the first mesh or medium light, then mesh_count of the next
+  SampleTable mesh_points;  // of the first mesh light, and after its mesh_count those of the next
+  SampleTable medium_points;  // the same of medium lights
   SampleTable opening_places;  // where there are openings
   size_t lobe_tabled = 1;      // lobe_levels runs of so many lobe_points
   DomeCells dome;
@@ -86,7 +87,8 @@ struct RenderPlan : GlintRenderSettings {
   bool physical() const { return illumination == GLINT_PHYSICAL; }
 
   uint32_t samples_of(const Light& light) const {
-    if (light.is_mesh() || light.is_medium()) return mesh_points.each;
+    if (light.is_mesh()) return mesh_points.each;
+    if (light.is_medium()) return medium_points.each;
     if (light.is_bounced()) return bounced_points.each;
     return light.is_dome() ? dome_directions.each : light.extended ? light_samples : 1;
   }
@@ -176,10 +178,15 @@ struct RenderPlan : GlintRenderSettings {
       point.met_by = row[9] != 0 ? kShadow : kDiffuse;
       return point;
     }
-    if (light.is_mesh() || light.is_medium()) {
+    if (light.is_mesh()) {
       const double* const row =
-          mesh_points.row(sample, j) + kPointColumns * light.mesh_number * size_t(mesh_count);
-      return {0, 0, row[14], row[15], row, nullptr, light.is_mesh() && j == 0, false, group_of_row(row)};
+          mesh_points.row(sample, j) + kPointColumns * light.table_number * size_t(mesh_count);
+      return {0, 0, row[14], row[15], row, nullptr, j == 0, false, group_of_row(row)};
+    }
+    if (light.is_medium()) {
+      const double* const row = medium_points.row(sample, j) +
+                                kPointColumns * light.table_number * size_t(medium_count);
+      return {0, 0, 0, 0, row, nullptr, false, false, group_of_row(row)};
     }
     if (light.is_bounced()) {
       const double* const row = bounced_points.row(sample, j);

@@ -356,15 +356,16 @@ LightTable place_lights(const GlintSceneData& data, const Anchor& anchor,
   LightTable t;
   t.emitters.assign(data.emitters, data.emitters + data.emitter_count);
   t.emitter_corners = data.emitter_corners;
-  uint32_t mesh_number = 0;
+  uint32_t meshes = 0, media = 0;
   for (size_t i = 0; i < data.light_count; ++i) {
     const GlintLight& g = data.lights[i];
     if (sound(g)) {
       t.rows.emplace_back(g, anchor, programs);
       t.rows.back().number = uint32_t(t.rows.size() - 1);
-      t.rows.back().mesh_number = mesh_number;
+      t.rows.back().table_number = g.kind == GLINT_MEDIUM_LIGHT ? media : meshes;
     } else ++t.dropped;
-    mesh_number += g.kind == GLINT_MESH_LIGHT || g.kind == GLINT_MEDIUM_LIGHT;
+    meshes += g.kind == GLINT_MESH_LIGHT;
+    media += g.kind == GLINT_MEDIUM_LIGHT;
   }
   return t;
 }

@@ -15,7 +15,7 @@ struct ProgramTable;
 
 /// A point of the square [-1, 1]^2 and the same point mapped to the unit disc; of a dome the
 /// direction to its light, what comes from there and one over the density of such directions, and
-/// its map; of a mesh or medium light a row of its table (glint.h).
+/// its map; of a tabled light a row of its table (glint.h).
 struct LightPoint {
   double a = 0, b = 0, x = 0, y = 0;
   const double* drawn = nullptr;
@@ -55,7 +55,7 @@ struct Light {
   int level = -1;            // in the tree of clusters, as GlintLight has it
   bool extended = false;     // has more than one sample when the settings want them
   uint32_t number = 0;       // among the scene's lights
-  uint32_t mesh_number = 0;  // of a mesh or medium light, among these
+  uint32_t table_number = 0;  // of a mesh or medium light, among those of its kind
   size_t first_emitter = 0, emitter_count = 0;  // of the scene's, that are a mesh light
   const ProgramShape* program = nullptr;        // what color is times at each sample; null: 1
   size_t slot = 0;                              // in the block of its slots

@@ -120,7 +120,7 @@ struct LightStage {
   size_t stride;
   int max_specular, specular_columns;
   const int64_t* lit;
-  const double* gloss[3];  // kBouncedSource: T k of dielectrics' gloss as if it were matt; or null
+  const double* gloss[3];  // kBouncedSource, kMediumSource: T k of dielectrics' gloss as if matt; or null
   uint32_t* point;  // what follows: a number for each point that the sample reaches, before shadows
   double *o[3], *to[3], *t_max;  // shadow rays, where the light casts any
   double* start_out[3];          // where they leave the surface; null: at `origin`, or nobody asks
@@ -179,7 +179,7 @@ struct ShareStage {
   double offset;
   uint32_t asked;
   double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
-  double* gloss[3];  // where the samples are kBouncedSource: LightStage's, to be found; or null
+  double* gloss[3];  // where samples have one: LightStage's, to be found; or null
   /// Those of the samples from `clustered` on; color_sums: a row of three channels before each
   /// sample and after the last, sums of the lamps' colours.
   const LampCluster* clusters;

@@ -165,10 +165,8 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   if (!any(reached)) return;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
   Three diffuse = cosine * (I * load3(s.diffuse, k)), specular{};
-  if (Shape == kBouncedSource && s.gloss[0])
+  if (kSoftened<Shape> && s.gloss[0])
     specular = lowered<Bent>(s, k, n, at.l) * cosine * (I * load3(s.gloss, k));
-  if (Shape == kMediumSource && s.max_specular > 0 && !s.matt_alone)
-    specular = lowered<Bent>(s, k, n, at.l) * larger(cosine, splat(0)) * (I * even_gloss(s, k));
   if (Shape == kBouncedSource && s.gather2 > 0) {
     const Three way = splat3(s.end) - x;
     const Doubles share = far_share(s, dot(way, way));
