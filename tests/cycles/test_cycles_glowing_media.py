@@ -1,6 +1,4 @@
-"""What volumes that glow light, beside Cycles, whose diffuse and volume rays find them after one
-bounce.
-"""
+"""What volumes that glow light, beside Cycles, where the rays of lit surfaces and smoke find them."""
 
 from __future__ import annotations
 
@@ -20,17 +18,13 @@ SIZE = 24
 SQUARE = 4
 
 
-def pictures(scene, truth: int = 256, scattered: int = 0, **settings):
-    """(h, w, 3) of Glint and of Cycles, where rays of surfaces and, `scattered` times, of volumes
-    may find what glows.
-    """
+def pictures(scene, truth: int = 256, **settings):
+    """(h, w, 3) of Glint and of Cycles, direct light and light scattered once."""
     bpy.context.view_layer.update()
     given = {"samples": 64, "light_samples": 2, "max_bounces": 0, "filter_width": 0.0, **settings}
     film = render_glint(scene, "NATIVE", **given)
     cycles.make_exact(scene, truth)
     cycles.march_volumes(scene)
-    scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 1
-    scene.cycles.volume_bounces = scattered
     exact = cycles.render_passes(scene)["Combined"]
     return film.passes["Combined"][..., :3].astype(float), exact[..., :3].astype(float)
 
@@ -78,7 +72,7 @@ def test_a_neon_tube_in_smoke() -> None:
     mesh = small_scenes.cube(glow(Color=(1, 0.3, 0.2, 1), Strength=20.0))
     tube = add(scene, "tube", mesh, moved(0, 0, 0, 0.8, 0.06, 0.06))
     tube.rotation_euler = (0.3, 0.4, 0.5)
-    found, truth = pictures(scene, 1024, scattered=1)
+    found, truth = pictures(scene, 1024)
     assert_alike(found, truth, mean=0.02, squares=0.08)
 
 
@@ -99,4 +93,4 @@ def test_a_fire_of_a_file(tmp_path) -> None:
     tree.links.new(strength.outputs[0], node.inputs["Emission Strength"])
     data.materials.append(material)
     scene.collection.objects.link(bpy.data.objects.new("Fire", data))
-    assert_alike(*pictures(scene, 512, scattered=1), mean=0.02)
+    assert_alike(*pictures(scene, 512), mean=0.02)
