@@ -278,7 +278,8 @@ class Settings:
     mesh_light: str = _setting(
         "ON",
         "Mesh Lights",
-        "Whether surfaces and volumes that glow light others. With Classic illumination they do not",
+        "Whether surfaces and volumes that glow light others. With Classic illumination they do "
+        "not",
         choices=_MESH_LIGHTS,
     )
     reflections: str = _setting(

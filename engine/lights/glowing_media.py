@@ -1,5 +1,5 @@
-"""Media that glow as lights: lines through them, cut to rods, and points on these by importance, the
-same for all pixels of a sample.
+"""Media that glow as lights: lines through them, cut to rods, and points on these by importance,
+the same for all pixels of a sample.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 LINES, MOST_LINES = 1 << 12, 1 << 16
-"""Through the placements of a thing together: to begin with, and where few of them meet anything."""
+"""Through the placements of a thing together: to begin with, and where few meet anything."""
 FEWEST, MOST = 4, 1 << 10
 """Through a placement, to begin with."""
 MET = 1 << 9
@@ -194,9 +194,7 @@ class _Lines:
         o = (boxes[rows, 0][:, None] + offset).reshape(-1, 3).T
         d = d.reshape(-1, 3).T
         far = (1.02 * sides[:, :1] - at[:, :, 0]).reshape(-1)
-        spans = self._media.spans(
-            IncoherentRays.of(o, d, np.zeros(o.shape[1]), far), "mirror", far
-        )
+        spans = self._media.spans(IncoherentRays.of(o, d, np.zeros(o.shape[1]), far), "mirror", far)
         row = np.repeat(rows, count)
         start, end = np.maximum(spans.start, 0.0), np.minimum(spans.end, far[spans.ray])
         own = np.flatnonzero((spans.row == row[spans.ray]) & (end > start))

@@ -107,7 +107,7 @@ class Rods:
     @staticmethod
     def together(parts: Sequence[Rods]) -> Rods:
         """All of them."""
-        return Rods(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
+        return Rods(*(np.concatenate([getattr(p, name) for p in parts]) for name in _OF_RODS))
 
     @cached_property
     def volumes(self) -> Array:
@@ -121,8 +121,7 @@ class Rods:
 
     def take(self, index: Array) -> Rods:
         """Those at these places."""
-        names = ("ends", "emission", "section", "weight", "light_group")
-        return Rods(*(getattr(self, name)[index] for name in names))
+        return Rods(*(getattr(self, name)[index] for name in _OF_RODS))
 
     def cut(self, parts: Array) -> Rods:
         """Each in so many (m,) of one length."""
@@ -132,6 +131,9 @@ class Rods:
         first, way = whole.ends[:, :1], whole.ends[:, 1:] - whole.ends[:, :1]
         share = np.stack([number, number + 1], 1) / parts[index, None]
         return replace(whole, ends=first + share[..., None] * way)
+
+
+_OF_RODS = ("ends", "emission", "section", "weight", "light_group")
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +175,10 @@ class Light:
     for 1; it reads no attributes, and a DOME has none. textures: what it refers to. radiance: of a
     DOME, times color and strength: (h, w, 3) float32 in the light's axes, equirectangular as
     `engine.lights.dome` says. emitters: of a MESH, whose bounds are size_x, size_y and twice the
-    radius along the light's axes, round its origin. bounces: of a BOUNCED one, rods: of a MEDIUM one, the same. openings:
-    of a DOME, points on which are samples of it too; `Scene.as_lit` finds them. receivers: a bit
-    for each light_set of the instances that it lights, blockers: of those that cast shadows in it.
+    radius along the light's axes, round its origin. bounces, rods: of a BOUNCED and a
+    MEDIUM one, the same. openings: of a DOME, points on which are samples of it too; `Scene.as_lit`
+    finds them. receivers: a bit for each light_set of the instances that it lights, blockers: of
+    those that cast shadows in it.
     motion: (k, 3, 4) float64, k >= 2, world_from_light at even times while the shutter is open;
     None for one that stands still, and of a DOME, MESH, BOUNCED or MEDIUM one. light_group: of
     `Scene.light_groups`, -1 for none; emitters, bounces and rods have their own.

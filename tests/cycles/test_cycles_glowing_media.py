@@ -1,4 +1,4 @@
-"""What volumes that glow light, beside Cycles, where the rays of lit surfaces and smoke find them."""
+"""What volumes that glow light, beside Cycles, where rays of lit surfaces and smoke find them."""
 
 from __future__ import annotations
 

@@ -231,8 +231,8 @@ enum GlintLightFlags {
  * bit for each light_set of the instances that it does not light, passed_sets: of those that its
  * shadow rays pass. level: of a POINT lamp that far points see in clusters with others, where in
  * their tree it is parted from the one before it, 0 to 127 (engine/lights/lamps.py,
- * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH, BOUNCED and MEDIUM
- * lights their triangles and points have one each. */
+ * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH, BOUNCED and
+ * MEDIUM lights their triangles and points have one each. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -445,15 +445,15 @@ typedef struct GlintNeighbour {
  * lamp_shadows: where more than twice as many lamps cast shadows and have no program, a point sends
  * so many of its rays to them, times the samples of a soft one; 0: one to each, up to 1024.
  * bounced_shadows: how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1
- * to bounced_samples; medium_shadows: the same of all of a GLINT_MEDIUM_LIGHT. gather_reach: within that distance, world units, each sample looks along
- * gather_samples rays, 1 to 64, for what throws light on, in place of those points; 0: none does.
- * gather_points: (gather_block², gather_count, 2) of the unit disc, below the directions of those
- * rays, of as many samples as divide gather_count, after which they begin again; row by row for the
- * pixels of squares of the frame, gather_block, 1 to 8, on a side. Those on one surface share what
- * they find, and one of them asks for the points, for all. Null only where gather_reach is 0.
- * gloss_points: null, or (gloss_count, 2) of the unit disc, two for each of as many samples as
- * divide it, after which they begin again: where in wide lobes the rays of two pixels of such a
- * square are reflected; all four share what these bring.
+ * to bounced_samples; medium_shadows: the same of all of a GLINT_MEDIUM_LIGHT. gather_reach: within
+ * that distance, world units, each sample looks along gather_samples rays, 1 to 64, for what throws
+ * light on, in place of those points; 0: none does. gather_points: (gather_block², gather_count, 2)
+ * of the unit disc, below the directions of those rays, of as many samples as divide gather_count,
+ * after which they begin again; row by row for the pixels of squares of the frame, gather_block, 1
+ * to 8, on a side. Those on one surface share what they find, and one of them asks for the points,
+ * for all. Null only where gather_reach is 0. gloss_points: null, or (gloss_count, 2) of the unit
+ * disc, two for each of as many samples as divide it, after which they begin again: where in wide
+ * lobes the rays of two pixels of such a square are reflected; all four share what these bring.
  * neighbours: null where nothing moves, else two, of the frame before and of the one after.
  * occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
@@ -481,14 +481,14 @@ typedef struct GlintRenderSettings {
   const double* gather_points;
   const double* gloss_points;
   const GlintNeighbour* neighbours;
-  uint64_t light_point_count, dome_count, mesh_count, bounced_count, medium_count, lobe_count, lens_point_count,
-      camera_frame_count, scatter_count, occlusion_count, node_point_count, opening_count,
-      opening_point_count, gather_count, gloss_count, passes;
+  uint64_t light_point_count, dome_count, mesh_count, bounced_count, medium_count, lobe_count,
+      lens_point_count, camera_frame_count, scatter_count, occlusion_count, node_point_count,
+      opening_count, opening_point_count, gather_count, gloss_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, medium_samples, medium_shadows, lamp_shadows, occlusion_samples, opening_samples, gather_samples,
-      gather_block;
+      bounced_shadows, medium_samples, medium_shadows, lamp_shadows, occlusion_samples,
+      opening_samples, gather_samples, gather_block;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;

@@ -14,8 +14,8 @@
 
 namespace glint {
 
-/// Many samples of lamps, of bounced light or of media that glow that share the shadow rays of a pixel's sample, and
-/// what points get of them all.
+/// Many samples of lamps, of bounced light or of media that glow that share the shadow rays of a
+/// pixel's sample, and what points get of them all.
 struct SharedLight {
   bool on = false;
   std::vector<uint8_t> takes_part;  // of the scene's lights

@@ -64,7 +64,7 @@ struct RenderPlan : GlintRenderSettings {
   bool mixes_gloss = false;     // they share what wide lobes reflect
   int thread_count = 1;
   SampleTable dome_directions, bounced_points, occlusion_directions, gather_places, gloss_places;
-  SampleTable mesh_points;  // of the first mesh light, and after its mesh_count those of the next
+  SampleTable mesh_points;    // of the first mesh light, and after its mesh_count those of the next
   SampleTable medium_points;  // the same of medium lights
   SampleTable opening_places;  // where there are openings
   size_t lobe_tabled = 1;      // lobe_levels runs of so many lobe_points
@@ -184,8 +184,8 @@ struct RenderPlan : GlintRenderSettings {
       return {0, 0, row[14], row[15], row, nullptr, j == 0, false, group_of_row(row)};
     }
     if (light.is_medium()) {
-      const double* const row = medium_points.row(sample, j) +
-                                kPointColumns * light.table_number * size_t(medium_count);
+      const double* const row =
+          medium_points.row(sample, j) + kPointColumns * light.table_number * size_t(medium_count);
       return {0, 0, 0, 0, row, nullptr, false, false, group_of_row(row)};
     }
     if (light.is_bounced()) {

@@ -50,11 +50,11 @@ struct Light {
       1;  // (anchored length / world length)^2: inverse squares are taken in world units
   double versine = 0;  // 1 - cos of the sun's half angle
   double spot_cosine = -1, spot_sine = 0, spot_blend = 0;
-  Vec3d seen;                // radiance of the visible shape
-  int group = -1;            // of lights, but of those on surfaces; -1 for none
-  int level = -1;            // in the tree of clusters, as GlintLight has it
-  bool extended = false;     // has more than one sample when the settings want them
-  uint32_t number = 0;       // among the scene's lights
+  Vec3d seen;                 // radiance of the visible shape
+  int group = -1;             // of lights, but of those on surfaces; -1 for none
+  int level = -1;             // in the tree of clusters, as GlintLight has it
+  bool extended = false;      // has more than one sample when the settings want them
+  uint32_t number = 0;        // among the scene's lights
   uint32_t table_number = 0;  // of a mesh or medium light, among those of its kind
   size_t first_emitter = 0, emitter_count = 0;  // of the scene's, that are a mesh light
   const ProgramShape* program = nullptr;        // what color is times at each sample; null: 1

@@ -120,7 +120,8 @@ struct LightStage {
   size_t stride;
   int max_specular, specular_columns;
   const int64_t* lit;
-  const double* gloss[3];  // kBouncedSource, kMediumSource: T k of dielectrics' gloss as if matt; or null
+  const double*
+      gloss[3];     // kBouncedSource, kMediumSource: T k of dielectrics' gloss as if matt; or null
   uint32_t* point;  // what follows: a number for each point that the sample reaches, before shadows
   double *o[3], *to[3], *t_max;  // shadow rays, where the light casts any
   double* start_out[3];          // where they leave the surface; null: at `origin`, or nobody asks

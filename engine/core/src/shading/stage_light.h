@@ -306,8 +306,7 @@ size_t with_shape(int shape, Of of) {
 
 size_t light(const LightStage& s) {
   return with_shape<kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource,
-                    kRectangleSource, kSky, kOpenSky, kMeshSource, kBouncedSource,
-                    kMediumSource>(
+                    kRectangleSource, kSky, kOpenSky, kMeshSource, kBouncedSource, kMediumSource>(
       s.shape, [&]<int Shape>() {
         return is_bent(s) ? light_from<Shape, true>(s) : light_from<Shape, false>(s);
       });

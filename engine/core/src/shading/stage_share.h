@@ -141,9 +141,9 @@ bool may_reach(const LampSample& sample, const BlockBounds& b) {
     if (sample.drawn) return true;
     for (size_t c = 0; c < 3; ++c) to[c] = s.end[c] - b.center[c];
   }
-  const double reach = s.shape == kRectangleSource          ? s.size
+  const double reach = s.shape == kRectangleSource                                      ? s.size
                        : s.shape == kPointSource || s.shape == kMediumSource || is_flat ? 0
-                                                            : s.radius;
+                                                                                        : s.radius;
   return may_be_above(b, to, b.radius + reach);
 }
 
