@@ -9,9 +9,19 @@ import pytest
 
 from engine_scenes import at, box_mesh
 from glint.engine import Settings, render
-from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lights.glowing_media import medium_lights, medium_table
-from glint.engine.scene import Instances, Medium, Mesh, Scene, Spheres, World
+from glint.engine.scene import (
+    Input,
+    Instances,
+    Lobe,
+    Material,
+    Medium,
+    Mesh,
+    Scene,
+    Spheres,
+    World,
+)
 from media_scenes import filled
 from test_mesh_light import BACKENDS, DOWN, FLOOR, WHITE, gloss, side_view
 from test_varied_media import Tree
@@ -62,7 +72,7 @@ def test_a_ball_of_gas_lights_the_floor_below_it(height):
     if height == 20:
         assert below_a_ball(height) == pytest.approx(4 / 3 / height**2, rel=1e-2)
     np.testing.assert_allclose(
-        drawn(wanted) / (RGB * below_a_ball(height)), 1.0, rtol=0.01 if height > 1.2 else 0.03
+        drawn(wanted) / (RGB * below_a_ball(height)), 1.0, rtol=0.01 if height > 1.2 else 0.06
     )
 
 
@@ -79,7 +89,7 @@ def test_few_points_are_near(backend):
     np.testing.assert_allclose(value / (RGB * below_a_ball(2.0)), 1.0, rtol=0.03)
 
 
-@pytest.mark.parametrize(("samples", "near"), [(16, 0.12), (64, 0.06), (1024, 0.02)])
+@pytest.mark.parametrize(("samples", "near"), [(16, 0.2), (64, 0.12), (1024, 0.02)])
 def test_within_gas_light_is_finite_and_right(samples, near):
     """In the middle of a ball of gas half of the directions see a way of its radius."""
     value = drawn(scene((UNIT, at((0, 0, 0)))), samples=samples)
@@ -109,27 +119,52 @@ def hall(floor=WHITE, **more) -> Scene:
     return scene(*things, medium=medium, floor=floor, camera=side_view(), world=haze, **more)
 
 
-@pytest.mark.parametrize("exponent", [4.0, 300.0])
-@pytest.mark.parametrize("reflections", ["OFF", "ALL"])
-def test_both_tracers_see_the_same(exponent, reflections):
-    wanted = hall(gloss(exponent))
-    settings = {"samples": 2, "filter_width": 1.5, "reflections": reflections, "max_bounces": 1}
+PAINT = Material(
+    "paint",
+    (
+        Lobe("DIFFUSE", (Input((0.5, 0.4, 0.3)),)),
+        Lobe("SHEEN", (Input((0.2, 0.2, 0.1)),), 0.6, masking=0.2),
+        Lobe("TRANSLUCENT", (Input((0.1, 0.1, 0.2)),)),
+        Lobe("SPECULAR", (Input((3.0,) * 3),), 30.0, ior=1.5, fresnel=True, masking=0.3),
+    ),
+)
+
+
+@pytest.mark.parametrize("floor", [gloss(300.0), PAINT])
+@pytest.mark.parametrize(
+    "more", [{"reflections": "OFF"}, {"reflections": "ALL", "diffuse_bounces": 2}]
+)
+def test_both_tracers_see_the_same(floor, more):
+    wanted = hall(floor)
+    settings = {"samples": 2, "filter_width": 1.5, "max_bounces": 1, **more}
     core, reference = (drawn(wanted, backend, **settings) for backend in BACKENDS)
     assert reference.max() > 0.3
     wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
     assert wrong.any(2).mean() <= 0.002
 
 
+def test_paint_shows_gas_evenly_where_no_rays_do():
+    wanted = scene((UNIT, at((0, 0, 2))), floor=PAINT)
+    matt = scene((UNIT, at((0, 0, 2))), floor=replace(PAINT, lobes=PAINT.lobes[:3]))
+    shown, plain = (drawn(each, samples=4, reflections="OFF") for each in (wanted, matt))
+    assert (shown > 1.02 * plain).all()
+    floor, gas = wanted.instances
+    hidden = replace(wanted, instances=(floor, replace(gas, visible_mirror=False)))
+    np.testing.assert_allclose(drawn(hidden, samples=4, reflections="OFF"), plain, rtol=1e-6)
+
+
 def test_explain_tells_all_of_a_pixel():
-    wanted, named = hall(gloss(4.0)), set()
-    settings = Settings(samples=1, light_samples=2, filter_width=0.0)
+    """Where nothing is in the way, as all that is asked for is looked for."""
+    wanted = scene((UNIT, at((0.2, 0.1, 1.4))), floor=PAINT, camera=side_view())
+    settings = Settings(samples=1, light_samples=1, filter_width=0.0)
     picture = render(wanted, settings).passes["Combined"]
-    explainer = PixelExplainer(wanted, settings)
+    explainer, named = PixelExplainer(wanted, settings), set()
     for x, y in ((12, 12), (5, 3), (20, 9)):
         ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
         named |= {term.light for term in (ray.hit.lights if ray.hit else ())}
     assert named == {"Glowing media"}
-    assert picture[..., :3].max() > 0
+    assert any("4 of 32 points of glowing media" in line for line in explanation_lines(ray))
 
 
 # --- what becomes of what glows
