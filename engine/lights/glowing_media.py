@@ -28,7 +28,7 @@ LINES, MOST_LINES = 1 << 12, 1 << 16
 """Through the placements of a thing together: to begin with, and where few meet anything."""
 FEWEST, MOST = 4, 1 << 10
 """Through a placement, to begin with."""
-MET = 1 << 9
+MET = 1 << 10
 """Lines that meet what glows, if that can be."""
 LONGEST = 1 / 16
 """Of a rod, over the longest side of the box round its placement."""
@@ -179,7 +179,7 @@ def _rods(scene: Scene, block: Instances, origin: Array) -> Rods:
     lines = _Lines(media, block.light_group, _step(filled.medium))
     count = int(np.clip(LINES // max(len(block.world_from_object), 1), FEWEST, MOST))
     rods, met = lines.rods(count)
-    if 0 < met < MET and len(block.world_from_object) * count < MOST_LINES:
+    if 0 < 2 * met < MET and len(block.world_from_object) * count < MOST_LINES:
         most = max(MOST_LINES // len(block.world_from_object), count)
         rods, _ = lines.rods(min(count * -(-MET // met), most))
     return rods

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from glint.engine.scene import (
     World,
 )
 from media_scenes import filled
+from native_tools import hashes_with
 from test_mesh_light import BACKENDS, DOWN, FLOOR, WHITE, gloss, side_view
 from test_varied_media import Tree
 
@@ -293,6 +295,38 @@ def test_the_same_bits_however_many_threads_and_wherever_the_border():
     np.testing.assert_array_equal(whole, drawn(wanted, samples=4, threads=3))
     part = drawn(wanted, samples=4, region=(5, 3, 17, 20))
     np.testing.assert_array_equal(whole[3:20, 5:17], part)
+
+
+def hashes() -> str:
+    return hashlib.sha256(drawn(hall(PAINT), samples=4, diffuse_bounces=1).tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("isa", ["sse42", "avx2"])
+def test_instruction_sets_change_nothing(isa):
+    assert hashes_with("test_glowing_media", isa) == hashes()
+
+
+def test_pixels_that_may_stop_take_as_many_samples_in_both_tracers():
+    wanted = scene((UNIT, at((0.5, 0.6, 0.4), 0.3)), floor=PAINT, camera=side_view())
+    settings = {"samples": 64, "error_threshold": 8.0, "light_samples": 1}
+    passes = frozenset({"Samples", "Cost"})
+    one, other = (
+        render(wanted, Settings(**settings, backend=backend, passes=passes)).passes
+        for backend in BACKENDS
+    )
+    assert 8 < one["Samples"].mean() < 60
+    for name in passes:
+        assert (one[name] != other[name]).mean() < 0.01
+
+
+def test_catchers_show_the_light_of_gas_and_their_own_glow_lights_nothing():
+    wanted = scene((UNIT, at((0, 0, 1.4))), camera=side_view())
+    floor, gas = wanted.instances
+    caught = replace(wanted, instances=(replace(floor, catcher=True), gas))
+    one, other = (drawn(caught, backend, samples=2) for backend in BACKENDS)
+    np.testing.assert_allclose(one, other, atol=1e-5)
+    dark = replace(wanted, instances=(floor, replace(gas, catcher=True)))
+    assert not medium_lights(dark)
 
 
 def test_a_scene_without_glowing_media_has_no_such_light():
