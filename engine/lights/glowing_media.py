@@ -32,6 +32,8 @@ MET = 1 << 10
 """Lines that meet what glows, if that can be."""
 LONGEST = 1 / 16
 """Of a rod, over the longest side of the box round its placement."""
+LEAST = 1e-12
+"""Of the power of the strongest rod: weaker ones have no points."""
 RUNS = 1 << 8
 """Of rods that are as likely to have points, beside their power."""
 LEAST_LEFT = 0.05
@@ -99,7 +101,8 @@ def _light(scene: Scene, blocks: list[Instances]) -> Light | None:
     rods = Rods.together(parts)
     with np.errstate(over="ignore", invalid="ignore"):
         given = rods.weight * rods.volumes
-    good = np.flatnonzero((given > 0) & np.isfinite(given))
+    given = np.where(np.isfinite(given), given, 0.0)
+    good = np.flatnonzero(given > LEAST * given.max(initial=0.0))
     if not len(good):
         return None
     order = good[along_a_curve(rods.ends[good].mean(1))]

@@ -219,6 +219,38 @@ def test_one_light_for_those_that_light_the_same():
         assert len(medium_lights(apart)) == 2
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_gas_lights_what_it_is_linked_to_in_the_shadows_of_what_it_is_linked_to(backend):
+    lid = Mesh("lid", FLOOR.vertices + np.float32([0, 0, 0.5]), FLOOR.triangles)
+    wanted = scene((UNIT, at((0, 0, 2))))
+    floor, gas = wanted.instances
+    roof = Instances("lid", 2, np.eye(3, 4)[None], (0,), light_set=1, visible_camera=False)
+    wanted = replace(wanted, geometries=(*wanted.geometries, lid))
+    for links, lit in (
+        ({}, False),
+        ({"blockers": 1}, True),
+        ({"blockers": 1, "receivers": 2}, False),
+    ):
+        things = floor, replace(gas, **links), roof
+        found = drawn(replace(wanted, instances=things), backend, samples=2)
+        assert found.any() == lit
+
+
+@pytest.mark.parametrize("around", [0.0, 1.0])
+def test_both_tracers_see_the_same_from_within(around):
+    """The camera is in gas that scatters its own light, or in a world that does."""
+    medium = Medium((0.1,) * 3, (0.3,) * 3, (0.4, 0.2, 0.1))
+    world = World(medium=Medium(scattering=(0.1 * around,) * 3)) if around else World()
+    wanted = scene((UNIT, at((0, -3, 3), 2.5)), medium=medium, camera=side_view(12), world=world)
+    wanted = replace(
+        wanted, instances=tuple(replace(x, visible_camera=True) for x in wanted.instances)
+    )
+    core, reference = (drawn(wanted, backend, samples=2) for backend in BACKENDS)
+    np.testing.assert_allclose(core, reference, rtol=1e-4, atol=1e-5)
+    unlit = drawn(wanted, samples=2, mesh_light="OFF")
+    assert (core > 1.01 * unlit).all()
+
+
 def test_visibility_keeps_light_off_matt_surfaces():
     wanted = scene((UNIT, at((0, 0, 2))))
     dark = replace(wanted.instances[1], visible_diffuse=False)
