@@ -17,7 +17,7 @@ from .dome import LARGEST
 from .mesh_lights import MeshTable, along_a_curve, box_light
 from .met_surfaces import joined
 from .same import Same
-from .walk_media import Surfaces, camera_at, walk_media
+from .walk_media import Surfaces, camera_at
 
 if TYPE_CHECKING:
     from ..reference.media import Media
@@ -34,12 +34,6 @@ LONGEST = 1 / 16
 """Of a rod, over the longest side of the box round its placement."""
 LEAST = 1e-12
 """Of the power of the strongest rod: weaker ones have no points."""
-RUNS = 1 << 8
-"""Of rods that are as likely to have points, beside their power."""
-LEAST_LEFT = 0.05
-"""Share of their light that is taken to get out of what dims it, at least."""
-MOST_DIMMED = 64
-"""Placements of which it is looked for: runs would have rods of several."""
 FINEST = 1 / 64
 """Steps in media that vary, as of `Medium.step`."""
 SHIFTS = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])
@@ -106,7 +100,7 @@ def _light(scene: Scene, blocks: list[Instances]) -> Light | None:
     if not len(good):
         return None
     order = good[along_a_curve(rods.ends[good].mean(1))]
-    rods, block = _seen_from_outside(scene, blocks, rods.take(order), first), blocks[0]
+    rods, block = rods.take(order), blocks[0]
     light, shift = box_light("Glowing media", "MEDIUM", rods.ends.reshape(-1, 3), first)
     return replace(
         light,
@@ -117,29 +111,6 @@ def _light(scene: Scene, blocks: list[Instances]) -> Light | None:
         lights_gloss=block.visible_mirror,
         lights_media=block.visible_media,
     )
-
-
-def _seen_from_outside(scene: Scene, blocks: list[Instances], rods: Rods, origin: Array) -> Rods:
-    """Less likely where media that glow dim what leaves them: runs of rods, which lie along a
-    curve, each by what gets out from the middle of one.
-    """
-    media = [scene.medium_of(block) for block in blocks]
-    dims = any(m and (any(m.extinction) or m.program is not None) for m in media)
-    if not dims or sum(len(block.world_from_object) for block in blocks) > MOST_DIMMED:
-        return rods
-    around = walk_media(replace(scene, instances=tuple(map(_shown, blocks))), origin)
-    assert around is not None
-    count = len(rods.volumes)
-    runs = min(RUNS, count)
-    run = np.arange(count) * runs // count
-    x = rods.ends[np.searchsorted(run, np.arange(runs))].mean(1).T
-    far = 2 * np.linalg.norm(np.ptp(rods.ends.reshape(-1, 3), 0))
-    directions = np.concatenate([np.eye(3), -np.eye(3)])
-    left = np.zeros(runs)
-    for d in directions:
-        along = np.repeat(d[:, None], runs, 1)
-        left += around.passed(x, along, np.full(runs, far)).mean(0) / len(directions)
-    return replace(rods, weight=rods.weight * np.maximum(left, LEAST_LEFT)[run])
 
 
 def _shown(block: Instances) -> Instances:

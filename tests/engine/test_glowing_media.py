@@ -82,7 +82,8 @@ def test_a_ball_of_gas_lights_the_floor_below_it(height):
 def test_gas_takes_of_its_own_light(sigma):
     medium = replace(GAS, absorption=(sigma,) * 3)
     value = drawn(scene((UNIT, at((0, 0, 1.5))), medium=medium))
-    np.testing.assert_allclose(value / (RGB * below_a_ball(1.5, sigma)), 1.0, rtol=0.02)
+    near = 0.02 if sigma < 3 else 0.07
+    np.testing.assert_allclose(value / (RGB * below_a_ball(1.5, sigma)), 1.0, rtol=near)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
