@@ -43,7 +43,7 @@ _MESH_LIGHTS = (
     (
         "ON",
         "On",
-        "For most pictures: screens, panels and bulbs with emission light what is round them, with "
+        "For most pictures: screens, bulbs and fire with emission light what is round them, with "
         "soft shadows. Takes shadow rays where something glows",
     ),
     ("OFF", "Off", "For quick pictures: what glows is seen, and lights nothing. Costs nothing"),
@@ -112,6 +112,8 @@ BOUNCED_SHARE = 16
 """The same of a BOUNCED light: all that is lit."""
 BOUNCED_SHADOWS = 4
 """So many shadow rays these share."""
+MEDIUM_SHARE, MEDIUM_SHADOWS = 32, 4
+"""The same of a MEDIUM light, in which near points count most: all that glows, and their rays."""
 MOST_BOUNCED = 256
 """Light samples from which on they are no more: there are some 2¹³ points in all."""
 BUILDS = ACCELERATIONS[1:]
@@ -276,7 +278,8 @@ class Settings:
     mesh_light: str = _setting(
         "ON",
         "Mesh Lights",
-        "Whether surfaces that glow light others. With Classic illumination they do not",
+        "Whether surfaces and volumes that glow light others. With Classic illumination they do "
+        "not",
         choices=_MESH_LIGHTS,
     )
     reflections: str = _setting(
@@ -368,6 +371,16 @@ class Settings:
     def bounced_shadows(self) -> int:
         """Shadow rays that the points of a BOUNCED light share for each sample of a pixel."""
         return BOUNCED_SHADOWS * min(self.light_samples, MOST_BOUNCED)
+
+    @property
+    def medium_samples(self) -> int:
+        """Points of a MEDIUM light for each sample of a pixel."""
+        return MEDIUM_SHARE * min(self.light_samples, MOST_BOUNCED)
+
+    @property
+    def medium_shadows(self) -> int:
+        """Shadow rays that these share for each sample of a pixel."""
+        return MEDIUM_SHADOWS * min(self.light_samples, MOST_BOUNCED)
 
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""

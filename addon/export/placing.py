@@ -102,7 +102,7 @@ def note_catchers(
     for block in instances:
         if not block.catcher or block.holdout:
             continue
-        kinds = {lobe.kind for k in block.materials for lobe in materials[k].lobes}
+        kinds = {kind for k in block.materials for kind in _kinds(materials[k])}
         if not kinds.isdisjoint({"MIRROR", "REFRACTION"}):
             report.note(
                 "Shadow catchers show no reflections, and nothing through glass: {}; render what "
@@ -113,6 +113,12 @@ def note_catchers(
             report.note("Shadow catchers that glow light nothing: {}; put a lamp there", block.name)
 
 
+def _kinds(material: Material) -> set[str]:
+    """Of its lobes; EMISSION where its medium glows."""
+    glows = material.medium is not None and material.medium.emits
+    return {lobe.kind for lobe in material.lobes} | ({"EMISSION"} if glows else set())
+
+
 def note_linked_glow(
     instances: tuple[Instances, ...], materials: Sequence[Material], report: Report
 ) -> None:
@@ -120,7 +126,7 @@ def note_linked_glow(
     linked = [block for block in instances if block.receivers != EVERYTHING]
     if not linked:
         return
-    kinds = [{lobe.kind for lobe in material.lobes} for material in materials]
+    kinds = list(map(_kinds, materials))
     worn = {k for block in instances for k in block.materials}
     mirrors = any(not kinds[k].isdisjoint({"MIRROR", "REFRACTION"}) for k in worn)
     for block in linked if mirrors else ():

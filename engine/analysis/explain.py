@@ -88,6 +88,7 @@ def _sharing(hit: Hit | None) -> list[str]:
         for (rays, samples), of in (
             (hit.shared, "samples of lamps (Lamp Shadows)"),
             (hit.shared_bounced, "points of bounced light"),
+            (hit.shared_media, "points of glowing media"),
         )
         if samples
     ]

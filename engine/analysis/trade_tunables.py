@@ -46,7 +46,9 @@ def has_soft_lights(scene: Scene, settings: Settings) -> bool:
     of an extent, the sky, what glows, what is lit.
     """
     lit = settings.lighting
-    glows = any(lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes)
+    glows = scene.has_glowing_media or any(
+        lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes
+    )
     sky = any(light.kind == "DOME" for light in scene.lights)
     return (
         bool(glows and lit["by_meshes"])
@@ -80,7 +82,7 @@ def has_many_lamps(scene: Scene, settings: Settings) -> bool:
 
 def has_fog(scene: Scene, settings: Settings) -> bool:
     """Whether media scatter light."""
-    return scene.scatters and bool(scene.lights)
+    return scene.scatters and (bool(scene.lights) or scene.has_glowing_media)
 
 
 TUNABLES = (

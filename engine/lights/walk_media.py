@@ -27,20 +27,23 @@ BEYOND = 1 + 2.0**-40
 """Of the way to a surface, from where the next one is sought."""
 
 
+def camera_at(eye: Array) -> Camera:
+    """Any camera there."""
+    frame = np.column_stack([np.eye(3), eye])
+    return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
+
+
 def walk_media(scene: Scene, origin: Array) -> WalkMedia | None:
     """None where there are no media."""
     enclosing = tuple(block for block in scene.instances if scene.medium_of(block) is not None)
     if not enclosing and scene.world.medium is None:
         return None
-    camera = Camera(
-        "PERSPECTIVE", np.column_stack([np.eye(3), origin]), (-1.0, 1.0, -1.0, 1.0), (1, 1)
-    )
     world = scene.world
     if world.medium is not None:
         world = replace(world, medium=replace(world.medium, step=COARSE * world.medium.step))
     alone = replace(
         scene,
-        camera=camera,
+        camera=camera_at(origin),
         world=world,
         materials=tuple(map(_coarse, scene.materials)),
         instances=enclosing,
@@ -66,7 +69,7 @@ class WalkMedia:
         from ..reference.geometry import gather
         from ..reference.media import Media
 
-        surfaces = _Surfaces(scene.geometries, scene.instances, gather(scene, origin), origin)
+        surfaces = Surfaces(scene.geometries, scene.instances, gather(scene, origin), origin)
         self._media: Media = Media(scene, Attributes(scene), surfaces)
 
     def passed(self, x: Array, d: Array, way: Array) -> Array:
@@ -80,7 +83,7 @@ class WalkMedia:
         return self._media.passed(self._media.spans(rays, "shadow", way), near, way)
 
 
-class _Surfaces:
+class Surfaces:
     """What encloses media, as `Visibility` has it, met by the queries of an `Accelerator`: one for
     each block, so that no surface hides another one that lies in it.
     """

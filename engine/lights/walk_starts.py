@@ -14,6 +14,7 @@ import numpy as np
 from ..sampling import chosen, concentric_disc, walk_points
 from ..scene import EVERYTHING, Camera, Geometry, Light, Mesh, Openings, Scene, Spheres, Strands
 from .dome import dome_table
+from .glowing_media import medium_table
 from .mesh_lights import mesh_table
 from .openings import points_on
 
@@ -94,6 +95,11 @@ def _power(light: Light, far: _Far) -> float:
         assert e is not None
         with np.errstate(over="ignore", invalid="ignore"):
             return float(np.pi * e.areas @ (np.abs(e.front) + np.abs(e.back)).mean(1))
+    if light.kind == "MEDIUM":
+        rods = light.rods
+        assert rods is not None
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(4 * np.pi * rods.volumes @ np.abs(rods.emission).mean(1))
     given = float(np.abs(_color(light)).mean())
     if light.kind == "SUN":
         return given * far.section
@@ -113,6 +119,8 @@ def _start(
     """n walks. openings: of rooms, which light from afar comes in by, counted from the origin."""
     if light.kind == "MESH":
         yield _from_mesh(light, origin, n)
+    elif light.kind == "MEDIUM":
+        yield _from_medium(light, origin, n)
     elif light.kind == "DOME":
         table = dome_table(light, n, 1)
         given = table.light[:, :3].T
@@ -145,6 +153,18 @@ def _from_mesh(light: Light, origin: Array, n: int) -> Start:
         cosine_around(normal, *u.T),
         lambda x, number: given[:, number],
         table.light_group,
+    )
+
+
+def _from_medium(light: Light, origin: Array, n: int) -> Start:
+    table = medium_table(light, n, 1)
+    frame = np.asarray(light.world_from_light, np.float64)
+    point = frame[:, :3] @ table.point.T + (frame[:, 3] - origin)[:, None]
+    given = (4 * table.front * table.spread[:, None] / n).T
+    u = walk_points(n, 255)[: len(point.T)]
+    up = np.repeat(np.array([[0.0], [0.0], [1.0]]), len(point.T), 1)
+    return Start(
+        point, _cone(up, -1.0, *u.T), lambda x, number: given[:, number], table.light_group
     )
 
 

@@ -10,6 +10,7 @@ from ..errors import SceneError
 from ..film import OCCLUSION, PASSES
 from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
 from ..lights.dome import dome_table
+from ..lights.glowing_media import medium_table
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable, mesh_table
 from ..lights.openings import opening_table
@@ -96,6 +97,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         if light.kind == "BOUNCED":
             _add_bounced(data, packer, light, settings)
     _add_meshes(data, packer, [x for x in scene.lights if x.kind == "MESH"], settings)
+    _add_media(data, packer, [x for x in scene.lights if x.kind == "MEDIUM"], settings)
     if scene.camera.lens:
         _add_lens(data, packer, scene.camera.lens, settings)
     data.moving = is_moving(scene)
@@ -158,6 +160,18 @@ def _add_meshes(
     rows = np.concatenate([_point_rows(table) for table in tables])
     data.mesh_table = address(packer.lend(rows, np.float64, (None, 18), "mesh light samples"))
     data.mesh_count, data.mesh_samples = len(rows) // len(lights), tables[0].each
+
+
+def _add_media(
+    data: core_types.RenderSettingsData, packer: Packer, lights: list[Light], settings: Settings
+) -> None:
+    if not lights:
+        return
+    tables = [medium_table(light, settings.samples, settings.medium_samples) for light in lights]
+    rows = np.concatenate([_point_rows(table) for table in tables])
+    data.medium_table = address(packer.lend(rows, np.float64, (None, 18), "medium light samples"))
+    data.medium_count, data.medium_samples = len(rows) // len(lights), tables[0].each
+    data.medium_shadows = settings.medium_shadows
 
 
 def _add_bounced(

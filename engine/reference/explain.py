@@ -287,6 +287,7 @@ class Explainer:
             else None,
             shared=(stage.lighting.marks, stage.shared_samples),
             shared_bounced=stage.shared_bounced,
+            shared_media=stage.shared_media,
             turns=self._block.turns if is_first else 1,
             open=_numbers(openness(stage, surface, 0, lambda: None)[:, 0])
             if paths.depth == 0 and self._looks_round

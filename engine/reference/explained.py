@@ -50,10 +50,11 @@ class Hit:
     here.  caught: of a shadow catcher that the camera sees, the share of its light that other
     things leave to it; None elsewhere.  moved: (4,) pixels, as the pass Vector has them; None
     where the scene has no neighbours.  shared: of how many shadow rays of a sample how many
-    samples of lamps have a share; zeros where each has its own.  shared_bounced: the same of points
-    of bounced light; zeros without one.  turns: of how many pixels one asks for these in a sample,
-    for all of them.  open: the share of an even sky, as the pass Ambient
-    Occlusion has it of one sample; None where it is not asked for.
+    samples of lamps have a share; zeros where each has its own.
+    shared_bounced, shared_media: the same of points of bounced light and of glowing media; zeros
+    without such.  turns: of how many pixels one asks for those of bounced light in a sample, for
+    all of them.  open: the share of an even sky, as the pass Ambient Occlusion has it of one
+    sample; None where it is not asked for.
     """
 
     thing: str
@@ -73,6 +74,7 @@ class Hit:
     moved: Numbers | None = None
     shared: tuple[int, int] = (0, 0)
     shared_bounced: tuple[int, int] = (0, 0)
+    shared_media: tuple[int, int] = (0, 0)
     turns: int = 1
     open: Numbers | None = None
 

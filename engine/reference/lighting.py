@@ -17,6 +17,7 @@ from .blocks import PointShares
 from .bumps import bump_shadow
 from .cancellation import Cancellation
 from .gloss import Narrow, even_gloss
+from .glowing_media import MediumSource
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
@@ -30,6 +31,9 @@ from .terminator import lowered, mean_lowered
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
+
+ASK_FEW = BouncedSource, MediumSource
+"""Of whose points some are asked for their shadows, for all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +73,8 @@ class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
     of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
-    bounced_marks: how many the points of bounced light share.  reflecting: what reflected rays show
-    of gloss, which shows bounced light evenly but for that.
+    bounced_marks, medium_marks: how many the points of bounced light, and of media, share.
+    reflecting: what reflected rays show of gloss, which shows their light evenly but for that.
     catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
     many light is told apart by.  reach: how far gather rays look for what bounced light has the
     rest of; 0 where there are none.  gathered: these are surfaces that they found.  first_rod: the
@@ -85,6 +89,7 @@ class Lighting:
     sets: Array
     marks: int = 0
     bounced_marks: int = 1
+    medium_marks: int = 1
     catchers_alone: bool = False
     light_groups: int = 0
     reflecting: str = "OFF"
@@ -98,9 +103,16 @@ class Lighting:
         """Of lights that have tables."""
         tabled = (Dome, MeshSource)
         parts = [s.in_parts(FEW_PARTS) if isinstance(s, tabled) else s for s in self.sources]
-        shared = [s.parts for s in parts if isinstance(s, BouncedSource)]
-        marks = max(self.bounced_marks // max(shared, default=1), 1)
-        return replace(self, sources=tuple(parts), bounced_marks=marks)
+
+        def marks(kind: type[MeshSource], of_all: int) -> int:
+            divisors = (s.parts for s in parts if isinstance(s, kind))
+            return max(of_all // max(divisors, default=1), 1)
+
+        bounced, media = (
+            marks(BouncedSource, self.bounced_marks),
+            marks(MediumSource, self.medium_marks),
+        )
+        return replace(self, sources=tuple(parts), bounced_marks=bounced, medium_marks=media)
 
     @cached_property
     def of_strands(self) -> Lighting:
@@ -120,14 +132,12 @@ class Lighting:
 
     @cached_property
     def scattered_sources(self) -> tuple[Source, ...]:
-        """Those that light media: each point has a ray of its own there, so bounced light has
-        fewer.
+        """Those that light media: each point has a ray of its own there, so those of which few are
+        asked elsewhere have fewer.
         """
-        return tuple(
-            source.fewer(self.bounced_marks) if isinstance(source, BouncedSource) else source
-            for source in self.sources
-            if source.light.lights_media
-        )
+        marks = {BouncedSource: self.bounced_marks, MediumSource: self.medium_marks}
+        lit = (source for source in self.sources if source.light.lights_media)
+        return tuple(s.fewer(marks[type(s)]) if isinstance(s, ASK_FEW) else s for s in lit)
 
     def lights(self, source: Source, surface: Surface) -> Array:
         """(n,) bool: points of instances that a light is for."""
@@ -233,26 +243,21 @@ class Lighting:
             yield brought, light_sample, is_drawn
 
     def _shares(self, source: Source) -> bool:
-        return isinstance(source, BouncedSource) or (self.marks > 0 and may_share(source.light))
+        return isinstance(source, ASK_FEW) or (self.marks > 0 and may_share(source.light))
 
     def _groups(self, at: _Receivers, total: DirectLight) -> Iterator[Sharing]:
         """Lamps that share shadow rays, and bounced light, the points of which do."""
         if self.marks:
-            yield Sharing(
-                lambda: self._lamps(at),
-                self.marks,
-                total.lit_diffuse,
-                total.lit_specular,
-            )
+            lit = total.lit_diffuse, total.lit_specular
+            yield Sharing(lambda: self._lamps(at), self.marks, *lit)
         bounced = [(x, None) for x in self.sources if isinstance(x, BouncedSource)]
         if bounced:
-            yield Sharing(
-                lambda: bounced,
-                self.bounced_marks,
-                total.lit_bounced,
-                total.lit_glossy_bounced,
-                at.shares,
-            )
+            lit = total.lit_bounced, total.lit_glossy_bounced
+            yield Sharing(lambda: bounced, self.bounced_marks, *lit, at.shares)
+        media = [(x, None) for x in self.sources if isinstance(x, MediumSource)]
+        if media:
+            lit = total.lit_diffuse, total.lit_specular
+            yield Sharing(lambda: media, self.medium_marks, *lit)
 
     def _share(
         self,
@@ -410,7 +415,7 @@ class Lighting:
 
     def even_gloss(self, source: Source, surface: Surface, coefficients: Coefficients) -> Array:
         """(3, n) what gloss gives back of a light as if it were matt."""
-        if not isinstance(source, BouncedSource):
+        if not isinstance(source, ASK_FEW):
             return np.zeros((3, len(surface)))
         return even_gloss(dot(surface.n, surface.v), coefficients.highlights, self.reflecting)
 

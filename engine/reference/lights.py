@@ -163,7 +163,7 @@ class Source:
     def is_extended(self) -> bool:
         """Whether it has an extent to sample."""
         light = self.light
-        if light.kind in ("DOME", "MESH", "BOUNCED"):
+        if light.kind in ("DOME", "MESH", "BOUNCED", "MEDIUM"):
             return True
         if light.kind == "AREA":
             return light.size_x > 0 or light.size_y > 0

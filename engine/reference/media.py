@@ -159,7 +159,7 @@ class Surfaces(Protocol):
 
 class Media:
     """The media of a scene, as rays meet them. moment: what those have in common that are made of
-    one.
+    one. boxes: (r, 2, 3) lower and upper corners round the rows of the placements.
     """
 
     def __init__(self, scene: Scene, attributes: Attributes, visibility: Surfaces):
@@ -174,7 +174,7 @@ class Media:
         found = np.array([medium is not None for medium in inside], bool)
         of_block = np.where(found, number - 1 + np.cumsum(found), -1)
         self._of_row = of_block[placements.block]
-        self._boxes = _boxes(scene, self._geometry, self._of_row)
+        self.boxes = _boxes(scene, self._geometry, self._of_row)
         self._matter = Matter.of(self._media)
         self._scatters = np.array([medium.scatters for medium in self._media], bool)
         self._shines = np.ones(len(self._media), bool)
@@ -224,7 +224,7 @@ class Media:
         spans = [(everywhere, np.full(len(everywhere), self._world), -1, -np.inf, np.inf)]
         if (self._of_row >= 0).any() and n:
             ray, row, start, end = self._inside(rays, kind)
-            start, end = _clipped(origin[:, ray], along[:, ray], self._boxes[row], start, end)
+            start, end = _clipped(origin[:, ray], along[:, ray], self.boxes[row], start, end)
             spans.append((ray, self._of_row[row], row, start, end))
         sizes = [len(span[0]) for span in spans]
         columns = zip(*spans, strict=True)
@@ -239,7 +239,7 @@ class Media:
         lines = origin, along
         kind = "mirror" if kind in ("transmission", "diffuse") else kind  # as programs have it
         return self._marching.marched(
-            spans, self._boxes, lines, rays.near, far, self.moment.sample, kind
+            spans, self.boxes, lines, rays.near, far, self.moment.sample, kind
         )
 
     def depth(self, spans: Spans, near: Array, far: Array) -> Array:

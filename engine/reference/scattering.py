@@ -120,7 +120,7 @@ class Aim:
 def nearness(source: Source, point: LightPoint) -> float:
     """Half of how near a light is before it seems no brighter."""
     light = source.light
-    if light.kind in ("MESH", "BOUNCED"):
+    if light.kind in ("MESH", "BOUNCED", "MEDIUM"):
         return source.least_distance(point) / 2
     if light.kind == "AREA":
         return float(np.hypot(light.size_x, light.size_y)) / 4

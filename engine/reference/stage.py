@@ -13,6 +13,7 @@ from ..cryptomatte import id_bits
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
 from ..lights.dome import dome_table
+from ..lights.glowing_media import medium_table
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import gather_points, gloss_points, light_points, lobe_points, scatter_offsets
@@ -23,6 +24,7 @@ from .camera import CameraRays
 from .cancellation import Cancellation
 from .emission import Emission
 from .geometry import gather
+from .glowing_media import MediumSource
 from .lighting import Lighting
 from .lights import CENTER, LightPoint, Source
 from .materials import Shader
@@ -65,6 +67,9 @@ class Stage:
         asked, points = settings.bounced_shadows, settings.bounced_samples
         bounced = any(light.kind == "BOUNCED" for light in scene.lights)
         self.shared_bounced = (asked, points) if bounced else (0, 0)
+        media = any(light.kind == "MEDIUM" for light in scene.lights)
+        of_media = settings.medium_shadows, settings.medium_samples
+        self.shared_media = of_media if media else (0, 0)
         self.media = Media(scene, self.attributes, self.visibility)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
         self.shadows = shadows
@@ -77,6 +82,7 @@ class Stage:
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
             shared_rays(scene.lights, settings),
             asked,
+            medium_marks=settings.medium_shadows,
             light_groups=len(scene.light_groups),
             reflecting=settings.reflecting,
             first_rod=self.geometry.first_rod,
@@ -214,6 +220,9 @@ class Stage:
         if light.kind == "MESH":
             table = mesh_table(light, samples, self.settings.mesh_samples)
             return MeshSource(light, self.eye, table)
+        if light.kind == "MEDIUM":
+            table = medium_table(light, samples, self.settings.medium_samples)
+            return MediumSource(light, self.eye, table)
         if light.kind == "BOUNCED":
             table = bounced_table(light, samples, self.settings.bounced_samples)
             return BouncedSource(light, self.eye, table)

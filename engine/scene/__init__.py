@@ -22,7 +22,7 @@ from .model_geometry import (
     Spheres,
     Strands,
 )
-from .model_lights import LIGHT_SHAPES, LIGHTS, Bounces, Emitters, Light, Openings
+from .model_lights import LIGHT_SHAPES, LIGHTS, Bounces, Emitters, Light, Openings, Rods
 from .model_surfaces import (
     BUMP_SHADOWING,
     CHANNELS,
@@ -70,6 +70,7 @@ __all__ = [
     "Mist",
     "Openings",
     "Polygons",
+    "Rods",
     "Scene",
     "SceneDelta",
     "Spheres",

@@ -56,6 +56,8 @@ def light_problems(light: Light) -> Found:
         yield "kind 'MESH' is made by the tracers: give surfaces EMISSION"
     if light.kind == "BOUNCED":
         yield "kind 'BOUNCED' is made by the tracers: set diffuse_bounces"
+    if light.kind == "MEDIUM":
+        yield "kind 'MEDIUM' is made by the tracers: give media emission"
     if light.program is not None:
         yield from _light_program(light, light.program)
     yield from one_of("shape", light.shape, LIGHT_SHAPES)

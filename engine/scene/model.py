@@ -155,6 +155,7 @@ class Scene:
         that stays.
         """
         from ..lights.bounced_light import bounced_light
+        from ..lights.glowing_media import medium_lights
         from ..lights.lamps import in_order
         from ..lights.mesh_lights import mesh_lights
         from ..lights.openings import opened
@@ -169,7 +170,7 @@ class Scene:
                 scene = replace(scene, lights=lit, world=world)
             else:
                 scene = replace(scene, lights=lamps)
-        glow = mesh_lights(self) if by_meshes else ()
+        glow = (*mesh_lights(self), *medium_lights(self)) if by_meshes else ()
         scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
         shining = tuple(light for light in scene.lights if self._shines(light))
         scene = replace(scene, lights=shining) if len(shining) < len(scene.lights) else scene
@@ -182,7 +183,7 @@ class Scene:
 
     def _shines(self, light: Light) -> bool:
         """False for a sky, and for what glows, where nothing gets their light."""
-        if light.kind not in ("DOME", "MESH") or light.lights_matt or light.lights_gloss:
+        if light.kind not in ("DOME", "MESH", "MEDIUM") or light.lights_matt or light.lights_gloss:
             return True
         return light.lights_media and self.scatters
 
@@ -191,6 +192,11 @@ class Scene:
         """Whether some medium scatters light."""
         media = (self.world.medium, *(material.medium for material in self.materials))
         return any(medium is not None and medium.scatters for medium in media)
+
+    @property
+    def has_glowing_media(self) -> bool:
+        """Whether something may be filled with a medium that gives light."""
+        return any(m.medium is not None and m.medium.emits for m in self.materials)
 
     @property
     def most_asked(self) -> int:

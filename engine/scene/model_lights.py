@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -89,6 +90,53 @@ class Bounces:
 
 
 @dataclass(frozen=True, eq=False)
+class Rods:
+    """m pieces of lines through media that glow, each of one brightness.
+
+    ends: (m, 2, 3) float64, in the light's axes.  emission: (m, 3) radiance that the medium gives a
+    world unit.  section: (m,) area across it that a piece stands for.  weight: (m,) how densely, by
+    volume, points lie on it, but for a factor.  light_group: (m,) int, as of `Instances`.
+    """
+
+    ends: Array
+    emission: Array
+    section: Array
+    weight: Array
+    light_group: Array
+
+    @staticmethod
+    def together(parts: Sequence[Rods]) -> Rods:
+        """All of them."""
+        return Rods(*(np.concatenate([getattr(p, name) for p in parts]) for name in _OF_RODS))
+
+    @cached_property
+    def volumes(self) -> Array:
+        """(m,)"""
+        return np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1) * self.section
+
+    @cached_property
+    def spreads(self) -> Array:
+        """(m,) one over the density, by volume, of the points on each."""
+        return np.vdot(self.weight, self.volumes) / self.weight
+
+    def take(self, index: Array) -> Rods:
+        """Those at these places."""
+        return Rods(*(getattr(self, name)[index] for name in _OF_RODS))
+
+    def cut(self, parts: Array) -> Rods:
+        """Each in so many (m,) of one length."""
+        index = np.repeat(np.arange(len(parts)), parts)
+        number = np.arange(len(index)) - np.repeat(np.cumsum(parts) - parts, parts)
+        whole = self.take(index)
+        first, way = whole.ends[:, :1], whole.ends[:, 1:] - whole.ends[:, :1]
+        share = np.stack([number, number + 1], 1) / parts[index, None]
+        return replace(whole, ends=first + share[..., None] * way)
+
+
+_OF_RODS = ("ends", "emission", "section", "weight", "light_group")
+
+
+@dataclass(frozen=True, eq=False)
 class Openings:
     """k rectangles through which rooms see the sky.
 
@@ -103,7 +151,7 @@ class Openings:
     shares: Array
 
 
-LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED")
+LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED", "MEDIUM")
 
 
 LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
@@ -112,7 +160,8 @@ LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
 @dataclass(frozen=True, eq=False)
 class Light:
     """A light. kind: POINT, SUN, SPOT, AREA, DOME, which shines from all around, or MESH, which
-    `Scene.as_lit` makes of surfaces that glow, or BOUNCED, which it makes of those that are lit.
+    `Scene.as_lit` makes of surfaces that glow, BOUNCED, which it makes of those that are lit, or
+    MEDIUM, of media that glow.
 
     world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z. color: RGB;
     strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be negative. radius:
@@ -127,12 +176,12 @@ class Light:
     none. textures: what it refers to. radiance: of a DOME, times color and strength: (h, w, 3)
     float32 in the light's axes, equirectangular as `engine.lights.dome` says. emitters: of a MESH,
     whose bounds are size_x, size_y and twice the radius along the light's axes, round its origin.
-    bounces: of a BOUNCED one, the same. openings: of a DOME, points on which are samples of it too;
-    `Scene.as_lit` finds them. receivers: a bit for each light_set of the instances that it lights,
-    blockers: of those that cast shadows in it. motion: (k, 3, 4) float64, k >= 2, world_from_light
-    at even times while the shutter is open; None for one that stands still, and of a DOME, MESH or
-    BOUNCED one. light_group: of `Scene.light_groups`, -1 for none; emitters and bounces have their
-    own.
+    bounces, rods: of a BOUNCED and a MEDIUM one, the same. openings: of a DOME, points on which are
+    samples of it too; `Scene.as_lit` finds them. receivers: a bit for each light_set of the
+    instances that it lights, blockers: of those that cast shadows in it. motion: (k, 3, 4) float64,
+    k >= 2, world_from_light at even times while the shutter is open; None for one that stands
+    still, and of a DOME, MESH, BOUNCED or MEDIUM one. light_group: of `Scene.light_groups`, -1 for
+    none; emitters, bounces and rods have their own.
     """
 
     name: str
@@ -158,6 +207,7 @@ class Light:
     radiance: Array | None = None
     emitters: Emitters | None = None
     bounces: Bounces | None = None
+    rods: Rods | None = None
     openings: Openings | None = None
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING

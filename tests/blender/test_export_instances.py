@@ -254,6 +254,11 @@ def test_what_shadow_catchers_do_not_show_is_noted(scene):  # noqa: F811
     shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     shader.inputs["Emission Strength"].default_value = 1.0
     assert any("'Catcher'" in note for note in export().notes)
+    shader.inputs["Emission Strength"].default_value = 0.0
+    gas = tree.nodes.new("ShaderNodeEmission")
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    tree.links.new(gas.outputs[0], output.inputs["Volume"])
+    assert any("glow light nothing: 'Catcher'" in note for note in export().notes)
 
 
 @pytest.mark.parametrize("bad", [np.nan, -np.inf, 1e300])

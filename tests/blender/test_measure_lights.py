@@ -1,4 +1,4 @@
-"""What Measure tells of light that has no lamps beside the whole frame: a sky, a panel that glows,
+"""What Measure tells of light that has no lamps beside the whole frame: a sky, things that glow,
 walls that light each other.
 """
 
@@ -41,6 +41,19 @@ def panel():
     shader.inputs["Emission Strength"].default_value = 10
     bpy.context.object.data.materials.append(glow)
 
+def gas():
+    without_lamp()
+    background.inputs[1].default_value = 0
+    bpy.ops.mesh.primitive_cube_add(size=1.5, location=(0, -2, 2))
+    glow = bpy.data.materials.new("Gas")
+    glow.use_nodes = True
+    tree = glow.node_tree
+    tree.nodes.clear()
+    out, shader = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeEmission")
+    shader.inputs["Strength"].default_value = 10
+    tree.links.new(shader.outputs[0], out.inputs["Volume"])
+    bpy.context.object.data.materials.append(glow)
+
 def bounces():
     background.inputs[1].default_value = 0
     bpy.ops.mesh.primitive_plane_add(size=30, location=(-4, 0, 0), rotation=(0, math.radians(90), 0))
@@ -73,7 +86,7 @@ answer({{
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["sky", "panel", "bounces"])
+@pytest.mark.parametrize("name", ["sky", "panel", "gas", "bounces"])
 def test_the_measured_error_is_the_whole_frames(tmp_path, name):
     run = Blender(tmp_path).run(SCENE + MEASURE.format(name=name))
     assert run.returncode == 0, run.output

@@ -37,6 +37,14 @@ def fog() -> s.Scene:
     return replace(scene, world=replace(scene.world, medium=haze))
 
 
+def gas() -> s.Scene:
+    """The same, where what is in things glows."""
+    glow = s.Medium((0.1, 0.2, 0.4), (0.2, 0.1, 0.1), (0.5, 0.3, 0.1))
+    scene = fog()
+    filled = [replace(m, medium=glow) if m.medium else m for m in scene.materials]
+    return replace(scene, materials=tuple(filled))
+
+
 def sky(scene: s.Scene) -> s.Scene:
     """With a sky that lights, and lamps that are seen."""
     rng = np.random.default_rng(1)
@@ -85,6 +93,7 @@ SCENES = {
     "glow": lambda: glowing(PLAIN["glass"]()),
     "caught": caught,
     "fog": fog,
+    "gas": gas,
     "crowd": crowd,
     "panels": lambda: panels({}, {}, {"blockers": 1}),
 }

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 61
+#define GLINT_ABI_VERSION 62
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -206,7 +206,8 @@ enum GlintLightKind {
   GLINT_AREA,
   GLINT_DOME,
   GLINT_MESH_LIGHT,
-  GLINT_BOUNCED_LIGHT
+  GLINT_BOUNCED_LIGHT,
+  GLINT_MEDIUM_LIGHT
 };
 enum GlintLightFlags {
   GLINT_CAST_SHADOW = 1,
@@ -223,15 +224,16 @@ enum GlintLightFlags {
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
  * and counted. program: 0, or 1 plus the number of the program that says, sample by sample, what
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
- * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light is the scene's
- * emitters from first_emitter on, emitter_count of them; size_x, size_y and twice the radius are
- * its bounds. spread: of an AREA light, the full angle of what it shines in; pi or more: all that
- * is before it. A BOUNCED light, of which there is one at most, has no highlights. excluded_sets: a
+ * attributes or triangles. DOME, MESH, BOUNCED and MEDIUM lights have none. A MESH light is the
+ * scene's emitters from first_emitter on, emitter_count of them; its bounds, and those of a MEDIUM
+ * light, are size_x, size_y and twice the radius. spread: of an AREA light, the full angle of what
+ * it shines in; pi or more: all that is before it. A BOUNCED light, of which there is one at most,
+ * and MEDIUM lights have no highlights. excluded_sets: a
  * bit for each light_set of the instances that it does not light, passed_sets: of those that its
  * shadow rays pass. level: of a POINT lamp that far points see in clusters with others, where in
  * their tree it is parted from the one before it, 0 to 127 (engine/lights/lamps.py,
- * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH and BOUNCED lights
- * their triangles and points have one each. */
+ * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH, BOUNCED and
+ * MEDIUM lights their triangles and points have one each. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -418,7 +420,10 @@ typedef struct GlintNeighbour {
  * from -1 to 1 along its half sides. mesh_table: (mesh_count, 18), of as many samples, mesh_samples
  * points each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the
  * point and its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a
- * point of the unit disc, 0, and its light_group. bounced_table: the same of a GLINT_BOUNCED_LIGHT,
+ * point of the unit disc, 0, and its light_group. medium_table: the same of each
+ * GLINT_MEDIUM_LIGHT; front is what the medium gives a world unit, spread one over the density of
+ * points by volume, reach the radius of the ball that each stands for, normal and back are unused.
+ * bounced_table: the same of a GLINT_BOUNCED_LIGHT,
  * with 1 for points on catchers in place of the 0, and 2 more for those whose light goes on from no
  * other surface that gather rays find, and in place of back[0] the spread of the disc where no rays
  * gather what is near. Tables may be null where the scene has no such light.
@@ -441,15 +446,15 @@ typedef struct GlintNeighbour {
  * lamp_shadows: where more than twice as many lamps cast shadows and have no program, a point sends
  * so many of its rays to them, times the samples of a soft one; 0: one to each, up to 1024.
  * bounced_shadows: how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1
- * to bounced_samples. gather_reach: within that distance, world units, each sample looks along
- * gather_samples rays, 1 to 64, for what throws light on, in place of those points; 0: none does.
- * gather_points: (gather_block², gather_count, 2) of the unit disc, below the directions of those
- * rays, of as many samples as divide gather_count, after which they begin again; row by row for the
- * pixels of squares of the frame, gather_block, 1 to 8, on a side. Those on one surface share what
- * they find, and one of them asks for the points, for all. Null only where gather_reach is 0.
- * gloss_points: null, or (gloss_count, 2) of the unit disc, two for each of as many samples as
- * divide it, after which they begin again: where in wide lobes the rays of two pixels of such a
- * square are reflected; all four share what these bring.
+ * to bounced_samples; medium_shadows: the same of all of a GLINT_MEDIUM_LIGHT. gather_reach: within
+ * that distance, world units, each sample looks along gather_samples rays, 1 to 64, for what throws
+ * light on, in place of those points; 0: none does. gather_points: (gather_block², gather_count, 2)
+ * of the unit disc, below the directions of those rays, of as many samples as divide gather_count,
+ * after which they begin again; row by row for the pixels of squares of the frame, gather_block, 1
+ * to 8, on a side. Those on one surface share what they find, and one of them asks for the points,
+ * for all. Null only where gather_reach is 0. gloss_points: null, or (gloss_count, 2) of the unit
+ * disc, two for each of as many samples as divide it, after which they begin again: where in wide
+ * lobes the rays of two pixels of such a square are reflected; all four share what these bring.
  * neighbours: null where nothing moves, else two, of the frame before and of the one after.
  * occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
@@ -463,6 +468,7 @@ typedef struct GlintRenderSettings {
   const double* dome_table;
   const double* mesh_table;
   const double* bounced_table;
+  const double* medium_table;
   const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
@@ -476,14 +482,14 @@ typedef struct GlintRenderSettings {
   const double* gather_points;
   const double* gloss_points;
   const GlintNeighbour* neighbours;
-  uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count, scatter_count, occlusion_count, node_point_count, opening_count,
-      opening_point_count, gather_count, gloss_count, passes;
+  uint64_t light_point_count, dome_count, mesh_count, bounced_count, medium_count, lobe_count,
+      lens_point_count, camera_frame_count, scatter_count, occlusion_count, node_point_count,
+      opening_count, opening_point_count, gather_count, gloss_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, lamp_shadows, occlusion_samples, opening_samples, gather_samples,
-      gather_block;
+      bounced_shadows, medium_samples, medium_shadows, lamp_shadows, occlusion_samples,
+      opening_samples, gather_samples, gather_block;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;
@@ -528,7 +534,8 @@ enum GlintFeature {
   GLINT_FEATURE_MEDIA = 32768,
   GLINT_FEATURE_SHADOW_CATCHER = 65536,
   GLINT_FEATURE_OPENINGS = 131072,
-  GLINT_FEATURE_VARIED_MEDIA = 262144
+  GLINT_FEATURE_VARIED_MEDIA = 262144,
+  GLINT_FEATURE_MEDIUM_LIGHT = 524288
 };
 
 typedef struct GlintStats {

@@ -65,7 +65,7 @@ void set_emitters(Dice& dice, std::vector<GlintLight>& lights, size_t count) {
   if (dice.chance(0.02 * dice.wildness)) lights.back().first_emitter += dice.below(3);
 }
 
-/// At times one of them is a mesh light, and another is of bounced light.
+/// At times one of them is a mesh light, and others are of bounced light or media.
 void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
   std::vector<GlintLight> lights;
   for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
@@ -80,7 +80,13 @@ void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
     lights.front().kind = GLINT_BOUNCED_LIGHT;
     lights.front().program = 0;
   }
-  for (GlintLight& l : lights) l.light_group = light_group(dice, d);
+  for (GlintLight& l : lights) {
+    if (l.kind <= GLINT_AREA && dice.chance(0.1)) {
+      l.kind = GLINT_MEDIUM_LIGHT;
+      l.program = 0;
+    }
+    l.light_group = light_group(dice, d);
+  }
   for (GlintEmitter& e : emitters) e.light_group = light_group(dice, d);
   d.emitter_count = d.emitter_corner_count = emitters.size();
   d.emitters = arena.table(emitters);

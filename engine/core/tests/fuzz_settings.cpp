@@ -51,6 +51,11 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.mesh_table = arena.fill<double>(3 * 18 * s.mesh_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
+  s.medium_samples = uint32_t(1 + dice.below(5));
+  s.medium_shadows = uint32_t(dice.below(6));
+  s.medium_count = uint64_t(s.medium_samples) * (1 + dice.below(s.samples));
+  s.medium_table = arena.fill<double>(3 * 18 * s.medium_count, [&] { return dice.number(); });
+  if (dice.chance(0.05 * dice.wildness)) s.medium_table = nullptr;
   s.bounced_samples = uint32_t(1 + dice.below(5));
   s.bounced_shadows = uint32_t(dice.below(6));
   s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));

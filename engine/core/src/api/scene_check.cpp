@@ -104,7 +104,7 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
   }
   report.add(bounced_lights <= 1, "%llu bounced lights", ull(bounced_lights));
   for (uint64_t i = 0; i < d.light_count; ++i)
-    report.add(within(d.lights[i].kind, GLINT_BOUNCED_LIGHT), "light %llu: unknown kind %d", ull(i),
+    report.add(within(d.lights[i].kind, GLINT_MEDIUM_LIGHT), "light %llu: unknown kind %d", ull(i),
                d.lights[i].kind);
 }
 

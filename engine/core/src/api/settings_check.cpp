@@ -41,6 +41,11 @@ bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
          (g.mesh_samples >= 1 && g.mesh_table && g.mesh_count >= g.mesh_samples);
 }
 
+bool enough_medium_points(const GlintRenderSettings& g, const Scene& scene) {
+  return !(scene.features & GLINT_FEATURE_MEDIUM_LIGHT) ||
+         (g.medium_samples >= 1 && g.medium_table && g.medium_count >= g.medium_samples);
+}
+
 bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
   return !(scene.features & GLINT_FEATURE_BOUNCED_LIGHT) ||
          (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples &&
@@ -110,6 +115,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(enough_camera_rows(g), "settings: fewer lens points or frames than a block has, or no focus");
   add(enough_mesh_points(g, scene),
       "settings: fewer points of a mesh light than those of a sample");
+  add(enough_medium_points(g, scene),
+      "settings: fewer points of a medium light than those of a sample");
   add(enough_bounced_points(g, scene),
       "settings: fewer points of bounced light than those of a sample");
   add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");

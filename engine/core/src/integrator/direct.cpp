@@ -143,13 +143,14 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   for (const Light& light : scene_.lights) {
     const uint32_t parts = plan_.parts_of(light, batch.queue->sees_blurred(), takes_few_),
                    count = plan_.samples_of(light) / parts;
-    if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
-    const bool shares = light.is_bounced() || (lamps_.on && lamps_.takes_part[light.number]),
+    if (alone_ && (light.is_mesh() || light.is_medium())) continue;  // catchers do not glow
+    const bool asks_few = light.is_bounced() || light.is_medium(),
+               shares = asks_few || (lamps_.on && lamps_.takes_part[light.number]),
                notes = batch.soft_light && count > 1 && sample < Refinement::kFirst;
     if (!shares || notes) find_lit(batch, light);
     if (notes) find_cut(batch, light);
     if (shares) {
-      if (!light.is_bounced()) number += count;
+      if (!asks_few) number += count;
       continue;
     }
     if (light.is_dome()) balance_.assign(batch.size(), 0);
@@ -188,8 +189,9 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   }
   stage_.evenly = scene_.instances.mirrors_differ;
   for (int c = 0; c < 3; ++c) stage_.diffuse[c] = batch.diffuse[c];
-  for (SharedLight* shared : {&lamps_, &bounced_})
-    if (shared->on && !cancel_) share(*shared, batch, sample, counts);
+  for (SharedLight* shared : {&lamps_, &bounced_, &glow_})
+    if (shared->on && !cancel_ && !(alone_ && shared == &glow_))
+      share(*shared, batch, sample, counts);
   stage_.lit = batch.lit.data();  // for reflections
 }
 

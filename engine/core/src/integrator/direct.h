@@ -14,8 +14,8 @@
 
 namespace glint {
 
-/// Many samples of lamps or of bounced light that share the shadow rays of a pixel's sample, and
-/// what points get of them all.
+/// Many samples of lamps, of bounced light or of media that glow that share the shadow rays of a
+/// pixel's sample, and what points get of them all.
 struct SharedLight {
   bool on = false;
   std::vector<uint8_t> takes_part;  // of the scene's lights
@@ -192,7 +192,7 @@ class DirectLight {
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
   MediaSpans media_;
-  SharedLight lamps_, bounced_;
+  SharedLight lamps_, bounced_, glow_;  // glow_: of media
   // Of light that media scatter: where each ray's points lie, their weights, and which there are.
   ScatterDepths depths_;
   Columns scattered_;

@@ -30,6 +30,10 @@ Vec3d glow_of(const std::vector<MediaSpans::Piece>& pieces) {
   return sum;
 }
 
+/// Balls of a medium light's points are so much wider where each has a ray (WIDER of
+/// engine/reference/glowing_media.py).
+constexpr double kFewerWider = 2;
+
 /// In how many parts the samples of what is endlessly far are taken, one by each pixel sample in
 /// turn: as many as leave `least` in each.
 uint32_t parts_of_light(uint32_t samples, uint32_t least) {
@@ -93,7 +97,9 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
 
 void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                                 const Light& light, uint32_t sample, RayCounts& counts) {
-  const uint32_t all = light.is_bounced() ? plan_.bounced_shadows : plan_.samples_of(light),
+  const uint32_t all = light.is_bounced()  ? plan_.bounced_shadows
+                       : light.is_medium() ? plan_.medium_shadows
+                                           : plan_.samples_of(light),
                  parts = light.endless() ? parts_of_light(all, plan_.volume_samples) : 1,
                  count = all / parts, each = (plan_.volume_samples + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
@@ -102,7 +108,8 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
     group_ = point.group;
     stage_.casts_shadow = true;  // so that the ways to it are known
     stage_.draws = false;
-    if (light.is_surface()) {
+    if (light.is_medium()) stage_.near2 *= kFewerWider * kFewerWider;
+    if (light.is_tabled()) {
       const Vec3d end{stage_.end[0], stage_.end[1], stage_.end[2]};
       depths_.aim(light, {false, end, 0.5 * std::sqrt(stage_.near2)}, batch.queue->rays());
     } else if (j == 0) {

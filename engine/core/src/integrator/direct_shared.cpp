@@ -121,21 +121,24 @@ void find_clusters(SharedLight& shared) {
 void DirectLight::find_sharing() {
   uint32_t lamps = 0, samples = 1;
   for (const Light& light : scene_.lights) {
-    const bool is_lamp = !light.is_dome() && !light.is_surface();
+    const bool is_lamp = !light.is_dome() && !light.is_tabled();
     lamps_.takes_part.push_back(is_lamp && light.casts_shadow() && !light.program);
     bounced_.takes_part.push_back(light.is_bounced());
     bounced_.on |= light.is_bounced();
+    glow_.takes_part.push_back(light.is_medium());
+    glow_.on |= light.is_medium();
     bounced_linked_ |= light.is_bounced() && !light.lights_all();
     if (!lamps_.takes_part.back()) continue;
     ++lamps;
     samples = std::max(samples, plan_.samples_of(light));
   }
-  for (SharedLight* shared : {&lamps_, &bounced_})
+  for (SharedLight* shared : {&lamps_, &bounced_, &glow_})
     if (plan_.passes >> GLINT_PASS_LIGHT_GROUPS & 1)
       shared->group_count = scene_.light_group_count + 1;
   lamps_.on = plan_.lamp_shadows > 0 && lamps > 2 * uint64_t(plan_.lamp_shadows);
   lamps_.rays = uint32_t(std::min(uint64_t(plan_.lamp_shadows) * samples, kMostRays));
   bounced_.rays = plan_.bounced_shadows;
+  glow_.rays = plan_.medium_shadows;
   const double share = 1 / (plan_.gather_reach * plan_.gather_reach);
   const bool catches = scene_.features & GLINT_FEATURE_SHADOW_CATCHER;
   reach_ = bounced_.on && !catches && share > 0 && share < kInfinity ? plan_.gather_reach : 0;
@@ -195,7 +198,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   const bool is_bounced = &shared == &bounced_;
   stage_.gather2 = is_bounced && gathers(*batch.queue) ? 1 / (reach_ * reach_) : 0;
   shared.shows_gloss =
-      is_bounced && scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+      &shared != &lamps_ && scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
   for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage_.lit = shared.lit;
   shared.near.resize(shared.columns.rows());
@@ -229,6 +232,7 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
     if (light.is_bounced() && reach_ > 0 && stage.gather2 == 0) light.widen(stage, point, all);
     if (parts > 1) stage.share = count;
     if (!light.lights_matt()) std::fill_n(stage.diffuse, 3, zeros_);
+    if (light.is_medium() && !light.lights_gloss()) stage.gloss[0] = nullptr;
     stage.lit = lit;
     for (const bool drawn : {false, true}) {
       if (drawn && !stage.draws) continue;

@@ -42,7 +42,8 @@ FirstHitCache::Rays FirstHitCache::rays_of(const LightStage& s) {
 void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
   size_t number = 0;
   for (const Light& light : scene.lights) {
-    if (light.is_bounced()) continue;  // each sample of it is asked by but some of the points
+    // Each of their samples is asked by but some of the points.
+    if (light.is_bounced() || light.is_medium()) continue;
     const uint32_t count = plan.samples_of(light) + plan.opening_samples_of(light);
     for (uint32_t j = 0; j < count && number < kMaxColumns; ++j, ++number) {
       LightStage stage{};

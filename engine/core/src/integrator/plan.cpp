@@ -57,6 +57,7 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
       gather_places(g.gather_points, 2, g.gather_samples, g.gather_count),
       gloss_places(g.gloss_points, 2, 2, g.gloss_count),
       mesh_points(g.mesh_table, kPointColumns, g.mesh_samples, g.mesh_count),
+      medium_points(g.medium_table, kPointColumns, g.medium_samples, g.medium_count),
       dome{g.dome_cells,   g.dome_irradiance,      g.dome_rows,
            g.dome_columns, g.dome_irradiance_rows, g.dome_irradiance_columns} {
   shown = {g.region[0], g.region[1], g.region[2], g.region[3]};
@@ -71,6 +72,7 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
   if (refines && samples >= Refinement::kFirst)
     region = whole_blocks(widened(traced, scene.camera), side, scene.camera);
   bounced_shadows = std::clamp(g.bounced_shadows, 1u, bounced_points.each);
+  medium_shadows = std::clamp(g.medium_shadows, 1u, medium_points.each);
   lobe_levels = std::max(g.lobe_levels, 1u);
   lobe_tabled = std::max(size_t(g.lobe_count) / lobe_levels, size_t(1));
   gather_reach = scene.anchor.scale * g.gather_reach;

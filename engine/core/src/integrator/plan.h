@@ -15,7 +15,7 @@ namespace glint {
 
 struct Scene;
 
-/// Numbers of a row of the tables of lights that are surfaces (glint.h).
+/// Numbers of a row of the tables of lights that are places in the scene (glint.h).
 constexpr size_t kPointColumns = 18;
 
 /// The light group of a row of such a table, which may hold anything.
@@ -64,7 +64,8 @@ struct RenderPlan : GlintRenderSettings {
   bool mixes_gloss = false;     // they share what wide lobes reflect
   int thread_count = 1;
   SampleTable dome_directions, bounced_points, occlusion_directions, gather_places, gloss_places;
-  SampleTable mesh_points;  // of the first mesh light, and after its mesh_count those of the next
+  SampleTable mesh_points;    // of the first mesh light, and after its mesh_count those of the next
+  SampleTable medium_points;  // the same of medium lights
   SampleTable opening_places;  // where there are openings
   size_t lobe_tabled = 1;      // lobe_levels runs of so many lobe_points
   DomeCells dome;
@@ -87,6 +88,7 @@ struct RenderPlan : GlintRenderSettings {
 
   uint32_t samples_of(const Light& light) const {
     if (light.is_mesh()) return mesh_points.each;
+    if (light.is_medium()) return medium_points.each;
     if (light.is_bounced()) return bounced_points.each;
     return light.is_dome() ? dome_directions.each : light.extended ? light_samples : 1;
   }
@@ -102,7 +104,7 @@ struct RenderPlan : GlintRenderSettings {
   /// these ask for few of all lights that have tables.
   uint32_t parts_of(const Light& light, bool blurred, bool few) const {
     constexpr uint32_t blurred_parts = 2, few_parts = 4;
-    const bool tabled = light.is_dome() || light.is_surface();
+    const bool tabled = light.is_dome() || light.is_tabled();
     if (!(few ? tabled : blurred && light.is_dome())) return 1;
     const uint32_t parts = few ? few_parts : blurred_parts;
     const bool whole = samples_of(light) % parts != 0 || opening_samples_of(light) % parts != 0;
@@ -178,8 +180,13 @@ struct RenderPlan : GlintRenderSettings {
     }
     if (light.is_mesh()) {
       const double* const row =
-          mesh_points.row(sample, j) + kPointColumns * light.mesh_number * size_t(mesh_count);
+          mesh_points.row(sample, j) + kPointColumns * light.table_number * size_t(mesh_count);
       return {0, 0, row[14], row[15], row, nullptr, j == 0, false, group_of_row(row)};
+    }
+    if (light.is_medium()) {
+      const double* const row =
+          medium_points.row(sample, j) + kPointColumns * light.table_number * size_t(medium_count);
+      return {0, 0, 0, 0, row, nullptr, false, false, group_of_row(row)};
     }
     if (light.is_bounced()) {
       const double* const row = bounced_points.row(sample, j);

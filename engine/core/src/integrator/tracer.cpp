@@ -98,8 +98,8 @@ TileFrustum Tracer::frustum(const Tile& tile) const {
 /// How many of a pixel's next samples are traced at once: points of soft lights, and where in lobes
 /// rays are reflected, are common to a sample of many pixels.
 uint32_t Tracer::packet_samples(uint32_t samples) const {
-  if (scene_.features &
-      (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_BOUNCED_LIGHT))
+  if (scene_.features & (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT |
+                         GLINT_FEATURE_BOUNCED_LIGHT | GLINT_FEATURE_MEDIUM_LIGHT))
     return 1;
   if (direct_.reflects() || direct_.shares()) return 1;
   if (scene_.materials.has_rough_glass || scene_.media.scatters || scene_.media.varies ||

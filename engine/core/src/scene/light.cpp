@@ -88,7 +88,7 @@ Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramTable& prog
   spot_sine = sine(half(g.spot_size));
   spot_blend = g.spot_blend;
   double shape = 0;  // the c / shape of the visible radiance
-  if (is_dome() || is_surface()) extended = true;
+  if (is_dome() || is_tabled()) extended = true;
   if (kind == GLINT_SUN) {
     extended = alpha > 0;
     shape = kPi * sine(alpha) * sine(alpha);
@@ -185,6 +185,21 @@ void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) con
   }
 }
 
+void Light::set_medium(LightStage& stage, const LightPoint& p, uint32_t count) const {
+  set_wide(stage, p, count);
+  const double* const row = p.drawn;
+  const Vec3d q = point(placed, {row[0], row[1], row[2]});
+  stage.shape = kMediumSource;
+  stage.draws = false;
+  stage.factor = 1 / kPi;
+  stage.spread = scale2 * row[12];
+  stage.near2 = scale2 * row[13] * row[13];
+  for (int c = 0; c < 3; ++c) {
+    stage.end[c] = stage.center[c] = q[c];
+    stage.color[c] = saturate(row[6 + c]);
+  }
+}
+
 void Light::widen(LightStage& stage, const LightPoint& p, uint32_t count) const {
   stage.near2 = scale2 * p.drawn[9] / merged(count, is_bounced());
 }
@@ -198,7 +213,8 @@ void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool phy
 
 void Light::set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
   if (is_dome()) return set_dome(stage, p, count);
-  if (is_surface()) return set_mesh(stage, p, count);
+  if (is_medium()) return set_medium(stage, p, count);
+  if (is_tabled()) return set_mesh(stage, p, count);
   const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;
   const LightPoint q = soft ? p : LightPoint{};
   const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
@@ -293,7 +309,7 @@ bool Light::is_cut(Vec3d x, Vec3d n) const {
   }
   const Vec3d to = center - x;
   const double z = dot(n, to), a = std::fabs(dot(n, right)), b = std::fabs(dot(n, up));
-  if (is_mesh()) return std::fabs(z) < a + b + radius * std::fabs(dot(n, axis));
+  if (is_mesh() || is_medium()) return std::fabs(z) < a + b + radius * std::fabs(dot(n, axis));
   if (kind != GLINT_AREA) return z * z < radius * radius;
   return dot(to, axis) < 0 && z * z < (flags & GLINT_ELLIPSE ? a * a + b * b : (a + b) * (a + b));
 }
@@ -359,15 +375,16 @@ LightTable place_lights(const GlintSceneData& data, const Anchor& anchor,
   LightTable t;
   t.emitters.assign(data.emitters, data.emitters + data.emitter_count);
   t.emitter_corners = data.emitter_corners;
-  uint32_t mesh_number = 0;
+  uint32_t meshes = 0, media = 0;
   for (size_t i = 0; i < data.light_count; ++i) {
     const GlintLight& g = data.lights[i];
     if (sound(g)) {
       t.rows.emplace_back(g, anchor, programs);
       t.rows.back().number = uint32_t(t.rows.size() - 1);
-      t.rows.back().mesh_number = mesh_number;
+      t.rows.back().table_number = g.kind == GLINT_MEDIUM_LIGHT ? media : meshes;
     } else ++t.dropped;
-    mesh_number += g.kind == GLINT_MESH_LIGHT;
+    meshes += g.kind == GLINT_MESH_LIGHT;
+    media += g.kind == GLINT_MEDIUM_LIGHT;
   }
   return t;
 }

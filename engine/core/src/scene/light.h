@@ -15,7 +15,7 @@ struct ProgramTable;
 
 /// A point of the square [-1, 1]^2 and the same point mapped to the unit disc; of a dome the
 /// direction to its light, what comes from there and one over the density of such directions, and
-/// its map; of a mesh light a row of its table (glint.h).
+/// its map; of a tabled light a row of its table (glint.h).
 struct LightPoint {
   double a = 0, b = 0, x = 0, y = 0;
   const double* drawn = nullptr;
@@ -57,20 +57,22 @@ struct Light {
   int level = -1;                          // in the tree of clusters, as GlintLight has it
   bool extended = false;                   // has more than one sample when the settings want them
   uint32_t number = 0;                     // among the scene's lights
-  uint32_t mesh_number = 0;                // of a mesh light, among these
+  uint32_t table_number = 0;               // of a mesh or medium light, among those of its kind
   size_t first_emitter = 0, emitter_count = 0;  // of the scene's, that are a mesh light
   const ProgramShape* program = nullptr;        // what color is times at each sample; null: 1
   size_t slot = 0;                              // in the block of its slots
   InstanceShape space{};                        // its axes, as programs read those of an object
-  Affine placed;                                // the same for the points of a mesh light
+  Affine placed;                                // the same for the points of one that is tabled
 
   Light(const GlintLight& data, const Anchor& anchor, const ProgramTable& programs);
   bool endless() const { return kind == GLINT_SUN || is_dome(); }
   bool is_dome() const { return kind == GLINT_DOME; }
   bool is_mesh() const { return kind == GLINT_MESH_LIGHT; }
   bool is_bounced() const { return kind == GLINT_BOUNCED_LIGHT; }
-  /// Whether its samples are places on surfaces, rows of a table.
-  bool is_surface() const { return is_mesh() || is_bounced(); }
+  /// A medium that glows.
+  bool is_medium() const { return kind == GLINT_MEDIUM_LIGHT; }
+  /// Whether its samples are places in the scene, rows of a table.
+  bool is_tabled() const { return is_mesh() || is_bounced() || is_medium(); }
   bool lights_all() const { return excluded_sets == 0; }
   bool lights(uint32_t light_set) const { return !(excluded_sets >> light_set & 1); }
   /// Whether far points see it in a cluster with others.
@@ -99,7 +101,7 @@ struct Light {
     double from, to;
   };
   Part lit_part(Vec3d o, Vec3d d) const;
-  /// Half of how near it is before it seems no brighter; but for lights on surfaces.
+  /// Half of how near it is before it seems no brighter; but for tabled lights.
   double nearness() const {
     return kind == GLINT_AREA ? 0.5 * std::sqrt(dot(right, right) + dot(up, up)) : 0.5 * radius;
   }
@@ -125,6 +127,7 @@ struct Light {
   void set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
   void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const;
+  void set_medium(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const;
   bool has_extent() const;
   LightShape shape(bool soft, bool physical) const;

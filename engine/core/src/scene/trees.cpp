@@ -135,7 +135,7 @@ bool SceneTrees::build_emitters(const LightTable& lights, int threads,
   std::vector<uint32_t> rows(3 * lights.emitters.size());
   std::iota(rows.begin(), rows.end(), 0u);
   emitter_rows_ = std::make_shared<const std::vector<uint32_t>>(std::move(rows));
-  std::vector<std::shared_ptr<const Accel>> trees(found.back()->mesh_number + 1);
+  std::vector<std::shared_ptr<const Accel>> trees(found.back()->table_number + 1);
   for (const Light* light : found) {
     const GeometryView view{GeometryView::kMesh,
                             lights.emitter_corners + 9 * light->first_emitter,
@@ -145,7 +145,7 @@ bool SceneTrees::build_emitters(const LightTable& lights, int threads,
                             nullptr,
                             nullptr,
                             light->emitter_count};
-    auto& tree = trees[light->mesh_number];
+    auto& tree = trees[light->table_number];
     tree = Accel::build({view}, {{0, kAnyRay, light->placed}}, threads, cancel);
     if (!tree) return false;
   }

@@ -46,7 +46,7 @@ class SceneTrees {
   // After build().
   const Accel& accel() const { return *accel_; }
   /// Of a mesh light alone; where highlights draw directions.
-  const Accel& emitters(const Light& light) const { return *emitter_accels_[light.mesh_number]; }
+  const Accel& emitters(const Light& light) const { return *emitter_accels_[light.table_number]; }
   /// Of what encloses media alone: instance k is that of enclosure k. Where there are any.
   const Accel& media() const { return *media_accel_; }
   /// Where rays pass surfaces without a stop; null where nothing lets light through.

@@ -34,6 +34,7 @@ enum LightShape : int {
   kOpenSky,  // beside points on openings
   kMeshSource,
   kBouncedSource,  // points of it are discs
+  kMediumSource,   // points of it are balls
 };
 
 /// One over the cosine below which light grazes smooth surfaces, where instances say nothing else.
@@ -94,7 +95,8 @@ struct LightStage {
   double back[3];  // kMeshSource, kBouncedSource, also end, axis, color: the sample, its normal,
                    // what comes from its two sides. spread: one over its density by area; near2:
                    // the least distance^2, or the disc's radius^2; size: how far before the surface
-                   // segments end
+                   // segments end. kMediumSource: end, color, spread: by volume; near2: of the
+                   // ball's radius
   double right[3], up[3], size, half[2], near2, a,
       b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
           // of the distance within which it is seen large; the sample in the square
@@ -121,7 +123,8 @@ struct LightStage {
   size_t stride;
   int max_specular, specular_columns;
   const int64_t* lit;
-  const double* gloss[3];  // kBouncedSource: T k of dielectrics' gloss as if it were matt; or null
+  const double*
+      gloss[3];     // kBouncedSource, kMediumSource: T k of dielectrics' gloss as if matt; or null
   uint32_t* point;  // what follows: a number for each point that the sample reaches, before shadows
   double *o[3], *to[3], *t_max;  // shadow rays, where the light casts any
   double* start_out[3];          // where they leave the surface; null: at `origin`, or nobody asks
@@ -180,7 +183,7 @@ struct ShareStage {
   double offset;
   uint32_t asked;
   double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
-  double* gloss[3];  // where the samples are kBouncedSource: LightStage's, to be found; or null
+  double* gloss[3];  // where samples have one: LightStage's, to be found; or null
   /// Those of the samples from `clustered` on; color_sums: a row of three channels before each
   /// sample and after the last, sums of the lamps' colours.
   const LampCluster* clusters;

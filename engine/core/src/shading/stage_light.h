@@ -131,6 +131,10 @@ inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights&
   return Drawn ? at.factor / draws / (times + 1 / times) : at.factor / (1 + times * times);
 }
 
+/// Of light that is spread out: gloss shows it as if it were matt, where reflected rays do not.
+template <int Shape>
+constexpr bool kSoftened = Shape == kBouncedSource || Shape == kMediumSource;
+
 /// to(sample, reached, diffuse, specular): what a sample gives to a group of points before shadows,
 /// unless it reaches none of those that are lit.
 template <int Shape, bool Bent, class To>
@@ -148,7 +152,7 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   // Light from behind passes through fibres.
   const bool through = s.has_fibre;
   // Nor do the sides of the point's normal bind lobes with normals of their own.
-  const bool turned = Bent && s.turns_lobes && Shape != kBouncedSource;
+  const bool turned = Bent && s.turns_lobes && !kSoftened<Shape>;
   const Mask front = cosine > 0,
              side = turned    ? ~Mask{}
                     : through ? front | (middle < 0)
@@ -161,7 +165,7 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   if (!any(reached)) return;
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
   Three diffuse = cosine * (I * load3(s.diffuse, k)), specular{};
-  if (Shape == kBouncedSource && s.gloss[0])
+  if (kSoftened<Shape> && s.gloss[0])
     specular = lowered<Bent>(s, k, n, at.l) * cosine * (I * load3(s.gloss, k));
   if (Shape == kBouncedSource && s.gather2 > 0) {
     const Three way = splat3(s.end) - x;
@@ -169,11 +173,11 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
     diffuse = share * diffuse;
     specular = share * specular;
   }
-  if (s.max_specular > 0 && (!(Shape == kBouncedSource || s.matt_alone) || s.has_sheen)) {
+  if (s.max_specular > 0 && (!(kSoftened<Shape> || s.matt_alone) || s.has_sheen)) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen =
         highlights<false, Bent>(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
-    if (Shape != kBouncedSource && !s.matt_alone)
+    if (!kSoftened<Shape> && !s.matt_alone)
       specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
     if (s.has_sheen && !s.gloss_alone) diffuse = diffuse + where(middle > 0, I * seen.sheen);
     if (through | turned) diffuse = where(front, diffuse);
@@ -302,7 +306,7 @@ size_t with_shape(int shape, Of of) {
 
 size_t light(const LightStage& s) {
   return with_shape<kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource,
-                    kRectangleSource, kSky, kOpenSky, kMeshSource, kBouncedSource>(
+                    kRectangleSource, kSky, kOpenSky, kMeshSource, kBouncedSource, kMediumSource>(
       s.shape, [&]<int Shape>() {
         return is_bent(s) ? light_from<Shape, true>(s) : light_from<Shape, false>(s);
       });
@@ -310,7 +314,7 @@ size_t light(const LightStage& s) {
 
 size_t scatter(const LightStage& s) {
   return with_shape<kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource,
-                    kRectangleSource, kSky, kMeshSource>(
+                    kRectangleSource, kSky, kMeshSource, kMediumSource>(
       s.shape == kBouncedSource ? kMeshSource : s.shape,
       [&]<int Shape>() { return scatter_from<Shape>(s); });
 }

@@ -101,6 +101,15 @@ inline Sample sample_mesh(const LightStage& s, const Three& x) {
           ~Mask{}};
 }
 
+/// A point in a medium, which shines alike to all sides. Within the ball that it stands for, what
+/// comes from there is finite and in the mean over an even medium what comes from all of it.
+inline Sample sample_medium(const LightStage& s, const Three& x) {
+  const Three q = splat3(s.end), to = q - x;
+  const Doubles d2 = dot(to, to), within = (6 - 5 * (d2 / s.near2)) / s.near2,
+                spread = s.spread * choose(d2 < s.near2, within, 1 / d2);
+  return {unit(to), q, s.factor * spread, spread, d2 > 0};
+}
+
 inline Sample sample_point(const LightStage& s, const Three& x) {
   const Three end = splat3(s.center), to = end - x;
   return {unit(to), end, s.physical ? inverse_square(s, dot(to, to)) : splat(1), Doubles{},
@@ -306,6 +315,7 @@ inline auto lone_sample(const LightStage& s, const Three& x, const Three& n) {
   if constexpr (Shape == kBouncedSource) return sample_bounced(s, x, n);
   else if constexpr (Shape == kOpenSky) return sample_open_sky(s, x);
   else if constexpr (Shape == kMeshSource) return sample_mesh(s, x);
+  else if constexpr (Shape == kMediumSource) return sample_medium(s, x);
   else if constexpr (Shape == kPointSource) return sample_point(s, x);
   else if constexpr (Shape == kSphereSource) return sample_sphere(s, x);
   else if constexpr (Shape == kDiscSource) return sample_disc(s, x);

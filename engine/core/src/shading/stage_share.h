@@ -44,6 +44,8 @@ void add_lamp_as(const ShareStage& to, const LampSample& sample, size_t first, s
     case kDirection: return add_lamp<kDirection, Bent>(to, sample, first, end, given);
     case kBouncedSource:
       return add_sample<false, Bent, kBouncedSource>(to, sample.stage, first, end, given);
+    case kMediumSource:
+      return add_sample<false, Bent, kMediumSource>(to, sample.stage, first, end, given);
     case kPointSource: return add_lamp<kPointSource, Bent>(to, sample, first, end, given);
     case kSphereSource: return add_lamp<kSphereSource, Bent>(to, sample, first, end, given);
     case kDiscSource: return add_lamp<kDiscSource, Bent>(to, sample, first, end, given);
@@ -139,9 +141,9 @@ bool may_reach(const LampSample& sample, const BlockBounds& b) {
     if (sample.drawn) return true;
     for (size_t c = 0; c < 3; ++c) to[c] = s.end[c] - b.center[c];
   }
-  const double reach = s.shape == kRectangleSource          ? s.size
-                       : s.shape == kPointSource || is_flat ? 0
-                                                            : s.radius;
+  const double reach = s.shape == kRectangleSource                                      ? s.size
+                       : s.shape == kPointSource || s.shape == kMediumSource || is_flat ? 0
+                                                                                        : s.radius;
   return may_be_above(b, to, b.radius + reach);
 }
 
