@@ -25,6 +25,7 @@ from .nodes_shader import (
 )
 from .nodes_sheen import Fibres
 from .roughness import layer_loss
+from .subsurface import subsurface
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
 from .varying import Ior, Roughness
 
@@ -73,7 +74,10 @@ def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     """The specular level scales F0, one half leaves it as it is."""
     ior = view.ior().with_level(view.amount("Specular IOR Level", 0.5))
     tint = view.reflectance("Specular Tint", 1.0)
-    return plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
+    closure = plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
+    names, method = ("Subsurface Radius", "Subsurface Scale"), view.node.subsurface_method
+    index = view.ior("Subsurface IOR" if method == "RANDOM_WALK_SKIN" else "IOR").number
+    return subsurface(view, closure, view.factor("Subsurface Weight"), names, base, method, index)
 
 
 def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
@@ -147,7 +151,7 @@ def _note_what_is_left_out(view: NodeView) -> None:
     if view.number("Metallic"):
         note_edge_tint(view, "Specular Tint")
     if view.number("Subsurface Weight"):
-        view.note("Subsurface scattering is rendered as diffuse in {}")
+        note_left_out(view, {"Subsurface Anisotropy": "subsurface anisotropy"})
 
 
 CLOSURE_NODES["ShaderNodeBsdfPrincipled"] = _principled

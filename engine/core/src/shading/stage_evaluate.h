@@ -269,6 +269,34 @@ inline void lift_normal(const EvaluateStage& s, const Chosen& at) {
   scatter(s.lifted_bump, at, where(nonzero(m), bump_of(s.bump_shadowing, dot(m, n))));
 }
 
+/// What of the light of DIFFUSE lobes comes out elsewhere, and how far away: by how much of it is of
+/// which.
+__attribute__((noinline)) void set_below(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                                         const Three& T) {
+  Three below{}, size{}, spread{};
+  Reads reads;
+  for (uint32_t i = 0; i < s.lobe_count; ++i) {
+    const LobeShape& lobe = s.lobes[i];
+    const double* const own = lobe.radius;
+    const bool varies = lobe.radius_slot > 0;
+    if (lobe.kind != GLINT_DIFFUSE || !(varies || own[0] > 0 || own[1] > 0 || own[2] > 0)) continue;
+    const Three radius = varies ? finite_or_zero(slots3(p, lobe.radius_slot)) : splat3(own);
+    const Three k = seen_share(s, at, p, lobe) * coefficient(s.tables, p, lobe, reads),
+                weight{magnitude(k.x), magnitude(k.y), magnitude(k.z)},
+                least{larger(radius.x, Doubles{}), larger(radius.y, Doubles{}),
+                      larger(radius.z, Doubles{})};
+    below = below + k;
+    size = size + weight;
+    spread = spread + weight * least;
+  }
+  const auto mean = [](Doubles sum, Doubles of) {
+    return where(of > 0, sum / choose(of > 0, of, splat(1)));
+  };
+  scatter3(s.below, at, T * below);
+  scatter3(s.radius, at,
+           Three{mean(spread.x, size.x), mean(spread.y, size.y), mean(spread.z, size.z)});
+}
+
 /// Which lanes send rays on. slots: as OnMesh has them.
 inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const double* slots) {
   OnMesh p = on_mesh(s, at);
@@ -286,6 +314,7 @@ inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const doubl
   scatter3(s.diffuse, at, Tk);
   if (s.translucent[0]) scatter3(s.translucent, at, T * sum.translucent);
   if (s.translucent[0] && s.lifted[0]) lift_normal(s, at);
+  if (s.below[0]) set_below(s, at, p, T);
   sum.lit |= nonzero(Tk);
   for (size_t lane = 0; lane < at.count; ++lane) s.lit[at.row[lane]] = sum.lit[lane];
   return bits(sum.passes) & lanes_of(at);

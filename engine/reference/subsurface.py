@@ -1,0 +1,232 @@
+"""Light that goes into a surface and comes out of it elsewhere, by Christensen and Burley's profile
+(2015, Approximate Reflectance Profiles for Efficient Subsurface Scattering): where it comes out is
+found along rays through the object (King, Kulla, Conty, Fajardo 2013, BSSRDF importance sampling).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .materials import Coefficients
+from .panorama import step_size
+from .paths import Interaction, Paths, joined
+from .paths import met as met_by
+from .rays import IncoherentRays
+from .scene_queries import Asked, Met, SceneQueries
+from .surface import Surface, surface_at
+from .vectors import across_normals, dot, length, pick
+
+if TYPE_CHECKING:
+    from .stage import Stage
+
+Array = np.ndarray
+
+REACH = 16.6
+"""Of the largest radius d, how far from a point its light comes out: all but 0.3 % of it."""
+SHARES = (1.0, 0.5, 0.5)
+"""Rays of a sample along the normal and the two axes across it."""
+_HALVINGS = 60
+
+
+def within(r: Array, d: Array) -> Array:
+    """The share of the profile of radius d that is within the distance r of its point."""
+    e = np.exp(-r / (3 * d))
+    return 1 - (e * e * e + 3 * e) / 4
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """That of n points. d: (3, n), 1 where a channel has none. on: (3, n) bool."""
+
+    d: Array
+    on: Array
+
+    @property
+    def reach(self) -> Array:
+        """(n,)"""
+        return REACH * np.where(self.on, self.d, 0.0).max(0)
+
+    def take(self, index: Array) -> Profile:
+        """Those of some points."""
+        return Profile(pick(self.d, index), pick(self.on, index))
+
+    def _whole(self) -> Array:
+        return within(self.reach, self.d)
+
+    def mean(self, r: Array) -> Array:
+        """(n,) the share of the light within r, the mean of the channels."""
+        share = within(r, self.d) / self._whole()
+        return np.where(self.on, share, 0.0).sum(0) / self.on.sum(0)
+
+    def radius(self, share: Array) -> Array:
+        """(n,) within which that share of the light comes out."""
+        low, high = np.zeros_like(share), self.reach
+        for _ in range(_HALVINGS):
+            r = (low + high) / 2
+            inside = self.mean(r) < share
+            low, high = np.where(inside, r, low), np.where(inside, high, r)
+        return (low + high) / 2
+
+    def ring(self, low: Array, high: Array) -> Array:
+        """(3, n) how much of each channel comes out between two radii, over what does of all."""
+        share = np.where(self.on, within(high, self.d) - within(low, self.d), 0.0) / self._whole()
+        return share / (self.mean(high) - self.mean(low))
+
+    def times(self, r: Array) -> Array:
+        """(n,) r times how dense the light is, over the plane, at that distance from its point."""
+        e = np.exp(-r / (3 * self.d))
+        return np.where(self.on, (e * e * e + e) / (self.d * self._whole()), 0.0).sum(0)
+
+    def fall(self, near: Array, far: Array) -> Array:
+        """(3, n) how dense the profile is at a distance over how dense it is nearer."""
+        e = np.exp(-near * 2 / (3 * self.d)), np.exp(-far * 2 / (3 * self.d))
+        drop = np.exp((near - far) / (3 * self.d)) * (1 + e[1]) / (1 + e[0])
+        return drop * near / far
+
+
+def entering(stage: Stage, at: Interaction) -> tuple[Interaction, Interaction | None]:
+    """The points without what of their light comes out elsewhere, and those that have some with it:
+    `below` what they give back so.
+    """
+    lobes = at.coefficients
+    if lobes.below is None or lobes.radius is None or not stage.scatters_below(at.paths):
+        return at, None
+    given = at.weight * lobes.below
+    on = (given != 0) & np.isfinite(given) & (lobes.radius >= _least_radius(stage, at.surface.x))
+    on &= at.surface.primitive < stage.geometry.first_rod
+    here = np.flatnonzero(on.any(0))
+    if not len(here):
+        return at, None
+    below = np.where(on, lobes.below, 0.0)
+    rest = replace(at, coefficients=replace(lobes, diffuse=lobes.diffuse - below))
+    none = np.zeros((3, len(here)))
+    entered = Coefficients(none, none, none, none, none, [], [], [], [], [])
+    entered = replace(entered, below=pick(below, here), radius=pick(lobes.radius, here))
+    some = Interaction(at.paths, at.hit[here], at.surface.take(here), entered)
+    return rest, some
+
+
+def _least_radius(stage: Stage, x: Array) -> Array | float:
+    """(n,) a tenth of what a pixel in the middle of the picture spans so far away: what is narrower
+    is not seen.
+    """
+    camera = stage.scene.camera
+    if camera.kind == "PANORAMA":
+        return step_size(camera) * length(x)
+    left, right = camera.window[:2]
+    axis = np.sqrt((np.asarray(camera.world_from_camera, np.float64)[:, 0] ** 2).sum())
+    pixel = 0.1 * axis * (right - left) / camera.resolution[0]
+    return pixel if camera.kind == "ORTHOGRAPHIC" else pixel * length(x)
+
+
+def coming_out(
+    stage: Stage, at: Interaction, queries: SceneQueries, rows: Array
+) -> Interaction | None:
+    """Where the light of the points comes out, as white matt surfaces that rays meet which weigh as
+    much as comes out there; None for nowhere. rows: (6, m) of `sampling.subsurface_points`.
+    """
+    lobes, surface = at.coefficients, at.surface
+    assert lobes.below is not None and lobes.radius is not None
+    on = lobes.below != 0
+    profile = Profile(np.where(on, lobes.radius, 1.0), on)
+    low, own, high, cosine, sine, across = rows
+    r = profile.radius(own)
+    given = at.weight * lobes.below * profile.ring(profile.radius(low), profile.radius(high))
+    height = np.sqrt(np.maximum(profile.reach**2 - r * r, 0.0))
+    axes = np.stack([surface.g, *across_normals(surface.g)])
+    every, parts = np.arange(len(surface)), []
+    for axis in (np.zeros(len(every), np.intp), across.astype(np.intp)):
+        w, u, v = (axes[(axis + k) % 3, :, every].T for k in range(3))
+        asked = Asked(surface.x + r * (cosine * u + sine * v) + height * w, -w, 2 * height)
+        met = queries.crossings(surface, every, asked)
+        weight = pick(given, met.ray) * _shares(met, axes, surface.x, r, profile)
+        parts.append(_exits(stage, at, met, asked, weight, queries.sample))
+    return _together([part for part in parts if len(part.hit)])
+
+
+def _shares(met: Met, axes: Array, x: Array, r: Array, profile: Profile) -> Array:
+    """(3, k) what of the light of a ring comes out where its rays meet surfaces, by how dense those
+    of all three axes are there (the balance heuristic). r: (n,) how far from the points they are.
+    """
+    way, r, profile = met.surface.x - pick(x, met.ray), r[met.ray], profile.take(met.ray)
+    density = np.zeros_like(r)
+    for share, axis in zip(SHARES, axes, strict=True):
+        w = pick(axis, met.ray)
+        off = np.sqrt(np.maximum(dot(way, way) - dot(way, w) ** 2, 0.0))
+        off = np.maximum(off, 1e-9 * profile.reach)
+        density += share * np.abs(dot(w, met.surface.g)) * profile.times(off) / off
+    good = (density > 0) & (r > 0)
+    dense = np.divide(profile.times(r), r * density, out=np.zeros_like(r), where=good)
+    near = np.where(good, r, 1.0)
+    return dense * profile.fall(near, np.maximum(length(way), near))
+
+
+def _exits(
+    stage: Stage, at: Interaction, met: Met, asked: Asked, weight: Array, sample: int
+) -> Interaction:
+    """The points, seen from the side that the light came from."""
+    go = np.flatnonzero(weight.any(0) & np.isfinite(weight).all(0))
+    ray, primitive, depth = met.ray[go], met.surface.primitive[go], met.depth[go]
+    turned = met.surface.outside[go] != at.surface.outside[ray]
+    rays = IncoherentRays.of(
+        pick(asked.start, ray), pick(asked.direction, ray), np.zeros(len(go)), asked.reach[ray]
+    )
+    place = (stage.geometry, stage.attributes, rays)
+    surface = surface_at(*place, np.arange(len(go)), primitive, depth, stage.cancellation)
+    behind = np.flatnonzero(turned)
+    if len(behind):
+        back = surface_at(
+            *place, behind, primitive[behind], depth[behind], stage.cancellation, backwards=True
+        )
+        for field in fields(Surface):
+            getattr(surface, field.name)[..., behind] = getattr(back, field.name)
+    paths = _of_rays(at.paths, at.hit[ray], pick(weight, go))
+    every = np.arange(len(go))
+    surface = stage.shader.bent(met_by(paths, every, surface), paths.kind, stage.queries(sample))
+    none = np.zeros((3, len(go)))
+    white = Coefficients(none, none + 1, none, none, none, [], [], [], [], [])
+    return Interaction(paths, every, surface, white)
+
+
+def _of_rays(paths: Paths, ray: Array, weight: Array) -> Paths:
+    """Rays with the past of these, with other weights."""
+    none = np.zeros(len(ray))
+    rays = IncoherentRays.of(*paths.rays.lines(ray), none, none + np.inf)
+    columns = ("pixel", "straight", "skyless", "widest", "refractions", "refracted")
+    past = {name: getattr(paths, name)[ray] for name in columns}
+    return replace(paths, rays=rays, weight=weight, **past)
+
+
+def one_by_one(at: Interaction) -> Iterator[Interaction]:
+    """Each of the points by itself."""
+    for k in range(len(at.hit)):
+        one = np.array([k])
+        white = replace(
+            at.coefficients,
+            **{
+                field.name: pick(getattr(at.coefficients, field.name), one)
+                for field in fields(Coefficients)[:5]
+            },
+        )
+        paths = _of_rays(at.paths, at.hit[one], pick(at.weight, one))
+        yield Interaction(paths, np.zeros(1, np.intp), at.surface.take(one), white)
+
+
+def _together(parts: list[Interaction]) -> Interaction | None:
+    if not parts:
+        return None
+    surfaces = [part.surface for part in parts]
+    surface = Surface(
+        **{
+            field.name: np.concatenate([getattr(some, field.name) for some in surfaces], -1)
+            for field in fields(Surface)
+        }
+    )
+    count = len(surface)
+    none = np.zeros((3, count))
+    white = Coefficients(none, none + 1, none, none, none, [], [], [], [], [])
+    return Interaction(joined([part.paths for part in parts]), np.arange(count), surface, white)
