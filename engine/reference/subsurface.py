@@ -111,15 +111,15 @@ def entering(stage: Stage, at: Interaction) -> tuple[Interaction, Interaction | 
 
 
 def _least_radius(stage: Stage, x: Array) -> Array | float:
-    """(n,) a tenth of what a pixel in the middle of the picture spans so far away: what is narrower
-    is not seen.
+    """(n,) a twentieth of what a pixel in the middle of the picture spans so far away: what is
+    narrower is not seen.
     """
     camera = stage.scene.camera
     if camera.kind == "PANORAMA":
-        return step_size(camera) * length(x)
+        return step_size(camera) / 2 * length(x)
     left, right = camera.window[:2]
     axis = np.sqrt((np.asarray(camera.world_from_camera, np.float64)[:, 0] ** 2).sum())
-    pixel = 0.1 * axis * (right - left) / camera.resolution[0]
+    pixel = 0.05 * axis * (right - left) / camera.resolution[0]
     return pixel if camera.kind == "ORTHOGRAPHIC" else pixel * length(x)
 
 

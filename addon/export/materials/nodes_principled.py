@@ -75,9 +75,8 @@ def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     ior = view.ior().with_level(view.amount("Specular IOR Level", 0.5))
     tint = view.reflectance("Specular Tint", 1.0)
     closure = plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
-    names, method = ("Subsurface Radius", "Subsurface Scale"), view.node.subsurface_method
-    index = view.ior("Subsurface IOR" if method == "RANDOM_WALK_SKIN" else "IOR").number
-    return subsurface(view, closure, view.factor("Subsurface Weight"), names, base, method, index)
+    weight, names = view.factor("Subsurface Weight"), ("Subsurface Radius", "Subsurface Scale")
+    return subsurface(view, closure, weight, names, base, view.node.subsurface_method)
 
 
 def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:

@@ -299,8 +299,7 @@ def _subsurface(view: NodeView) -> Closure:
     bend(view)
     note_left_out(view, {"Anisotropy": "anisotropy"})
     color, names = view.reflectance("Color"), ("Radius", "Scale")
-    below = diffuse_closure(color)
-    return subsurface(view, below, ONE, names, color, view.node.falloff, view.ior().number)
+    return subsurface(view, diffuse_closure(color), ONE, names, color, view.node.falloff)
 
 
 def _as_diffuse(view: NodeView) -> Closure:

@@ -154,9 +154,9 @@ enum GlintLobeKind {
  * REFRACTION lobes, 0 or 1 plus the first of three slots with a shading normal of their own in
  * world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three slots with a
  * direction across the normal in world space, as long as what slopes along it are times; 0 for
- * none. radius: of DIFFUSE lobes, how far below the surface their light goes in red, green and blue,
- * world units: the d of Christensen and Burley's profile, at least 0, 0 for none; radius_slot: 0, or
- * 1 plus the first of three slots that take its place. reserved: 0. */
+ * none. radius: of DIFFUSE lobes, how far below the surface their light goes in red, green and
+ * blue, world units: the d of Christensen and Burley's profile, at least 0, 0 for none;
+ * radius_slot: 0, or 1 plus the first of three slots that take its place. reserved: 0. */
 enum GlintFresnel {
   GLINT_DIELECTRIC = 1,
   GLINT_SCHLICK = 2,
@@ -457,11 +457,11 @@ typedef struct GlintNeighbour {
  * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
  * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
  * axis, 0 to 2; null only where none does. subsurface_points: (gather_block², subsurface_count, 6),
- * by pixel of a square as gather_points, of as many samples, after which they begin again: the shares
- * of the light of a point that come out of the surface within the nearest and the farthest radius
- * that a sample stands for, and within its own, in this order: least, own, most; the cosine and the
- * sine of the angle round the point; which of the two axes across the normal the sample looks along,
- * 1 or 2. Null: all light comes out where it goes in. */
+ * by pixel of a square as gather_points, of as many samples, after which they begin again: the
+ * shares of the light of a point that come out of the surface within the nearest and the farthest
+ * radius that a sample stands for, and within its own, in this order: least, own, most; the cosine
+ * and the sine of the angle round the point; which of the two axes across the normal the sample
+ * looks along, 1 or 2. Null: all light comes out where it goes in. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;

@@ -153,7 +153,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
            (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");
   add(!g.gloss_points || g.gloss_count >= 2, "settings: no pair of gloss points");
-  add(sound_subsurface(g), "settings: no points for subsurface scattering, or points that are none");
+  add(sound_subsurface(g),
+      "settings: no points for subsurface scattering, or points that are none");
   add(!scene.materials.has_rough_glass ||
           (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels),
       "settings: no points for rough glass");

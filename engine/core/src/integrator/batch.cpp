@@ -9,7 +9,7 @@ constexpr size_t kFixed = 1 + 3 + 3 + 3 + 2 + 3 + 3;  // t, x, g, offset and wei
 constexpr size_t kSmooth = 3 + 3;                     // n, origin
 constexpr size_t kBumps = 3 + 1;                      // unbent, bump
 constexpr size_t kBehind = 3 + 3 + 3 + 1;             // translucent, behind, lifted, lifted_bump
-constexpr size_t kBelow = 3 + 3;                       // below, radius
+constexpr size_t kBelow = 3 + 3;                      // below, radius
 constexpr size_t kParts = 6 * 3, kSplit = 6 * 3;
 
 size_t group_columns_of(const Scene& scene, Passes passes) {
@@ -29,7 +29,8 @@ Batch::Batch(const Scene& scene, Passes passes)
                (scene.materials.shadows_bumps ? kBumps : 0) +
                (scene.instances.grazing_differs ? 1 : 0) + (scene.instances.lowers_light ? 1 : 0) +
                (scene.materials.has_translucent ? kBehind : 0) +
-               (scene.materials.has_subsurface ? kBelow : 0) + kParts + (splits_ ? kSplit : 0) + 3 + group_columns_of(scene, passes)),
+               (scene.materials.has_subsurface ? kBelow : 0) + kParts + (splits_ ? kSplit : 0) + 3 +
+               group_columns_of(scene, passes)),
       groups_(group_columns_of(scene, passes)),
       given_(groups_.size() / 3) {}
 

@@ -207,8 +207,8 @@ struct RenderPlan : GlintRenderSettings {
 
 /// Rays, the time they took, and points at which the programs of media ran.
 struct RayCounts {
-  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0, gather = 0, probe = 0,
-           media_points = 0;
+  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0, gather = 0,
+           probe = 0, media_points = 0;
   double tracing = 0;  // seconds in the accelerator
   RayCounts& operator+=(const RayCounts& b) {
     tracing += b.tracing;

@@ -99,8 +99,8 @@ class Queue : public RayLayout {
   bool sees_blurred() const { return gathers || reflections > 0; }
   bool shared = false;  // what they find goes to the paths that BlockShares has for theirs
   bool mixed = false;   // so does what they bring, once all is known: wide lobes reflected them
-  /// What they meet is known: where light comes out again that went below a surface, which gives back
-  /// all of it there.
+  /// What they meet is known: where light comes out again that went below a surface, which gives
+  /// back all of it there.
   bool exits = false;
   const Hit& hit(size_t k) const { return hits_[k]; }
   /// The largest exponent of highlights that ray k meets: a power of two, that of the narrowest

@@ -62,7 +62,7 @@ class SceneQueries {
   const Batch* batch_ = nullptr;
   RayCounts* counts_ = nullptr;
   uint64_t* asked_ = nullptr;  // that of these rays
-  std::vector<Hit> layers_;  // of the rays of a block
+  std::vector<Hit> layers_;    // of the rays of a block
   // Hits of a block: rows, as AskedHits and SurfaceStage have them.
   enum : size_t { kT, kStart, kD = kStart + 3, kX = kD + 3, kG = kX + 3, kN = kG + 3 };
   enum : size_t { kOrigin = kN + 3, kOffset = kOrigin + 3, kWeights, kColumns = kWeights + 2 };

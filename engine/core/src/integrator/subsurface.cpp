@@ -57,7 +57,8 @@ double Profile::radius(double share) const {
       const double e = exponential(-r * third[c]);
       slope += 3 * third[c] * (e * e * e + e) / (4 * whole[c]);
     }
-    const double to = r - off * channels / slope, next = to > low && to < high ? to : (low + high) / 2;
+    const double to = r - off * channels / slope,
+                 next = to > low && to < high ? to : (low + high) / 2;
     const double way = std::abs(next - r);
     r = next;
     if (!(way > kExact * r)) break;
@@ -69,8 +70,7 @@ Vec3d Profile::ring(double low, double high) const {
   const double all = mean(high) - mean(low);
   Vec3d share;
   for (int c = 0; c < 3; ++c)
-    if (d[c] > 0)
-      share[c] = (within(high, third[c]) - within(low, third[c])) / (whole[c] * all);
+    if (d[c] > 0) share[c] = (within(high, third[c]) - within(low, third[c])) / (whole[c] * all);
   return share;
 }
 
@@ -88,27 +88,26 @@ Vec3d Profile::fall(double near, double far) const {
   Vec3d share;
   for (int c = 0; c < 3; ++c) {
     if (!(d[c] > 0)) continue;
-    const double before = exponential(-2 * near * third[c]), after = exponential(-2 * far * third[c]);
+    const double before = exponential(-2 * near * third[c]),
+                 after = exponential(-2 * far * third[c]);
     share[c] = exponential((near - far) * third[c]) * (1 + after) / (1 + before) * near / far;
   }
   return share;
 }
 
 Subsurface::Subsurface(const Scene& scene, const RenderPlan& plan)
-    : scene_(scene),
-      plan_(plan),
-      on_(scene.materials.has_subsurface && plan.subsurface_points) {
+    : scene_(scene), plan_(plan), on_(scene.materials.has_subsurface && plan.subsurface_points) {
   if (on_) known_.resize(size_t(plan.gather_block) * plan.gather_block);
 }
 
-/// A tenth of what a pixel in the middle of the picture spans so far away, in the world: what is
+/// A twentieth of what a pixel in the middle of the picture spans so far away, in the world: what is
 /// narrower is not seen.
 double Subsurface::least_radius(Vec3d x) const {
   const ProgramView& view = *scene_.input_tables().view;
-  if (view.parallel) return view.step;
+  if (view.parallel) return view.step / 2;
   Vec3d away;
   for (int c = 0; c < 3; ++c) away[c] = x[c] / view.scale + view.origin[c] - view.eye[c];
-  return view.step * length(away);
+  return view.step / 2 * length(away);
 }
 
 const Subsurface::Ring& Subsurface::ring(Vec3d radius, const double* row) {
@@ -129,7 +128,8 @@ void Subsurface::enter(Batch& batch, uint32_t k, const double* place) {
   const double least = least_radius(x);
   Vec3d radius = row(batch.radius, k), given, left = row(batch.diffuse, k);
   for (int c = 0; c < 3; ++c) {
-    const bool goes = below[c] != 0 && std::isfinite(below[c]) && radius[c] >= least && radius[c] > 0;
+    const bool goes =
+        below[c] != 0 && std::isfinite(below[c]) && radius[c] >= least && radius[c] > 0;
     given[c] = goes ? below[c] : 0;
     radius[c] = goes ? scene_.anchor.scale * radius[c] : 0;
     left[c] -= given[c];
@@ -138,7 +138,8 @@ void Subsurface::enter(Batch& batch, uint32_t k, const double* place) {
   set_row(batch.diffuse, k, left);
   const Vec3d g = row(batch.points.g, k), first = first_across(g);
   const Ring& found = ring(radius, place);
-  points_.push_back({k, found, given * found.share, {g, first, cross(g, first)}, x, batch.outside[k] != 0});
+  points_.push_back(
+      {k, found, given * found.share, {g, first, cross(g, first)}, x, batch.outside[k] != 0});
 }
 
 void Subsurface::leave(const Batch& batch, SceneQueries& queries, Queue& exits, RayCounts& counts) {
@@ -202,8 +203,8 @@ void Subsurface::look(size_t first, size_t count, bool across, SceneQueries& que
   }
 }
 
-/// What of the light of a ring comes out where its ray meets a surface, by how dense the rays of all
-/// three axes are there (the balance heuristic).
+/// What of the light of a ring comes out where its ray meets a surface, by how dense the rays of
+/// all three axes are there (the balance heuristic).
 Vec3d Subsurface::share(const Point& point, Vec3d x, Vec3d g) const {
   const Profile& profile = point.ring.profile;
   const Vec3d way = x - point.x;

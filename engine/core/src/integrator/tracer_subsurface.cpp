@@ -1,5 +1,5 @@
-// Light that goes below surfaces and comes out elsewhere: there the tracer sees a matt white surface,
-// which weighs as much as comes out.
+// Light that goes below surfaces and comes out elsewhere: there the tracer sees a matt white
+// surface, which weighs as much as comes out.
 #include <algorithm>
 
 #include "film/refine.h"
@@ -42,9 +42,8 @@ void Tracer::bend_exits(const Queue& queue) {
   rows.clear();
   for (uint32_t k = 0; k < queue.size(); ++k)
     if (scene_.materials[batch_.material[k]].normal > 0) rows.push_back(k);
-  std::stable_sort(rows.begin(), rows.end(), [&](uint32_t a, uint32_t b) {
-    return batch_.material[a] < batch_.material[b];
-  });
+  std::stable_sort(rows.begin(), rows.end(),
+                   [&](uint32_t a, uint32_t b) { return batch_.material[a] < batch_.material[b]; });
   for (size_t first = 0; first < rows.size();) {
     const uint32_t number = batch_.material[rows[first]];
     EvaluateStage stage = varying(queue, scene_.materials[number]);

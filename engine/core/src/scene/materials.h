@@ -24,7 +24,7 @@ struct Material {
   uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
   int specular_count = 0, view_count = 0;
   bool goes_below = false;  // light of some of its DIFFUSE lobes comes out elsewhere
-  int passing = 0;  // lobes that send rays on, unless all of these are nothing
+  int passing = 0;          // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
   // Of light to lamps, by a surface; less than 1 of fibres alone. To fibres: of what reaches these.
   double most_passed = 1, most_passed_to_fibres = 1;
@@ -80,9 +80,9 @@ struct MaterialTable {
        has_sheen = false;  // SHEEN or FIBRE lobes
   bool has_translucent = false;
   bool has_subsurface = false;  // DIFFUSE lobes whose light comes out elsewhere
-  int specular_columns = 4;  // numbers of each as the stages read them
-  int max_view = 0;          // lobes of a material that depend on the view, at most
-  int max_passing = 0;       // Material::passing, at most
+  int specular_columns = 4;     // numbers of each as the stages read them
+  int max_view = 0;             // lobes of a material that depend on the view, at most
+  int max_passing = 0;          // Material::passing, at most
   int passing_columns = PassingTerm::kPlain;  // of each of these lobes
   /// Where fibres alone let light through: behind so many less than kFaded of it is left to light
   /// fibres, and what is none; or 0. The latter alone may be 0 where these are more than are found

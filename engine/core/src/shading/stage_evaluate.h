@@ -269,8 +269,8 @@ inline void lift_normal(const EvaluateStage& s, const Chosen& at) {
   scatter(s.lifted_bump, at, where(nonzero(m), bump_of(s.bump_shadowing, dot(m, n))));
 }
 
-/// What of the light of DIFFUSE lobes comes out elsewhere, and how far away: by how much of it is of
-/// which.
+/// What of the light of DIFFUSE lobes comes out elsewhere, and how far away: by how much of it is
+/// of which.
 __attribute__((noinline)) void set_below(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                                          const Three& T) {
   Three below{}, size{}, spread{};
