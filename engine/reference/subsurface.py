@@ -76,16 +76,12 @@ class Profile:
         share = np.where(self.on, within(high, self.d) - within(low, self.d), 0.0) / self._whole()
         return share / (self.mean(high) - self.mean(low))
 
-    def times(self, r: Array) -> Array:
-        """(n,) r times how dense the light is, over the plane, at that distance from its point."""
-        e = np.exp(-r / (3 * self.d))
-        return np.where(self.on, (e * e * e + e) / (self.d * self._whole()), 0.0).sum(0)
-
     def fall(self, near: Array, far: Array) -> Array:
-        """(3, n) how dense the profile is at a distance over how dense it is nearer."""
+        """(3, n) how dense the profile is at a distance over how dense it is nearer, round a ring
+        of that radius each.
+        """
         e = np.exp(-near * 2 / (3 * self.d)), np.exp(-far * 2 / (3 * self.d))
-        drop = np.exp((near - far) / (3 * self.d)) * (1 + e[1]) / (1 + e[0])
-        return drop * near / far
+        return np.exp((near - far) / (3 * self.d)) * (1 + e[1]) / (1 + e[0])
 
 
 def entering(stage: Stage, at: Interaction) -> tuple[Interaction, Interaction | None]:
@@ -143,26 +139,34 @@ def coming_out(
         w, u, v = (axes[(axis + k) % 3, :, every].T for k in range(3))
         asked = Asked(surface.x + r * (cosine * u + sine * v) + height * w, -w, 2 * height)
         met = queries.crossings(surface, every, asked)
-        weight = pick(given, met.ray) * _shares(met, axes, surface.x, r, profile)
+        part = _shares(met, axes, axis, surface.x, r, profile)
+        weight = pick(given * _most(part, met.ray, lobes.below), met.ray) * part
         parts.append(_exits(stage, at, met, asked, weight, queries.sample))
     return _together([part for part in parts if len(part.hit)])
 
 
-def _shares(met: Met, axes: Array, x: Array, r: Array, profile: Profile) -> Array:
-    """(3, k) what of the light of a ring comes out where its rays meet surfaces, by how dense those
-    of all three axes are there (the balance heuristic). r: (n,) how far from the points they are.
+def _shares(met: Met, axes: Array, own: Array, x: Array, r: Array, profile: Profile) -> Array:
+    """(3, k) what of the light of a ring comes out where its rays meet surfaces: each of the three
+    axes has the whole of it, and they weigh by how well they see the surface (the power heuristic).
+    own: (n,) which of them the rays are along. r: (n,) how far from the points they are.
     """
-    way, r, profile = met.surface.x - pick(x, met.ray), r[met.ray], profile.take(met.ray)
-    density = np.zeros_like(r)
-    for share, axis in zip(SHARES, axes, strict=True):
-        w = pick(axis, met.ray)
-        off = np.sqrt(np.maximum(dot(way, way) - dot(way, w) ** 2, 0.0))
-        off = np.maximum(off, 1e-9 * profile.reach)
-        density += share * np.abs(dot(w, met.surface.g)) * profile.times(off) / off
-    good = (density > 0) & (r > 0)
-    dense = np.divide(profile.times(r), r * density, out=np.zeros_like(r), where=good)
-    near = np.where(good, r, 1.0)
-    return dense * profile.fall(near, np.maximum(length(way), near))
+    way, r, own = met.surface.x - pick(x, met.ray), r[met.ray], own[met.ray]
+    dense = np.stack([
+        share * np.abs(dot(pick(axis, met.ray), met.surface.g))
+        for share, axis in zip(SHARES, axes, strict=True)
+    ])
+    total = dense[0] ** 2 + dense[1] ** 2 + dense[2] ** 2
+    part = np.divide(dense[own, np.arange(len(own))], total, out=np.zeros_like(r), where=total > 0)
+    return part * profile.take(met.ray).fall(r, np.maximum(length(way), r))
+
+
+def _most(part: Array, ray: Array, below: Array) -> Array:
+    """(3, n) by how much less comes out along each ray than its parts (3, k) say, so that no more
+    does than went in. below: (3, n) what is given back.
+    """
+    total = np.stack([np.bincount(ray, row, below.shape[1]) for row in part])
+    most = np.maximum(1.0, 1.0 / np.maximum(np.abs(below), 1e-300))
+    return np.where(total > most, most / np.where(total > 0, total, 1.0), 1.0)
 
 
 def _exits(

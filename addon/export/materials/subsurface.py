@@ -17,20 +17,20 @@ _ALBEDOS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.994,
 _WALK = (
     (0.016, 0.0194, 0.0245, 0.0301, 0.0363, 0.0439, 0.0531, 0.065, 0.0814, 0.1001)
     + (0.1034, 0.1034, 0.1034, 0.1034),
-    (0.785, 0.806, 0.828, 0.851, 0.872, 0.895, 0.919, 0.943, 0.967, 0.976)
-    + (0.941, 0.912, 0.9, 0.894),
+    (0.8925, 0.903, 0.914, 0.9255, 0.936, 0.9475, 0.9595, 0.9715, 0.9835, 0.988)
+    + (0.9705, 0.956, 0.95, 0.947),
 )
 _SKIN = (
     (0.176, 0.1628, 0.1494, 0.1363, 0.1225, 0.1098, 0.0973, 0.0838, 0.0629, 0.0327)
     + (0.0333, 0.0333, 0.0333, 0.0022),
-    (0.7, 0.725, 0.753, 0.78, 0.812, 0.842, 0.87, 0.901, 0.951, 0.987)
-    + (0.953, 0.924, 0.915, 0.908),
+    (0.85, 0.8625, 0.8765, 0.89, 0.906, 0.921, 0.935, 0.9505, 0.9755, 0.9935)
+    + (0.9765, 0.962, 0.9575, 0.954),
 )
 _BURLEY = ((0.25 / np.pi / 1.04,) * len(_ALBEDOS), (1.0,) * len(_ALBEDOS))
 _METHODS = {"RANDOM_WALK": _WALK, "RANDOM_WALK_SKIN": _SKIN}
 """Of each the d of Christensen and Burley's profile, for a radius of 1, and the share of the albedo
 that comes back, by the albedo. Walks: measured, in Blender 5.0, beside an edge of light on a thick
-slab with the node's own IOR of 1.4, by how much light is beyond it (docs/decisions/0056).
+slab with the node's own IOR of 1.4, by how much light is beyond it, the share half way to what all directions of view see (docs/decisions/0056).
 """
 _ROWS = 256
 """Of tables for programs, linear in between."""

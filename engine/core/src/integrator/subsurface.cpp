@@ -74,23 +74,13 @@ Vec3d Profile::ring(double low, double high) const {
   return share;
 }
 
-double Profile::times(double r) const {
-  double sum = 0;
-  for (int c = 0; c < 3; ++c) {
-    if (!(d[c] > 0)) continue;
-    const double e = exponential(-r * third[c]);
-    sum += (e * e * e + e) * third[c] / whole[c];
-  }
-  return sum;
-}
-
 Vec3d Profile::fall(double near, double far) const {
   Vec3d share;
   for (int c = 0; c < 3; ++c) {
     if (!(d[c] > 0)) continue;
     const double before = exponential(-2 * near * third[c]),
                  after = exponential(-2 * far * third[c]);
-    share[c] = exponential((near - far) * third[c]) * (1 + after) / (1 + before) * near / far;
+    share[c] = exponential((near - far) * third[c]) * (1 + after) / (1 + before);
   }
   return share;
 }
@@ -100,8 +90,8 @@ Subsurface::Subsurface(const Scene& scene, const RenderPlan& plan)
   if (on_) known_.resize(size_t(plan.gather_block) * plan.gather_block);
 }
 
-/// A twentieth of what a pixel in the middle of the picture spans so far away, in the world: what is
-/// narrower is not seen.
+/// A twentieth of what a pixel in the middle of the picture spans so far away, in the world: what
+/// is narrower is not seen.
 double Subsurface::least_radius(Vec3d x) const {
   const ProgramView& view = *scene_.input_tables().view;
   if (view.parallel) return view.step / 2;
@@ -136,10 +126,12 @@ void Subsurface::enter(Batch& batch, uint32_t k, const double* place) {
   }
   if (!any(given)) return;
   set_row(batch.diffuse, k, left);
-  const Vec3d g = row(batch.points.g, k), first = first_across(g);
+  const Vec3d g = row(batch.points.g, k), first = first_across(g), T = batch.queue->weight(k);
+  Vec3d most;
+  for (int c = 0; c < 3; ++c) most[c] = std::max(1.0, std::abs(T[c] / given[c]));
   const Ring& found = ring(radius, place);
   points_.push_back(
-      {k, found, given * found.share, {g, first, cross(g, first)}, x, batch.outside[k] != 0});
+      {k, found, given * found.share, most, {g, first, cross(g, first)}, x, batch.outside[k] != 0});
 }
 
 void Subsurface::leave(const Batch& batch, SceneQueries& queries, Queue& exits, RayCounts& counts) {
@@ -171,7 +163,7 @@ void Subsurface::look(size_t first, size_t count, bool across, SceneQueries& que
     points.instance[i] = batch.instance[point.row];
     points.row[i] = point.row;
     const double* const place = point.ring.row;
-    const size_t axis = across ? size_t(place[5]) : 0;
+    const size_t axis = axis_of(point, across);
     const Vec3d &w = point.axes[axis], &u = point.axes[(axis + 1) % 3],
                 &v = point.axes[(axis + 2) % 3];
     const double r = point.ring.r, reach = point.ring.profile.reach,
@@ -184,17 +176,26 @@ void Subsurface::look(size_t first, size_t count, bool across, SceneQueries& que
     rays.t_max[i] = 2 * height;
   }
   const AskedHits hits = queries.find_crossings(points, count, rays);
+  parts_.resize(hits.count);
+  sums_.assign(count, {});
+  for (size_t i = 0; i < hits.count; ++i) {
+    const Point& point = points_[first + hits.point[i]];
+    parts_[i] = share(point, axis_of(point, across), row(hits.x, i), row(hits.g, i));
+    sums_[hits.point[i]] += parts_[i];
+  }
   for (size_t i = 0; i < hits.count; ++i) {
     const uint32_t k = hits.point[i], number = uint32_t(first) + k;
     const Point& point = points_[number];
-    const Vec3d T = point.given * share(point, row(hits.x, i), row(hits.g, i));
+    Vec3d T = point.given * parts_[i];
+    for (int c = 0; c < 3; ++c)  // no more than went in
+      if (sums_[k][c] > point.most[c]) T[c] *= point.most[c] / sums_[k][c];
     if (!any(T) || !finite(T)) continue;
-    Hit hit = queries.hit(i);
     Vec3d o, d;
     for (int c = 0; c < 3; ++c) {
       o[c] = rays.o[c][k];
       d[c] = rays.d[c][k];
     }
+    const Hit hit = queries.hit(i);
     if ((hits.outside[i] != 0) != point.outside) {  // seen from where the light came
       o = o + 2 * hit.t * d;
       d = -d;
@@ -203,21 +204,18 @@ void Subsurface::look(size_t first, size_t count, bool across, SceneQueries& que
   }
 }
 
-/// What of the light of a ring comes out where its ray meets a surface, by how dense the rays of
-/// all three axes are there (the balance heuristic).
-Vec3d Subsurface::share(const Point& point, Vec3d x, Vec3d g) const {
-  const Profile& profile = point.ring.profile;
-  const Vec3d way = x - point.x;
-  double density = 0;
-  for (int a = 0; a < 3; ++a) {
-    const double along = dot(way, point.axes[a]),
-                 off = std::sqrt(std::max(dot(way, way) - along * along, 0.0)),
-                 least = std::max(off, 1e-9 * profile.reach);
-    density += kShares[a] * std::abs(dot(point.axes[a], g)) * profile.times(least) / least;
+/// What of the light of a ring comes out where its ray along an axis meets a surface: each of the
+/// three axes has the whole of it, and they weigh by how well they see the surface (the power
+/// heuristic).
+Vec3d Subsurface::share(const Point& point, size_t axis, Vec3d x, Vec3d g) {
+  double dense[3], total = 0;
+  for (size_t a = 0; a < 3; ++a) {
+    dense[a] = kShares[a] * std::abs(dot(point.axes[a], g));
+    total += dense[a] * dense[a];
   }
+  if (!(total > 0)) return {};
   const double r = point.ring.r;
-  if (!(density > 0 && r > 0)) return {};
-  return profile.times(r) / (r * density) * profile.fall(r, std::max(length(way), r));
+  return dense[axis] / total * point.ring.profile.fall(r, std::max(length(x - point.x), r));
 }
 
 }  // namespace glint

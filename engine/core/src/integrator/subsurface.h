@@ -24,9 +24,8 @@ struct Profile {
   double radius(double share) const;
   /// How much of each channel comes out between two radii, over what does of all.
   Vec3d ring(double low, double high) const;
-  /// r times how dense the light is, over the plane, at that distance.
-  double times(double r) const;
-  /// How dense it is at a distance over how dense it is nearer, by channel.
+  /// How dense it is at a distance over how dense it is nearer, round a ring of that radius each,
+  /// by channel.
   Vec3d fall(double near, double far) const;
 };
 
@@ -58,7 +57,7 @@ class Subsurface {
   struct Point {
     uint32_t row;
     Ring ring;
-    Vec3d given;
+    Vec3d given, most;  // most: of all that comes out along a ray over what one part is of
     Vec3d axes[3];
     Vec3d x;
     bool outside;
@@ -74,14 +73,18 @@ class Subsurface {
   const Ring& ring(Vec3d radius, const double* row);
   double least_radius(Vec3d x) const;
   void look(size_t first, size_t count, bool across, SceneQueries& queries);
-  Vec3d share(const Point& point, Vec3d x, Vec3d g) const;
+  static size_t axis_of(const Point& point, bool across) {
+    return across ? size_t(point.ring.row[5]) : 0;
+  }
+  static Vec3d share(const Point& point, size_t axis, Vec3d x, Vec3d g);
 
   const Scene& scene_;
   const RenderPlan& plan_;
   const bool on_;
   std::vector<Point> points_;
   std::vector<Exit> exits_;
-  std::vector<Ring> known_;  // the last ones, by pixels' places in their blocks
+  std::vector<Vec3d> parts_, sums_;  // of the hits of a block, and of its points
+  std::vector<Ring> known_;          // the last ones, by pixels' places in their blocks
 };
 
 }  // namespace glint
