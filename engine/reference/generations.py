@@ -411,11 +411,12 @@ class Generations:
         """
         coefficients, weight = at.coefficients, at.weight
         mirrored, refracted = gives(at.surface, coefficients)
+        below = -coefficients.diffuse if at.comes_out else coefficients.below
         ambient = coefficients.ambient * self._stage.even_light(at.surface)
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
             "Diffuse Indirect": light.lit_bounced,
-            "Diffuse Color": coefficients.matt(),
+            "Diffuse Color": coefficients.matt() + (0.0 if below is None else below),
             "Glossy Direct": light.lit_specular,
             "Glossy Indirect": light.lit_glossy_bounced,
             "Glossy Color": coefficients.glossy() + mirrored,

@@ -86,13 +86,14 @@ class Paths:
 @dataclass(frozen=True, eq=False)
 class Interaction:
     """m points at which rays meet surfaces, and what their lobes do there. hit: (m,) which of
-    `paths` meet them.
+    `paths` meet them.  comes_out: there light comes out that went below other points.
     """
 
     paths: Paths
     hit: Array
     surface: Surface
     coefficients: Coefficients
+    comes_out: bool = False
 
     @property
     def weight(self) -> Array:

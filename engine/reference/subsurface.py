@@ -89,16 +89,19 @@ def entering(stage: Stage, at: Interaction) -> tuple[Interaction, Interaction | 
     `below` what they give back so.
     """
     lobes = at.coefficients
-    if lobes.below is None or lobes.radius is None or not stage.scatters_below(at.paths):
+    if lobes.below is None or lobes.radius is None:
         return at, None
+    matt = replace(at, coefficients=replace(lobes, below=None))
+    if not stage.scatters_below(at.paths):
+        return matt, None
     given = at.weight * lobes.below
     on = (given != 0) & np.isfinite(given) & (lobes.radius >= _least_radius(stage, at.surface.x))
     on &= at.surface.primitive < stage.geometry.first_rod
     here = np.flatnonzero(on.any(0))
     if not len(here):
-        return at, None
+        return matt, None
     below = np.where(on, lobes.below, 0.0)
-    rest = replace(at, coefficients=replace(lobes, diffuse=lobes.diffuse - below))
+    rest = replace(at, coefficients=replace(lobes, diffuse=lobes.diffuse - below, below=below))
     none = np.zeros((3, len(here)))
     entered = Coefficients(none, none, none, none, none, [], [], [], [], [])
     entered = replace(entered, below=pick(below, here), radius=pick(lobes.radius, here))
@@ -151,10 +154,12 @@ def _shares(met: Met, axes: Array, own: Array, x: Array, r: Array, profile: Prof
     own: (n,) which of them the rays are along. r: (n,) how far from the points they are.
     """
     way, r, own = met.surface.x - pick(x, met.ray), r[met.ray], own[met.ray]
-    dense = np.stack([
-        share * np.abs(dot(pick(axis, met.ray), met.surface.g))
-        for share, axis in zip(SHARES, axes, strict=True)
-    ])
+    dense = np.stack(
+        [
+            share * np.abs(dot(pick(axis, met.ray), met.surface.g))
+            for share, axis in zip(SHARES, axes, strict=True)
+        ]
+    )
     total = dense[0] ** 2 + dense[1] ** 2 + dense[2] ** 2
     part = np.divide(dense[own, np.arange(len(own))], total, out=np.zeros_like(r), where=total > 0)
     return part * profile.take(met.ray).fall(r, np.maximum(length(way), r))
@@ -191,9 +196,7 @@ def _exits(
     paths = _of_rays(at.paths, at.hit[ray], pick(weight, go))
     every = np.arange(len(go))
     surface = stage.shader.bent(met_by(paths, every, surface), paths.kind, stage.queries(sample))
-    none = np.zeros((3, len(go)))
-    white = Coefficients(none, none + 1, none, none, none, [], [], [], [], [])
-    return Interaction(paths, every, surface, white)
+    return _white(paths, surface)
 
 
 def _of_rays(paths: Paths, ray: Array, weight: Array) -> Paths:
@@ -209,15 +212,16 @@ def one_by_one(at: Interaction) -> Iterator[Interaction]:
     """Each of the points by itself."""
     for k in range(len(at.hit)):
         one = np.array([k])
-        white = replace(
-            at.coefficients,
-            **{
-                field.name: pick(getattr(at.coefficients, field.name), one)
-                for field in fields(Coefficients)[:5]
-            },
-        )
         paths = _of_rays(at.paths, at.hit[one], pick(at.weight, one))
-        yield Interaction(paths, np.zeros(1, np.intp), at.surface.take(one), white)
+        yield _white(paths, at.surface.take(one))
+
+
+def _white(paths: Paths, surface: Surface) -> Interaction:
+    """What the rays meet as matt and white."""
+    count = len(surface)
+    none = np.zeros((3, count))
+    lobes = Coefficients(none, none + 1, none, none, none, [], [], [], [], [])
+    return Interaction(paths, np.arange(count), surface, lobes, comes_out=True)
 
 
 def _together(parts: list[Interaction]) -> Interaction | None:
@@ -230,7 +234,4 @@ def _together(parts: list[Interaction]) -> Interaction | None:
             for field in fields(Surface)
         }
     )
-    count = len(surface)
-    none = np.zeros((3, count))
-    white = Coefficients(none, none + 1, none, none, none, [], [], [], [], [])
-    return Interaction(joined([part.paths for part in parts]), np.arange(count), surface, white)
+    return _white(joined([part.paths for part in parts]), surface)

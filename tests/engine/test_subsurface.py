@@ -11,10 +11,14 @@ from engine_scenes import grid_mesh
 from glint.engine import Settings, render
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
+from glint.engine.program.graph import Graph
+from glint.engine.program.operations_vector import VectorOperation
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
 from glint.engine.reference.subsurface import REACH, Profile, within
 from glint.engine.sampling import subsurface_points
 from native_tools import lamp, needs_core, pixel_centers, placed, square, view_from_above
-from surface_scenes import SUN, plane
+from surface_scenes import SUN
 
 BACKENDS = ["NATIVE", "NUMPY"]
 K = (0.8, 0.5, 0.3)
@@ -150,3 +154,209 @@ def test_both_tracers_agree(name: str, more: dict) -> None:
     )
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * expected.max())
     assert np.abs(expected - picture(scene, samples=4, subsurface="OFF", **more)).max() > 0.01
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_wall_lets_through_what_lies_round_rings_beyond(backend: str) -> None:
+    """Lit from behind: of the light of a ring of radius r the share that the profile has at √(r² +
+    t²) over what it has at r, as much as comes out in all at most.
+    """
+    t, d, k = 0.2, (0.2, 0.1, 0.05), (0.4, 0.4, 0.4)
+    sides = replace(square(30.0), triangles=np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+    back = replace(
+        sides,
+        vertices=np.concatenate([sides.vertices, sides.vertices - np.float32([0, 0, t])]),
+        triangles=np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]], np.uint32),
+        attributes=(),
+    )
+    below = lamp("SUN", (0, 0, -2), np.diag([1.0, -1.0, -1.0]), strength=np.pi)
+    found = picture(replace(slab(skin(d, k), below), geometries=(back,)), backend, samples=128)
+    r = np.linspace(0, REACH * max(d), 200001)
+    r = (r[1:] + r[:-1]) / 2
+    for c, width in enumerate(d):
+        e, f = (np.exp(-x / (3 * width)) for x in (r, np.sqrt(r * r + t * t)))
+        ring = (e**3 + e) / (4 * width) * (r[1] - r[0])
+        inside = np.sqrt(r * r + t * t) < REACH * max(d)
+        expected = k[c] * (ring * (f**3 + f) / (e**3 + e) * inside).sum()
+        np.testing.assert_allclose(found[..., c], expected, rtol=0.05, atol=1e-4)
+        assert expected > 0.005
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("thick", [0.001, 0.1])
+def test_a_thin_wall_gives_back_no_more_than_it_gets(thick: float, backend: str) -> None:
+    sides = square(30.0)
+    back = replace(
+        sides,
+        vertices=np.concatenate([sides.vertices, sides.vertices - np.float32([0, 0, thick])]),
+        triangles=np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]], np.uint32),
+        attributes=(),
+    )
+    below = lamp("SUN", (0, 0, -2), np.diag([1.0, -1.0, -1.0]), strength=np.pi)
+    scene = replace(slab(skin((0.3, 0.2, 0.1), (0.9,) * 3), SUN, below), geometries=(back,))
+    found = picture(scene, backend)
+    assert 0.9 * (1 - 1e-3) < found.min() and found.max() < 1 + 1e-3
+
+
+def body(lobe: s.Lobe, matrix: np.ndarray, *more: s.Instances, **lit) -> s.Scene:
+    """A closed bumpy ball of triangles under a matrix."""
+    sheet = grid_mesh(24, 1.0)
+    u, v = np.pi * sheet.vertices[:, 0], np.pi / 2 * sheet.vertices[:, 1]
+    r = 1 + 0.1 * np.sin(3 * u)
+    points = np.stack([r * np.cos(v) * np.cos(u), r * np.cos(v) * np.sin(u), r * np.sin(v)], -1)
+    ball = s.Mesh("ball", points.astype(np.float32), sheet.triangles)
+    look = s.Material("body", (lobe,))
+    light = lamp("SUN", axes=axes_towards((1.0, 0.3, 0.4)), strength=np.pi)
+    matrices = np.zeros((1, 3, 4))
+    matrices[0, :, :3] = matrix
+    here = s.Instances("body", 0, matrices, (0,))
+    return s.Scene(
+        view_from_above(half=1.5), (ball,), (here, *more), (look,), (), (light,), s.World(), **lit
+    )
+
+
+def axes_towards(to: tuple) -> np.ndarray:
+    """Axes of a light that comes from there."""
+    z = np.array(to) / np.linalg.norm(to)
+    x = np.cross((0.0, 1.0, 0.0), z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+TURNED = {
+    "even": np.eye(3),
+    "stretched": np.diag([1.2, 0.5, 0.9]),
+    "mirrored": np.diag([-1.0, 1.0, 1.0]),
+}
+
+
+@needs_core
+@pytest.mark.parametrize("name", TURNED)
+def test_bodies_under_matrices_agree_and_are_those_of_their_points(name: str) -> None:
+    scene = body(skin((0.3, 0.1, 0.05)), TURNED[name])
+    found, expected = (picture(scene, backend, samples=4) for backend in BACKENDS)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+    ball, matrix = scene.geometries[0], TURNED[name]
+    flat = replace(ball, vertices=(ball.vertices @ matrix.T).astype(np.float32))
+    if np.linalg.det(matrix) < 0:
+        flat = replace(flat, triangles=flat.triangles[:, ::-1].copy())
+    same = replace(body(skin((0.3, 0.1, 0.05)), np.eye(3)), geometries=(flat,))
+    np.testing.assert_allclose(picture(same, samples=4), found, atol=2e-3)
+    matt = picture(body(skin((0.0,) * 3), matrix), samples=4)
+    assert (found > 0.02 + matt).any() and found.max() < 1
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_light_comes_out_of_its_own_object_alone(backend: str) -> None:
+    """A ball inside, and one around that lets all through, have no part in it."""
+    lobe = skin((0.3, 0.1, 0.05))
+    alone = picture(body(lobe, np.eye(3)), backend, samples=4)
+    small = replace(placed(0, (0,), linear=0.5), name="inner")
+    clear = s.Material("clear", (s.Lobe("TRANSPARENT", (s.Input((1.0,) * 3),)),))
+    scene = body(lobe, np.eye(3), small, replace(placed(0, (1,), linear=1.2), name="outer"))
+    scene = replace(scene, materials=(*scene.materials, clear))
+    np.testing.assert_allclose(picture(scene, backend, samples=4), alone, rtol=1e-5, atol=1e-6)
+
+
+@needs_core
+@pytest.mark.parametrize("radius", [(1e6,) * 3, (1e-6, 1e3, 1.0), (1e30, 0.0, 1e-30)])
+def test_extreme_radii_stay_finite_and_agree(radius: tuple) -> None:
+    scene = body(skin(radius), np.eye(3))
+    found, expected = (picture(scene, backend, samples=4) for backend in BACKENDS)
+    assert np.isfinite(found).all() and found.min() >= 0 and found.max() < 1.5
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3)
+
+
+def of_program(value: tuple) -> s.Scene:
+    """A slab whose radius is what its program gives."""
+    graph = Graph()
+    n = graph.apply(BY_NAME["normal"])[0]
+    zero = graph.constant(0.0)
+    given = graph.apply(BY_NAME["scaled_sum"], n, zero, graph.constant(value))[0]
+    scene = half_lit(skin((0.0,) * 3))
+    look = scene.materials[0]
+    lobe = replace(look.lobes[0], radius_output=0)
+    look = replace(look, lobes=(lobe,), program=compile_program(graph, [given]))
+    return replace(scene, materials=(look,))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_program_may_give_the_radius(backend: str) -> None:
+    radius = (0.2, 0.1, 0.05)
+    found = picture(of_program(radius), backend, samples=4)
+    np.testing.assert_allclose(
+        found, picture(half_lit(skin(radius)), backend, samples=4), rtol=1e-6
+    )
+    strange = picture(of_program((np.nan, -1.0, np.inf)), backend, samples=4)
+    matt = picture(half_lit(skin((0.0,) * 3)), backend, samples=4)
+    np.testing.assert_allclose(strange, matt, rtol=1e-6)
+    assert np.abs(found - matt).max() > 0.05
+
+
+def test_a_radius_below_0_or_not_finite_is_refused() -> None:
+    for radius in ((-1.0, 0, 0), (np.nan, 0, 0), (1.0, 1.0)):
+        scene = slab(skin(radius), SUN)
+        assert any("radius" in problem for problem in scene.problems())
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_passes_have_it_as_diffuse_light(backend: str) -> None:
+    scene = hills(skin((0.2, 0.1, 0.05)), LIGHTS["area"])
+    names = frozenset(("Diffuse Direct", "Diffuse Indirect", "Diffuse Color", "Glossy Direct"))
+    plan = {"samples": 4, "light_samples": 2, "filter_width": 0.0, "backend": backend}
+    plan |= {"passes": names | {"Glossy Color", "Diffuse", "Shadow", "Specular"}}
+    films = [render(scene, Settings(**plan, subsurface=on)) for on in ("ON", "OFF")]
+    for film in films:
+        p = film.passes
+        total = p["Diffuse Direct"] * p["Diffuse Color"] + p["Glossy Direct"] * p["Glossy Color"]
+        np.testing.assert_allclose(total, film.combined[..., :3], rtol=1e-4, atol=1e-5)
+        parts = p["Diffuse"] + p["Shadow"] + p["Specular"]
+        np.testing.assert_allclose(parts, film.combined[..., :3], rtol=1e-4, atol=1e-5)
+    on, off = films
+    np.testing.assert_allclose(on.passes["Diffuse Color"], off.passes["Diffuse Color"], rtol=1e-5)
+    np.testing.assert_allclose(on.passes["Glossy Direct"], off.passes["Glossy Direct"], rtol=1e-4)
+    assert on.stats["probe rays"] == 2 * 4 * 16 * 16 and not off.stats.get("probe rays")
+
+
+@needs_core
+def test_same_bits_for_threads_and_borders() -> None:
+    scene = hills(skin((0.2, 0.1, 0.05)), *LIGHTS.values())
+    plan = {"samples": 4, "light_samples": 2, "diffuse_bounces": 2}
+    whole = picture(scene, threads=1, **plan)
+    np.testing.assert_array_equal(picture(scene, threads=4, **plan), whole)
+    part = picture(scene, region=(3, 5, 12, 14), **plan)
+    np.testing.assert_array_equal(part, whole[5:14, 3:12])
+
+
+def test_a_pixel_is_explained_by_what_comes_out_where() -> None:
+    scene = hills(skin((0.2, 0.1, 0.05)), LIGHTS["area"])
+    settings = Settings(light_samples=2)
+    ray = PixelExplainer(scene, settings).pixel(9, 5)
+    drawn = picture(scene, "NUMPY", samples=1, light_samples=2)[5, 9]
+    np.testing.assert_allclose(ray.color, drawn, rtol=1e-5)
+    assert "subsurface" in [after.kind for after in ray.follow]
+    assert any("comes out" in line for line in explanation_lines(ray))
+
+
+@needs_core
+@pytest.mark.parametrize("bump_shadowing", ["NONE", "GGX"])
+def test_bumps_are_seen_where_light_comes_out(bump_shadowing: str) -> None:
+    scene = hills(skin((0.2, 0.1, 0.05)), LIGHTS["sun"])
+    graph = Graph()
+    n = graph.apply(BY_NAME["normal"])[0]
+    slope, zero = graph.constant((1.0, 0.5, 0.0)), graph.constant(0.0)
+    across = graph.apply(
+        BY_NAME["vector_math"], n, slope, n, zero, operation=VectorOperation.CROSS_PRODUCT
+    )[0]
+    bent = graph.apply(BY_NAME["scaled_sum"], across, graph.constant(0.5), n)[0]
+    look = replace(
+        scene.materials[0],
+        program=compile_program(graph, [bent, n]),
+        normal_output=0,
+        base_normal_output=1,
+        bump_shadowing=bump_shadowing,
+    )
+    bumpy = replace(scene, materials=(look, *scene.materials[1:]))
+    found, expected = (picture(bumpy, backend, samples=4) for backend in BACKENDS)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+    assert np.abs(found - picture(scene, samples=4)).max() > 0.05

@@ -25,7 +25,7 @@ from .nodes_shader import (
 )
 from .nodes_sheen import Fibres
 from .roughness import layer_loss
-from .subsurface import subsurface
+from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
 from .varying import Ior, Roughness
 
@@ -151,6 +151,7 @@ def _note_what_is_left_out(view: NodeView) -> None:
         note_edge_tint(view, "Specular Tint")
     if view.number("Subsurface Weight"):
         note_left_out(view, {"Subsurface Anisotropy": "subsurface anisotropy"})
+        note_constants(view, {"Subsurface IOR": WALKS_IOR})
 
 
 CLOSURE_NODES["ShaderNodeBsdfPrincipled"] = _principled

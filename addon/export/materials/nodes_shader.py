@@ -20,7 +20,7 @@ from .roughness import (
     scattered_wide,
     world_of,
 )
-from .subsurface import subsurface
+from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 from .varying import Ior, Roughness
 
@@ -298,6 +298,7 @@ def _translucent(view: NodeView) -> Closure:
 def _subsurface(view: NodeView) -> Closure:
     bend(view)
     note_left_out(view, {"Anisotropy": "anisotropy"})
+    note_constants(view, {"IOR": WALKS_IOR, "Roughness": 1.0})
     color, names = view.reflectance("Color"), ("Radius", "Scale")
     return subsurface(view, diffuse_closure(color), ONE, names, color, view.node.falloff)
 

@@ -30,8 +30,9 @@ _BURLEY = ((0.25 / np.pi / 1.04,) * len(_ALBEDOS), (1.0,) * len(_ALBEDOS))
 _METHODS = {"RANDOM_WALK": _WALK, "RANDOM_WALK_SKIN": _SKIN}
 """Of each the d of Christensen and Burley's profile, for a radius of 1, and the share of the albedo
 that comes back, by the albedo. Walks: measured, in Blender 5.0, beside an edge of light on a thick
-slab with the node's own IOR of 1.4, by how much light is beyond it, the share half way to what all directions of view see (docs/decisions/0056).
+slab with the node's own IOR of 1.4, by how much light is beyond it, the share half way to 1 for what oblique views see (docs/decisions/0056).
 """
+WALKS_IOR = 1.4
 _ROWS = 256
 """Of tables for programs, linear in between."""
 
@@ -64,6 +65,19 @@ def subsurface(
         parts.append({replace(key, **radius): multiply(terms, below)})
         parts.append({key: multiply(terms, rest)})
     return add_closures(*parts)
+
+
+def note_constants(view: NodeView, expected: dict[str, float]) -> None:
+    """A note for each input that is not as it is taken to be."""
+    if view.node.bl_idname == "ShaderNodeSubsurfaceScattering" and view.node.falloff == "BURLEY":
+        return  # which has them not
+    for name, value in expected.items():
+        if not view.input(name):
+            continue
+        terms = view.number(name)
+        if not is_constant(terms) or abs(constant_value(terms)[0] - value) > 1e-3:
+            kind = view.node.bl_label
+            view.note(f"The {name} of {kind} is not rendered: {{}} go as with {value}")
 
 
 def _by_albedo(view: NodeView, color: Sum, column: tuple[float, ...]) -> Sum:
