@@ -185,7 +185,7 @@ def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
     for name, radiance in ray.shapes:
         yield f"{pad}  sees the light '{name}': {_rgb(radiance)}"
     if ray.kind == "subsurface":
-        yield f"{pad}  a probe found where light comes out that went below the surface: all in white"
+        yield f"{pad}  a probe found where light comes out that went below the surface"
     if ray.hit is None:
         yield f"{pad}  meets nothing: the surroundings are {_rgb(ray.background)}"
     else:

@@ -70,8 +70,8 @@ class Term:
 class Coefficients:
     """Sums (3, n) of the lobes of n points, and the terms that cannot be summed.
 
-    below: (3, n) what of the diffuse light comes out of the surface elsewhere, radius: (3, n) how far
-    away, world units; None for nothing.
+    below: (3, n) what of the diffuse light comes out elsewhere, radius: (3, n) how far away, world
+    units; None for nothing.
     """
 
     ambient: Array
@@ -204,21 +204,18 @@ class _Found:
         self._terms[lobe.kind].append(term)
 
     def coefficients(self) -> Coefficients:
-        return Coefficients(
+        found = Coefficients(
             **self.sums,
             highlights=self._terms["SPECULAR"],
             mirrors=self._terms["MIRROR"],
             refractions=self._terms["REFRACTION"],
             sheens=self._terms["SHEEN"],
             fibres=self._terms["FIBRE"],
-            **self._scattered(),
         )
-
-    def _scattered(self) -> dict[str, Array]:
         if self._below is None:
-            return {}
+            return found
         below, size, spread = self._below
-        return {"below": below, "radius": spread / np.where(size > 0, size, 1.0)}
+        return replace(found, below=below, radius=spread / np.where(size > 0, size, 1.0))
 
 
 def _lowering(surface: Surface, index: Array) -> Array | None:

@@ -295,14 +295,15 @@ def gloss_points(samples: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=4)
 def subsurface_points(samples: int) -> np.ndarray:
-    """(GATHER_BLOCK², k, 6) float64, not to be written to: where samples look for the light that comes
-    out of a surface elsewhere, by pixel of a block, row by row; samples beyond k =
+    """(GATHER_BLOCK², k, 6) float64, not to be written to: where samples look for the light that
+    comes out of a surface elsewhere, by pixel of a block, row by row; samples beyond k =
     MOST_SUBSURFACE_POINTS take these again.
 
-    Each sample stands for one of k equal shares of the light, the rings round the point that it comes
-    out of, in the order of van der Corput: where a share begins, a place in it that pixels of a block
-    divide, where it ends; the cosine and sine of an angle, which turns by the golden ratio from ring
-    to ring (Vogel 1979) and by a quarter from pixel to pixel; and an axis across the normal, 1 or 2.
+    Each sample stands for one of k equal shares of the light, the rings round the point that it
+    comes out of, in the order of van der Corput: where a share begins, a place in it that pixels of
+    a block divide, where it ends; the cosine and sine of an angle, which turns by the golden ratio
+    from ring to ring (Vogel 1979) and by a quarter from pixel to pixel; and an axis across the
+    normal, 1 or 2.
     """
     count, pixels = min(samples, MOST_SUBSURFACE_POINTS), GATHER_BLOCK * GATHER_BLOCK
     ring = np.argsort(np.argsort(_sobol(count, _SCATTER, _SCATTER_SCRAMBLES)[:, 0]))

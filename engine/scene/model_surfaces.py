@@ -116,9 +116,10 @@ class Lobe:
     light that other fibres scattered: `Scene.as_lit` drops it where light does not bounce; FIBRE
     lobes catch of it what comes along them too, and have no masking then.  not_to_fibres: of
     TRANSPARENT lobes, what rays from points on strands do not pass, whose own lobes stand for it.
-    radius: of DIFFUSE lobes, RGB, at least 0, world units: how far below the surface their light goes
-    before it comes out again, the d of Christensen and Burley's profile (SEMANTICS.md, Subsurface);
-    0: it comes out where it goes in.  radius_output: the output that takes its place, -1 for none.
+    radius: of DIFFUSE lobes, RGB, at least 0, world units: how far below the surface their light
+    goes before it comes out again, the d of Christensen and Burley's profile (SEMANTICS.md,
+    Subsurface); 0: it comes out where it goes in.  radius_output: the output that takes its place,
+    -1 for none.
     """
 
     kind: str

@@ -30,7 +30,8 @@ _BURLEY = ((0.25 / np.pi / 1.04,) * len(_ALBEDOS), (1.0,) * len(_ALBEDOS))
 _METHODS = {"RANDOM_WALK": _WALK, "RANDOM_WALK_SKIN": _SKIN}
 """Of each the d of Christensen and Burley's profile, for a radius of 1, and the share of the albedo
 that comes back, by the albedo. Walks: measured, in Blender 5.0, beside an edge of light on a thick
-slab with the node's own IOR of 1.4, by how much light is beyond it, the share half way to 1 for what oblique views see (docs/decisions/0056).
+slab with the node's own IOR of 1.4, by how much light is beyond it; the share half way to 1, for
+what oblique views see (docs/decisions/0056).
 """
 WALKS_IOR = 1.4
 _ROWS = 256
