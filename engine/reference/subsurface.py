@@ -29,6 +29,8 @@ REACH = 16.6
 """Of the largest radius d, how far from a point its light comes out: all but 0.3 % of it."""
 SHARES = (1.0, 0.5, 0.5)
 """Rays of a sample along the normal and the two axes across it."""
+LEAST = 1 / 64
+"""Of a ring's light, that counts."""
 _HALVINGS = 60
 
 
@@ -144,7 +146,7 @@ def coming_out(
         met = queries.crossings(surface, every, asked)
         part = _shares(met, axes, axis, surface.x, r, profile)
         weight = pick(given * _most(part, met.ray, lobes.below), met.ray) * part
-        parts.append(_exits(stage, at, met, asked, weight, queries.sample))
+        parts.append(_exits(stage, at, met, asked, part, weight, queries.sample))
     return _together([part for part in parts if len(part.hit)])
 
 
@@ -175,10 +177,10 @@ def _most(part: Array, ray: Array, below: Array) -> Array:
 
 
 def _exits(
-    stage: Stage, at: Interaction, met: Met, asked: Asked, weight: Array, sample: int
+    stage: Stage, at: Interaction, met: Met, asked: Asked, part: Array, weight: Array, sample: int
 ) -> Interaction:
     """The points, seen from the side that the light came from."""
-    go = np.flatnonzero(weight.any(0) & np.isfinite(weight).all(0))
+    go = np.flatnonzero(weight.any(0) & np.isfinite(weight).all(0) & (part.max(0) >= LEAST))
     ray, primitive, depth = met.ray[go], met.surface.primitive[go], met.depth[go]
     turned = met.surface.outside[go] != at.surface.outside[ray]
     rays = IncoherentRays.of(

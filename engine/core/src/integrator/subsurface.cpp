@@ -9,8 +9,9 @@ namespace glint {
 namespace {
 
 constexpr double kShares[3] = {1, 0.5, 0.5};  // rays of a sample along the axes of a point
+constexpr double kLeast = 1.0 / 64;           // of a ring's light, that counts
 constexpr int kMostSteps = 100;
-constexpr double kExact = 0x1p-50;
+constexpr double kExact = 0x1p-28;  // of the last step, whose error is its square
 
 /// The share of a profile with 1 / (3 d) = third that is within r.
 double within(double r, double third) {
@@ -101,8 +102,7 @@ double Subsurface::least_radius(Vec3d x) const {
 }
 
 const Subsurface::Ring& Subsurface::ring(Vec3d radius, const double* row) {
-  const size_t place = size_t(row - plan_.subsurface_places.numbers) / 6 / plan_.subsurface_count;
-  Ring& ring = known_[place];
+  Ring& ring = known_[place_of(row)];
   if (ring.row == row && !any(ring.profile.d - radius)) return ring;
   ring.row = row;
   ring.profile = Profile(radius);
@@ -130,8 +130,14 @@ void Subsurface::enter(Batch& batch, uint32_t k, const double* place) {
   Vec3d most;
   for (int c = 0; c < 3; ++c) most[c] = std::max(1.0, std::abs(T[c] / given[c]));
   const Ring& found = ring(radius, place);
-  points_.push_back(
-      {k, found, given * found.share, most, {g, first, cross(g, first)}, x, batch.outside[k] != 0});
+  points_.push_back({k,
+                     place_of(place),
+                     found,
+                     given * found.share,
+                     most,
+                     {g, first, cross(g, first)},
+                     x,
+                     batch.outside[k] != 0});
 }
 
 void Subsurface::leave(const Batch& batch, SceneQueries& queries, Queue& exits, RayCounts& counts) {
@@ -142,8 +148,9 @@ void Subsurface::leave(const Batch& batch, SceneQueries& queries, Queue& exits, 
     const size_t count = std::min(points_.size() - first, size_t(kBlock));
     for (const bool across : {false, true}) look(first, count, across, queries);
   }
+  // those that look in one direction together, of each pixel in an order of its own
   std::stable_sort(exits_.begin(), exits_.end(),
-                   [](const Exit& a, const Exit& b) { return a.point < b.point; });
+                   [](const Exit& a, const Exit& b) { return a.order < b.order; });
   for (const Exit& exit : exits_) {
     Path path = batch.queue->path(points_[exit.point].row);
     path.T = exit.T;
@@ -183,13 +190,14 @@ void Subsurface::look(size_t first, size_t count, bool across, SceneQueries& que
     parts_[i] = share(point, axis_of(point, across), row(hits.x, i), row(hits.g, i));
     sums_[hits.point[i]] += parts_[i];
   }
+  layer_.assign(count, 0);
   for (size_t i = 0; i < hits.count; ++i) {
-    const uint32_t k = hits.point[i], number = uint32_t(first) + k;
+    const uint32_t k = hits.point[i], layer = layer_[k]++, number = uint32_t(first) + k;
     const Point& point = points_[number];
     Vec3d T = point.given * parts_[i];
     for (int c = 0; c < 3; ++c)  // no more than went in
       if (sums_[k][c] > point.most[c]) T[c] *= point.most[c] / sums_[k][c];
-    if (!any(T) || !finite(T)) continue;
+    if (!any(T) || !finite(T) || max_abs(parts_[i]) < kLeast) continue;
     Vec3d o, d;
     for (int c = 0; c < 3; ++c) {
       o[c] = rays.o[c][k];
@@ -200,7 +208,8 @@ void Subsurface::look(size_t first, size_t count, bool across, SceneQueries& que
       o = o + 2 * hit.t * d;
       d = -d;
     }
-    exits_.push_back({number, {o, d, 0, rays.t_max[k], kMirror}, hit, T});
+    const uint32_t order = (point.place * 2 + across) * Layers::kMost + layer;
+    exits_.push_back({order, number, {o, d, 0, rays.t_max[k], kMirror}, hit, T});
   }
 }
 

@@ -55,7 +55,7 @@ class Subsurface {
     Vec3d share;
   };
   struct Point {
-    uint32_t row;
+    uint32_t row, place;
     Ring ring;
     Vec3d given, most;  // most: of all that comes out along a ray over what one part is of
     Vec3d axes[3];
@@ -63,7 +63,7 @@ class Subsurface {
     bool outside;
   };
   struct Exit {
-    uint32_t point;
+    uint32_t order, point;
     Ray ray;
     Hit hit;
     Vec3d T;
@@ -72,6 +72,10 @@ class Subsurface {
   void enter(Batch& batch, uint32_t k, const double* row);
   const Ring& ring(Vec3d radius, const double* row);
   double least_radius(Vec3d x) const;
+  /// The pixel's place in its block that a row is of.
+  uint32_t place_of(const double* row) const {
+    return uint32_t(size_t(row - plan_.subsurface_places.numbers) / 6 / plan_.subsurface_count);
+  }
   void look(size_t first, size_t count, bool across, SceneQueries& queries);
   static size_t axis_of(const Point& point, bool across) {
     return across ? size_t(point.ring.row[5]) : 0;
@@ -83,6 +87,7 @@ class Subsurface {
   const bool on_;
   std::vector<Point> points_;
   std::vector<Exit> exits_;
+  std::vector<uint32_t> layer_;
   std::vector<Vec3d> parts_, sums_;  // of the hits of a block, and of its points
   std::vector<Ring> known_;          // the last ones, by pixels' places in their blocks
 };

@@ -273,7 +273,8 @@ inline void lift_normal(const EvaluateStage& s, const Chosen& at) {
 /// of which.
 __attribute__((noinline)) void set_below(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                                          const Three& T) {
-  Three below{}, size{}, spread{};
+  Three below{}, size{}, spread{}, first{};  // spread: of what is more than the first
+  bool is_first = true;
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
     const LobeShape& lobe = s.lobes[i];
@@ -285,16 +286,18 @@ __attribute__((noinline)) void set_below(const EvaluateStage& s, const Chosen& a
                 weight{magnitude(k.x), magnitude(k.y), magnitude(k.z)},
                 least{larger(radius.x, Doubles{}), larger(radius.y, Doubles{}),
                       larger(radius.z, Doubles{})};
+    if (is_first) first = least;
+    is_first = false;
     below = below + k;
     size = size + weight;
-    spread = spread + weight * least;
+    spread = spread + weight * (least - first);
   }
   const auto mean = [](Doubles sum, Doubles of) {
     return where(of > 0, sum / choose(of > 0, of, splat(1)));
   };
   scatter3(s.below, at, T * below);
   scatter3(s.radius, at,
-           Three{mean(spread.x, size.x), mean(spread.y, size.y), mean(spread.z, size.z)});
+           first + Three{mean(spread.x, size.x), mean(spread.y, size.y), mean(spread.z, size.z)});
 }
 
 /// Which lanes send rays on. slots: as OnMesh has them.
