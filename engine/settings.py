@@ -72,8 +72,8 @@ _SUBSURFACE = (
     (
         "ON",
         "On",
-        "For most pictures: light goes into skin, wax and milk and comes out beside. Takes about "
-        "half as long again where such things fill the picture",
+        "For most pictures: light goes into skin, wax and milk and comes out beside. Takes two to "
+        "three times as long where such things fill the picture",
     ),
     ("OFF", "Off", "For quick pictures: they are drawn as diffuse. Costs nothing"),
 )

@@ -411,7 +411,7 @@ class Generations:
         """
         coefficients, weight = at.coefficients, at.weight
         mirrored, refracted = gives(at.surface, coefficients)
-        below = -coefficients.diffuse if at.comes_out else coefficients.below
+        below = -coefficients.diffuse if at.paths.comes_out else coefficients.below
         ambient = coefficients.ambient * self._stage.even_light(at.surface)
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,

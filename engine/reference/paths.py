@@ -42,7 +42,7 @@ class Paths:
     `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
     they look for surfaces that throw light on, near by. shared: what they find goes to the pixels
     that `gathering.Shares` has for theirs. mixed: so does what they bring, as `reflections.Mixing`
-    has it.
+    has it. comes_out: they end where light comes out that went below other points.
     """
 
     rays: Rays
@@ -60,6 +60,7 @@ class Paths:
     shared: bool = False
     through_glass: bool = False
     mixed: bool = False
+    comes_out: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)
@@ -86,14 +87,13 @@ class Paths:
 @dataclass(frozen=True, eq=False)
 class Interaction:
     """m points at which rays meet surfaces, and what their lobes do there. hit: (m,) which of
-    `paths` meet them.  comes_out: there light comes out that went below other points.
+    `paths` meet them.
     """
 
     paths: Paths
     hit: Array
     surface: Surface
     coefficients: Coefficients
-    comes_out: bool = False
 
     @property
     def weight(self) -> Array:

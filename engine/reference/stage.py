@@ -102,6 +102,9 @@ class Stage:
         # of what rays meet before they bounce, and after that
         self._lighting_of_far = (far, replace(far, faint=FAINT))
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
+        self._lighting_of_exits = tuple(
+            replace(lighting, faint=np.inf) for lighting in (self.lighting, far)
+        )
         self._lobe_points = lobe_points(settings.samples)
         self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
         self._gloss_points = gloss_points(settings.samples)
@@ -184,6 +187,8 @@ class Stage:
 
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""
+        if paths.comes_out:
+            return self._lighting_of_exits[self.gathers(paths)]
         if self.gathers(paths):
             return self._lighting_of_far[paths.depth > 0]
         if paths.gathers:

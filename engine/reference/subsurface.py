@@ -207,7 +207,7 @@ def _of_rays(paths: Paths, ray: Array, weight: Array) -> Paths:
     rays = IncoherentRays.of(*paths.rays.lines(ray), none, none + np.inf)
     columns = ("pixel", "straight", "skyless", "widest", "refractions", "refracted")
     past = {name: getattr(paths, name)[ray] for name in columns}
-    return replace(paths, rays=rays, weight=weight, **past)
+    return replace(paths, rays=rays, weight=weight, comes_out=True, **past)
 
 
 def one_by_one(at: Interaction) -> Iterator[Interaction]:
@@ -223,7 +223,7 @@ def _white(paths: Paths, surface: Surface) -> Interaction:
     count = len(surface)
     none = np.zeros((3, count))
     lobes = Coefficients(none, none + 1, none, none, none, [], [], [], [], [])
-    return Interaction(paths, np.arange(count), surface, lobes, comes_out=True)
+    return Interaction(paths, np.arange(count), surface, lobes)
 
 
 def _together(parts: list[Interaction]) -> Interaction | None:

@@ -82,6 +82,14 @@ def test_an_evenly_lit_slab_is_as_diffuse(radius: tuple, samples: int, backend: 
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("samples", [16, 64])
+def test_so_it_is_under_an_even_sky(samples: int, backend: str) -> None:
+    even = s.Light("sky", "DOME", np.eye(4)[:3], radiance=np.ones((16, 32, 3), np.float32))
+    found = picture(slab(skin(), even), backend, samples=samples, light_samples=2)
+    np.testing.assert_allclose(found, np.broadcast_to(K, found.shape), rtol=1e-3)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_without_the_setting_it_is_diffuse(backend: str) -> None:
     scene, matt = (half_lit(skin(radius)) for radius in (RADIUS, (0.0, 0.0, 0.0)))
     assert np.abs(picture(scene, backend) - picture(matt, backend)).max() > 0.02
