@@ -85,8 +85,12 @@ def test_an_evenly_lit_slab_is_as_diffuse(radius: tuple, samples: int, backend: 
 @pytest.mark.parametrize("samples", [16, 64])
 def test_so_it_is_under_an_even_sky(samples: int, backend: str) -> None:
     even = s.Light("sky", "DOME", np.eye(4)[:3], radiance=np.ones((16, 32, 3), np.float32))
-    found = picture(slab(skin(), even), backend, samples=samples, light_samples=2)
-    np.testing.assert_allclose(found, np.broadcast_to(K, found.shape), rtol=1e-3)
+    found, matt = (
+        picture(slab(lobe, even), backend, samples=samples, light_samples=2)
+        for lobe in (skin(), skin((0.0,) * 3))
+    )
+    np.testing.assert_allclose(found, matt, rtol=1e-3)
+    np.testing.assert_allclose(matt, np.broadcast_to(K, matt.shape), rtol=0.01)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -369,3 +373,47 @@ def test_bumps_are_seen_where_light_comes_out(bump_shadowing: str) -> None:
     found, expected = (picture(bumpy, backend, samples=4) for backend in BACKENDS)
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
     assert np.abs(found - picture(scene, samples=4)).max() > 0.05
+
+
+@needs_core
+def test_mirrors_glass_groups_and_fog_show_it_alike() -> None:
+    """Both tracers, and a mirror shows no less than what it stands before."""
+    scene = hills(skin((0.2, 0.1, 0.05)), replace(LIGHTS["area"], light_group=0), LIGHTS["sun"])
+    mirror = s.Material("mirror", (s.Lobe("MIRROR", (s.Input((0.9,) * 3),)),))
+    glass = s.Material("glass", (s.Lobe("REFRACTION", (s.Input((1.0,) * 3),), ior=1.0),))
+    turn = np.array([[0.5, 0, 0.866], [0, 1, 0], [-0.866, 0, 0.5]])
+    leaning = placed(1, (2,), z=1.5, linear=turn)
+    pane = placed(1, (3,), z=2.0)
+    pane.world_from_object[0, 0, 3] = -0.5
+    scene = replace(
+        scene,
+        instances=(*scene.instances, leaning, pane),
+        materials=(*scene.materials, mirror, glass),
+        light_groups=("lamp",),
+    )
+    plan = {"samples": 4, "light_samples": 2, "max_bounces": 3, "filter_width": 0.0}
+    for world in (s.World(), s.World(medium=s.Medium((0.1,) * 3, (0.05,) * 3))):
+        drawn = replace(scene, world=world)
+        films = [render(drawn, Settings(backend=backend, **plan)) for backend in BACKENDS]
+        native, exact = films
+        for name in native.passes:
+            found, expected = native.passes[name], exact.passes[name]
+            np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3, err_msg=name)
+        matt = render(drawn, Settings(subsurface="OFF", **plan)).combined
+        assert (np.abs(native.combined - matt).max(-1) > 0.003).mean() > 0.5
+
+
+@needs_core
+def test_what_rough_metal_shows_of_it_is_matt() -> None:
+    scene = hills(skin((0.2, 0.1, 0.05)), LIGHTS["sun"])
+    rough = s.Lobe("SPECULAR", (s.Input((5.0,) * 3),), 60.0, masking=0.2)
+    plate = s.Material("rough", (rough,))
+    turn = np.array([[0.5, 0, 0.866], [0, 1, 0], [-0.866, 0, 0.5]])
+    wall = placed(1, (2,), z=1.5, linear=turn)
+    scene = replace(scene, instances=(*scene.instances, wall), materials=(*scene.materials, plate))
+    plan = {"samples": 4, "max_bounces": 1, "passes": frozenset({"Mirror"}), "filter_width": 0.0}
+    on, off = (
+        render(scene, Settings(subsurface=x, **plan)).passes["Mirror"] for x in ("ON", "OFF")
+    )
+    assert on.max() > 0.01
+    np.testing.assert_allclose(on, off, rtol=1e-6)

@@ -193,12 +193,7 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
                 take(kMirror, queue.reflections + 1, false, false, mixed),
                 take(kMirror, queue.reflections + 1, false, false, true),
                 take(kDiffuse, queue.reflections + 1, true, shares),
-                take(kDiffuse, queue.reflections + 1, true),
-                {}};
-  if (subsurface_.on()) {
-    next.exits = take(queue.visibility, queue.reflections, false, false, mixed);
-    next.exits.exits = true;
-  }
+                take(kDiffuse, queue.reflections + 1, true)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));
   wait(std::move(next.behind));
@@ -211,7 +206,6 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   wait(std::move(next.bounced));
   wait(std::move(next.glossy));
   wait(std::move(next.mixed));
-  if (subsurface_.on()) wait(std::move(next.exits));
 }
 
 void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next) {
@@ -236,7 +230,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (gives_aovs) note_aovs(queue);
   if (queue.visibility == kCamera && film_.wants_lighting()) note_colors(queue);
   if (catches_) set_aside_caught(queue);
-  if (subsurface_.on()) scatter_below(queue, sample, next.exits);
+  if (subsurface_.on()) scatter_below(queue, sample);
   const bool in_blocks = plan_.shares_gathers && &queue == &first_ && direct_.gathers(queue);
   if (in_blocks) {
     find_pixels(queue);

@@ -60,8 +60,7 @@ class Tracer {
   /// Rays that leave the surfaces of a queue.
   struct NextRays {
     Queue straight, bounced, glossy, mixed, gathering,
-        behind,  // mixed: glossy ones of wide lobes; behind: gather rays of other sides
-        exits;   // where light comes out that went below
+        behind;  // mixed: glossy ones of wide lobes; behind: gather rays of other sides
   };
   void follow_queue(Queue& queue, uint32_t sample);
   void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
@@ -72,7 +71,7 @@ class Tracer {
   void reflect(const Queue& queue, uint32_t sample, NextRays& next);
   void gather(const Queue& queue, uint32_t sample, Queue& gathering);
   void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
-  void scatter_below(const Queue& queue, uint32_t sample, Queue& exits);
+  void scatter_below(const Queue& queue, uint32_t sample);
   void light_exits(Queue& queue, uint32_t sample);
   void show_exits(const Queue& queue);
   void bend_exits(const Queue& queue);

@@ -76,8 +76,6 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
     stage.diffuse[c] = batch_.diffuse[c];
     stage.translucent[c] = material.has(GLINT_TRANSLUCENT) ? batch_.translucent[c] : nullptr;
     stage.lifted[c] = batch_.lifted[c];
-    stage.below[c] = material.goes_below ? batch_.below[c] : nullptr;
-    stage.radius[c] = batch_.radius[c];
     stage.ambient[c] = scene_.world.ambient[int(c)];
     stage.n[c] = batch_.points.n[c];
     stage.d[c] = queue.column(Queue::kD + c);
@@ -87,6 +85,10 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
     stage.bent[c] = batch_.points.n[c];
     stage.unbent[c] = batch_.unbent[c];
     stage.start[c] = queue.column(Queue::kStart + c);
+  }
+  for (size_t c = 0; material.goes_below && c < 3; ++c) {
+    stage.below[c] = batch_.below[c];
+    stage.radius[c] = batch_.radius[c];
   }
   stage.lifted_bump = batch_.lifted_bump;
   stage.lowering = batch_.lowering;

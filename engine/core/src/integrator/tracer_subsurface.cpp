@@ -8,11 +8,14 @@
 namespace glint {
 
 /// Of what is seen blurred, or thrown on to others, light comes out where it goes in.
-void Tracer::scatter_below(const Queue& queue, uint32_t sample, Queue& exits) {
+void Tracer::scatter_below(const Queue& queue, uint32_t sample) {
   if (queue.gathers || queue.reflections > 0) return;
   find_pixels(queue);
   subsurface_.enter(batch_, pixels_, sample, [&](uint32_t k) { return !is_caught(queue, k); });
+  Queue exits = take(queue.visibility, queue.reflections, false, false, queue.mixed);
+  exits.exits = true;
   subsurface_.leave(batch_, queries_, exits, counts_);
+  wait(std::move(exits));
 }
 
 void Tracer::light_exits(Queue& queue, uint32_t sample) {

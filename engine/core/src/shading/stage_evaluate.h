@@ -269,10 +269,13 @@ inline void lift_normal(const EvaluateStage& s, const Chosen& at) {
   scatter(s.lifted_bump, at, where(nonzero(m), bump_of(s.bump_shadowing, dot(m, n))));
 }
 
-/// What of the light of DIFFUSE lobes comes out elsewhere, and how far away: by how much of it is
-/// of which.
-__attribute__((noinline)) void set_below(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
-                                         const Three& T) {
+/// What of the light of DIFFUSE lobes of the group of rows from `begin` on comes out elsewhere, and
+/// how far away: by how much of it is of which. slots: as OnMesh has them.
+__attribute__((noinline)) void set_below(const EvaluateStage& s, size_t begin,
+                                         const double* slots) {
+  const Chosen at = chosen(s.rows, begin, s.count);
+  OnMesh p = on_mesh(s, at);
+  p.slots = slots;
   Three below{}, size{}, spread{}, first{};  // spread: of what is more than the first
   bool is_first = true;
   Reads reads;
@@ -295,6 +298,7 @@ __attribute__((noinline)) void set_below(const EvaluateStage& s, const Chosen& a
   const auto mean = [](Doubles sum, Doubles of) {
     return where(of > 0, sum / choose(of > 0, of, splat(1)));
   };
+  const Three T{gather(s.T[0], at), gather(s.T[1], at), gather(s.T[2], at)};
   scatter3(s.below, at, T * below);
   scatter3(s.radius, at,
            first + Three{mean(spread.x, size.x), mean(spread.y, size.y), mean(spread.z, size.z)});
@@ -317,7 +321,6 @@ inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const doubl
   scatter3(s.diffuse, at, Tk);
   if (s.translucent[0]) scatter3(s.translucent, at, T * sum.translucent);
   if (s.translucent[0] && s.lifted[0]) lift_normal(s, at);
-  if (s.below[0]) set_below(s, at, p, T);
   sum.lit |= nonzero(Tk);
   for (size_t lane = 0; lane < at.count; ++lane) s.lit[at.row[lane]] = sum.lit[lane];
   return bits(sum.passes) & lanes_of(at);
@@ -331,6 +334,7 @@ size_t vary(const EvaluateStage& s) {
     const double* slots = s.program ? s.slots + i % kBlock : nullptr;
     for (uint32_t m = vary_group(s, at, slots); m; m &= m - 1)
       s.passing_rows[passing++] = at.row[__builtin_ctz(m)];
+    if (s.below[0]) set_below(s, i, slots);
   }
   return passing;
 }
