@@ -300,17 +300,16 @@ def subsurface_points(samples: int) -> np.ndarray:
     MOST_SUBSURFACE_POINTS take these again.
 
     Each sample stands for one of k equal shares of the light, the rings round the point that it
-    comes out of, in the order of van der Corput: where a share begins, a place in it that pixels of
-    a block divide, where it ends; the cosine and sine of an angle, which turns by the golden ratio
-    from ring to ring (Vogel 1979) and by a quarter from pixel to pixel; and an axis across the
-    normal, 1 or 2.
+    comes out of, in the order of van der Corput: where a share begins, its middle, where it ends;
+    the cosine and sine of an angle, which turns by the golden ratio from ring to ring (Vogel 1979)
+    and by a quarter from pixel to pixel; and an axis across the normal, 1 or 2.
     """
     count, pixels = min(samples, MOST_SUBSURFACE_POINTS), GATHER_BLOCK * GATHER_BLOCK
     ring = np.argsort(np.argsort(_sobol(count, _SCATTER, _SCATTER_SCRAMBLES)[:, 0]))
     points = np.zeros((pixels, count, 6))
-    points[..., 0], points[..., 2] = ring / count, (ring + 1) / count
+    points[..., 0], points[..., 1] = ring / count, (ring + 0.5) / count
+    points[..., 2] = (ring + 1) / count
     for pixel, place in enumerate(_bayer(GATHER_BLOCK).ravel()):
-        points[pixel, :, 1] = (ring + (place + 0.5) / pixels) / count
         turn = 2 * np.pi * (ring * _GOLDEN % 1 + place / pixels) + _ASIDE
         points[pixel, :, 3], points[pixel, :, 4] = np.cos(turn), np.sin(turn)
     points[..., 5] = 1 + ring % 2

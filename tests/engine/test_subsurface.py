@@ -161,11 +161,14 @@ LIGHTS = {
 @pytest.mark.parametrize("more", [{}, {"diffuse_bounces": 2}], ids=["direct", "bounced"])
 @pytest.mark.parametrize("name", LIGHTS)
 def test_both_tracers_agree(name: str, more: dict) -> None:
+    """Of shared shadow rays of bounced light rounding may choose another at a pixel."""
     scene = hills(skin((0.2, 0.1, 0.05)), LIGHTS[name])
     found, expected = (
         picture(scene, backend, samples=4, light_samples=2, **more) for backend in BACKENDS
     )
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * expected.max())
+    off = (np.abs(found - expected) > 1e-4 * (expected + expected.max())).any(-1).mean()
+    assert off <= (0.005 if more else 0)
+    np.testing.assert_allclose(found, expected, atol=0.01 * expected.max())
     assert np.abs(expected - picture(scene, samples=4, subsurface="OFF", **more)).max() > 0.01
 
 
