@@ -68,6 +68,15 @@ _REFLECTIONS = (
         "light an even sheen. Costs nothing",
     ),
 )
+_SUBSURFACE = (
+    (
+        "ON",
+        "On",
+        "For most pictures: light goes into skin, wax and milk and comes out beside. Takes two to "
+        "three times as long where such things fill the picture",
+    ),
+    ("OFF", "Off", "For quick pictures: they are drawn as diffuse. Costs nothing"),
+)
 _BACKENDS = (
     (
         "NATIVE",
@@ -288,6 +297,13 @@ class Settings:
         "Which rough surfaces reflect others, up to the number of bounces; mirrors always do. With "
         "Classic illumination none do",
         choices=_REFLECTIONS,
+    )
+    subsurface: str = _setting(
+        "ON",
+        "Subsurface",
+        "Whether light comes out of the surfaces of materials with subsurface scattering beside "
+        "where it went in",
+        choices=_SUBSURFACE,
     )
     diffuse_bounces: int = _setting(
         0,

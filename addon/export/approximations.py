@@ -13,7 +13,7 @@ LOBES = "GGX is drawn as Blinn-Phong lobes"
 LEFT_OUT = f"{LOBES}; thin film is left out"
 
 APPROXIMATED: dict[str, str] = {
-    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; subsurface and diffuse roughness as diffuse",
+    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; diffuse roughness as diffuse; subsurface as its node",
     "ShaderNodeBsdfDiffuse": "Roughness is left out",
     "ShaderNodeBsdfAnisotropic": LEFT_OUT,
     "ShaderNodeBsdfGlossy": LEFT_OUT,
@@ -25,7 +25,9 @@ APPROXIMATED: dict[str, str] = {
     "within a tenth of it",
     "ShaderNodeBsdfTranslucent": "under a sky steep bumps darken it up to 8 % more, as much as "
     "under lamps",
-    "ShaderNodeSubsurfaceScattering": "as diffuse",
+    "ShaderNodeSubsurfaceScattering": "all methods by Christensen and Burley's profile; without "
+    "Anisotropy and Roughness; as diffuse in the light that things give to others by bouncing, and "
+    "in blurred reflections",
     "ShaderNodeBsdfToon": "as diffuse",
     "ShaderNodeBsdfVelvet": "as diffuse",
     "ShaderNodeBsdfHair": "highlights round the strand",

@@ -51,7 +51,14 @@ _OWN = tuple(name for name, declared in DECLARED.items() if declared.label)
 """Settings that are properties of Glint's."""
 
 
-OF_LIGHT = ("illumination", "world_light", "mesh_light", "reflections", "diffuse_bounces")
+OF_LIGHT = (
+    "illumination",
+    "world_light",
+    "mesh_light",
+    "reflections",
+    "subsurface",
+    "diffuse_bounces",
+)
 """What light does; the viewport takes the final render's."""
 OF_SAMPLES = ("samples", "error_threshold", "light_samples", "lamp_shadows", "volume_samples")
 OF_RAYS = ("max_bounces", "cutoff")

@@ -119,6 +119,7 @@ _WAYS = {
     "reflection": " (reflected by a rough surface)",
     "refraction": " (refracted)",
     "gather": " (thrown on by what is near)",
+    "subsurface": " (from below the surface)",
 }
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 _NAMED = 4
@@ -184,6 +185,8 @@ def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
         yield f"{pad}  media on its way {what}: {_rgb(light)}"
     for name, radiance in ray.shapes:
         yield f"{pad}  sees the light '{name}': {_rgb(radiance)}"
+    if ray.kind == "subsurface":
+        yield f"{pad}  a probe found where light comes out that went below the surface"
     if ray.hit is None:
         yield f"{pad}  meets nothing: the surroundings are {_rgb(ray.background)}"
     else:

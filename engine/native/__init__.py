@@ -368,7 +368,7 @@ class _Render:
 
 def _stats(data: StatsData) -> dict[str, float]:
     """Seconds, counts, and a 1 for each feature that the scene made active."""
-    kinds = ("camera", "shadow", "mirror", "refraction", "transparent", "gather")
+    kinds = ("camera", "shadow", "mirror", "refraction", "transparent", "gather", "probe")
     rays = {f"{kind} rays": float(getattr(data, f"{kind}_rays")) for kind in kinds}
     counts = (
         "triangles",

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 62
+ABI_VERSION = 63
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -311,9 +311,10 @@ class InputData(Structure):
 class LobeData(Structure):
     _fields_ = [
         *_each(c_double, "exponent ior masking"),
+        *_each(c_double * 3, "radius"),
         *_each(c_uint32, "first_input input_count"),
         *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot fibre_slot normal_slot"),
-        *_each(c_int32, "stretch_slot"),
+        *_each(c_int32, "stretch_slot radius_slot reserved"),
     ]
 
 
@@ -414,11 +415,12 @@ class RenderSettingsData(Structure):
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table"),
         *_each(c_size_t, "bounced_table medium_table lobe_points dome_cells dome_irradiance"),
         *_each(c_size_t, "openings opening_points scatter_offsets lens_points camera_frames"),
-        *_each(c_size_t, "occlusion_points node_points gather_points gloss_points neighbours"),
+        *_each(c_size_t, "occlusion_points node_points gather_points gloss_points"),
+        *_each(c_size_t, "subsurface_points neighbours"),
         *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count medium_count"),
         *_each(c_uint64, "lobe_count lens_point_count camera_frame_count scatter_count"),
         *_each(c_uint64, "occlusion_count node_point_count opening_count opening_point_count"),
-        *_each(c_uint64, "gather_count gloss_count passes"),
+        *_each(c_uint64, "gather_count gloss_count subsurface_count passes"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff lens_focus gather_reach"),
         *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
@@ -445,7 +447,7 @@ class StatsData(Structure):
         *_each(c_double, "build_seconds trace_seconds"),
         *_each(c_uint64, "triangles instances primitives tree_bytes tree_nodes dropped_primitives"),
         *_each(c_uint64, "dropped_instances dropped_lights camera_rays shadow_rays mirror_rays"),
-        *_each(c_uint64, "refraction_rays transparent_rays gather_rays media_points"),
+        *_each(c_uint64, "refraction_rays transparent_rays gather_rays probe_rays media_points"),
         *_each(c_uint32, "features threads"),
     ]
 

@@ -31,6 +31,7 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
                 lobe.exponent,
                 lobe.ior,
                 lobe.masking,
+                lobe.radius,
                 len(packer.inputs),
                 len(lobe.factors),
                 kind,
@@ -41,6 +42,8 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
                 _slot(outputs, lobe.fibre_output),
                 _slot(outputs, lobe.normal_output),
                 _slot(outputs, lobe.stretch_output),
+                _slot(outputs, lobe.radius_output),
+                0,
             )
         )
         packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])

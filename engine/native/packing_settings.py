@@ -24,6 +24,7 @@ from ..sampling import (
     occlusion_points,
     pixel_offsets,
     scatter_offsets,
+    subsurface_points,
 )
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, is_moving, sample_times
@@ -106,6 +107,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     _add_neighbours(data, packer, scene, settings)
     _add_occlusion(data, packer, settings)
     _add_node_points(data, packer, scene, settings)
+    _add_subsurface(data, packer, scene, settings)
     return Packed(data, packer.lent)
 
 
@@ -251,6 +253,17 @@ def _add_node_points(
         points = node_points(settings.samples, each)
         points = packer.lend(points, np.float64, (None, 5), "points of nodes")
         data.node_points, data.node_point_count = address(points), len(points)
+
+
+def _add_subsurface(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    """What comes out of surfaces elsewhere, where some do."""
+    if settings.subsurface == "ON" and scene.has_subsurface:
+        points = subsurface_points(settings.samples)
+        points = packer.lend(points, np.float64, (None, None, 6), "subsurface points")
+        data.subsurface_points, data.subsurface_count = address(points), points.shape[1]
+        data.gather_block = GATHER_BLOCK
 
 
 def _add_lens(

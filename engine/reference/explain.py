@@ -17,25 +17,26 @@ from .bumps import bump_shadow
 from .camera import Spread
 from .cancellation import Cancellation
 from .explain_block import PixelBlock
+from .explain_shadows import shadow_of
 from .explained import Hit, LightTerm, Numbers, Ray
 from .gathering import gathering, seen_lobes
 from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
-from .lobe_light import fibres, highlight, matt_lobes, ways_through
+from .lobe_light import fibres, highlight, matt_lobes
 from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
 from .paths import Interaction, Paths, bounced, camera_paths, met, straight_on
-from .rays import IncoherentRays
 from .reflections import reflected
 from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
+from .subsurface import coming_out, entering, one_by_one
 from .surface import Surface, surface_at
 from .tabled_lights import BouncedSource, Dome
-from .terminator import lowered, mean_lowered, start_towards
+from .terminator import lowered, mean_lowered
 from .translucent import other_side
 from .vectors import dot, length, unit
 from .visibility import NOTHING
@@ -96,7 +97,8 @@ class Explainer:
         hit, surface = hit[shown], surface.take(shown)
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
         places = places_in_blocks(*square, GATHER_BLOCK)
-        found.meet(stage, Interaction(paths, hit, surface, coefficients), places)
+        at, _ = entering(stage, Interaction(paths, hit, surface, coefficients))
+        found.meet(stage, at, places)
         return found
 
     def _surface(self, paths: Paths, hit: Array, primitive: Array, depth: Array) -> Surface:
@@ -160,6 +162,7 @@ class Explainer:
         ray = replace(ray, weight=_numbers(np.array(ray.weight) * share[:, 0]))
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
         at = seen_lobes(stage, Interaction(paths, hit, surface, coefficients))
+        at, below = (at, None) if self._is_unseen(at) else entering(stage, at)
         coefficients = at.coefficients
         if paths.reflections and stage.is_lit_by_meshes:
             coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
@@ -177,17 +180,48 @@ class Explainer:
         after = self._next(replace(at, paths=sent), depth, is_first and is_seen)
         if is_seen and coefficients.translucent.any():
             near = [*near, *gathering(stage, other_side(stage, at, depth), 0, self._places)]
-        follow = (*(self.follow(one, "gather") for one in near), *after)
+        out = () if below is None else self._coming_out(below)
+        follow = (*(self.follow(one, "gather") for one in near), *out, *after)
         _, d = paths.rays.lines(hit)
         if about.holdout:
             pass
         elif about.caught is None:
-            own = own + paths.weight[:, 0] * _sum(about)
+            own = own + paths.weight[:, 0] * np.array(about.light)
         else:
             caught = self._behind(paths, d, coefficients, np.array(about.caught))
             own, ray = own + paths.weight[:, 0] * caught, replace(ray, background=_numbers(caught))
         color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
+
+    def _is_unseen(self, at: Interaction) -> bool:
+        kinds = ("holdout", "catcher") if at.paths.depth == 0 else ()
+        return any(self.stage.per_object(kind, at.surface.row)[0] for kind in kinds)
+
+    def _coming_out(self, below: Interaction) -> Iterator[Ray]:
+        """Where light comes out again."""
+        stage, start = self.stage, below.surface.x
+        rows = stage.subsurface_rows(0, self._places)
+        found = coming_out(stage, below, stage.probes(0, lambda index: None), rows)
+        for at in () if found is None else one_by_one(found):
+            way = at.surface.x - start
+            about = self._hit(at.surface, at.coefficients, length(way), at.paths, False)
+            near = gathering(stage, at, 0, self._places)
+            follow = tuple(self.follow(one, "gather") for one in near)
+            own = at.weight[:, 0] * np.array(about.light)
+            color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
+            place = (_numbers(start[:, 0] + stage.eye), _numbers(unit(way)[:, 0]))
+            yield Ray(
+                "subsurface",
+                at.paths.depth,
+                _numbers(at.weight[:, 0]),
+                *place,
+                about,
+                (0.0, 0.0, 0.0),
+                (),
+                _numbers(own),
+                _numbers(color),
+                follow,
+            )
 
     def _shapes(
         self, paths: Paths, o: Array, d: Array, depth: Array, spans: Spans | None
@@ -427,7 +461,7 @@ class Explainer:
         diffuse = low * share * diffuse
         diffuse, specular = source.on_lobes(diffuse, specular)
         shadow, blocker, distance = (
-            self._shadow(surface, source, sample, coefficients.fibres)
+            shadow_of(self.stage, surface, source, sample, coefficients.fibres)
             if lit
             else (np.ones(3), "", np.inf)
         )
@@ -451,45 +485,6 @@ class Explainer:
 
     def _highlight(self, surface: Surface, sample: LightSample, term: Term) -> float:
         return float(highlight(term, slice(None), surface.n, surface.v, sample.direction)[0])
-
-    def _shadow(
-        self, surface: Surface, source: Source, sample: LightSample, terms: list[Term]
-    ) -> tuple[Array, str, float]:
-        """S, and the first thing that stands between the point and the light's sample."""
-        if not source.light.cast_shadow:
-            return np.ones(3), "", np.inf
-        shadows = self.stage.lighting.shadows_of(source)
-        seen = np.zeros(1, np.intp)
-        through = ways_through(surface, terms, seen, sample)
-        shadow = shadows.towards(surface, seen, sample, through)[0]
-        if (shadow == 1).all():
-            return shadow, "", np.inf
-        origin = start_towards(surface, seen, sample.direction)
-        towards = sample.direction if sample.end is None else sample.end - origin
-        beside = np.where(dot(surface.g, towards) < 0, -1.0, 1.0)
-        start = origin + beside * surface.offset * surface.g
-        start = start + (0.0 if through is None else through) * sample.direction
-        far = (
-            np.array([np.inf])
-            if sample.end is None
-            else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
-        )
-        direction = sample.direction if sample.end is None else unit(sample.end - start)
-        met_by = shadows.met_by(sample.met_by)
-        found = met_by.first_met(IncoherentRays.of(start, direction, np.zeros(1), far))
-        if found.primitive[0] == NOTHING:
-            return shadow, "", np.inf
-        row = self.stage.geometry.row[found.primitive[0]]
-        name = self.stage.scene.instances[int(self.stage.geometry.placements.block[row])].name
-        return shadow, name, float(found.depth[0])
-
-
-def _sum(hit: Hit) -> Array:
-    """k_a I_a + k_e + Σ (diffuse + specular) S."""
-    total = np.array(hit.ambient) + np.array(hit.emission)
-    for term in hit.lights:
-        total = total + (np.array(term.diffuse) + np.array(term.specular)) * np.array(term.shadow)
-    return total
 
 
 def _numbers(values: Array) -> Numbers:

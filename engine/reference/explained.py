@@ -78,14 +78,23 @@ class Hit:
     turns: int = 1
     open: Numbers | None = None
 
+    @property
+    def light(self) -> tuple[float, ...]:
+        """k_a I_a + k_e + Σ (diffuse + specular) S."""
+        total = [a + e for a, e in zip(self.ambient, self.emission, strict=True)]
+        for term in self.lights:
+            for c, shadow in enumerate(term.shadow):
+                total[c] += (term.diffuse[c] + term.specular[c]) * shadow
+        return tuple(total)
+
 
 @dataclass(frozen=True)
 class Ray:
     """A ray and those that follow from it.
 
     kind: camera, or lens for one through a point of the camera's, mirror, refraction, reflection
-    (by a rough surface), gather (for what throws light on near by) or transparent (the same ray
-    beyond a surface).  weight: T.
+    (by a rough surface), gather (for what throws light on near by), subsurface (to where light that
+    went below a surface comes out) or transparent (the same ray beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
     passed: what media leave of it on its way, which `shapes` have in them.  media: what these
     scatter of lights, by their names, and "" what they give of themselves.  shapes: (name,

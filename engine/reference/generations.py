@@ -35,6 +35,7 @@ from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .seen_passes import SeenPasses
 from .stage import Stage
+from .subsurface import coming_out, entering
 from .surface import Surface, surface_at
 from .translucent import other_side
 from .vectors import dot, pick
@@ -125,11 +126,15 @@ class Generations:
             at = self._catch(at)
             self._seen.add_openness(at)
         at = seen_lobes(stage, at)
+        at, below = entering(stage, at)
         shares = None
         if blocks is not None and stage.shares_gathers:
             shares = self._shares = sharing(stage, at, self._sample, blocks)
         self._light(at, shares)
         deeper += gathering(stage, at, self._sample, self._places, shares)
+        if below is not None and (out := self._coming_out(below)) is not None:
+            self._light(out)
+            deeper += gathering(stage, out, self._sample, self._places)
         if at.coefficients.translucent.any():
             behind = other_side(stage, at, hits.depth[at.hit])
             self._light(behind)
@@ -178,6 +183,18 @@ class Generations:
         for some in reflections:
             self._tile.soft_light[some.pixel] = True
         return deeper + reflections
+
+    def _coming_out(self, below: Interaction) -> Interaction | None:
+        """Where light comes out again that went below the surface at these points."""
+        stage, pixel = self._stage, below.pixel
+        self._tile.soft_light[pixel] = True
+
+        def on_rays(index: Array) -> None:
+            stage.rays["probe"] += len(index)
+            self._tile.charge(pixel[index])
+
+        rows = stage.subsurface_rows(self._sample, self._places[pixel])
+        return coming_out(stage, below, stage.probes(self._sample, on_rays), rows)
 
     def _queries(self, pixel: Array, surface: Surface) -> SceneQueries | None:
         """How programs ask for rays at a surface's points, of these pixels."""
@@ -394,11 +411,12 @@ class Generations:
         """
         coefficients, weight = at.coefficients, at.weight
         mirrored, refracted = gives(at.surface, coefficients)
+        below = -coefficients.diffuse if at.paths.comes_out else coefficients.below
         ambient = coefficients.ambient * self._stage.even_light(at.surface)
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
             "Diffuse Indirect": light.lit_bounced,
-            "Diffuse Color": coefficients.matt(),
+            "Diffuse Color": coefficients.matt() + (0.0 if below is None else below),
             "Glossy Direct": light.lit_specular,
             "Glossy Indirect": light.lit_glossy_bounced,
             "Glossy Color": coefficients.glossy() + mirrored,

@@ -68,7 +68,11 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """Sums (3, n) of the lobes of n points, and the terms that cannot be summed."""
+    """Sums (3, n) of the lobes of n points, and the terms that cannot be summed.
+
+    below: (3, n) what of the diffuse light comes out elsewhere, radius: (3, n) how far away, world
+    units; None for nothing.
+    """
 
     ambient: Array
     diffuse: Array
@@ -80,6 +84,8 @@ class Coefficients:
     refractions: list[Term]
     sheens: list[Term]
     fibres: list[Term]
+    below: Array | None = None
+    radius: Array | None = None
 
     def matt(self) -> Array:
         """(3, n): about what of even light all but these, mirrors and glass give back."""
@@ -136,6 +142,19 @@ class _Found:
         self.sums = {name: np.zeros((3, count)) for name in _SUMMED.values()}
         kinds = ("SPECULAR", "MIRROR", "REFRACTION", "SHEEN", "FIBRE")
         self._terms: dict[str, list[Term]] = {kind: [] for kind in kinds}
+        self._below: Array | None = None  # Σ k, Σ |k|, Σ |k| radius
+
+    def add_below(self, lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
+        """What of a DIFFUSE lobe's light comes out elsewhere."""
+        if self._below is None:
+            self._below = np.zeros((3, *self.sums["diffuse"].shape))
+        radius = np.array(lobe.radius, np.float64)[:, None]
+        if lobe.radius_output >= 0:
+            given = outputs[lobe.radius_output]
+            radius = np.where(np.isfinite(given), np.maximum(given, 0.0), 0.0)
+        size = np.abs(k)
+        for total, part in zip(self._below, (k, size, size * radius), strict=True):
+            add_at(total, index, part)
 
     def add_fibre(
         self, lobe: Lobe, index: Array, k: Array, outputs: list[Array], surface: Surface
@@ -185,7 +204,7 @@ class _Found:
         self._terms[lobe.kind].append(term)
 
     def coefficients(self) -> Coefficients:
-        return Coefficients(
+        found = Coefficients(
             **self.sums,
             highlights=self._terms["SPECULAR"],
             mirrors=self._terms["MIRROR"],
@@ -193,6 +212,10 @@ class _Found:
             sheens=self._terms["SHEEN"],
             fibres=self._terms["FIBRE"],
         )
+        if self._below is None:
+            return found
+        below, size, spread = self._below
+        return replace(found, below=below, radius=spread / np.where(size > 0, size, 1.0))
 
 
 def _lowering(surface: Surface, index: Array) -> Array | None:
@@ -266,6 +289,8 @@ class Shader:
                 found.add_fibre(lobe, index, k, outputs, surface)
             elif lobe.kind in _SUMMED:
                 add_at(found.sums[_SUMMED[lobe.kind]], index, k)
+                if lobe.goes_below:
+                    found.add_below(lobe, index, k, outputs)
             else:
                 normal, k = self._turned(lobe, surface, index, k, outputs)
                 found.add_term(lobe, index, k, outputs, normal, surface)

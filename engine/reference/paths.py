@@ -43,7 +43,7 @@ class Paths:
     `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
     they look for surfaces that throw light on, near by. shared: what they find goes to the pixels
     that `gathering.Shares` has for theirs. mixed: so does what they bring, as `reflections.Mixing`
-    has it.
+    has it. comes_out: they end where light comes out that went below other points.
     """
 
     rays: Rays
@@ -61,6 +61,7 @@ class Paths:
     shared: bool = False
     through_glass: bool = False
     mixed: bool = False
+    comes_out: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)

@@ -16,7 +16,14 @@ from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
-from ..sampling import gather_points, gloss_points, light_points, lobe_points, scatter_offsets
+from ..sampling import (
+    gather_points,
+    gloss_points,
+    light_points,
+    lobe_points,
+    scatter_offsets,
+    subsurface_points,
+)
 from ..scene import EVERYTHING, Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
@@ -101,12 +108,17 @@ class Stage:
         # of what rays meet before they bounce, and after that
         self._lighting_of_far = (far, replace(far, faint=FAINT))
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
+        self._lighting_of_exits = tuple(
+            replace(lighting, faint=np.inf) for lighting in (self.lighting, far)
+        )
         self._lobe_points = lobe_points(settings.samples)
         self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
         self._gloss_points = gloss_points(settings.samples)
         self.asks_rays = scene.most_asked > 0
         self._node_points = points_of_nodes(settings.samples, scene.most_asked)
         self.scatter_offsets = scatter_offsets(settings.samples)
+        self._subsurface_points = subsurface_points(settings.samples)
+        self._goes_below = settings.subsurface == "ON" and scene.has_subsurface
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]
         self.camera = CameraRays.of(scene.camera, self.geometry)
@@ -181,6 +193,8 @@ class Stage:
 
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""
+        if paths.comes_out:
+            return self._lighting_of_exits[self.gathers(paths)]
         if self.gathers(paths):
             return self._lighting_of_far[paths.depth > 0]
         if paths.gathers:
@@ -203,6 +217,23 @@ class Stage:
     def gloss_points(self, sample: int) -> Array:
         """(2, 2) where in wide lobes the pixels of pairs reflect their rays."""
         return self._gloss_points[sample % len(self._gloss_points)]
+
+    def scatters_below(self, paths: Paths) -> bool:
+        """Whether light comes out of what the paths meet elsewhere: where they are neither blurred
+        nor scattered.
+        """
+        return self._goes_below and not paths.gathers and paths.reflections == 0
+
+    def subsurface_rows(self, sample: int, places: Array) -> Array:
+        """(6, n) of `subsurface_points`. places: (n,) of pixels in their blocks."""
+        points = self._subsurface_points
+        return points[places, sample % points.shape[1]].T
+
+    def probes(self, sample: int, on_rays: Callable[[Array], None]) -> SceneQueries:
+        """How light below surfaces finds where it comes out."""
+        return SceneQueries(
+            self.visibility, self.attributes, self._node_points, sample, 0.0, on_rays
+        )
 
     def queries(
         self, sample: int, on_rays: Callable[[Array], None] = uncounted

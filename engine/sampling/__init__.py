@@ -26,6 +26,7 @@ from .patterns import (
     shared_shutter_times,
     shutter_times,
     sobol_points,
+    subsurface_points,
     tabled,
     walk_points,
 )
@@ -54,6 +55,7 @@ __all__ = [
     "shared_shutter_times",
     "shutter_times",
     "sobol_points",
+    "subsurface_points",
     "tabled",
     "walk_points",
 ]

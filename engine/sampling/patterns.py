@@ -23,6 +23,8 @@ _ASIDE = 0.7
 GATHER_BLOCK = 2
 """Side of the squares of pixels whose gather rays look in directions of their own."""
 MOST_GATHER_POINTS = 1 << 13
+MOST_SUBSURFACE_POINTS = 1 << 12
+_GOLDEN = (5**0.5 - 1) / 2
 _GATHER_LEVEL = 3
 """Of `lobe_points`, an order that first reflections do not take."""
 _GATHER, _GATHER_SCRAMBLES = (2, 1), (511, 512)
@@ -289,6 +291,30 @@ def gloss_points(samples: int) -> np.ndarray:
     bits = max(count - 1, 0).bit_length()
     disc = concentric_disc(2 * _sobol(2 << bits, _DOME) - 1).reshape(-1, 2, 2)
     return disc[_shuffled(bits, 0)[:count]]
+
+
+@functools.lru_cache(maxsize=4)
+def subsurface_points(samples: int) -> np.ndarray:
+    """(GATHER_BLOCK², k, 6) float64, not to be written to: where samples look for the light that
+    comes out of a surface elsewhere, by pixel of a block, row by row; samples beyond k =
+    MOST_SUBSURFACE_POINTS take these again.
+
+    Each sample stands for one of k equal shares of the light, the rings round the point that it
+    comes out of, in the order of van der Corput: where a share begins, its middle, where it ends;
+    the cosine and sine of an angle, which turns by the golden ratio from ring to ring (Vogel 1979)
+    and by a quarter from pixel to pixel; and an axis across the normal, 1 or 2.
+    """
+    count, pixels = min(samples, MOST_SUBSURFACE_POINTS), GATHER_BLOCK * GATHER_BLOCK
+    ring = np.argsort(np.argsort(_sobol(count, _SCATTER, _SCATTER_SCRAMBLES)[:, 0]))
+    points = np.zeros((pixels, count, 6))
+    points[..., 0], points[..., 1] = ring / count, (ring + 0.5) / count
+    points[..., 2] = (ring + 1) / count
+    for pixel, place in enumerate(_bayer(GATHER_BLOCK).ravel()):
+        turn = 2 * np.pi * (ring * _GOLDEN % 1 + place / pixels) + _ASIDE
+        points[pixel, :, 3], points[pixel, :, 4] = np.cos(turn), np.sin(turn)
+    points[..., 5] = 1 + ring % 2
+    points.flags.writeable = False
+    return points
 
 
 @functools.lru_cache(maxsize=16)

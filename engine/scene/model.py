@@ -199,6 +199,11 @@ class Scene:
         return any(m.medium is not None and m.medium.emits for m in self.materials)
 
     @property
+    def has_subsurface(self) -> bool:
+        """Whether light of some material comes out of the surface elsewhere."""
+        return any(lobe.goes_below for material in self.materials for lobe in material.lobes)
+
+    @property
     def most_asked(self) -> int:
         """How many rays an operation of a program asks for, at most (`Program.most_asked`)."""
         aovs = (material.aovs for material in self.materials if material.aovs)

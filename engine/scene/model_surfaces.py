@@ -116,6 +116,10 @@ class Lobe:
     light that other fibres scattered: `Scene.as_lit` drops it where light does not bounce; FIBRE
     lobes catch of it what comes along them too, and have no masking then.  not_to_fibres: of
     TRANSPARENT lobes, what rays from points on strands do not pass, whose own lobes stand for it.
+    radius: of DIFFUSE lobes, RGB, at least 0, world units: how far below the surface their light
+    goes before it comes out again, the d of Christensen and Burley's profile (SEMANTICS.md,
+    Subsurface); 0: it comes out where it goes in.  radius_output: the output that takes its place,
+    -1 for none.
     """
 
     kind: str
@@ -133,6 +137,13 @@ class Lobe:
     stretch_output: int = -1
     between_fibres: bool = False
     not_to_fibres: bool = False
+    radius: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    radius_output: int = -1
+
+    @property
+    def goes_below(self) -> bool:
+        """Whether light that it gives back may come out of the surface elsewhere."""
+        return self.kind == "DIFFUSE" and (self.radius_output >= 0 or any(self.radius))
 
     @property
     def tilt(self) -> float:

@@ -105,11 +105,14 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from at_least("masking", lobe.masking, 0, 1)
     if lobe.kind == "SPECULAR" and lobe.fresnel and lobe.schlick:
         yield "is times fresnel and schlick: use one of them"
+    yield from (strange := [*numbers("radius", lobe.radius, 3)])
+    if not strange and min(lobe.radius) < 0:
+        yield f"radius is {lobe.radius!r}: use numbers of at least 0"
     strangers = [*holds("factors", lobe.factors, (Input,))]
     yield from strangers
     for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures, outputs)
-    for name in ("exponent", "masking", "ior", "fibre", "normal", "stretch"):
+    for name in ("exponent", "masking", "ior", "fibre", "normal", "stretch", "radius"):
         output = getattr(lobe, f"{name}_output")
         yield from handle(f"{name}_output", output, outputs, "outputs", none=True)
 

@@ -96,6 +96,7 @@ CHOICES = {
     "world_light": ["OCCLUDED", "CONSTANT"],
     "mesh_light": ["ON", "OFF"],
     "reflections": ["METALS", "ALL", "OFF"],
+    "subsurface": ["ON", "OFF"],
     "backend": ["NATIVE", "NUMPY"],
     "acceleration": ["AUTO", "FAST", "BALANCED", "FINE"],
     "target": ["NONE", "LEVELS", "RMSE"],
@@ -103,7 +104,8 @@ CHOICES = {
 """A file keeps the place in these lists: what is new goes to their ends, and nothing goes away."""
 NAMES = (
     "samples error_threshold light_samples lamp_shadows volume_samples max_bounces cutoff "
-    "illumination world_light mesh_light reflections diffuse_bounces backend acceleration threads"
+    "illumination world_light mesh_light reflections subsurface diffuse_bounces backend "
+    "acceleration threads"
 )
 PASSES = {"Combined": 1597128033, "Normal": 320124649, "Light Group": 1782683623}
 """Of passes any may be new, so that their numbers are of their names."""

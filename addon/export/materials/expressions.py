@@ -158,7 +158,7 @@ def _outputs_of(material: Material) -> set[int]:
     named = {material.normal_output, material.base_normal_output}
     for lobe in material.lobes:
         named |= {lobe.exponent_output, lobe.masking_output, lobe.ior_output, lobe.fibre_output}
-        named |= {lobe.normal_output, lobe.stretch_output}
+        named |= {lobe.normal_output, lobe.stretch_output, lobe.radius_output}
         named |= {f.output for f in lobe.factors}
     return named
 
@@ -173,6 +173,7 @@ def _renumbered(lobe: Lobe, numbers: dict[int, int]) -> Lobe:
         fibre_output=numbers[lobe.fibre_output],
         normal_output=numbers[lobe.normal_output],
         stretch_output=numbers[lobe.stretch_output],
+        radius_output=numbers[lobe.radius_output],
     )
 
 

@@ -372,6 +372,8 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].ior_output,
             item[0].normal_output,
             item[0].stretch_output,
+            item[0].radius,
+            item[0].radius_output,
         ),
     )
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)

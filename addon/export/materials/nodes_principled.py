@@ -25,6 +25,7 @@ from .nodes_shader import (
 )
 from .nodes_sheen import Fibres
 from .roughness import layer_loss
+from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
 from .varying import Ior, Roughness
 
@@ -73,7 +74,9 @@ def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     """The specular level scales F0, one half leaves it as it is."""
     ior = view.ior().with_level(view.amount("Specular IOR Level", 0.5))
     tint = view.reflectance("Specular Tint", 1.0)
-    return plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
+    closure = plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
+    weight, names = view.factor("Subsurface Weight"), ("Subsurface Radius", "Subsurface Scale")
+    return subsurface(view, closure, weight, names, base, view.node.subsurface_method)
 
 
 def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
@@ -147,7 +150,8 @@ def _note_what_is_left_out(view: NodeView) -> None:
     if view.number("Metallic"):
         note_edge_tint(view, "Specular Tint")
     if view.number("Subsurface Weight"):
-        view.note("Subsurface scattering is rendered as diffuse in {}")
+        note_left_out(view, {"Subsurface Anisotropy": "subsurface anisotropy"})
+        note_constants(view, {"Subsurface IOR": WALKS_IOR})
 
 
 CLOSURE_NODES["ShaderNodeBsdfPrincipled"] = _principled

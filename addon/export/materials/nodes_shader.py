@@ -20,6 +20,7 @@ from .roughness import (
     scattered_wide,
     world_of,
 )
+from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 from .varying import Ior, Roughness
 
@@ -294,6 +295,14 @@ def _translucent(view: NodeView) -> Closure:
     return {LobeKey("TRANSLUCENT"): color, LobeKey("AMBIENT"): color}
 
 
+def _subsurface(view: NodeView) -> Closure:
+    bend(view)
+    note_left_out(view, {"Anisotropy": "anisotropy"})
+    note_constants(view, {"IOR": WALKS_IOR, "Roughness": 1.0})
+    color, names = view.reflectance("Color"), ("Radius", "Scale")
+    return subsurface(view, diffuse_closure(color), ONE, names, color, view.node.falloff)
+
+
 def _as_diffuse(view: NodeView) -> Closure:
     view.note(f"The {view.node.bl_label} shader is rendered as diffuse in {{}}")
     return _diffuse(view)
@@ -441,7 +450,7 @@ CLOSURE_NODES.update(
         "ShaderNodeGroup": _empty_group,
         "ShaderNodeBsdfDiffuse": _diffuse,
         "ShaderNodeBsdfTranslucent": _translucent,
-        "ShaderNodeSubsurfaceScattering": _as_diffuse,
+        "ShaderNodeSubsurfaceScattering": _subsurface,
         "ShaderNodeBsdfVelvet": _as_diffuse,
         "ShaderNodeBsdfToon": _as_diffuse,
         "ShaderNodeBsdfGlossy": _glossy,

@@ -188,7 +188,9 @@ struct Description {
                          .ior_slot = 0,
                          .fibre_slot = 0,
                          .normal_slot = 0,
-                         .stretch_slot = 0});
+                         .stretch_slot = 0,
+                         .radius_slot = 0,
+                         .reserved = 0});
     }
   }
 

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 62
+#define GLINT_ABI_VERSION 63
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -154,7 +154,9 @@ enum GlintLobeKind {
  * REFRACTION lobes, 0 or 1 plus the first of three slots with a shading normal of their own in
  * world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three slots with a
  * direction across the normal in world space, as long as what slopes along it are times; 0 for
- * none. */
+ * none. radius: of DIFFUSE lobes, how far below the surface their light goes in red, green and
+ * blue, world units: the d of Christensen and Burley's profile, at least 0, 0 for none;
+ * radius_slot: 0, or 1 plus the first of three slots that take its place. reserved: 0. */
 enum GlintFresnel {
   GLINT_DIELECTRIC = 1,
   GLINT_SCHLICK = 2,
@@ -162,10 +164,10 @@ enum GlintFresnel {
   GLINT_NOT_TO_FIBRES = 8
 };
 typedef struct GlintLobe {
-  double exponent, ior, masking;
+  double exponent, ior, masking, radius[3];
   uint32_t first_input, input_count;
   int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, fibre_slot;
-  int32_t normal_slot, stretch_slot;
+  int32_t normal_slot, stretch_slot, radius_slot, reserved;
 } GlintLobe;
 
 /* How light that a bent normal n faces is hidden by the normal m that it was bent from: not at all;
@@ -460,7 +462,12 @@ typedef struct GlintNeighbour {
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
  * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
  * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
- * axis, 0 to 2; null only where none does. */
+ * axis, 0 to 2; null only where none does. subsurface_points: (gather_block², subsurface_count, 6),
+ * by pixel of a square as gather_points, of as many samples, after which they begin again: the
+ * shares of the light of a point that come out of the surface within the nearest and the farthest
+ * radius that a sample stands for, and within its own, in this order: least, own, most; the cosine
+ * and the sine of the angle round the point; which of the two axes across the normal the sample
+ * looks along, 1 or 2. Null: all light comes out where it goes in. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -481,10 +488,11 @@ typedef struct GlintRenderSettings {
   const double* node_points;
   const double* gather_points;
   const double* gloss_points;
+  const double* subsurface_points;
   const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, medium_count, lobe_count,
       lens_point_count, camera_frame_count, scatter_count, occlusion_count, node_point_count,
-      opening_count, opening_point_count, gather_count, gloss_count, passes;
+      opening_count, opening_point_count, gather_count, gloss_count, subsurface_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
@@ -543,7 +551,7 @@ typedef struct GlintStats {
   uint64_t triangles, instances, primitives, tree_bytes, tree_nodes;
   uint64_t dropped_primitives, dropped_instances, dropped_lights;
   uint64_t camera_rays, shadow_rays, mirror_rays, refraction_rays, transparent_rays, gather_rays,
-      media_points;
+      probe_rays, media_points;
   uint32_t features, threads;
 } GlintStats;
 

@@ -40,6 +40,8 @@ GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   if (dice.chance(0.1 * dice.wildness)) g.fibre_slot = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.normal_slot = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.stretch_slot = int32_t(dice.bits());
+  if (dice.chance(0.1 * dice.wildness)) g.radius_slot = int32_t(dice.bits());
+  for (double& r : g.radius) r = dice.chance(0.3) ? positive(dice) : 0;
   if (dice.chance(0.1 * dice.wildness)) g.input_count = uint32_t(dice.bits());
   return g;
 }
@@ -117,6 +119,7 @@ void turn_lobes(Dice& dice, const GlintSceneData& d, const GlintMaterial& materi
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     if (dice.chance(0.4)) lobes[material.first_lobe + k].normal_slot = slot();
     if (dice.chance(0.4)) lobes[material.first_lobe + k].stretch_slot = slot();
+    if (dice.chance(0.4)) lobes[material.first_lobe + k].radius_slot = slot();
   }
 }
 

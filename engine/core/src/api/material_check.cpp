@@ -89,7 +89,7 @@ void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Re
     for (int32_t slot : {lobe.exponent_slot, lobe.masking_slot, lobe.ior_slot})
       good = good && within_program(slot, 1);
     good = good && within_program(lobe.fibre_slot, 3) && within_program(lobe.normal_slot, 3) &&
-           within_program(lobe.stretch_slot, 3);
+           within_program(lobe.stretch_slot, 3) && within_program(lobe.radius_slot, 3);
     for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i)
       good = good && within_program(d.inputs[i].output, 3);
   }

@@ -75,6 +75,18 @@ bool enough_occlusion(const GlintRenderSettings& g) {
           g.occlusion_count >= g.occlusion_samples);
 }
 
+/// Shares between 0 and 1 in their order, and an axis across the normal.
+bool sound_subsurface(const GlintRenderSettings& g) {
+  if (!g.subsurface_points) return true;
+  if (g.gather_block < 1 || g.gather_block > 8 || g.subsurface_count < 1) return false;
+  const uint64_t rows = g.gather_block * g.gather_block * g.subsurface_count;
+  for (const double* row = g.subsurface_points; row < g.subsurface_points + 6 * rows; row += 6)
+    if (!(row[0] >= 0 && row[0] < row[1] && row[1] < row[2] && row[2] <= 1 &&
+          std::abs(row[3]) <= 1 && std::abs(row[4]) <= 1 && (row[5] == 1 || row[5] == 2)))
+      return false;
+  return true;
+}
+
 bool sound_neighbours(const GlintRenderSettings& g, const Scene& scene) {
   if (!g.neighbours || !(g.passes >> GLINT_PASS_VECTOR & 1)) return true;
   size_t rows = 0;
@@ -148,6 +160,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
            (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");
   add(!g.gloss_points || g.gloss_count >= 2, "settings: no pair of gloss points");
+  add(sound_subsurface(g),
+      "settings: no points for subsurface scattering, or points that are none");
   add(!scene.materials.has_rough_glass ||
           (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels),
       "settings: no points for rough glass");

@@ -9,6 +9,7 @@ constexpr size_t kFixed = 1 + 3 + 3 + 3 + 2 + 3 + 3;  // t, x, g, offset and wei
 constexpr size_t kSmooth = 3 + 3;                     // n, origin
 constexpr size_t kBumps = 3 + 1;                      // unbent, bump
 constexpr size_t kBehind = 3 + 3 + 3 + 1;             // translucent, behind, lifted, lifted_bump
+constexpr size_t kBelow = 3 + 3;                      // below, radius
 constexpr size_t kParts = 6 * 3, kSplit = 6 * 3;
 
 size_t group_columns_of(const Scene& scene, Passes passes) {
@@ -27,8 +28,9 @@ Batch::Batch(const Scene& scene, Passes passes)
                size_t(scene.materials.passing_columns * scene.materials.max_passing) +
                (scene.materials.shadows_bumps ? kBumps : 0) +
                (scene.instances.grazing_differs ? 1 : 0) + (scene.instances.lowers_light ? 1 : 0) +
-               (scene.materials.has_translucent ? kBehind : 0) + kParts + (splits_ ? kSplit : 0) +
-               3 + group_columns_of(scene, passes)),
+               (scene.materials.has_translucent ? kBehind : 0) +
+               (scene.materials.has_subsurface ? kBelow : 0) + kParts + (splits_ ? kSplit : 0) + 3 +
+               group_columns_of(scene, passes)),
       groups_(group_columns_of(scene, passes)),
       given_(groups_.size() / 3) {}
 
@@ -36,7 +38,7 @@ void Batch::begin(const Queue& rays) {
   queue = &rays;
   count_ = rays.size();
   if (count_ > columns_.rows() || !t) reserve(count_);
-  for (double* const* columns : {unbent, translucent})
+  for (double* const* columns : {unbent, translucent, below})
     for (size_t c = 0; columns[0] && c < 3; ++c) std::fill_n(columns[c], count_, 0.0);
   bool primary = rays.visibility == kCamera;
   SumColumns only_total{};
@@ -114,6 +116,10 @@ void Batch::place_columns() {
       three(lifted);
       lifted_bump = one();
     }
+  }
+  if (scene_.materials.has_subsurface) {
+    three(below);
+    three(radius);
   }
   points.outside = outside.data();
   points.material = material.data();

@@ -121,6 +121,7 @@ class Batch {
   double* glow[3] = {};  // of surfaces; null where no light groups are asked for
   double *diffuse[3] = {}, *translucent[3] = {};   // T k; translucent: null without such lobes
   double *lifted[3] = {}, *lifted_bump = nullptr;  // as EvaluateStage has them
+  double *below[3] = {}, *radius[3] = {};          // so too; null where nothing comes out elsewhere
   double* specular = nullptr;                      // as ShadeStage has it
   double* passing_columns = nullptr;               // as EvaluateStage has it
   int passing_width = PassingTerm::kPlain;

@@ -123,11 +123,11 @@ uint32_t DirectLight::find_kinds(const Batch& batch) {
   const Queue& queue = *batch.queue;
   const bool bounced = queue.visibility != kCamera && !queue.gathers,
              strands = scene_.instances.has_strands;
-  if (!bounced && !strands) return 0;
+  if (!bounced && !strands && !queue.exits) return 0;
   kinds_.resize(batch.size());
   uint32_t found = 0;
   for (size_t k = 0; k < batch.size(); ++k) {
-    kinds_[k] = bounced && max_abs(queue.weight(k)) < kFaint ? kIsFaint : 0;
+    kinds_[k] = queue.exits || (bounced && max_abs(queue.weight(k)) < kFaint) ? kIsFaint : 0;
     if (!batch.lit[k]) continue;
     if (strands &&
         scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS)

@@ -56,6 +56,7 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
       occlusion_directions(g.occlusion_points, 2, g.occlusion_samples, g.occlusion_count),
       gather_places(g.gather_points, 2, g.gather_samples, g.gather_count),
       gloss_places(g.gloss_points, 2, 2, g.gloss_count),
+      subsurface_places(g.subsurface_points, 6, 1, g.subsurface_count),
       mesh_points(g.mesh_table, kPointColumns, g.mesh_samples, g.mesh_count),
       medium_points(g.medium_table, kPointColumns, g.medium_samples, g.medium_count),
       dome{g.dome_cells,   g.dome_irradiance,      g.dome_rows,

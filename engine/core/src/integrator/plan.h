@@ -64,6 +64,7 @@ struct RenderPlan : GlintRenderSettings {
   bool mixes_gloss = false;     // they share what wide lobes reflect
   int thread_count = 1;
   SampleTable dome_directions, bounced_points, occlusion_directions, gather_places, gloss_places;
+  SampleTable subsurface_places;
   SampleTable mesh_points;    // of the first mesh light, and after its mesh_count those of the next
   SampleTable medium_points;  // the same of medium lights
   SampleTable opening_places;  // where there are openings
@@ -82,6 +83,11 @@ struct RenderPlan : GlintRenderSettings {
   /// time.
   const double* gather_point(uint32_t place, uint32_t sample, uint32_t j) const {
     return gather_places.row(sample, j) + 2 * size_t(place) * gather_count;
+  }
+
+  /// What of the light of such a pixel's points a sample brings back from below the surface.
+  const double* subsurface_point(uint32_t place, uint32_t sample) const {
+    return subsurface_places.row(sample, 0) + 6 * size_t(place) * subsurface_count;
   }
 
   bool physical() const { return illumination == GLINT_PHYSICAL; }
@@ -209,7 +215,7 @@ struct RenderPlan : GlintRenderSettings {
 /// Rays, the time they took, and points at which the programs of media ran.
 struct RayCounts {
   uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0, gather = 0,
-           media_points = 0;
+           probe = 0, media_points = 0;
   double tracing = 0;  // seconds in the accelerator
   RayCounts& operator+=(const RayCounts& b) {
     tracing += b.tracing;
@@ -219,6 +225,7 @@ struct RayCounts {
     refraction += b.refraction;
     transparent += b.transparent;
     gather += b.gather;
+    probe += b.probe;
     media_points += b.media_points;
     return *this;
   }

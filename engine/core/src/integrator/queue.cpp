@@ -34,6 +34,7 @@ void Queue::append(const Queue& from, size_t k) {
   reserve(size_ + 1);
   for (size_t c = 0; c < kColumns; ++c) columns_[c][size_] = from.columns_[c][k];
   tags_[size_++] = from.tags_[k];
+  if (exits) hits_.push_back(from.hits_[k]);
 }
 
 void Queue::give_refracted(Queue& to) {
@@ -72,6 +73,7 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
   none.gathers = queue.gathers;
   none.shared = queue.shared;
   none.mixed = queue.mixed;
+  none.exits = queue.exits;
   std::vector<Queue> pieces(1, none);
   for (size_t begin = 0, end; begin < order.size(); begin = end) {
     for (end = begin + 1; end < order.size() && queue.slot(order[end]) == queue.slot(order[begin]);)

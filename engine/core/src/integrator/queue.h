@@ -30,10 +30,18 @@ class Queue : public RayLayout {
   explicit Queue(uint32_t visibility_ = kMirror) : visibility(visibility_) {}
 
   size_t size() const { return size_; }
-  void clear() { size_ = 0; }
+  void clear() {
+    size_ = 0;
+    hits_.clear();
+  }
   /// Room for so many rays in all.
   void reserve(size_t count);
   void push(const Ray& ray, const Path& path);
+  /// Of a queue of `exits`, with what the ray meets.
+  void push(const Ray& ray, const Path& path, const Hit& hit) {
+    push(ray, path);
+    hits_.push_back(hit);
+  }
   /// Adds ray k of another queue as it is; of this one where at most k rays are left in it.
   void append(const Queue& from, size_t k);
   /// Moves the rays whose last bounce was a refraction to another queue, in order.
@@ -91,6 +99,10 @@ class Queue : public RayLayout {
   bool sees_blurred() const { return gathers || reflections > 0; }
   bool shared = false;  // what they find goes to the paths that BlockShares has for theirs
   bool mixed = false;   // so does what they bring, once all is known: wide lobes reflected them
+  /// What they meet is known: where light comes out again that went below a surface, which gives
+  /// back all of it there.
+  bool exits = false;
+  const Hit& hit(size_t k) const { return hits_[k]; }
   /// The largest exponent of highlights that ray k meets: a power of two, that of the narrowest
   /// lobe of the roughest surface on its way.
   double widest(size_t k) const {
@@ -111,6 +123,7 @@ class Queue : public RayLayout {
 
   Columns columns_{kColumns};
   std::vector<int64_t> tags_;       // RayTag
+  std::vector<Hit> hits_;           // of exits
   size_t size_ = 0, numbered_ = 0;  // numbered_: tags that are but their number
 };
 

@@ -13,7 +13,7 @@ SceneQueries& of(void* self) { return *static_cast<SceneQueries*>(self); }
 SceneQueries::SceneQueries(const Scene& scene, const RenderPlan& plan, const Stages& stages,
                            Scratch& scratch)
     : scene_(scene), stages_(stages), scratch_(scratch) {
-  if (!scene.programs.asks_rays) return;
+  if (!scene.programs.asks_rays && !scene.materials.has_subsurface) return;
   alone_.assign(scene.instances.placements.size(), Opacity::kClear);
   own_.of_instance = alone_.data();
   own_.alone = true;
@@ -44,8 +44,15 @@ SceneQueries::SceneQueries(const Scene& scene, const RenderPlan& plan, const Sta
 const RayQueries* SceneQueries::at(const Batch& batch, uint32_t sample, RayCounts& counts) {
   batch_ = &batch;
   counts_ = &counts;
+  asked_ = &counts.shadow;
   queries_.sample = sample;
   return &queries_;
+}
+
+void SceneQueries::probe(const Batch& batch, RayCounts& counts) {
+  batch_ = &batch;
+  counts_ = &counts;
+  asked_ = &counts.probe;
 }
 
 void SceneQueries::Chosen::add(const AskedRays& rays, uint32_t k) {
@@ -69,7 +76,7 @@ Rays SceneQueries::Chosen::rays(uint32_t visibility, const Opacity* opacity) con
 }
 
 void SceneQueries::charge(const ProgramPoints& points) {
-  counts_->shadow += chosen_.count;
+  *asked_ += chosen_.count;
   for (size_t i = 0; i < chosen_.count; ++i) {
     const uint32_t row = points.row[chosen_.from[i]];
     batch_->charge(row);

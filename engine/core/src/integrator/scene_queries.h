@@ -19,6 +19,15 @@ class SceneQueries {
   /// Those of one sample. Rays are counted for the points' rows of the batch.
   const RayQueries* at(const Batch& batch, uint32_t sample, RayCounts& counts);
 
+  /// From here on find_crossings is of rays that look for where light comes out of these rows.
+  void probe(const Batch& batch, RayCounts& counts);
+  /// The place of a hit of the last block, of its number.
+  Hit hit(size_t number) const {
+    return {columns_[kT][number], instance_[number], primitive_[number], u_[number], v_[number]};
+  }
+
+  const Batch& batch() const { return *batch_; }
+
   /// As RayQueries has them.
   void find_blocked(const ProgramPoints& points, size_t count, const AskedRays& rays, AskedOf of,
                     uint8_t* blocked);
@@ -52,7 +61,8 @@ class SceneQueries {
   Chosen chosen_{};
   const Batch* batch_ = nullptr;
   RayCounts* counts_ = nullptr;
-  std::vector<Hit> layers_;  // of the rays of a block
+  uint64_t* asked_ = nullptr;  // that of these rays
+  std::vector<Hit> layers_;    // of the rays of a block
   // Hits of a block: rows, as AskedHits and SurfaceStage have them.
   enum : size_t { kT, kStart, kD = kStart + 3, kX = kD + 3, kG = kX + 3, kN = kG + 3 };
   enum : size_t { kOrigin = kN + 3, kOffset = kOrigin + 3, kWeights, kColumns = kWeights + 2 };

@@ -32,6 +32,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       shader_(scene, plan, stages_),
       direct_(scene, plan, stages_, cancel, scratch_),
       queries_(scene, plan, stages_, scratch_),
+      subsurface_(scene, plan),
       media_(scene, scratch_),
       ahead_(scene, scratch_),
       batch_(scene, film.passes()),
@@ -56,6 +57,7 @@ Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool gathers, bool
   queue.gathers = gathers;
   queue.shared = shared;
   queue.mixed = mixed;
+  queue.exits = false;
   return queue;
 }
 
@@ -101,7 +103,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
   if (scene_.features & (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT |
                          GLINT_FEATURE_BOUNCED_LIGHT | GLINT_FEATURE_MEDIUM_LIGHT))
     return 1;
-  if (direct_.reflects() || direct_.shares()) return 1;
+  if (direct_.reflects() || direct_.shares() || subsurface_.on()) return 1;
   if (scene_.materials.has_rough_glass || scene_.media.scatters || scene_.media.varies ||
       scene_.programs.asks_rays)
     return 1;
@@ -181,6 +183,7 @@ void Tracer::follow(uint32_t sample) {
 
 /// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
 void Tracer::follow_queue(Queue& queue, uint32_t sample) {
+  if (queue.exits) return light_exits(queue, sample);
   const bool apart =
       queue.visibility == kCamera || queue.gathers;  // else straight on is a mirror's
   const bool shares = plan_.shares_gathers && &queue == &first_;
@@ -227,6 +230,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (gives_aovs) note_aovs(queue);
   if (queue.visibility == kCamera && film_.wants_lighting()) note_colors(queue);
   if (catches_) set_aside_caught(queue);
+  if (subsurface_.on()) scatter_below(queue, sample);
   const bool in_blocks = plan_.shares_gathers && &queue == &first_ && direct_.gathers(queue);
   if (in_blocks) {
     find_pixels(queue);

@@ -9,6 +9,7 @@
 #include "integrator/layers_ahead.h"
 #include "integrator/paths.h"
 #include "integrator/scene_queries.h"
+#include "integrator/subsurface.h"
 #include "shading/shade.h"
 
 namespace glint {
@@ -70,6 +71,10 @@ class Tracer {
   void reflect(const Queue& queue, uint32_t sample, NextRays& next);
   void gather(const Queue& queue, uint32_t sample, Queue& gathering);
   void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
+  void scatter_below(const Queue& queue, uint32_t sample);
+  void light_exits(Queue& queue, uint32_t sample);
+  void show_exits(const Queue& queue);
+  void bend_exits(const Queue& queue);
   void keep_gathered(const Queue& queue);
   /// add(path, share) for each path that gets something of what ray k brings.
   template <class Add>
@@ -88,10 +93,12 @@ class Tracer {
   }
   void find_hits(const Queue& queue);
   void dim(Queue& queue);
+  ShadeStage shading(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
   void see_lights(size_t k);
   void note_glow(const Queue& queue);
   size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
+  EvaluateStage varying(const Queue& queue, const Material& material);
   size_t see_sky(const Queue& queue, size_t first, size_t count);
   const double* run_sky(const Queue& queue, const uint32_t* rows, size_t count);
   /// Whether the camera does not see a point's surface: a catcher of shadows, or a holdout.
@@ -149,6 +156,7 @@ class Tracer {
   BlockShares shares_, gloss_shares_;
   std::vector<uint32_t> pixels_;  // of the region, of each point that gather rays start from
   SceneQueries queries_;
+  Subsurface subsurface_;
   MediaSpans media_;
   std::vector<Vec3d> clear_;  // weights of the batch's rays before media dim them
   RayEnds camera_ends_;       // of camera rays
@@ -172,7 +180,7 @@ class Tracer {
   std::vector<Queue> waiting_, spare_;
   PathCuts cuts_;
   RayCounts counts_;
-  std::vector<uint32_t> aov_rows_, occlusion_rows_;
+  std::vector<uint32_t> aov_rows_, occlusion_rows_, exit_rows_, exit_materials_;
   std::vector<Vec3d> open_;  // of the latter
   /// A point on a catcher: what it adds without lights, and with all.
   struct Caught {

@@ -55,6 +55,17 @@ void Tracer::leave_out_unseen(const CameraStage& stage) {
 }
 
 void Tracer::find_hits(const Queue& queue) {
+  if (queue.exits) {
+    for (size_t k = 0; k < queue.size(); ++k) {
+      const Hit& hit = queue.hit(k);
+      batch_.t[k] = hit.t;
+      batch_.instance[k] = hit.instance;
+      batch_.primitive[k] = hit.primitive;
+      batch_.u[k] = hit.u;
+      batch_.v[k] = hit.v;
+    }
+    return;
+  }
   if (batch_.first_hits && batch_.first_hits->look_up(*tile_, batch_.hits())) return;
   {
     const Timer timer(counts_.tracing);

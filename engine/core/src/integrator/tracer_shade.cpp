@@ -7,7 +7,8 @@
 
 namespace glint {
 
-void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
+/// How the batch's points are shaded whose materials do not vary.
+ShadeStage Tracer::shading(const Queue& queue) {
   ShadeStage stage{};
   stage.lowering = batch_.lowering;
   stage.count = queue.size();
@@ -32,7 +33,11 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.stride = batch_.stride;
   stage.lit = batch_.lit.data();
   stage.others = batch_.others.data();
-  const size_t others = stages_.shade(stage);
+  return stage;
+}
+
+void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
+  const size_t others = stages_.shade(shading(queue));
   const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.reflections == 0;
   for (size_t c = 0; batch_.has_groups() && c < 3; ++c)
     std::copy_n(batch_.sums.emission[c], queue.size(), batch_.glow[c]);
@@ -55,16 +60,10 @@ void Tracer::see_lights(size_t k) {
                         clear_.data());
 }
 
-/// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How
-/// many they are.
-size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
-  const uint32_t* rows = batch_.others.data() + first;
-  const Material& material = scene_.materials[batch_.material[rows[0]]];
+/// How points of a material that varies are evaluated, but for which they are.
+EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
   EvaluateStage stage{};
   stage.tables = scene_.input_tables();
-  while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
-    ++stage.count;
-  stage.rows = rows;
   stage.instance = batch_.instance.data();
   stage.primitive = batch_.primitive.data();
   stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
@@ -86,6 +85,10 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.bent[c] = batch_.points.n[c];
     stage.unbent[c] = batch_.unbent[c];
     stage.start[c] = queue.column(Queue::kStart + c);
+  }
+  for (size_t c = 0; material.goes_below && c < 3; ++c) {
+    stage.below[c] = batch_.below[c];
+    stage.radius[c] = batch_.radius[c];
   }
   stage.lifted_bump = batch_.lifted_bump;
   stage.lowering = batch_.lowering;
@@ -109,6 +112,18 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.stride = batch_.stride;
   stage.lit = batch_.lit.data();
   stage.passing_rows = batch_.passing_rows.data();
+  return stage;
+}
+
+/// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How
+/// many they are.
+size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
+  const uint32_t* rows = batch_.others.data() + first;
+  const Material& material = scene_.materials[batch_.material[rows[0]]];
+  EvaluateStage stage = varying(queue, material);
+  while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
+    ++stage.count;
+  stage.rows = rows;
   pass_on(queue, stages_.vary(stage), next);
   for (size_t i = 0; batch_.has_groups() && i < stage.count; ++i)
     Batch::add_to(batch_.sums.emission, rows[i], row(batch_.glow, rows[i]));

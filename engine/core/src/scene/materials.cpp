@@ -37,7 +37,7 @@ struct Rows {
 /// Adds a lobe to the terms of its material.
 void fold(const LobeShape& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
   const Vec3d k = coefficient(lobe);
-  terms.others |= !lobe.constant;
+  terms.others |= !lobe.constant || goes_below(lobe);
   if (depends_on_view(lobe)) {
     fold_view(lobe, ambient, rows.view);
     return void(rows.view += ViewTerm::kColumns);
@@ -125,6 +125,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
     if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_FIBRE_SPECULAR)
       t.most_exponent = std::max(t.most_exponent, lobe.exponent);
     t.has_translucent = t.has_translucent || lobe.kind == GLINT_TRANSLUCENT;
+    material.goes_below = material.goes_below || goes_below(lobe);
     material.view_count += depends_on_view(lobe);
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
@@ -155,6 +156,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
           same_inputs(t, material.first_lobe + k - 1, material.first_lobe + k);
   }
   t.has_rough_glass |= material.is_rough_glass;
+  t.has_subsurface |= material.goes_below;
   t.max_specular = std::max(t.max_specular, material.specular_count);
   t.max_view = std::max(t.max_view, material.view_count);
 }
@@ -179,8 +181,8 @@ void number_reads(MaterialTable& t, const Material& material) {
 void fold_materials(MaterialTable& t, const World& world) {
   const size_t specular = size_t(t.specular_columns) * size_t(t.max_specular),
                view = ViewTerm::kColumns * size_t(t.max_view);
-  t.specular_terms.assign(specular * (t.size() + 3), 0.0);
-  t.view_terms.assign(view * (t.size() + 3), 0.0);
+  t.specular_terms.assign(specular * (t.size() + 4), 0.0);
+  t.view_terms.assign(view * (t.size() + 4), 0.0);
   for (size_t m = 0; m < t.size(); ++m) {
     MaterialTerms terms{};
     Rows rows{t.specular_terms.data() + specular * m, t.specular_columns,
@@ -197,14 +199,15 @@ void fold_materials(MaterialTable& t, const World& world) {
     }
     t.terms.push_back(terms);
   }
-  MaterialTerms around{}, none{}, hole{};
+  MaterialTerms around{}, none{}, hole{}, white{};
   for (int c = 0; c < 3 && !world.sky_program; ++c)
     around.glow[c] = around.environment[c] = world.background[c];
   around.others = world.sky_program != nullptr;
   around.unlit = !world.sky_program;
   hole.others = 1;
   none.unlit = 1;
-  t.terms.insert(t.terms.end(), {around, none, hole});
+  std::fill_n(white.diffuse, 3, 1.0);
+  t.terms.insert(t.terms.end(), {around, none, hole, white});
   t.reflected_terms = t.terms;
 }
 

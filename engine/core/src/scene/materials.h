@@ -23,7 +23,8 @@ struct Material {
   int32_t aov = 0, medium = 0, bump_shadowing = 0, base_normal = 0;
   uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
   int specular_count = 0, view_count = 0;
-  int passing = 0;  // lobes that send rays on, unless all of these are nothing
+  bool goes_below = false;  // light of some of its DIFFUSE lobes comes out elsewhere
+  int passing = 0;          // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
   // Of light to lamps, by a surface; less than 1 of fibres alone. To fibres: of what reaches these.
   double most_passed = 1, most_passed_to_fibres = 1;
@@ -41,6 +42,12 @@ struct Material {
 /// than at others.
 inline bool depends_on_view(const LobeShape& lobe) {
   return (lobe.kind == GLINT_AMBIENT || lobe.kind == GLINT_DIFFUSE) && lobe.exponent > 0;
+}
+
+/// Lobes whose light comes out of the surface beside where it goes in.
+inline bool goes_below(const GlintLobe& lobe) {
+  return lobe.kind == GLINT_DIFFUSE &&
+         (lobe.radius_slot > 0 || lobe.radius[0] > 0 || lobe.radius[1] > 0 || lobe.radius[2] > 0);
 }
 
 /// Of a lobe that does not vary.
@@ -72,9 +79,10 @@ struct MaterialTable {
   bool has_rough_glass = false, has_fibre = false,
        has_sheen = false;  // SHEEN or FIBRE lobes
   bool has_translucent = false;
-  int specular_columns = 4;  // numbers of each as the stages read them
-  int max_view = 0;          // lobes of a material that depend on the view, at most
-  int max_passing = 0;       // Material::passing, at most
+  bool has_subsurface = false;  // DIFFUSE lobes whose light comes out elsewhere
+  int specular_columns = 4;     // numbers of each as the stages read them
+  int max_view = 0;             // lobes of a material that depend on the view, at most
+  int max_passing = 0;          // Material::passing, at most
   int passing_columns = PassingTerm::kPlain;  // of each of these lobes
   /// Where fibres alone let light through: behind so many less than kFaded of it is left to light
   /// fibres, and what is none; or 0. The latter alone may be 0 where these are more than are found
@@ -92,6 +100,8 @@ struct MaterialTable {
   // or, with a transparent film, nothing.
   uint32_t surroundings() const { return uint32_t(size()); }
   uint32_t nothing() const { return uint32_t(size()) + 1; }
+  /// Of places where light comes out of a surface: matt and white.
+  uint32_t white() const { return uint32_t(size()) + 3; }
 };
 
 MaterialTable compile_materials(const GlintSceneData& data, const World& world);

@@ -314,6 +314,7 @@ GlintStats Job::stats() {
   s.refraction_rays = rays_.refraction;
   s.transparent_rays = rays_.transparent;
   s.gather_rays = rays_.gather;
+  s.probe_rays = rays_.probe;
   s.media_points = rays_.media_points;
   if (!built_) return s;
   s.build_seconds = plan_.moving ? moving_seconds_ : scene_->trees.build_seconds();

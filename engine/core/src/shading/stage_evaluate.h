@@ -269,6 +269,41 @@ inline void lift_normal(const EvaluateStage& s, const Chosen& at) {
   scatter(s.lifted_bump, at, where(nonzero(m), bump_of(s.bump_shadowing, dot(m, n))));
 }
 
+/// What of the light of DIFFUSE lobes of the group of rows from `begin` on comes out elsewhere, and
+/// how far away: by how much of it is of which. slots: as OnMesh has them.
+__attribute__((noinline)) void set_below(const EvaluateStage& s, size_t begin,
+                                         const double* slots) {
+  const Chosen at = chosen(s.rows, begin, s.count);
+  OnMesh p = on_mesh(s, at);
+  p.slots = slots;
+  Three below{}, size{}, spread{}, first{};  // spread: of what is more than the first
+  bool is_first = true;
+  Reads reads;
+  for (uint32_t i = 0; i < s.lobe_count; ++i) {
+    const LobeShape& lobe = s.lobes[i];
+    const double* const own = lobe.radius;
+    const bool varies = lobe.radius_slot > 0;
+    if (lobe.kind != GLINT_DIFFUSE || !(varies || own[0] > 0 || own[1] > 0 || own[2] > 0)) continue;
+    const Three radius = varies ? finite_or_zero(slots3(p, lobe.radius_slot)) : splat3(own);
+    const Three k = seen_share(s, at, p, lobe) * coefficient(s.tables, p, lobe, reads),
+                weight{magnitude(k.x), magnitude(k.y), magnitude(k.z)},
+                least{larger(radius.x, Doubles{}), larger(radius.y, Doubles{}),
+                      larger(radius.z, Doubles{})};
+    if (is_first) first = least;
+    is_first = false;
+    below = below + k;
+    size = size + weight;
+    spread = spread + weight * (least - first);
+  }
+  const auto mean = [](Doubles sum, Doubles of) {
+    return where(of > 0, sum / choose(of > 0, of, splat(1)));
+  };
+  const Three T{gather(s.T[0], at), gather(s.T[1], at), gather(s.T[2], at)};
+  scatter3(s.below, at, T * below);
+  scatter3(s.radius, at,
+           first + Three{mean(spread.x, size.x), mean(spread.y, size.y), mean(spread.z, size.z)});
+}
+
 /// Which lanes send rays on. slots: as OnMesh has them.
 inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const double* slots) {
   OnMesh p = on_mesh(s, at);
@@ -299,6 +334,7 @@ size_t vary(const EvaluateStage& s) {
     const double* slots = s.program ? s.slots + i % kBlock : nullptr;
     for (uint32_t m = vary_group(s, at, slots); m; m &= m - 1)
       s.passing_rows[passing++] = at.row[__builtin_ctz(m)];
+    if (s.below[0]) set_below(s, i, slots);
   }
   return passing;
 }

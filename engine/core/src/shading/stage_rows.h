@@ -30,7 +30,8 @@ inline Mask gather(const int64_t* column, const Chosen& at) {
   if (at.together) return load(column + at.row[0]);
   return each_lane<Mask>([&](size_t lane) { return column[at.row[lane]]; });
 }
-inline Three gather3(const double* const (&columns)[3], const Chosen& at) {
+__attribute__((always_inline)) inline Three gather3(const double* const (&columns)[3],
+                                                    const Chosen& at) {
   return {gather(columns[0], at), gather(columns[1], at), gather(columns[2], at)};
 }
 inline Three gather3(const double* column, size_t stride, const Chosen& at) {

@@ -122,6 +122,9 @@ struct EvaluateStage {
   double* diffuse[3];
   double* translucent[3];           // T k; null where the material has no such lobes
   double *lifted[3], *lifted_bump;  // n and bump as these have it; null where no bumps hide light
+  /// What of `diffuse` comes out of the surface elsewhere, and how far away, world units; null
+  /// where none of the material's does.
+  double *below[3], *radius[3];
   double* specular;
   int specular_columns;
   double* passing;  // PassingTerm's columns for each lobe that sends rays on
