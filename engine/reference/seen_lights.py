@@ -20,13 +20,9 @@ def seen_radiance(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         t = _MEETS[light.kind](source, o, d)
         reached = (t > near) & ((t < depth) | (np.isinf(t) & np.isinf(depth)))
-        share = (
-            np.where(
-                (light.kind == "SPOT") & source.is_around(o), 1.0, source.along(-d / length(d))
-            )
-            if light.kind in ("SPOT", "AREA")
-            else 1.0
-        )
+        share = source.along(d / length(d))
+        if light.kind == "SPOT":
+            share = np.where(source.is_around(o), 1.0, share)
     radiance = np.where(reached, share, 0.0) * _radiance(source)[:, None]
     if source.emission is None:
         return radiance

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..film import OCCLUSION
+from ..film import NO_DEPTH, OCCLUSION
 from . import catchers
 from .motion_vectors import motion_vectors
 from .occlusion import openness
@@ -73,10 +73,11 @@ class SeenPasses:
             return
         rays = beyond(at.paths.rays.take(at.hit), at.surface, depth)
         again = self._stage.visibility.closest(rays, at.paths.kind)
-        found = np.flatnonzero(again.primitive != NOTHING)
+        gaps = self._tile.data["Gap"][0]
+        # rays that went on through what dims nothing have theirs
+        found = np.flatnonzero((again.primitive != NOTHING) & (gaps[at.pixel] == NO_DEPTH))
         _, d = rays.lines(found)
-        gap = (again.depth[found] - depth[found]) * length(d)
-        self._tile.data["Gap"][0, at.pixel[found]] = gap
+        gaps[at.pixel[found]] = (again.depth[found] - depth[found]) * length(d)
 
     def see(self, at: Interaction) -> None:
         """What passes that are means of what is seen have of these surfaces."""

@@ -12,6 +12,7 @@ LAMPS = {
     "spot": ("SPOT", {"energy": 100.0, "shadow_soft_size": 0.4, "spot_size": 2.0}),
     "rectangle": ("AREA", {"energy": 100.0, "shape": "RECTANGLE", "size": 1.0, "size_y": 0.5}),
     "ellipse": ("AREA", {"energy": 100.0, "shape": "ELLIPSE", "size": 1.0, "size_y": 0.5}),
+    "slats": ("AREA", {"energy": 100.0, "size": 1.0, "spread": 2.5}),
     "sun": ("SUN", {"energy": 2.0, "angle": 0.3}),
 }
 MIRRORED_VIEW = (-4.2, 5.6, 4.0)

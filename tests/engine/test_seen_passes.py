@@ -88,6 +88,20 @@ def test_mist_of_a_veil_and_what_is_behind(backend: str, falloff: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("clear", [0.25, 1.0])
+def test_gaps_are_behind_the_first_surface_though_it_dims_nothing(
+    backend: str, clear: float
+) -> None:
+    veil = s.Material("veil", (s.Lobe("TRANSPARENT", constant(clear)),))
+    sheets = np.zeros((3, 3, 4))
+    sheets[:] = [np.column_stack([np.eye(3), (0, 0, z)]) for z in (8.0, 6.0, 3.0)]
+    scene = s.Scene(
+        view_from_above(), (square(1.0),), (s.Instances("sheets", 0, sheets, (0,)),), (veil,)
+    )
+    np.testing.assert_allclose(draw(scene, "Gap", backend=backend).passes["Gap"], 2.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_no_depth_is_no_mist(backend: str) -> None:
     """As in Cycles: what is seen has none, the background all."""
     film = draw(stack(mist=s.Mist(1.0, 0.0)), "Mist", backend=backend, filter_width=0.0)
