@@ -48,7 +48,7 @@ constexpr double kInstanceMargin = 0x1p12;
 /// more of that and u of its own, the sum by u.
 constexpr float kSeenAlong = 0x1.ap-22f, kSeenAcross = 0x1.2p-22f;
 /// More than two products lose below the smallest normal float, 2^-140: itself normal, as sums with
-/// a subnormal one take some processors over a hundred times as long.
+/// a subnormal one take some processors far longer.
 constexpr float kLeastProduct = 0x1p-126f;
 /// What the sum of weighted depths rounds, as part of the largest: 16 u.
 constexpr float kSumMargin = 0x1p-20f;
