@@ -14,7 +14,7 @@ from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Instances, Light, Material, Medium, Rods, Scene, World
 from .dome import LARGEST
-from .mesh_lights import MeshTable, along_a_curve, box_light
+from .mesh_lights import MeshTable, along_a_curve, box_light, linked_as
 from .met_surfaces import joined
 from .same import Same
 from .walk_media import Surfaces, camera_at
@@ -102,15 +102,7 @@ def _light(scene: Scene, blocks: list[Instances]) -> Light | None:
     order = good[along_a_curve(rods.ends[good].mean(1))]
     rods, block = rods.take(order), blocks[0]
     light, shift = box_light("Glowing media", "MEDIUM", rods.ends.reshape(-1, 3), first)
-    return replace(
-        light,
-        rods=replace(rods, ends=rods.ends - shift),
-        receivers=block.receivers,
-        blockers=block.blockers,
-        lights_matt=block.visible_diffuse,
-        lights_gloss=block.visible_mirror,
-        lights_media=block.visible_media,
-    )
+    return replace(linked_as(light, block), rods=replace(rods, ends=rods.ends - shift))
 
 
 def _shown(block: Instances) -> Instances:

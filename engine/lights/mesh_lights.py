@@ -99,15 +99,8 @@ def _light(scene: Scene) -> Light | None:
     if found is None:
         return None
     light, shift = box_light("Glowing surfaces", "MESH", found.corners.reshape(-1, 3), first)
-    return replace(
-        light,
-        emitters=replace(found, corners=found.corners - shift),
-        receivers=block.receivers,
-        blockers=block.blockers,
-        lights_matt=block.visible_diffuse,
-        lights_gloss=block.visible_mirror,
-        lights_media=block.visible_media,
-    )
+    light = linked_as(light, block)
+    return replace(light, emitters=replace(found, corners=found.corners - shift))
 
 
 def box_light(name: str, kind: str, points: Array, origin: Array) -> tuple[Light, Array]:
@@ -125,6 +118,18 @@ def box_light(name: str, kind: str, points: Array, origin: Array) -> tuple[Light
         radius=float(size[2]) / 2,
     )
     return light, middle - origin
+
+
+def linked_as(light: Light, block: Instances) -> Light:
+    """The light of what of a block glows: it lights what sees and is linked to that."""
+    return replace(
+        light,
+        receivers=block.receivers,
+        blockers=block.blockers,
+        lights_matt=block.visible_diffuse,
+        lights_gloss=block.visible_mirror,
+        lights_media=block.visible_media,
+    )
 
 
 def _found(scene: Scene, origin: Array) -> Emitters | None:

@@ -153,15 +153,21 @@ def _add_openings(
     data.opening_samples = settings.opening_samples
 
 
+def _lend_points(packer: Packer, tables: list[MeshTable], name: str) -> tuple[int, int]:
+    """Where the tables of lights of a kind lie, one after the other, and the rows of each."""
+    rows = np.concatenate([_point_rows(table) for table in tables])
+    lent = packer.lend(rows, np.float64, (None, 18), name)
+    return address(lent), len(rows) // len(tables)
+
+
 def _add_meshes(
     data: core_types.RenderSettingsData, packer: Packer, lights: list[Light], settings: Settings
 ) -> None:
     if not lights:
         return
     tables = [mesh_table(light, settings.samples, settings.mesh_samples) for light in lights]
-    rows = np.concatenate([_point_rows(table) for table in tables])
-    data.mesh_table = address(packer.lend(rows, np.float64, (None, 18), "mesh light samples"))
-    data.mesh_count, data.mesh_samples = len(rows) // len(lights), tables[0].each
+    data.mesh_table, data.mesh_count = _lend_points(packer, tables, "mesh light samples")
+    data.mesh_samples = tables[0].each
 
 
 def _add_media(
@@ -170,9 +176,8 @@ def _add_media(
     if not lights:
         return
     tables = [medium_table(light, settings.samples, settings.medium_samples) for light in lights]
-    rows = np.concatenate([_point_rows(table) for table in tables])
-    data.medium_table = address(packer.lend(rows, np.float64, (None, 18), "medium light samples"))
-    data.medium_count, data.medium_samples = len(rows) // len(lights), tables[0].each
+    data.medium_table, data.medium_count = _lend_points(packer, tables, "medium light samples")
+    data.medium_samples = tables[0].each
     data.medium_shadows = settings.medium_shadows
 
 
@@ -180,9 +185,8 @@ def _add_bounced(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
     table = bounced_table(light, settings.samples, settings.bounced_samples)
-    rows = packer.lend(_point_rows(table), np.float64, (None, 18), "bounced light samples")
-    data.bounced_table = address(rows)
-    data.bounced_count, data.bounced_samples = len(rows), table.each
+    data.bounced_table, data.bounced_count = _lend_points(packer, [table], "bounced light samples")
+    data.bounced_samples = table.each
     data.bounced_shadows, data.gather_reach = settings.bounced_shadows, table.near
     points = gather_points(settings.samples, GATHER_SAMPLES)
     points = packer.lend(points, np.float64, (None, None, 2), "gather points")

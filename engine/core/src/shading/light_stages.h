@@ -101,9 +101,8 @@ struct LightStage {
       b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
           // of the distance within which it is seen large; the sample in the square
   double center[3], axis[3], color[3];
-  double tan_spread,
-      even_spread;  // kPlaneSource, kRectangleSource: as light.h has them; tan_spread
-                    // 0: for one that shines all before it, whatever the other
+  double tan_spread;   // kPlaneSource, kRectangleSource: as light.h has it
+  double even_spread;  // the same; in CLASSIC 1 / tan_spread
   double radius, scale2, spot_cosine, spot_width, x, y,
       share;  // x, y: of the disc; share: samples of the light
   double area, across[3],
