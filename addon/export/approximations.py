@@ -33,7 +33,6 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfHair": "highlights round the strand",
     "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand and on to "
     "strands behind; the rest of the light from strand to strand is by how dense strands are",
-    "ShaderNodeHoldout": "black; the object's own holdout is exact",
     **dict.fromkeys(
         (
             "ShaderNodeVolumeAbsorption",

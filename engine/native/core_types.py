@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 63
+ABI_VERSION = 64
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -79,9 +79,10 @@ class LobeKind(IntEnum):
     EMISSION = 6
     SHEEN = 7
     TRANSLUCENT = 8
-    FIBRE_DIFFUSE = 9
-    FIBRE_SPECULAR = 10
-    FIBRE_TRANSMISSION = 11
+    HOLDOUT = 9
+    FIBRE_DIFFUSE = 10
+    FIBRE_SPECULAR = 11
+    FIBRE_TRANSMISSION = 12
 
 
 class Fresnel(IntEnum):

@@ -315,6 +315,7 @@ class Explainer:
                 *self._lights_behind(surface, coefficients, depth, paths),
             ),
             holdout=instances.holdout and paths.depth == 0,
+            hole=_numbers(coefficients.holdout[:, 0] * (paths.depth == 0)),
             caught=self._caught(surface, coefficients, paths),
             moved=_numbers(motion_vectors(stage, surface)[:, 0])
             if paths.depth == 0 and stage.scene.neighbours is not None

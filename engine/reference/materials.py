@@ -36,6 +36,7 @@ _SUMMED = {
     "TRANSLUCENT": "translucent",
     "EMISSION": "emission",
     "TRANSPARENT": "transparent",
+    "HOLDOUT": "holdout",
 }
 
 
@@ -79,6 +80,7 @@ class Coefficients:
     translucent: Array
     emission: Array
     transparent: Array
+    holdout: Array
     highlights: list[Term]
     mirrors: list[Term]
     refractions: list[Term]

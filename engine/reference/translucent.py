@@ -48,5 +48,5 @@ def other_side(stage: Stage, at: Interaction, depth: Array) -> Interaction:
     )
     none = np.zeros((3, len(some)))
     matt = pick(at.coefficients.translucent, some)
-    lobes = Coefficients(none, matt, none, none, none, [], [], [], [], [])
+    lobes = Coefficients(none, matt, none, none, none, none, [], [], [], [], [])
     return Interaction(at.paths, hit, turned, lobes)

@@ -421,8 +421,7 @@ def under_alpha(surface: Closure, alpha: Sum) -> Closure:
 
 
 def _holdout(view: NodeView) -> Closure:
-    view.note("The Holdout shader is rendered black in {}: use the object's holdout flag")
-    return {}
+    return {LobeKey("HOLDOUT"): ONE}
 
 
 def _empty_group(view: NodeView) -> Closure:

@@ -115,6 +115,7 @@ class Tracer {
   void show_caught(const Queue& queue, uint32_t k, Vec3d ratio);
   Vec3d take_sums(size_t k);
   void pass_on(const Queue& queue, size_t count, const Leaving& next);
+  void cut_holes(const Queue& queue, const uint32_t* rows, size_t count);
   void record(const Queue& queue);
   void note_seen(const Queue& queue);
   void note_colors(const Queue& queue);

@@ -9,8 +9,9 @@
 
 namespace glint {
 
-/// Kinds of lobes that send rays on.
-constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION | 1u << GLINT_TRANSPARENT;
+/// Kinds of lobes that send rays on, and what is a hole for those of the camera.
+constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION |
+                              1u << GLINT_TRANSPARENT | 1u << GLINT_HOLDOUT_LOBE;
 
 inline bool is_fibre(int kind) {
   return kind >= GLINT_FIBRE_DIFFUSE && kind <= GLINT_FIBRE_TRANSMISSION;

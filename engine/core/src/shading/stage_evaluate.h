@@ -163,7 +163,7 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
 inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                         const LobeShape& lobe, Three k, Lobes& sum) {
   double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
-  if (lobe.kind != GLINT_TRANSPARENT) {
+  if (lobe.kind == GLINT_MIRROR || lobe.kind == GLINT_REFRACTION) {
     Three normal{};
     if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, k);
     if (s.passing_columns == PassingTerm::kTurned)
