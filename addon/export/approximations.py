@@ -28,7 +28,8 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeSubsurfaceScattering": "all methods by Christensen and Burley's profile; without "
     "Anisotropy and Roughness; as diffuse in the light that things give to others by bouncing, and "
     "in blurred reflections",
-    "ShaderNodeBsdfToon": "as diffuse",
+    "ShaderNodeBsdfToon": "what it throws on is as from diffuse; Glossy shows lights, what "
+    "glows and the sky, and of other things their light alone, no shapes",
     "ShaderNodeBsdfVelvet": "as diffuse",
     "ShaderNodeBsdfHair": "highlights round the strand",
     "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand and on to "

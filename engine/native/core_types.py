@@ -80,9 +80,11 @@ class LobeKind(IntEnum):
     SHEEN = 7
     TRANSLUCENT = 8
     HOLDOUT = 9
-    FIBRE_DIFFUSE = 10
-    FIBRE_SPECULAR = 11
-    FIBRE_TRANSMISSION = 12
+    TOON_DIFFUSE = 10
+    TOON_SPECULAR = 11
+    FIBRE_DIFFUSE = 12
+    FIBRE_SPECULAR = 13
+    FIBRE_TRANSMISSION = 14
 
 
 class Fresnel(IntEnum):

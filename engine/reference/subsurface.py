@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .materials import Coefficients
+from .coefficients import Coefficients
 from .panorama import step_size
 from .paths import Interaction, Paths, joined
 from .paths import met as met_by

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .materials import Coefficients
+from .coefficients import Coefficients
 from .paths import Interaction
 from .surface import surface_at
 from .vectors import pick

@@ -86,6 +86,8 @@ LOBES = (
     "SHEEN",
     "TRANSLUCENT",
     "HOLDOUT",
+    "TOON_DIFFUSE",
+    "TOON_SPECULAR",
     "FIBRE_DIFFUSE",
     "FIBRE_SPECULAR",
     "FIBRE_TRANSMISSION",
@@ -105,9 +107,10 @@ class Lobe:
     none. exponent_output, masking_output: which output of the material's program, a number, gives
     the exponent or masking instead, kept from 0 to what stands here; -1 for none.  ior_output: the
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
-    width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
-    fans out round the tangent, 0 for as far as normals do, and as ior what `leaning` makes of how
-    far they lean along it.  fibre_output: of FIBRE lobes, the
+    width as exponent and its lean as masking (SEMANTICS.md), a TOON lobe the shares of a right
+    angle of its size, up to 1, and of its smooth edge, FIBRE lobes as masking how far light fans
+    out round the tangent, 0 for as far as normals do, and as ior what `leaning` makes of how far
+    they lean along it.  fibre_output: of FIBRE lobes, the
     output with the fibre's tangent in the world, as long as the fibre is thick there, 0 of what is
     no fibre; -1: all 0.  normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a
     shading normal of their own in the world; where it is zero or not finite, or -1, they have the

@@ -451,7 +451,6 @@ CLOSURE_NODES.update(
         "ShaderNodeBsdfTranslucent": _translucent,
         "ShaderNodeSubsurfaceScattering": _subsurface,
         "ShaderNodeBsdfVelvet": _as_diffuse,
-        "ShaderNodeBsdfToon": _as_diffuse,
         "ShaderNodeBsdfGlossy": _glossy,
         "ShaderNodeBsdfAnisotropic": _glossy,
         "ShaderNodeBsdfMetallic": _metallic,

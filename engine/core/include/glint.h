@@ -137,6 +137,8 @@ enum GlintLobeKind {
   GLINT_SHEEN,
   GLINT_TRANSLUCENT,
   GLINT_HOLDOUT_LOBE,
+  GLINT_TOON_DIFFUSE,
+  GLINT_TOON_SPECULAR,
   GLINT_FIBRE_DIFFUSE,
   GLINT_FIBRE_SPECULAR,
   GLINT_FIBRE_TRANSMISSION
@@ -145,7 +147,8 @@ enum GlintLobeKind {
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK, GLINT_SCATTERED of a FIBRE lobe that shows light
  * that other fibres scattered, and GLINT_NOT_TO_FIBRES of a TRANSPARENT one that shadow rays from
  * points on strands do not pass. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
- * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean, of a FIBRE lobe
+ * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean, of a TOON lobe they are
+ * the shares of a right angle of its size, up to 1, and of its smooth edge, of a FIBRE lobe
  * masking how far light fans out round the tangent, 0 for as far as normals do, and ior 1 plus over
  * 1 minus the tangent of how far it leans against it. exponent_slot, masking_slot, ior_slot: 0, or
  * 1 plus the slot of the material's program that takes the place of the number; exponent and
