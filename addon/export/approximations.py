@@ -17,7 +17,8 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfDiffuse": "Roughness is left out",
     "ShaderNodeBsdfAnisotropic": LEFT_OUT,
     "ShaderNodeBsdfGlossy": LEFT_OUT,
-    "ShaderNodeBsdfMetallic": f"{LEFT_OUT}; physical conductors by their base colour, edges white",
+    "ShaderNodeBsdfMetallic": f"{LEFT_OUT}; physical conductors by their colours seen "
+    "straight and at 82 degrees",
     "ShaderNodeBsdfGlass": f"{LEFT_OUT}; an edge seen through it is as blurred as in Cycles within "
     "6 % of its height",
     "ShaderNodeBsdfRefraction": "blurred as Glass",

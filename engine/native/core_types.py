@@ -92,6 +92,7 @@ class Fresnel(IntEnum):
     SCHLICK = 2
     SCATTERED = 4
     NOT_TO_FIBRES = 8
+    EDGE = 16
 
 
 class BumpShadowing(IntEnum):

@@ -39,13 +39,14 @@ def highlight(
         taken(term.ior, chosen),
         lobe.fresnel,
         lobe.schlick,
+        lobe.edge,
     )
     if term.stretch is not None:
         t = term.stretch[:, chosen]
         factor = stretching.power(n, t, v + l, taken(term.exponent, chosen), 4)
         factor = factor * stretching.masking(n, t, v, l, taken(term.masking, chosen))
         ior = taken(term.ior, chosen)
-        factor = factor * gloss(n, v, l, 0.0, ior, lobe.fresnel, lobe.schlick)
+        factor = factor * gloss(n, v, l, 0.0, ior, lobe.fresnel, lobe.schlick, lobe.edge)
         power = np.where(t.any(0), factor, power)
     if term.lowering is not None:
         power = power * lowered(term.lowering[chosen], dot(n, l))

@@ -35,6 +35,7 @@ def gloss(
     ior: Array | float,
     dielectric: bool,
     schlick: bool,
+    edge: bool = False,
 ) -> Array:
     """(m,) what a highlight is times beside its power: Smith's masking of GGX of width `masking`,
     and a Fresnel factor between v and h.
@@ -44,11 +45,11 @@ def gloss(
         nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), masking * masking
         down = nl * np.sqrt(a2 + (1 - a2) * nv * nv) + nv * np.sqrt(a2 + (1 - a2) * nl * nl)
         factor = np.where(masking > 0, 2 * nl / np.where(down > 0, down, 1.0), 1.0)
-    if dielectric or schlick:
+    if dielectric or schlick or edge:
         vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))
-        factor = factor * (
-            (1 - vh) ** 5 if schlick else fresnel(vh, np.broadcast_to(ior, n.shape[1:]))
-        )
+        if dielectric:
+            return factor * fresnel(vh, np.broadcast_to(ior, n.shape[1:]))
+        factor = factor * (7**7 / 6**6 * vh * (1 - vh) ** 6 if edge else (1 - vh) ** 5)
     return factor
 
 

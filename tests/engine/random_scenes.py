@@ -62,6 +62,7 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
     glossy, toon = kind == "SPECULAR", kind.startswith("TOON")
     masked = (glossy or toon) and draw(flags)
     fresnel = kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags)
+    schlick = masked and glossy and not fresnel and draw(flags)
     return s.Lobe(
         kind,
         given,
@@ -72,7 +73,8 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
         else float(draw(st.integers(0, 3))),
         ior=float(dice.uniform(1.1, 1.8)),
         fresnel=fresnel,
-        schlick=masked and glossy and not fresnel and draw(flags),
+        schlick=schlick,
+        edge=masked and glossy and not (fresnel or schlick) and draw(flags),
         masking=float(dice.uniform(0.1, 0.9)) if masked else 0.0,
     )
 

@@ -117,11 +117,12 @@ def test_it_throws_light_on_as_what_is_diffuse(size: float, smooth: float, backe
 
 
 def many() -> s.Scene:
-    """Lobes of both kinds and a hole, in sun, lamps and bounced light."""
+    """Lobes of both kinds, a metal's edge and a hole, in sun, lamps and bounced light."""
     lobes = (
         s.Lobe("TOON_DIFFUSE", constant(0.5, 0.3, 0.2), exponent=0.4, masking=0.2),
         s.Lobe("TOON_SPECULAR", constant(0.2), exponent=0.2, masking=0.05),
         s.Lobe("SPECULAR", constant(0.2), exponent=50.0, masking=0.2, fresnel=True, ior=1.5),
+        s.Lobe("SPECULAR", constant(-0.1), exponent=50.0, masking=0.2, edge=True),
         s.Lobe("HOLDOUT", constant(0.1)),
     )
     floor = placed(1, (1,), z=-0.9)

@@ -376,6 +376,7 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].exponent,
             item[0].ior,
             item[0].schlick,
+            item[0].edge,
             item[0].exponent_output,
             item[0].ior_output,
             item[0].normal_output,

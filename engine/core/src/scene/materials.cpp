@@ -140,6 +140,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
     if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);
+    t.edges_lobes |= lobe.kind == GLINT_SPECULAR && lobe.fresnel & GLINT_EDGE;
     const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);
     if (turns && lobe.kind == GLINT_SPECULAR) {
       t.turns_lobes = true;

@@ -97,6 +97,7 @@ struct MaterialTable {
   bool shadows_bumps = false;    // and hides light by them
   bool turns_lobes = false;      // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes = false;  // and one may be stretched
+  bool edges_lobes = false;      // and one may have the weight of edges
 
   /// Whether bounced light is shown by gloss as if it were matt. by_rays: the surroundings are.
   bool has_even_gloss(bool by_rays) const { return has_toon_gloss || (has_varnish && !by_rays); }

@@ -57,8 +57,14 @@ struct SpecularTerm {
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
                        kTangent = 6, kTilt = 9, kFibred = 10, kNormal = 6, kTurned = 9,
                        kStretch = 9, kStretched = 12;
-  /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
-  static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
+  /// 0 for none, -1 for Schlick's weight, kEdge for that of edges, or a dielectric's index.
+  static constexpr double kEdge = -2;
+  static double fresnel(int bits, double ior) {
+    return bits & GLINT_EDGE         ? kEdge
+           : bits & GLINT_SCHLICK    ? -1
+           : bits & GLINT_DIELECTRIC ? ior
+                                     : 0;
+  }
 };
 
 /// A lobe that sends rays on: columns of k (three) and, where some lobe of the scene has them from

@@ -253,8 +253,8 @@ __attribute__((always_inline)) inline Highlights all_highlights(const LightStage
     Doubles factor = power;
     if (s.specular_columns >= SpecularTerm::kShaped) {
       const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
-      factor = power * gloss.factor(load(column + SpecularTerm::kMasking * s.stride),
-                                    load(column + SpecularTerm::kFresnel * s.stride));
+      factor = power * gloss.factor<Bent>(load(column + SpecularTerm::kMasking * s.stride),
+                                          load(column + SpecularTerm::kFresnel * s.stride));
     }
     Doubles density = power;
     if (stretches) {
