@@ -25,7 +25,7 @@ from .walk_media import walk_media
 from .walk_starts import FEWEST, ROUNDED, Start, cosine_around, starts
 
 if TYPE_CHECKING:
-    from ..reference.materials import Coefficients
+    from ..reference.coefficients import Coefficients
     from ..reference.surface import Surface
 
 Array = np.ndarray
