@@ -14,7 +14,8 @@ from .cache import ExportCache
 from .geometry.cache import Requirements, Shape, ShapeKey, Source
 from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
-from .geometry.shapes import export_points, read_shape
+from .geometry.points import PointSource, read_point_attributes, read_points
+from .geometry.shapes import read_shape
 from .geometry.strand_attributes import read_strand_attributes
 from .geometry.strands import StrandSource, read_curves, read_hair
 from .geometry.volumes import read_volume
@@ -341,6 +342,9 @@ class Collector:
         )
 
         def read(source: Source) -> None:
+            if isinstance(source, PointSource):
+                read_point_attributes(data, source, required, shape.report)
+                return
             if isinstance(source, StrandSource):
                 read_strand_attributes(data, owner, source, required, shape.report, self.is_render)
                 return
@@ -377,7 +381,7 @@ class Collector:
 
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)
-        return self._met(ShapeKey("points", key), lambda report: export_points(cloud), cloud)
+        return self._met(ShapeKey("points", key), lambda report: read_points(cloud), cloud)
 
     @property
     def _curve_shape(self) -> str:

@@ -49,6 +49,10 @@ number and 1; the tangent and the thickness; what light between strands is times
 each place others enclose (`geometry.enclosure`).
 """
 
+POINT_PLACE, POINT_SHAPE = "(point)", "(radius)"
+"""Attribute names that stand for the centre of a cloud's point and 1, and for its radius, a random
+number, 0 and 1, in the object.
+"""
 ISLAND, POINTINESS = "(island)", "(pointiness)"
 """Attribute names that stand for what Blender's meshes tell of their shape."""
 
