@@ -50,7 +50,6 @@ APPROXIMATED: dict[str, str] = {
     "normal in the light that things give to others by glowing or bouncing",
     "ShaderNodeRaycast": "it meets nothing in the light that things give to others by glowing or "
     "bouncing",
-    "ShaderNodePointInfo": "zeros, as of what is no point cloud",
     "ShaderNodeBump": "at the edges of patterns 1 % of the pixels differ",
     **dict.fromkeys(
         ("ShaderNodeDisplacement", "ShaderNodeVectorDisplacement"),

@@ -215,6 +215,7 @@ def _some(geometry: Geometry, kept: Array) -> Geometry:
             centers=geometry.centers[kept],
             radii=geometry.radii[kept],
             material_slots=slots,
+            attributes=tuple(replace(a, values=a.values[kept]) for a in geometry.attributes),
         )
     if isinstance(geometry, Strands):
         return _some_segments(geometry, kept, slots)

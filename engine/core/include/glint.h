@@ -47,7 +47,8 @@ typedef struct GlintAttribute {
 
 /* Object space. Unused pointers are null.
  * MESH: vertices, triangles (3 a primitive), corners (3 a primitive, rows of CORNER attributes),
- * normals (values null: flat). SPHERES: vertices are the centres, radii.  POLYGONS: vertices,
+ * normals (values null: flat). SPHERES: vertices are the centres, radii; attributes are FACE, a row
+ * each.  POLYGONS: vertices,
  * offsets (primitive_count + 1), indices. STRANDS: vertices and a radius for each; indices, one a
  * primitive: the vertex where the segment begins, which ends at the next one; triangles where there
  * are attributes: the two ends of each, the second twice. attributes: rows [first_attribute,
