@@ -199,7 +199,8 @@ TEST(instances, meshes_far_smaller_than_the_world_have_trees_of_their_own) {
   const Mesh ball = icosphere(4, 1e-3, center);
   for (const double half : {1e-2, 2e4}) {
     Mesh ground;
-    for (Vec3d p : {Vec3d{-half, -half, 0}, Vec3d{half, -half, 0}, Vec3d{0, half, 0}}) ground.add(p);
+    for (Vec3d p : {Vec3d{-half, -half, 0}, Vec3d{half, -half, 0}, Vec3d{0, half, 0}})
+      ground.add(p);
     ground.add(0, 1, 2);
     BruteScene scene;
     scene.geometries = {ball.view(), ground.view()};

@@ -11,9 +11,9 @@ namespace glint {
 namespace {
 
 constexpr uint32_t kNoTree = 0xffffffffu;
-constexpr double kTiny = 0x1p-12;        // of the largest coordinate
-constexpr size_t kFew = 32;              // triangles: fewer are tested soon enough
-constexpr size_t kSmall = 65536;  // primitives: below, object trees are built one a thread
+constexpr double kTiny = 0x1p-12;  // of the largest coordinate
+constexpr size_t kFew = 32;        // triangles: fewer are tested soon enough
+constexpr size_t kSmall = 65536;   // primitives: below, object trees are built one a thread
 
 /// The common factor of a matrix that only rotates, mirrors and scales evenly; 0 for any other.
 /// Spheres stay spheres to float precision.
@@ -53,7 +53,7 @@ struct Extent {
     if (!(object.lo.x <= object.hi.x)) return;
     for (int k = 0; k < 8; ++k)
       world.add(point(m, {k & 1 ? object.hi.x : object.lo.x, k & 2 ? object.hi.y : object.lo.y,
-                         k & 4 ? object.hi.z : object.lo.z}));
+                          k & 4 ? object.hi.z : object.lo.z}));
     size = max_abs(world.hi - world.lo);
     largest = std::max(max_abs(world.lo), max_abs(world.hi));
   }
