@@ -36,7 +36,6 @@ REMEDIES: dict[str, str] = {
     "Matt shaders of … have normals of their own: each point has their mean, by how much of each shader it shows": "Give all matt shaders of the material the same normal, or mix by a mask of 0 and 1",
     "The distribution … is rendered as GGX in …": "Choose GGX",
     "The phase function … is rendered as Henyey-Greenstein with the same mean in …": "Choose Henyey-Greenstein",
-    "The … of metals is not rendered: … turn white at grazing angles": "Set the edge tint to white",
     "The … of Principled Volume is not read: … go without it": "Link an Attribute or texture to Density or Color itself",
     "The … shader is rendered as diffuse in …": "Use Principled or Blinn-Phong",
     "Volumes that scatter in several ways have their mean anisotropy in …": "Use one scattering shader, or set the same Anisotropy in all",

@@ -17,7 +17,8 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfDiffuse": "Roughness is left out",
     "ShaderNodeBsdfAnisotropic": LEFT_OUT,
     "ShaderNodeBsdfGlossy": LEFT_OUT,
-    "ShaderNodeBsdfMetallic": f"{LEFT_OUT}; physical conductors by their base colour, edges white",
+    "ShaderNodeBsdfMetallic": f"{LEFT_OUT}; physical conductors by their colours seen "
+    "straight and at 82 degrees",
     "ShaderNodeBsdfGlass": f"{LEFT_OUT}; an edge seen through it is as blurred as in Cycles within "
     "6 % of its height",
     "ShaderNodeBsdfRefraction": "blurred as Glass",
@@ -28,12 +29,12 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeSubsurfaceScattering": "all methods by Christensen and Burley's profile; without "
     "Anisotropy and Roughness; as diffuse in the light that things give to others by bouncing, and "
     "in blurred reflections",
-    "ShaderNodeBsdfToon": "as diffuse",
+    "ShaderNodeBsdfToon": "what it throws on is as from diffuse; Glossy shows lights, what "
+    "glows and the sky, and of other things their light alone, no shapes",
     "ShaderNodeBsdfVelvet": "as diffuse",
     "ShaderNodeBsdfHair": "highlights round the strand",
     "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand and on to "
     "strands behind; the rest of the light from strand to strand is by how dense strands are",
-    "ShaderNodeHoldout": "black; the object's own holdout is exact",
     **dict.fromkeys(
         (
             "ShaderNodeVolumeAbsorption",
@@ -49,7 +50,6 @@ APPROXIMATED: dict[str, str] = {
     "normal in the light that things give to others by glowing or bouncing",
     "ShaderNodeRaycast": "it meets nothing in the light that things give to others by glowing or "
     "bouncing",
-    "ShaderNodePointInfo": "zeros, as of what is no point cloud",
     "ShaderNodeBump": "at the edges of patterns 1 % of the pixels differ",
     **dict.fromkeys(
         ("ShaderNodeDisplacement", "ShaderNodeVectorDisplacement"),

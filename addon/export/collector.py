@@ -14,12 +14,14 @@ from .cache import ExportCache
 from .geometry.cache import Requirements, Shape, ShapeKey, Source
 from .geometry.displacing import Displaced, displaced_source
 from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
-from .geometry.shapes import export_points, read_shape
+from .geometry.points import PointSource, read_point_attributes, read_points
+from .geometry.shapes import read_shape
 from .geometry.strand_attributes import read_strand_attributes
 from .geometry.strands import StrandSource, read_curves, read_hair
 from .geometry.volumes import read_volume
 from .images.decoded import Decoded
 from .images.images import Images
+from .instance_attributes import InstanceAttributes
 from .instances import ExportedObject, Flags, places_on_instancers, random_numbers
 from .light_groups import LightGroups
 from .lights import Lights
@@ -30,7 +32,7 @@ from .materials.required import RequiredAttributes
 from .placing import without_collapsed, without_unplaced
 from .properties import Value, sound, value_of
 from .report import Report
-from .shader_nodes.objects import OF_EACH
+from .shader_nodes.objects import INSTANCER, OF_EACH
 from .unsupported import note_subdivision
 from .world import Sky
 
@@ -94,6 +96,7 @@ class Collector:
         self._required_by_slots: dict[tuple[int, ...], RequiredAttributes] = {}
         self._moves_by_slots: dict[tuple[int, ...], tuple[Displacement | None, ...]] = {}
         self.displaced: dict[int, Displaced] = {}
+        self._instancers: dict[int, Any] = {}
 
     def meet(self, instance: Any, flags: Flags) -> Placed | Lamp | None:
         """What an object is to the scene; None for what has no shape of its own (curves come again
@@ -154,7 +157,10 @@ class Collector:
     ) -> tuple[tuple[tuple[str, Value], ...], tuple[str, ...]]:
         """What the materials in these slots read of an instance, and of each by itself."""
         required = self._required(slots).objects
-        of_each = tuple(name for name in OF_EACH if name in required and instance.is_instance)
+        of_each = ()
+        if instance.is_instance and required:
+            self._instancers[instance.parent.original.session_uid] = instance.parent
+            of_each = tuple(sorted(n for n in required if n in OF_EACH or n.startswith(INSTANCER)))
         return tuple((name, self._value(name, instance)) for name in sorted(required)), of_each
 
     def _volume(self, instance: Any, flags: Flags) -> Placed | None:
@@ -232,7 +238,11 @@ class Collector:
             name: np.tile(np.array(value, np.float32), (count, 1)) for name, value in placed.values
         }
         for name in placed.of_each:
-            values[name] = self._of_instances[name][thing.numbers]
+            if name in OF_EACH:
+                values[name] = self._of_instances[name][thing.numbers]
+            else:
+                plain, instancer = name.removeprefix(INSTANCER), self._instancers[thing.instancer]
+                self._attributes.overlay(plain, instancer, thing.numbers, values[name])
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
@@ -242,6 +252,10 @@ class Collector:
             visible_diffuse=flags.diffuse, visible_media=flags.media,
             geometry_offset=flags.offsets[0], shading_offset=flags.offsets[1],
         )  # fmt: skip
+
+    @cached_property
+    def _attributes(self) -> InstanceAttributes:
+        return InstanceAttributes(self.depsgraph, self.report)
 
     @cached_property
     def _of_instances(self) -> dict[str, np.ndarray]:
@@ -328,6 +342,9 @@ class Collector:
         )
 
         def read(source: Source) -> None:
+            if isinstance(source, PointSource):
+                read_point_attributes(data, source, required, shape.report)
+                return
             if isinstance(source, StrandSource):
                 read_strand_attributes(data, owner, source, required, shape.report, self.is_render)
                 return
@@ -364,7 +381,7 @@ class Collector:
 
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)
-        return self._met(ShapeKey("points", key), lambda report: export_points(cloud), cloud)
+        return self._met(ShapeKey("points", key), lambda report: read_points(cloud), cloud)
 
     @property
     def _curve_shape(self) -> str:

@@ -13,7 +13,8 @@ from ...engine.scene import Geometry, Light, Mesh, Scene, Spheres, Strands
 from .culling import Culling
 from .geometry.displacing import Displaced
 from .geometry.meshes import mesh_key, normals_of, vertices_of
-from .geometry.shapes import export_points, marked_sphere
+from .geometry.points import export_points
+from .geometry.shapes import marked_sphere
 from .geometry.splines import Keys, cut
 from .geometry.strand_attributes import fibre_values
 from .geometry.strands import curve_keys, hair_keys

@@ -62,6 +62,8 @@ def summary(ray: Ray) -> str:
     )
     if ray.hit and ray.hit.holdout:
         return f"{what} is a holdout: the camera sees nothing of it"
+    if ray.hit and any(ray.hit.hole):
+        what = f"{what} leaves a hole of {_rgb(ray.hit.hole)}"
     if ray.hit and ray.hit.caught:
         what = f"{what} catches shadows: {_rgb(ray.hit.caught)} of its light is left"
     shares = _listed_shares(_contributions(ray))
@@ -214,6 +216,8 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
     if hit.holdout:
         yield "it is a holdout: the camera sees nothing of it"
         return
+    if any(hit.hole):
+        yield f"its Holdout shader leaves a hole: {_rgb(hit.hole)} of the ray"
     if hit.caught:
         yield (
             "it catches shadows: with what stands there it has "

@@ -25,7 +25,7 @@ from .walk_media import walk_media
 from .walk_starts import FEWEST, ROUNDED, Start, cosine_around, starts
 
 if TYPE_CHECKING:
-    from ..reference.materials import Coefficients
+    from ..reference.coefficients import Coefficients
     from ..reference.surface import Surface
 
 Array = np.ndarray
@@ -44,8 +44,10 @@ BENT = 0.25
 """Of the radius in which a surface bends away: discs are no wider. They would light what it does
 not face, up to a hard edge where their plane ends.
 """
-NEAR = 2.5
+NEAR = 4.0
 """Radii of discs within which rays look for surfaces instead."""
+WIDENED = 2.5
+"""Radii up to which discs are as wide as their points are dense, for what those rays meet."""
 MOST_SMALLER = 0.65
 """Of the discs have a smaller radius than the one that is meant."""
 GATHER_SAMPLES = 2
@@ -97,7 +99,8 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
     dense = light.bounces
     b = _even(dense, each)
     near = gather_reach(b, each)
-    widest = np.minimum(dense.spreads, MERGED * np.pi * each * near * near)
+    wide = near * (WIDENED / NEAR)
+    widest = np.minimum(dense.spreads, MERGED * np.pi * each * wide * wide)
     count = tabled(samples, each)
     u = dome_points(count)
     index, share = _taken(b, count)

@@ -214,7 +214,7 @@ class _Surfaces:
             pieces = np.einsum("nxy,kcy->nkcx", matrices, unit)
             pieces = (pieces + g.balls.center_world[:, balls].T[:, None, None]).reshape(-1, 3, 3)
             index = np.repeat(balls + g.triangle_count, len(unit))
-            part = self._part(index, np.zeros((len(index), 3)), pieces)
+            part = self._part(index, np.tile((1.0, 0.0, 0.0), (len(index), 1)), pieces)
             nothing = np.zeros_like(part.front)
             if outward:
                 yield replace(part, front=share * part.front, back=nothing)

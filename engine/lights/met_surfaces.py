@@ -28,7 +28,7 @@ from ..scene import (
 )
 
 if TYPE_CHECKING:
-    from ..reference.materials import Coefficients
+    from ..reference.coefficients import Coefficients
     from ..reference.surface import Surface
 
 Array = np.ndarray
@@ -117,7 +117,8 @@ def met_surfaces(
     hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
     # strands stand closer together than points can tell apart: they would be specks
     varnished = np.maximum(lobes.ambient - lobes.translucent, 0.0)
-    given = np.where(_is_varnished(some, surface), varnished, lobes.diffuse)
+    matt = lobes.diffuse + lobes.toon_matt()
+    given = np.where(_is_varnished(some, surface), varnished, matt)
     given = given * lowered(surface.lowering, dot(surface.n, surface.v))
     is_hair = np.array(hair, bool)[block]
     lobes = replace(
@@ -133,7 +134,7 @@ def _is_varnished(scene: Scene, surface: Surface) -> Array:
     sides; AMBIENT lobes of such materials say how much both do for light from one direction.
     """
     varnished = [
-        any(lobe.is_glossy and lobe.fresnel for lobe in material.lobes)
+        any((x.is_glossy and x.fresnel) or x.kind == "TOON_SPECULAR" for x in material.lobes)
         and any(lobe.kind == "AMBIENT" for lobe in material.lobes)
         for material in scene.materials
     ]
@@ -214,6 +215,7 @@ def _some(geometry: Geometry, kept: Array) -> Geometry:
             centers=geometry.centers[kept],
             radii=geometry.radii[kept],
             material_slots=slots,
+            attributes=tuple(replace(a, values=a.values[kept]) for a in geometry.attributes),
         )
     if isinstance(geometry, Strands):
         return _some_segments(geometry, kept, slots)

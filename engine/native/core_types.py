@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 63
+ABI_VERSION = 64
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -79,9 +79,12 @@ class LobeKind(IntEnum):
     EMISSION = 6
     SHEEN = 7
     TRANSLUCENT = 8
-    FIBRE_DIFFUSE = 9
-    FIBRE_SPECULAR = 10
-    FIBRE_TRANSMISSION = 11
+    HOLDOUT = 9
+    TOON_DIFFUSE = 10
+    TOON_SPECULAR = 11
+    FIBRE_DIFFUSE = 12
+    FIBRE_SPECULAR = 13
+    FIBRE_TRANSMISSION = 14
 
 
 class Fresnel(IntEnum):
@@ -89,6 +92,7 @@ class Fresnel(IntEnum):
     SCHLICK = 2
     SCATTERED = 4
     NOT_TO_FIBRES = 8
+    EDGE = 16
 
 
 class BumpShadowing(IntEnum):

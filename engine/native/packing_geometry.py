@@ -76,7 +76,7 @@ def _mesh(packer: Packer, mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _attribute(packer: Packer, mesh: Mesh | Strands, attribute: Attribute) -> tuple:
+def _attribute(packer: Packer, mesh: Mesh | Strands | Spheres, attribute: Attribute) -> tuple:
     values = packer.lend(
         attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}"
     )
@@ -87,12 +87,14 @@ def _attribute(packer: Packer, mesh: Mesh | Strands, attribute: Attribute) -> tu
 def _spheres(packer: Packer, spheres: Spheres) -> dict[str, Any]:
     centers = packer.lend(spheres.centers, np.float32, (None, 3), f"{spheres.name}: centers")
     radii = packer.lend(spheres.radii, np.float32, (len(centers),), f"{spheres.name}: radii")
+    packer.attributes.extend([_attribute(packer, spheres, a) for a in spheres.attributes])
     count = len(centers)
     return {
         "vertices": address(centers),
         "radii": address(radii),
         "vertex_count": count,
         "primitive_count": count,
+        "attribute_count": len(spheres.attributes),
         "kind": core_types.GeometryKind.SPHERES,
     }
 

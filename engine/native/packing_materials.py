@@ -23,6 +23,7 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
         fresnel = (
             Fresnel.DIELECTRIC * lobe.fresnel
             | Fresnel.SCHLICK * lobe.schlick
+            | Fresnel.EDGE * lobe.edge
             | Fresnel.SCATTERED * scattered
             | Fresnel.NOT_TO_FIBRES * (lobe.not_to_fibres and lobe.kind == "TRANSPARENT")
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import CORNER, FACE, POINT, Attribute, Mesh, Scene, Strands
+from ..scene import CORNER, FACE, POINT, Attribute, Mesh, Polygons, Scene, Spheres, Strands
 from .vectors import pick
 
 Array = np.ndarray
@@ -21,7 +21,7 @@ _MISSING = -1
 @dataclass(frozen=True, eq=False)
 class Corners:
     """Rows of POINT and of CORNER attributes at the corners of all triangles of all meshes and at
-    the ends of all segments, (3, t) each; first (g,) of each geometry.
+    the ends of all segments, (3, t) each; 0 of spheres. first (g,) of each geometry.
     """
 
     point: Array
@@ -41,6 +41,10 @@ class Corners:
                 point.append(geometry.ends)
                 corner.append(geometry.ends)
                 count += len(geometry.starts)
+            elif isinstance(geometry, Spheres) and geometry.attributes:
+                point.append(np.zeros((len(geometry.radii), 3), np.uint32))
+                corner.append(point[-1])
+                count += len(geometry.radii)
         points, corners = (
             np.ascontiguousarray(
                 np.concatenate([np.zeros((0, 3), np.uint32), *rows]).T.astype(np.intp)
@@ -50,7 +54,7 @@ class Corners:
         return cls(points, corners, np.array(first, np.intp))
 
 
-Find = Callable[[Mesh | Strands], Attribute | None]
+Find = Callable[[Mesh | Strands | Spheres], Attribute | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +81,7 @@ class Pool:
         """
         values, first, domain, count = [np.zeros((channels, 0))], [], [], 0
         for geometry in scene.geometries:
-            attribute = find(geometry) if isinstance(geometry, Mesh | Strands) else None
+            attribute = None if isinstance(geometry, Polygons) else find(geometry)
             first.append(_MISSING if attribute is None else count)
             domain.append(0 if attribute is None else _DOMAINS[attribute.domain])
             if attribute is not None:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .coefficients import Coefficients
 from .lights import Source
-from .materials import Coefficients
 from .stage import Stage
 from .surface import Surface
 

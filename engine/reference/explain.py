@@ -16,6 +16,7 @@ from . import catchers
 from .bumps import bump_shadow
 from .camera import Spread
 from .cancellation import Cancellation
+from .coefficients import Coefficients, Term
 from .explain_block import PixelBlock
 from .explain_shadows import shadow_of
 from .explained import Hit, LightTerm, Numbers, Ray
@@ -24,7 +25,6 @@ from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
 from .lobe_light import fibres, highlight, matt_lobes
-from .materials import Coefficients, Term
 from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
@@ -315,6 +315,7 @@ class Explainer:
                 *self._lights_behind(surface, coefficients, depth, paths),
             ),
             holdout=instances.holdout and paths.depth == 0,
+            hole=_numbers(coefficients.holdout[:, 0] * (paths.depth == 0)),
             caught=self._caught(surface, coefficients, paths),
             moved=_numbers(motion_vectors(stage, surface)[:, 0])
             if paths.depth == 0 and stage.scene.neighbours is not None

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .blocks import Shares
+from .coefficients import Coefficients
 from .gathering import gathering, sharing
-from .materials import Coefficients
 from .paths import Interaction, Paths, one_by_one
 from .reflections import reflected_in_blocks
 from .surface import Surface

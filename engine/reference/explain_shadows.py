@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .coefficients import Term
 from .lights import LightSample, Source
 from .lobe_light import ways_through
-from .materials import Term
 from .rays import IncoherentRays
 from .surface import Surface
 from .terminator import start_towards

@@ -47,7 +47,8 @@ class Hit:
     sphere, polygon or segment of hair. barycentric: weights of a triangle's corners or of a
     segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
     normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
-    here.  caught: of a shadow catcher that the camera sees, the share of its light that other
+    here.  hole: what HOLDOUT lobes take of the camera's ray.  caught: of a shadow catcher that the
+    camera sees, the share of its light that other
     things leave to it; None elsewhere.  moved: (4,) pixels, as the pass Vector has them; None
     where the scene has no neighbours.  shared: of how many shadow rays of a sample how many
     samples of lamps have a share; zeros where each has its own.
@@ -70,6 +71,7 @@ class Hit:
     emission: Numbers
     lights: tuple[LightTerm, ...]
     holdout: bool = False
+    hole: Numbers = (0.0, 0.0, 0.0)
     caught: Numbers | None = None
     moved: Numbers | None = None
     shared: tuple[int, int] = (0, 0)

@@ -14,8 +14,8 @@ import numpy as np
 from ..scene import Strands
 from .blocks import Shares, shares_of
 from .bumps import bump_shadow
+from .coefficients import Coefficients
 from .gloss import even_gloss
-from .materials import Coefficients
 from .paths import Interaction, Paths, leaving, widened
 from .tabled_lights import far_share
 from .terminator import lowered
@@ -103,7 +103,7 @@ def _as_diffuse(stage: Stage, at: Interaction) -> Coefficients:
     return replace(
         coefficients,
         ambient=none,
-        diffuse=near * (coefficients.diffuse + gloss),
+        diffuse=near * (coefficients.diffuse + coefficients.toon_matt() + gloss),
         translucent=near * coefficients.translucent,
         emission=none,
         highlights=[],

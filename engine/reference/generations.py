@@ -124,6 +124,7 @@ class Generations:
             if stage.scene.aovs:
                 self._seen.give_aovs(at)
             at = self._catch(at)
+            self._tile.lose(at.pixel, at.weight * at.coefficients.holdout)
             self._seen.add_openness(at)
         at = seen_lobes(stage, at)
         at, below = entering(stage, at)

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from . import stretching
+from .coefficients import Term, taken
 from .lights import LightPoint, LightSample, Source
-from .materials import Term, taken
-from .optics import blinn_phong, fresnel
+from .optics import blinn_phong, fresnel, toon_albedo
 from .surface import Surface
 from .vectors import add_at, basis_around, cross, dot, length, pick, unit
 
@@ -41,11 +41,13 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
     """(3, n) about what the highlights of dielectrics give back of even light at points that are
     seen at the cosines (n,): within 8 % down to 17 degrees off the surface, for roughnesses of 0.2
     to 0.6. Wide lobes are as if seen from less aslant. which: less what `reflecting` has of them.
+    TOON_SPECULAR ones give all that they do.
     """
     total = np.zeros((3, len(seen)))
-    if which == "ALL":
-        return total
     for term in terms:
+        if term.lobe.kind == "TOON_SPECULAR":
+            add_at(total, term.index, toon_albedo(term.exponent, term.masking) * term.k)
+    for term in () if which == "ALL" else terms:
         if not (term.lobe.is_glossy and term.lobe.fresnel):
             continue
         p, a2 = np.asarray(term.exponent), np.asarray(term.masking) ** 2
@@ -77,7 +79,7 @@ class Narrow:
         self._draws, self._evenly = source.draws, evenly
         self._total = np.zeros(len(surface))
         least = source.least_exponent(surface.x) * (1 / 8 if evenly else 1.0)
-        for term in terms:
+        for term in (term for term in terms if term.lobe.kind == "SPECULAR"):
             k = np.where(
                 term.exponent >= least[term.index],
                 np.abs(term.k * pick(weight, term.index)).sum(0),

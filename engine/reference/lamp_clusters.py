@@ -12,8 +12,8 @@ import numpy as np
 
 from ..lights.lamps import cluster_levels
 from .bumps import bump_shadow
+from .coefficients import Term
 from .lights import Source
-from .materials import Term
 from .surface import Surface
 from .vectors import dot, length, pick, unit
 

@@ -16,13 +16,13 @@ from ..scene import EVERYTHING
 from .blocks import PointShares
 from .bumps import bump_shadow
 from .cancellation import Cancellation
+from .coefficients import Coefficients
 from .gloss import Narrow, even_gloss
 from .glowing_media import MediumSource
 from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
-from .lobe_light import fibres, highlights, matt_lobes, ways_through
-from .materials import Coefficients, Term
+from .lobe_light import fibres, highlights, is_apart, is_toon, matt_lobes, ways_through
 from .shadows import Shadows
 from .shared_lamps import Given, Sharing, share_shadows
 from .surface import Surface
@@ -317,11 +317,12 @@ class Lighting:
         turned = [
             term
             for term in coefficients.highlights
-            if term.normal is not None or term.stretch is not None
+            if term.normal is not None or term.stretch is not None or is_toon(term)
         ]
+        turned += [term for term in coefficients.sheens if is_toon(term)]
         for term in (*coefficients.fibres, *turned):
             has = np.broadcast_to(term.k, (3, len(term.index))).any(0)
-            apart[term.index] |= has & _is_apart(term, surface)
+            apart[term.index] |= has & is_apart(term, surface)
         yield from self._clusters.lights(
             surface, coefficients.highlights, coefficients.diffuse, at.given, apart, lobes
         )
@@ -489,11 +490,3 @@ class Lighting:
             return shadows.towards(surface, some, at, through).T
 
         return Given(seen, diffuse, specular, open_, np.ones(len(seen)), chosen.group_of(source))
-
-
-def _is_apart(term: Term, surface: Surface) -> Array | bool:
-    """(m,) bool: where a lobe is of a fibre, has another normal than the point, or is stretched."""
-    if term.fibre is not None:
-        return True
-    other = (term.normals(surface) != pick(surface.n, term.index)).any(0)
-    return other if term.stretch is None else other | term.stretch.any(0)

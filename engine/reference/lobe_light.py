@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from . import stretching
+from .coefficients import Coefficients, Term, taken
 from .lights import LightSample
-from .materials import Coefficients, Term, taken
-from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen
+from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen, toon
 from .surface import Surface
 from .terminator import lowered
 from .vectors import add_at, dot, length, pick, unit
@@ -29,6 +29,8 @@ def highlight(
     """
     lobe = term.lobe
     n = n if term.normal is None else term.normal[:, chosen]
+    if lobe.kind == "TOON_SPECULAR":
+        return _toon_highlight(term, chosen, n, v, l)
     power = blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
         n,
         v,
@@ -37,17 +39,31 @@ def highlight(
         taken(term.ior, chosen),
         lobe.fresnel,
         lobe.schlick,
+        lobe.edge,
     )
     if term.stretch is not None:
         t = term.stretch[:, chosen]
         factor = stretching.power(n, t, v + l, taken(term.exponent, chosen), 4)
         factor = factor * stretching.masking(n, t, v, l, taken(term.masking, chosen))
         ior = taken(term.ior, chosen)
-        factor = factor * gloss(n, v, l, 0.0, ior, lobe.fresnel, lobe.schlick)
+        factor = factor * gloss(n, v, l, 0.0, ior, lobe.fresnel, lobe.schlick, lobe.edge)
         power = np.where(t.any(0), factor, power)
     if term.lowering is not None:
         power = power * lowered(term.lowering[chosen], dot(n, l))
     return np.where(dot(n, l) > 0, power, 0.0)
+
+
+def is_toon(term: Term) -> bool:
+    return term.lobe.kind.startswith("TOON")
+
+
+def _toon_highlight(term: Term, chosen: Array | slice, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
+    """Round the mirrored ray."""
+    mirrored = 2 * dot(n, v) * dot(n, l) - dot(v, l)
+    power = toon(mirrored, taken(term.exponent, chosen), taken(term.masking, chosen))
+    if term.lowering is not None:
+        power = power * lowered(term.lowering[chosen], dot(n, l))
+    return np.where((dot(n, l) > 0) & (dot(n, v) > 0), power, 0.0)
 
 
 def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
@@ -60,7 +76,7 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
 def matt_lobes(
     surface: Surface, coefficients: Coefficients, seen: Array, direction: Array
 ) -> Array:
-    """The same of SHEEN and FIBRE_DIFFUSE lobes."""
+    """The same of SHEEN, TOON_DIFFUSE and FIBRE_DIFFUSE lobes."""
     total = _sheens(surface, coefficients.sheens, seen, direction)
     if not coefficients.fibres:
         return total
@@ -105,7 +121,9 @@ def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, m
 
 def _sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
     def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
-        given = sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
+        numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
+        is_toon = term.lobe.kind == "TOON_DIFFUSE"
+        given = toon(dot(n, l), *numbers) if is_toon else sheen(n, v, l, *numbers)
         return np.where(dot(n, l) > 0, given, 0.0)
 
     return _summed(lobe, surface, terms, seen, direction)
@@ -131,3 +149,13 @@ def _summed(
         n, v = pick(surface.n, here), pick(surface.v, here)
         add_at(total, at, k * lobe(term, chosen, n, v, pick(direction, at)))
     return total
+
+
+def is_apart(term: Term, surface: Surface) -> Array | bool:
+    """(m,) bool: where a lobe is of a fibre, has an edge, another normal than the point, or is
+    stretched.
+    """
+    if term.fibre is not None or is_toon(term):
+        return True
+    other = (term.normals(surface) != pick(surface.n, term.index)).any(0)
+    return other if term.stretch is None else other | term.stretch.any(0)

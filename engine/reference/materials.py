@@ -5,7 +5,7 @@ the product of a lobe's factors.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..cryptomatte import id_bits
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .bumps import bump_of, lifted
+from .coefficients import Coefficients, Term
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
@@ -36,103 +37,12 @@ _SUMMED = {
     "TRANSLUCENT": "translucent",
     "EMISSION": "emission",
     "TRANSPARENT": "transparent",
+    "HOLDOUT": "holdout",
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Term:
-    """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m).
-
-    exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
-    number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.  normal: (3, m) normals of its
-    own, None where they are those of the points.  stretch: (3, m) what it is stretched along,
-    across its normals, 0 where it is not; None for nowhere.  lowering: (m,) as of `Surface`, of
-    what gives back lamps' light; None for 1.
-    """
-
-    index: Array
-    k: Array
-    lobe: Lobe
-    exponent: Array | float
-    masking: Array | float
-    ior: Array | float
-    fibre: Array | None = None
-    normal: Array | None = None
-    stretch: Array | None = None
-    lowering: Array | None = None
-
-    def normals(self, surface: Surface) -> Array:
-        """(3, m) shading normals at its points."""
-        return pick(surface.n, self.index) if self.normal is None else self.normal
-
-
-@dataclass(frozen=True, eq=False)
-class Coefficients:
-    """Sums (3, n) of the lobes of n points, and the terms that cannot be summed.
-
-    below: (3, n) what of the diffuse light comes out elsewhere, radius: (3, n) how far away, world
-    units; None for nothing.
-    """
-
-    ambient: Array
-    diffuse: Array
-    translucent: Array
-    emission: Array
-    transparent: Array
-    highlights: list[Term]
-    mirrors: list[Term]
-    refractions: list[Term]
-    sheens: list[Term]
-    fibres: list[Term]
-    below: Array | None = None
-    radius: Array | None = None
-
-    def matt(self) -> Array:
-        """(3, n): about what of even light all but these, mirrors and glass give back."""
-        total = self.diffuse.copy()
-        for term in (*self.sheens, *self.fibres):
-            if term.lobe.kind in ("SHEEN", "FIBRE_DIFFUSE"):
-                add_at(total, term.index, term.k)
-        return total
-
-    def glossy(self) -> Array:
-        """(3, n): about what of even light the highlights give back."""
-        total = np.zeros_like(self.diffuse)
-        for term in self.highlights:
-            add_at(total, term.index, 8 / (term.exponent + 2) * term.k)
-        for term in self.fibres:
-            if term.lobe.kind != "FIBRE_DIFFUSE":
-                add_at(total, term.index, term.k)
-        return total
-
-    def lets_through(self) -> Array:
-        """(n,) bool: where light from behind is seen through fibres."""
-        found = np.zeros(self.diffuse.shape[1], bool)
-        for term in self.fibres:
-            if term.lobe.kind == "FIBRE_TRANSMISSION":
-                found[term.index] |= term.k.any(0)
-        return found
-
-    def turned_to(self, direction: Array) -> Array:
-        """(n,) bool: where highlights with normals of their own see what is in these directions
-        (3, n).
-        """
-        found = np.zeros(self.diffuse.shape[1], bool)
-        for term in self.highlights:
-            if term.normal is not None:
-                is_before = dot(term.normal, pick(direction, term.index)) > 0
-                found[term.index] |= is_before & term.k.any(0)
-        return found
-
-    def albedo(self) -> Array:
-        """(3, n): about what of even light the points give back; mirrors and glass without what
-        Fresnel says.
-        """
-        total = self.diffuse + self.translucent + self.glossy()
-        matt = [term for term in self.fibres if term.lobe.kind == "FIBRE_DIFFUSE"]
-        for term in (*self.mirrors, *self.refractions, *self.sheens, *matt):
-            add_at(total, term.index, term.k)
-        return total
+_LISTED = {"TOON_DIFFUSE": "SHEEN", "TOON_SPECULAR": "SPECULAR"}
+"""Kinds of lobes among the terms of others."""
 
 
 class _Found:
@@ -193,7 +103,7 @@ class _Found:
         masking = _number(lobe.masking, lobe.masking_output, outputs)
         term = Term(index, k, lobe, exponent, masking, _index(lobe, outputs), normal=normal)
         low = _lowering(surface, index)
-        if lobe.kind == "SPECULAR":
+        if lobe.kind in ("SPECULAR", "TOON_SPECULAR"):
             term = replace(term, lowering=low)
         elif lobe.kind == "MIRROR" and low is not None:
             seen = dot(term.normals(surface), pick(surface.v, index))
@@ -201,7 +111,7 @@ class _Found:
         if lobe.kind == "SPECULAR" and lobe.stretch_output >= 0:
             along = outputs[lobe.stretch_output]
             term = replace(term, stretch=stretched(term.normals(surface), along))
-        self._terms[lobe.kind].append(term)
+        self._terms[_LISTED.get(lobe.kind, lobe.kind)].append(term)
 
     def coefficients(self) -> Coefficients:
         found = Coefficients(
@@ -341,7 +251,7 @@ class Shader:
         material = self._materials[surface.material[index[0]]] if len(index) else DEFAULT
         shines = lobe.is_glossy or lobe.kind in ("MIRROR", "REFRACTION")
         is_micro = shines and material.program is not None and material.bump_shadowing != "NONE"
-        if lobe.kind == "SHEEN" or not (is_micro or lobe.normal_output >= 0):
+        if lobe.kind in ("SHEEN", *_LISTED) or not (is_micro or lobe.normal_output >= 0):
             return None, k
         n, v = pick(surface.n, index), pick(surface.v, index)
         n = _normal(outputs, lobe.normal_output, n)
@@ -460,11 +370,6 @@ class Shader:
         if factor.channel == "COLOR":
             return rgba[:3]
         return rgba[3:4] if factor.channel == "ALPHA" else (rgba[:1] + rgba[1:2] + rgba[2:3]) / 3
-
-
-def taken(number: Array | float, chosen: Array | slice) -> Array | float:
-    """The places `chosen` of a number that differs from point to point, or the one for all."""
-    return number[chosen] if isinstance(number, np.ndarray) else number
 
 
 def _tangents(lobe: Lobe, outputs: list[Array], count: int) -> Array:

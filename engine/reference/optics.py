@@ -35,6 +35,7 @@ def gloss(
     ior: Array | float,
     dielectric: bool,
     schlick: bool,
+    edge: bool = False,
 ) -> Array:
     """(m,) what a highlight is times beside its power: Smith's masking of GGX of width `masking`,
     and a Fresnel factor between v and h.
@@ -44,11 +45,11 @@ def gloss(
         nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), masking * masking
         down = nl * np.sqrt(a2 + (1 - a2) * nv * nv) + nv * np.sqrt(a2 + (1 - a2) * nl * nl)
         factor = np.where(masking > 0, 2 * nl / np.where(down > 0, down, 1.0), 1.0)
-    if dielectric or schlick:
+    if dielectric or schlick or edge:
         vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))
-        factor = factor * (
-            (1 - vh) ** 5 if schlick else fresnel(vh, np.broadcast_to(ior, n.shape[1:]))
-        )
+        if dielectric:
+            return factor * fresnel(vh, np.broadcast_to(ior, n.shape[1:]))
+        factor = factor * (7**7 / 6**6 * vh * (1 - vh) ** 6 if edge else (1 - vh) ** 5)
     return factor
 
 
@@ -66,6 +67,34 @@ def sheen(n: Array, v: Array, l: Array, width: Array | float, lean: Array | floa
     square = (width * along - lean * nl) ** 2 + width * width * across2 + nl * nl
     with np.errstate(divide="ignore", invalid="ignore"):
         return nl * width * width / (square * square)
+
+
+def toon(cosine: Array, size: Array | float, smooth: Array | float) -> Array:
+    """(m,) even light within an angle of that cosine, less over its smooth edge, times pi. size,
+    smooth: of the two, as shares of a right angle.
+    """
+    whole, edge, end = _toon_angles(size, smooth)
+    angle = np.arccos(np.clip(cosine, 0.0, 1.0))
+    beside = np.where(edge > 0, 1 - (angle - whole) / np.where(edge > 0, edge, 1.0), 0.0)
+    return np.where(angle < end, np.where(angle < whole, 1.0, beside) / _versine(end), 0.0)
+
+
+def toon_albedo(size: Array | float, smooth: Array | float) -> Array:
+    """What of the light of a uniform world it gives back to all sides: 1 without a smooth edge."""
+    whole, edge, end = _toon_angles(size, smooth)
+    over = np.where(edge > 0, edge, 1.0)
+    lost = (1 - (end - whole) / over) * np.cos(end) + (np.sin(end) - np.sin(whole)) / over
+    return np.where(edge > 0, 2 * (1 - lost) / _versine(end), 1.0)
+
+
+def _toon_angles(size: Array | float, smooth: Array | float) -> tuple[Array, Array, Array]:
+    """Up to where it is whole, over which angle it falls off, and where it ends."""
+    whole, edge = np.pi / 2 * np.clip(size, 1e-5, 1.0), np.pi / 2 * np.asarray(smooth)
+    return whole, edge, np.minimum(whole + edge, np.pi / 2)
+
+
+def _versine(end: Array) -> Array:
+    return 4 * np.sin(end / 2) ** 2
 
 
 SCATTERED = 0.25

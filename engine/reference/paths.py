@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .bumps import lifted
+from .coefficients import Coefficients, Term
 from .gloss import half_vector
 from .lights import LightPoint
-from .materials import Coefficients, Term
 from .optics import fresnel, reflected, refracted
 from .rays import IncoherentRays, Rays
 from .surface import Surface
@@ -283,6 +283,9 @@ def widened(coefficients: Coefficients, widest: Array) -> Coefficients:
     """
     terms = []
     for term in coefficients.highlights:
+        if term.lobe.kind != "SPECULAR":
+            terms.append(term)
+            continue
         own = np.broadcast_to(np.asarray(term.exponent, np.float64), term.index.shape)
         least = np.minimum(own, widest[term.index])
         terms.append(replace(term, k=term.k * ((least + 1) / (own + 1)), exponent=least))

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .blocks import ALONE, FIRST, SECOND, WAITS, groups, turns
+from .coefficients import Term
 from .gloss import Narrow, Reflections, reflecting
 from .lights import CENTER, LightPoint
 from .lobe_light import highlights
-from .materials import Term
 from .paths import Interaction, Paths, leaving
 from .surface import Surface
 from .vectors import dot, pick

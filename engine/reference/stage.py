@@ -174,13 +174,15 @@ class Stage:
         """
         bounced = [source for source in self.sources if isinstance(source, BouncedSource)]
         lobes = [lobe for material in self.scene.materials for lobe in material.lobes]
-        shows_gloss = self.settings.reflecting != "ALL" and any(
-            lobe.is_glossy and lobe.fresnel for lobe in lobes
+        rays_show = self.settings.reflecting == "ALL"
+        shows_gloss = any(
+            lobe.kind == "TOON_SPECULAR" or (lobe.is_glossy and lobe.fresnel and not rays_show)
+            for lobe in lobes
         )
         if shows_gloss or any(source.light.receivers != EVERYTHING for source in bounced):
             return np.ones(len(surface), bool)
         soft = [
-            any(lobe.kind == "SHEEN" or lobe.kind.startswith("FIBRE") for lobe in material.lobes)
+            any(lobe.kind.startswith(("SHEEN", "TOON_DIFFUSE", "FIBRE")) for lobe in material.lobes)
             for material in self.scene.materials
         ]
         is_strand = surface.primitive >= self.geometry.first_rod

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .materials import Coefficients
+from .coefficients import Coefficients
 from .panorama import step_size
 from .paths import Interaction, Paths, joined
 from .paths import met as met_by
@@ -105,7 +105,7 @@ def entering(stage: Stage, at: Interaction) -> tuple[Interaction, Interaction | 
     below = np.where(on, lobes.below, 0.0)
     rest = replace(at, coefficients=replace(lobes, diffuse=lobes.diffuse - below, below=below))
     none = np.zeros((3, len(here)))
-    entered = Coefficients(none, none, none, none, none, [], [], [], [], [])
+    entered = Coefficients(none, none, none, none, none, none, [], [], [], [], [])
     entered = replace(entered, below=pick(below, here), radius=pick(lobes.radius, here))
     some = Interaction(at.paths, at.hit[here], at.surface.take(here), entered)
     return rest, some
@@ -222,7 +222,7 @@ def _white(paths: Paths, surface: Surface) -> Interaction:
     """What the rays meet as matt and white."""
     count = len(surface)
     none = np.zeros((3, count))
-    lobes = Coefficients(none, none + 1, none, none, none, [], [], [], [], [])
+    lobes = Coefficients(none, none + 1, none, none, none, none, [], [], [], [], [])
     return Interaction(paths, np.arange(count), surface, lobes)
 
 

@@ -77,6 +77,7 @@ def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spo
     weights = np.zeros((3, len(ray)))
     flat = np.flatnonzero(primitive < geometry.triangle_count)
     weights[:, flat] = weigh(rays, geometry, ray[flat], primitive[flat]).barycentric()
+    weights[0, primitive >= geometry.triangle_count] = 1.0
     rods = np.flatnonzero(primitive >= geometry.first_rod)
     if len(rods):
         weights[:2, rods] = _along(geometry, rays, ray[rods], primitive[rods])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .materials import Coefficients
+from .coefficients import Coefficients
 from .paths import Interaction
 from .surface import surface_at
 from .vectors import pick
@@ -48,5 +48,5 @@ def other_side(stage: Stage, at: Interaction, depth: Array) -> Interaction:
     )
     none = np.zeros((3, len(some)))
     matt = pick(at.coefficients.translucent, some)
-    lobes = Coefficients(none, matt, none, none, none, [], [], [], [], [])
+    lobes = Coefficients(none, matt, none, none, none, none, [], [], [], [], [])
     return Interaction(at.paths, hit, turned, lobes)

@@ -134,6 +134,8 @@ def _spheres(spheres: Spheres) -> Found:
     count = len(spheres.centers)
     yield from _radii(spheres.radii, count)
     yield from _slots(spheres.material_slots, count, "sphere")
+    strangers = [*holds("attributes", spheres.attributes, (Attribute,))]
+    yield from strangers or _named(spheres.attributes, {FACE: count})
     yield from _moving(spheres, spheres.centers.shape)
 
 

@@ -23,7 +23,7 @@ POINT, CORNER, FACE = "POINT", "CORNER", "FACE"
 
 @dataclass(frozen=True, eq=False)
 class Attribute:
-    """Values on a mesh that materials or passes read.
+    """Values on a mesh, on strands or spheres that materials or passes read.
 
     name: how an `Input` finds it.
     domain: POINT (a row per vertex), CORNER (a row per value of `Mesh.corners`) or FACE (a row per
@@ -68,7 +68,7 @@ class Mesh:
 @dataclass(frozen=True, eq=False)
 class Spheres:
     """True spheres in object space: centers (k, 3) float32, radii (k,) float32, material_slots as
-    in `Mesh`.
+    in `Mesh`.  attributes: on FACE, a row a sphere.
 
     motion: (keys, k, 3) float32, keys >= 2, centers at even times while the shutter is open; None
     where they stay.  radius_motion: (keys, k) float32, the same of radii; None where they stay.
@@ -80,6 +80,7 @@ class Spheres:
     material_slots: Array | None = None
     motion: Array | None = None
     radius_motion: Array | None = None
+    attributes: tuple[Attribute, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

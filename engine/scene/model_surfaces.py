@@ -85,6 +85,9 @@ LOBES = (
     "EMISSION",
     "SHEEN",
     "TRANSLUCENT",
+    "HOLDOUT",
+    "TOON_DIFFUSE",
+    "TOON_SPECULAR",
     "FIBRE_DIFFUSE",
     "FIBRE_SPECULAR",
     "FIBRE_TRANSMISSION",
@@ -99,14 +102,17 @@ class Lobe:
     power. ior: > 0. On REFRACTION the index inside the surface. `fresnel` multiplies a MIRROR lobe
     by the dielectric Fresnel reflectance of `ior`, a REFRACTION lobe by one minus it, and a
     SPECULAR lobe by what it is between v and h. schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵
-    (Schlick 1994): what a metal's reflectance gains towards grazing angles. masking: 0 to 1, of a
+    (Schlick 1994): what a metal's reflectance gains towards grazing angles. edge: by
+    7⁷/6⁶ v·h (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what it may lack some 8 degrees off the
+    surface, where that is 1. masking: 0 to 1, of a
     SPECULAR lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for
     none. exponent_output, masking_output: which output of the material's program, a number, gives
     the exponent or masking instead, kept from 0 to what stands here; -1 for none.  ior_output: the
     same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
-    width as exponent and its lean as masking (SEMANTICS.md), FIBRE lobes as masking how far light
-    fans out round the tangent, 0 for as far as normals do, and as ior what `leaning` makes of how
-    far they lean along it.  fibre_output: of FIBRE lobes, the
+    width as exponent and its lean as masking (SEMANTICS.md), a TOON lobe the shares of a right
+    angle of its size, up to 1, and of its smooth edge, FIBRE lobes as masking how far light fans
+    out round the tangent, 0 for as far as normals do, and as ior what `leaning` makes of how far
+    they lean along it.  fibre_output: of FIBRE lobes, the
     output with the fibre's tangent in the world, as long as the fibre is thick there, 0 of what is
     no fibre; -1: all 0.  normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the output with a
     shading normal of their own in the world; where it is zero or not finite, or -1, they have the
@@ -128,6 +134,7 @@ class Lobe:
     ior: float = 1.0
     fresnel: bool = False
     schlick: bool = False
+    edge: bool = False
     masking: float = 0.0
     exponent_output: int = -1
     masking_output: int = -1

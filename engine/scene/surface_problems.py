@@ -103,8 +103,8 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     if not (is_real(lobe.ior) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
     yield from at_least("masking", lobe.masking, 0, 1)
-    if lobe.kind == "SPECULAR" and lobe.fresnel and lobe.schlick:
-        yield "is times fresnel and schlick: use one of them"
+    if lobe.kind == "SPECULAR" and lobe.fresnel + lobe.schlick + lobe.edge > 1:
+        yield "is times two of fresnel, schlick and edge: use one of them"
     yield from (strange := [*numbers("radius", lobe.radius, 3)])
     if not strange and min(lobe.radius) < 0:
         yield f"radius is {lobe.radius!r}: use numbers of at least 0"

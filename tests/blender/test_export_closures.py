@@ -163,6 +163,13 @@ def test_translucent(scene):  # noqa: F811
     assert not result.notes
 
 
+def test_holdout(scene):  # noqa: F811
+    """A hole, of any share, which is told no more."""
+    result, lobes = Shader(shader="ShaderNodeHoldout").export()
+    assert kinds(lobes) == {"HOLDOUT"} and not result.notes
+    np.testing.assert_array_equal(total(lobes, "HOLDOUT"), np.ones(3))
+
+
 def test_principled_plastic(scene):  # noqa: F811
     _, lobes = principled(Base_Color=RED, Roughness=0.5).export()
     f0 = normal_reflectance(1.5)

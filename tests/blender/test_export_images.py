@@ -166,6 +166,39 @@ def test_alpha_modes(scene, tmp_path, mode):  # noqa: F811
     assert (texture.pixels[:, :, 3] == (255 if mode == "NONE" else 128)).all()
 
 
+def _alone(picture):
+    """The pixels of the texture that a node exports whose alpha nothing reads."""
+    shader = Shader()
+    node = shader.node("ShaderNodeTexImage", image=picture)
+    shader.link(node, "Color", shader.shader, "Color")
+    return shader.export()[0].scene.textures[0].pixels
+
+
+@pytest.mark.parametrize("space", ["sRGB", "Non-Color"])
+def test_alpha_does_not_darken_data(scene, tmp_path, space):  # noqa: F811
+    """As in Cycles: a normal map with something else in its alpha is left as it is."""
+    values = GRADIENT.copy()
+    values[:, :, 3] = 0.5
+    picture = bpy.data.images.load(_file(tmp_path / "a.png", values))
+    picture.colorspace_settings.name = space
+    wanted = _bytes(values)[:, :, :3]
+    if space == "sRGB":
+        wanted = (wanted.astype(int) * 128 // 255).astype(np.uint8)
+    np.testing.assert_array_equal(_alone(picture)[:, :, :3], wanted)
+
+
+@pytest.mark.parametrize("mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED"])
+def test_colours_without_alpha_glow(scene, tmp_path, mode):  # noqa: F811
+    """EXR files hold colours times alpha whatever the mode says, as in Cycles: fire that covers
+    nothing.
+    """
+    values = GRADIENT * 4
+    values[:, :, 3] = [0, 0.25, 0.5, 0.75, 1]
+    picture = bpy.data.images.load(_file(tmp_path / "a.exr", values, "float"))
+    picture.alpha_mode = mode
+    np.testing.assert_allclose(_alone(picture)[:, :, :3], values[:, :, :3], rtol=1e-6)
+
+
 @pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "CLIP", "MIRROR"])
 @pytest.mark.parametrize("interpolation", ["Linear", "Closest", "Cubic", "Smart"])
 def test_extension_and_interpolation(scene, extension, interpolation):  # noqa: F811

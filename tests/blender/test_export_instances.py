@@ -104,9 +104,9 @@ def test_particles(scene):  # noqa: F811
     assert {row.name for row in export().scene.instances} == {"Part"}
 
 
-def scatter(count: int, node: str = "GeometryNodeObjectInfo"):
+def scatter(count: int, node: str = "GeometryNodeObjectInfo", mark: str = ""):
     """A grid of about `count` points that geometry nodes turn into placed, turned and scaled
-    icospheres.
+    icospheres. mark: an attribute of the instances that gets their places.
     """
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=1)
     part = bpy.context.object
@@ -131,7 +131,15 @@ def scatter(count: int, node: str = "GeometryNodeObjectInfo"):
         tree.links.new(what.outputs["Geometry"], place.inputs["Instance"])
     else:
         tree.links.new(what.outputs["Mesh"], place.inputs["Instance"])
-    tree.links.new(start.outputs[0], place.inputs["Points"])
+    points = start.outputs[0]
+    if mark:
+        store = tree.nodes.new("GeometryNodeStoreNamedAttribute")
+        store.data_type, store.inputs["Name"].default_value = "FLOAT_VECTOR", mark
+        where = tree.nodes.new("GeometryNodeInputPosition").outputs[0]
+        tree.links.new(points, store.inputs[0])
+        tree.links.new(where, store.inputs["Value"])
+        points = store.outputs[0]
+    tree.links.new(points, place.inputs["Points"])
     tree.links.new(random.outputs[0], place.inputs["Rotation"])
     tree.links.new(random.outputs[0], place.inputs["Scale"])
     tree.links.new(place.outputs[0], end.inputs[0])
@@ -152,6 +160,69 @@ def test_instances_of_instances(scene):  # noqa: F811
     collection.objects.link(grid)
     _empty_with(collection, location=(0, 0, 9))
     _assert_same_places()
+
+
+def _read_of_instancer(name: str):
+    """A material that shows an attribute of instances."""
+    material = bpy.data.materials.new("Marked")
+    use_nodes(material)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    read = nodes.new("ShaderNodeAttribute")
+    read.attribute_type, read.attribute_name = "INSTANCER", name
+    shader, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
+    links.new(read.outputs["Color"], shader.inputs["Color"])
+    links.new(shader.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def _with_ids(grid, number) -> None:
+    """Gives the points of a scatter ids; number: of each by its place in the row."""
+    ids = grid.data.attributes.new("id", "INT", "POINT")
+    ids.data.foreach_set("value", [number(k) for k in range(len(ids.data))])
+
+
+needs_sets = pytest.mark.skipif(
+    not hasattr(bpy.types.Object, "evaluated_geometry"), reason="Blender tells no geometry sets"
+)
+
+
+@needs_sets
+@pytest.mark.parametrize(
+    "number",
+    [None, lambda k: 7 * k + 3, lambda k: k // 3],
+    ids=("places", "ids", "repeated"),
+)
+@pytest.mark.parametrize("carrier", ["object", "collection", "nodes"])
+def test_instances_know_their_attributes(scene, carrier, number):  # noqa: F811
+    """Each tells where its scatter put it: by ids, repeated ones too, and through what instances
+    the scatter.
+    """
+    grid, part = scatter(25, mark="place")
+    part.data.materials.append(_read_of_instancer("place"))
+    part["place"] = (9.0, 9.0, 9.0)  # where no instance has it
+    if number is not None:
+        _with_ids(grid, number)
+    if carrier == "collection":
+        collection = bpy.data.collections.new("Grids")
+        scene.collection.objects.unlink(grid)
+        collection.objects.link(quad("First"))
+        collection.objects.link(grid)
+        _empty_with(collection, location=(0, 0, 9))
+    elif carrier == "nodes":
+        nodes = scatter(4)[0].modifiers[0].node_group.nodes
+        carried = next(n for n in nodes if n.bl_idname == "GeometryNodeObjectInfo")
+        carried.inputs["Object"].default_value = grid
+    vertices = sorted(tuple(v.co) for v in grid.data.vertices)
+    blocks = [b for b in export().scene.instances if b.name == part.name and len(b.values)]
+    marked = [b for b in blocks if len(b.world_from_object) > 1]
+    assert len(marked) == (2 if carrier == "nodes" else 1)
+    for block in marked:
+        found, at = block.values["INSTANCER:place"][:, :3], block.world_from_object[:, :, 3]
+        for k in range(0, len(at), 25):  # all that one scatter instances
+            assert sorted(map(tuple, found[k : k + 25].tolist())) == vertices
+            places = np.c_[found[k : k + 25], np.ones(25)]
+            moved = places @ np.linalg.lstsq(places, at[k : k + 25], rcond=None)[0]
+            np.testing.assert_allclose(moved, at[k : k + 25], atol=1e-5)
 
 
 def test_odd_matrices_pass_through(scene):  # noqa: F811

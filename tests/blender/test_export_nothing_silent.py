@@ -9,7 +9,7 @@ from node_walk import ODD, Bare
 
 IDLE = {"Weight", "Normal", "Coat Normal", "Tangent"}
 """Sockets that users cannot set (Weight), or that count only where they are linked."""
-COVERED = ("rendered as diffuse", "is not supported", "The Holdout shader")
+COVERED = ("rendered as diffuse", "is not supported")
 """Notes that speak of a whole node."""
 WITH = {
     "ShaderNodeBsdfPrincipled": {

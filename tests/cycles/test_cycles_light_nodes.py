@@ -223,12 +223,22 @@ SURFACES = {
 @pytest.mark.parametrize("tree", SURFACES)
 @pytest.mark.parametrize("lamp", SEEN)
 def test_seen_in_a_mirror(lamp, tree, backend):
+    check_seen(lamp, SURFACES[tree], backend)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("lamp", ["rectangle", "ellipse"])
+def test_places_on_areas_seen_in_a_mirror(lamp, backend):
+    check_seen(lamp, by("ShaderNodeNewGeometry", "Parametric"), backend)
+
+
+def check_seen(lamp: str, make, backend: str) -> None:
     kind, properties = SEEN[lamp]
     scene = cycles.empty_scene(96, 96)
     build.add(scene, "Mirror", build.plane(4.0, build.mirror((0.9, 0.8, 0.7))))
     build.add_camera(scene)
     light = build.add_light(scene, kind, (-1.5, 2.0, 3.0), energy=100.0, **properties)
-    SURFACES[tree](LightTree(light.data))
+    make(LightTree(light.data))
     pair = render_pair(scene, backend, f"light-nodes-seen-{lamp}", bounces=1)
     truth, picture = (color.astype(float) for color in pair.colors())
     seen = (truth.sum(-1) > 0) & (picture.sum(-1) > 0)
@@ -244,3 +254,10 @@ def test_photometric_webs(name, backend):
     """
     pair = pair_of("POINT", WEBS[name], backend)
     check_radiance(pair, interior(pair), 1e-3)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_photometric_webs_of_areas_are_by_the_direction_of_the_light(backend):
+    """In the space of the object, which is turned and scaled."""
+    pair = pair_of("AREA", WEBS["half"], backend, (0.02, 0.03, 1.0))
+    check_radiance(pair, interior(pair), 5e-3)

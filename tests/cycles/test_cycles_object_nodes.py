@@ -118,20 +118,24 @@ OUTPUTS = {
 
 
 def check(fill, output: str, backend: str) -> None:
-    scene = cycles.empty_scene(64, 64)
-    kind, name, properties = OUTPUTS[output]
-    scene.world = scene.world or bpy.data.worlds.new("world")
-    scene.world["of world"], scene["of scene"] = (0.2, 0.4, 0.6), 0.35
-    bpy.context.view_layer["tint"], scene["tint"] = (0.5, 0.4, 0.9), 0.1
-    fill(scene, Shown().shine(kind, name, **properties))
-    pair = render_pair(scene, backend, f"object-{output.replace(' ', '-')}")
+    pair = rendered(fill, output, backend)
     found, wanted = (p["Combined"][..., :3] for p in (pair.glint, pair.cycles))
     inside = surface_interior(pair.cycles)
     assert inside.sum() > 300
     np.testing.assert_allclose(found[inside], wanted[inside], rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("output", OUTPUTS)
+def rendered(fill, output: str, backend: str):
+    scene = cycles.empty_scene(64, 64)
+    kind, name, properties = OUTPUTS[output]
+    scene.world = scene.world or bpy.data.worlds.new("world")
+    scene.world["of world"], scene["of scene"] = (0.2, 0.4, 0.6), 0.35
+    bpy.context.view_layer["tint"], scene["tint"] = (0.5, 0.4, 0.9), 0.1
+    fill(scene, Shown().shine(kind, name, **properties))
+    return render_pair(scene, backend, f"object-{output.replace(' ', '-')}")
+
+
+@pytest.mark.parametrize("output", list(OUTPUTS))
 def test_of_single_objects_and_collections(output):
     check(crowd, output, "NATIVE")
 
@@ -150,3 +154,71 @@ def test_of_single_objects_and_collections(output):
 )
 def test_of_what_faces_carry(output, backend):
     check(scattered, output, backend)
+
+
+def cloud(scene, material) -> None:
+    """Points of a cloud, turned and scaled, with numbers of their own."""
+    mesh = bpy.data.meshes.new("points")
+    mesh.from_pydata(
+        [(0.9 * x, 0.8 * y, 0.2 * x * y) for x in range(-2, 3) for y in (-1, 1)], [], []
+    )
+    draw = np.random.default_rng(5).uniform
+    for name, kind, key, columns in (
+        ("warmth", "FLOAT", "value", 1),
+        ("tone", "FLOAT_COLOR", "color", 4),
+        ("size", "FLOAT", "value", 1),
+    ):
+        values = mesh.attributes.new(name, kind, "POINT").data
+        values.foreach_set(key, draw(0.2, 0.4, len(values) * columns))
+    tree = bpy.data.node_groups.new("cloud", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("MeshToPoints", "InputNamedAttribute", "SetMaterial")
+    points, size, dressed = (tree.nodes.new(f"GeometryNode{kind}") for kind in kinds)
+    start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    size.data_type, size.inputs["Name"].default_value = "FLOAT", "size"
+    dressed.inputs["Material"].default_value = material
+    tree.links.new(start.outputs[0], points.inputs[0])
+    tree.links.new(size.outputs[0], points.inputs["Radius"])
+    tree.links.new(points.outputs[0], dressed.inputs[0])
+    tree.links.new(dressed.outputs[0], end.inputs[0])
+    thing = add(scene, "cloud", mesh, moved(0.2, 0.1, 0.3, 1.2, 1.2, 1.2))
+    thing.modifiers.new("cloud", "NODES").node_group = tree
+    add_camera(scene)
+
+
+OF_POINTS = {
+    **{
+        f"point {name} {output}": ("ShaderNodeAttribute", output, {"attribute_name": name})
+        for name, output in (
+            ("warmth", "Fac"),
+            ("tone", "Color"),
+            ("tone", "Fac"),
+            ("tone", "Alpha"),
+            ("position", "Vector"),
+        )
+    },
+    **{
+        f"point {name}": ("ShaderNodePointInfo", name, {})
+        for name in ("Position", "Radius", "Random")
+    },
+}
+OUTPUTS |= OF_POINTS
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("output", OF_POINTS)
+def test_of_the_points_of_a_cloud(output, backend):
+    """Where a pixel and those round it show one point, whose value is the same all over."""
+    pair = rendered(cloud, output, backend)
+    found, wanted = (p["Combined"][..., :3] for p in (pair.glint, pair.cycles))
+    around = np.lib.stride_tricks.sliding_window_view(wanted, (3, 3), (0, 1))
+    inside = np.zeros(wanted.shape[:2], bool)
+    inside[1:-1, 1:-1] = (np.ptp(around, (-2, -1)).max(-1) < 1e-6) & wanted[1:-1, 1:-1].any(-1)
+    assert inside.sum() > 150
+    np.testing.assert_allclose(found[inside], wanted[inside], rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("output", ["Position", "Radius", "Random"])
+def test_point_info_of_what_is_no_point(output):
+    check(crowd, f"point {output}", "NATIVE")

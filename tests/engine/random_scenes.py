@@ -59,16 +59,22 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
     given = draw(factors(dice, textures, share))
     if program and draw(flags):
         given = (*given, s.Input(output=0))
-    glossy = kind == "SPECULAR"
-    masked = glossy and draw(flags)
+    glossy, toon = kind == "SPECULAR", kind.startswith("TOON")
+    masked = (glossy or toon) and draw(flags)
     fresnel = kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags)
+    schlick = masked and glossy and not fresnel and draw(flags)
     return s.Lobe(
         kind,
         given,
-        exponent=float(10 ** dice.uniform(0, 2.5)) if glossy else float(draw(st.integers(0, 3))),
+        exponent=float(10 ** dice.uniform(0, 2.5))
+        if glossy
+        else float(dice.uniform(0.05, 0.9))
+        if toon
+        else float(draw(st.integers(0, 3))),
         ior=float(dice.uniform(1.1, 1.8)),
         fresnel=fresnel,
-        schlick=masked and not fresnel and draw(flags),
+        schlick=schlick,
+        edge=masked and glossy and not (fresnel or schlick) and draw(flags),
         masking=float(dice.uniform(0.1, 0.9)) if masked else 0.0,
     )
 

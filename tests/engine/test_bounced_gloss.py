@@ -11,8 +11,8 @@ import pytest
 from bounced_scenes import ALBEDO, BACKENDS, VARNISH, added, lamp, matt, room
 from glint.engine import Settings, render
 from glint.engine.lights.bounced_light import bounced_light
+from glint.engine.reference.coefficients import Term
 from glint.engine.reference.gloss import even_gloss
-from glint.engine.reference.materials import Term
 from glint.engine.reference.optics import blinn_phong, gloss
 from glint.engine.scene import (
     Input,

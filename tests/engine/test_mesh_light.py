@@ -117,6 +117,25 @@ def test_a_ball_gives_its_form_factor():
     np.testing.assert_allclose(drawn(scene(ball), light_samples=16), 0.25, rtol=5e-3)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_balls_glow_in_colours_of_their_own(backend):
+    """A row of an attribute each: they light as two of one colour each do."""
+    centers = np.array([[-2, 0, 2], [2, 0, 3]], np.float32)
+    rows = np.array([[1, 0, 0.5, 1], [0, 2, 0.5, 1]], np.float32)
+    tone = Attribute("tone", "FACE", rows)
+    balls = Spheres("balls", centers, np.ones(2, np.float32), attributes=(tone,))
+    lamp = Material("lamp", (Lobe("EMISSION", (Input((1.0, 1.0, 1.0), attribute="tone"),)),))
+    found = drawn(scene(balls, material=lamp), backend, samples=256, light_samples=16)
+    one = [
+        drawn(
+            scene(Spheres("ball", c[None], np.ones(1, np.float32))), samples=256, light_samples=16
+        )
+        for c in centers
+    ]
+    wanted = sum(row[:3] * each for row, each in zip(rows, one, strict=True))
+    np.testing.assert_allclose(found, wanted, rtol=0.02)
+
+
 def test_a_ball_round_everything_lights_like_a_sky():
     ball = Spheres("ball", np.array([[0, 0, 0]], np.float32), np.array([150], np.float32))
     value = drawn(scene(ball), light_samples=16)

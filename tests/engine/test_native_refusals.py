@@ -82,6 +82,17 @@ BAD = {
     ),
     "offsets do not rise": polygons([0, 9], [0, 1, 2, 3]),
     "a polygon names vertex 8 of 4": polygons([0, 3], [0, 1, 8]),
+    "spheres have a row of attributes each": replace(
+        SOUND,
+        geometries=(
+            s.Spheres(
+                "s",
+                np.zeros((1, 3), np.float32),
+                np.ones(1, np.float32),
+                attributes=(s.Attribute("a", "POINT", np.ones((1, 4), np.float32)),),
+            ),
+        ),
+    ),
     "radii has the shape (2,)": replace(
         SOUND, geometries=(s.Spheres("s", np.zeros((1, 3), np.float32), np.ones(2, np.float32)),)
     ),

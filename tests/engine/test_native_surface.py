@@ -63,11 +63,11 @@ def test_blinn_phong(exponent: float) -> None:
 
 @pytest.mark.parametrize(
     ("masking", "fresnel"),
-    [(0.3, ""), (1.0, ""), (0.0, "schlick"), (0.0, "fresnel"), (0.09, "fresnel")],
+    [(0.3, ""), (1.0, ""), (0.0, "schlick"), (0.0, "fresnel"), (0.09, "fresnel"), (0.3, "edge")],
 )
 def test_masking_and_fresnel_of_a_highlight(masking: float, fresnel: str) -> None:
-    """Times Smith's shadowing and masking, 1 at normal incidence, and Schlick's weight or a
-    dielectric's reflectance between v and h.
+    """Times Smith's shadowing and masking, 1 at normal incidence, and Schlick's weight, a
+    dielectric's reflectance or what a metal's edge lacks between v and h.
     """
     tilt = 1.3
     axes = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
@@ -88,7 +88,13 @@ def test_masking_and_fresnel_of_a_highlight(masking: float, fresnel: str) -> Non
         (1.5 * vh - beyond) / (1.5 * vh + beyond),
     )
     factor = (
-        factor * {"": 1.0, "schlick": (1 - vh) ** 5, "fresnel": (across**2 + along**2) / 2}[fresnel]
+        factor
+        * {
+            "": 1.0,
+            "schlick": (1 - vh) ** 5,
+            "edge": vh * (1 - vh) ** 6 / (1 / 7 * (6 / 7) ** 6),
+            "fresnel": (across**2 + along**2) / 2,
+        }[fresnel]
     )
     truth = np.where(inside & (n @ axes[:, 2] > 0), 0.5 * np.maximum(0, n @ h) ** 3 * factor, 0)
     for backend in ("NATIVE", "NUMPY"):
@@ -102,6 +108,7 @@ def test_highlights_of_different_reflectance_add_up() -> None:
     axes = np.array([[np.cos(1.3), 0, np.sin(1.3)], [0, 1, 0], [-np.sin(1.3), 0, np.cos(1.3)]])
     lights = (lamp("SUN", axes=axes, strength=np.pi),)
     kinds = ({}, {"schlick": True}, {"fresnel": True}, {"fresnel": True, "ior": 2.5}, {})
+    kinds = (*kinds, {"edge": True})
     lobes = [s.Lobe("SPECULAR", constant(0.2), 3.0, masking=0.3, **kind) for kind in kinds]
     alone = sum(color(balls(lobe, lights=lights)).astype(np.float64) for lobe in lobes)
     np.testing.assert_allclose(color(balls(*lobes, lights=lights)), alone, rtol=1e-6, atol=1e-9)

@@ -379,7 +379,7 @@ FAULTS = {
     ),
     "fresnel and schlick": (
         scene(materials=(material(s.Lobe("SPECULAR", fresnel=True, schlick=True)),)),
-        "is times fresnel and schlick: use one of them",
+        "is times two of fresnel, schlick and edge: use one of them",
     ),
     "exponent": (
         scene(materials=(material(s.Lobe("SPECULAR", exponent=-1.0)),)),

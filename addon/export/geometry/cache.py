@@ -10,9 +10,10 @@ from ....engine.scene import Geometry
 from ..materials.required import RequiredAttributes
 from ..report import Report
 from .meshes import MeshSource
+from .points import PointSource
 from .strands import StrandSource
 
-Source = MeshSource | StrandSource
+Source = MeshSource | StrandSource | PointSource
 Requirements = tuple[RequiredAttributes, ...]
 
 

@@ -1,4 +1,4 @@
-"""Point clouds, and meshes that are marked, to true spheres."""
+"""Meshes that are marked to true spheres."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ import numpy as np
 from ....engine.scene import Spheres
 from ..report import Report
 from .meshes import MeshSource, read_mesh, readable, vertices_of
-
-DEFAULT_RADIUS = 0.01
-"""Blender's radius of points without one, object units."""
 
 SPHERE_MARK = "glint_sphere"
 """An attribute of meshes that stand for one true sphere, true on all of their faces. Custom
@@ -73,16 +70,3 @@ def _sphere_round(mesh: Any, report: Report) -> Spheres | None:
         )
         return None
     return Spheres(mesh.name, center[None].astype(np.float32), np.array([radius], np.float32))
-
-
-def export_points(cloud: Any) -> Spheres | None:
-    """An evaluated PointCloud data-block as spheres with material slot 0; None without points."""
-    centers = np.empty((len(cloud.points), 3), np.float32)
-    if len(centers) == 0:
-        return None
-    cloud.attributes["position"].data.foreach_get("vector", centers.reshape(-1))
-    radii = np.full(len(centers), DEFAULT_RADIUS, np.float32)
-    radius = cloud.attributes.get("radius")
-    if radius is not None:
-        radius.data.foreach_get("value", radii)
-    return Spheres(cloud.name, centers, radii)

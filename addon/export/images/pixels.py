@@ -29,13 +29,15 @@ class ImageError(Exception):
 class Pixels:
     """pixels (h, w, 4) uint8 or float32 and encoding as in `engine.scene.Texture`; associated:
     colours count times alpha where a node uses the colour alone. repaired: values that are not
-    finite count as 0.
+    finite count as 0. premultiplied: the file's colours held alpha, so that they may be there where
+    alpha is 0.
     """
 
     pixels: np.ndarray
     encoding: str
     associated: bool = False
     repaired: bool = False
+    premultiplied: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +124,7 @@ def decode(origin: Source) -> Raw | ImageError | MemoryError:
         values, premultiplied = (
             _from_bytes(origin.packed, origin.path) if from_bytes else _from_file(origin.path)
         )
-        return _raw(
-            values, origin.alpha_mode, premultiplied=premultiplied and origin.alpha_mode == "PREMUL"
-        )
+        return _raw(values, origin.alpha_mode, premultiplied=premultiplied)
     except (ImageError, MemoryError) as error:
         return error
 
@@ -239,33 +239,30 @@ def _four_channels(values: np.ndarray, alpha_mode: str) -> np.ndarray:
 
 def _managed(raw: Raw, image: Any) -> Pixels:
     """Into scene-linear colour with straight alpha, as bytes with the sRGB curve where that loses
-    nothing.
+    nothing. Data, such as normal maps, is left as it is, and packed channels, as in Cycles.
     """
     space, rgba, has_alpha = image.colorspace_settings, raw.rgba, not raw.opaque
-    if raw.premultiplied and has_alpha:
-        rgba = _straight(rgba)
+    is_apart = has_alpha and not space.is_data and image.alpha_mode in ("STRAIGHT", "PREMUL")
+    divides = raw.premultiplied and is_apart
     encoding = "LINEAR" if raw.linear else colorspace.stored_encoding(space.name, space.is_data)
-    if encoding is None or (encoding == "SRGB" and rgba.dtype != np.uint8):
+    if encoding is None or (encoding == "SRGB" and (divides or rgba.dtype != np.uint8)):
         try:
             rgba, encoding = colorspace.to_scene_linear(rgba, space.name, openimageio()), "LINEAR"
         except LookupError as error:
             raise ImageError(
                 f"has the colour space {error}, which cannot be converted here"
             ) from error
+    if divides:
+        rgba = _straight(rgba)
     broken = rgba.dtype != np.uint8 and not np.isfinite(rgba.sum(dtype=np.float64))
     if broken:
         rgba = np.nan_to_num(rgba, nan=0.0, posinf=0.0, neginf=0.0)
-    return Pixels(
-        np.ascontiguousarray(rgba),
-        encoding,
-        has_alpha and image.alpha_mode in ("STRAIGHT", "PREMUL"),
-        broken,
-    )
+    return Pixels(np.ascontiguousarray(rgba), encoding, is_apart, broken, divides)
 
 
 def associated(found: Pixels) -> np.ndarray:
-    """(h, w, 4): colours times alpha, opaque. Bytes are multiplied as they are, under their curve
-    and rounded down, as Cycles does.
+    """(h, w, 4): colours times alpha, opaque; as in the file where that held the product. Bytes are
+    multiplied as they are, under their curve and rounded down, as Cycles does.
     """
     color, alpha = found.pixels[:, :, :3], found.pixels[:, :, 3:]
     if color.dtype == np.uint8:
@@ -274,7 +271,8 @@ def associated(found: Pixels) -> np.ndarray:
             np.full_like(alpha, 255),
         )
     else:
-        product, opaque = color * alpha, np.ones_like(alpha)
+        factor = np.where(alpha > 0, alpha, 1) if found.premultiplied else alpha
+        product, opaque = color * factor, np.ones_like(alpha)
     return np.concatenate([product, opaque], -1)
 
 

@@ -8,9 +8,10 @@ from ....engine.program.graph import Value
 from ....engine.scene import Lobe
 from .terms import ZERO, Sum, add, multiply
 
-TURNED = frozenset(("DIFFUSE", "TRANSLUCENT", "SPECULAR", "SHEEN", "MIRROR", "REFRACTION"))
+TOONS = ("TOON_DIFFUSE", "TOON_SPECULAR")
+TURNED = frozenset(("DIFFUSE", "TRANSLUCENT", "SPECULAR", "SHEEN", *TOONS, "MIRROR", "REFRACTION"))
 """Kinds of lobes to which the shading normal matters."""
-MATT = frozenset(("DIFFUSE", "TRANSLUCENT", "SHEEN"))
+MATT = frozenset(("DIFFUSE", "TRANSLUCENT", "SHEEN", *TOONS))
 """Those of them that have the material's; the others may have their own."""
 
 

@@ -1,5 +1,5 @@
-"""Reflectance of smooth dielectrics: what Principled's specular settings mean, and how much light
-they leave for what lies below.
+"""Reflectance of smooth dielectrics and metals: what Principled's specular settings mean, and how
+much light dielectrics leave for what lies below.
 """
 
 from __future__ import annotations
@@ -50,3 +50,25 @@ def mean_across_fibre(ior: float) -> float:
     """The mean reflectance over the width of a round fibre that is seen from the side."""
     heights = ((k + 0.5) / 256 for k in range(256))
     return sum(fresnel(math.sqrt(1 - h * h), ior) for h in heights) / 256
+
+
+EDGE_COSINE = 1 / 7
+"""Of the angle of 82 degrees at which metals are tinted (Kutz, Hašan, Edmondson 2021)."""
+EDGE_MEAN = 7**7 / 6**6 / 126
+"""Mean over an even world of the weight of such a tint, which is 1 there."""
+
+
+def schlick(f0: float, cosine: float) -> float:
+    """Of a metal without a tint."""
+    return f0 + (1 - f0) * (1 - cosine) ** 5
+
+
+def conductor_reflectance(cosine: float, ior: float, extinction: float) -> float:
+    """Unpolarised reflectance of a metal, as Cycles has it: exact where both numbers squared are
+    much above 1.
+    """
+    size, twice = ior * ior + extinction * extinction, 2 * ior * cosine
+    along = size * cosine * cosine
+    parallel = (along - twice + 1) / (along + twice + 1)
+    across = (size - twice + cosine * cosine) / (size + twice + cosine * cosine)
+    return 0.5 * (parallel + across)

@@ -23,7 +23,15 @@ from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.volume import VolumeReader
 from ..unsupported import is_corrected, note_material
-from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_sheen, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
+from . import (  # noqa: F401  (they fill the evaluator's tables)
+    nodes_color,
+    nodes_hair,
+    nodes_principled,
+    nodes_shader,
+    nodes_sheen,
+    nodes_texture,
+    nodes_toon,
+)
 from .aovs import Aov, aov_material
 from .closures import PASSED, Closure, LobeKey, add_closures, scale_closure, without_normals
 from .compiled import Compiled, MaterialKey
@@ -368,6 +376,7 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].exponent,
             item[0].ior,
             item[0].schlick,
+            item[0].edge,
             item[0].exponent_output,
             item[0].ior_output,
             item[0].normal_output,

@@ -11,6 +11,7 @@ from dataclasses import replace
 from .anisotropy import Brush
 from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
+from .nodes_metal import metal_closure
 from .nodes_shader import (
     LEFT_OUT,
     below_coat,
@@ -18,8 +19,6 @@ from .nodes_shader import (
     coat_closure,
     glass_closure,
     is_multiscatter,
-    metal_closure,
-    note_edge_tint,
     note_left_out,
     under_alpha,
 )
@@ -36,7 +35,12 @@ def _principled(view: NodeView) -> Closure:
     metallic, transmission = view.factor("Metallic"), view.factor("Transmission Weight")
     insulator, brush = complement(metallic), Brush(view, roughness)
     surface = add_closures(
-        scale_closure(brush.on(metal_closure(view, base, brush.roughness)), metallic)
+        scale_closure(
+            brush.on(
+                metal_closure(view, base, brush.roughness, view.reflectance("Specular Tint", 1.0))
+            ),
+            metallic,
+        )
         if metallic
         else {},
         scale_closure(
@@ -147,8 +151,6 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 def _note_what_is_left_out(view: NodeView) -> None:
     bend(view)
     note_left_out(view, LEFT_OUT)
-    if view.number("Metallic"):
-        note_edge_tint(view, "Specular Tint")
     if view.number("Subsurface Weight"):
         note_left_out(view, {"Subsurface Anisotropy": "subsurface anisotropy"})
         note_constants(view, {"Subsurface IOR": WALKS_IOR})

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .anisotropy import Brush
 from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
-from .fresnel import dielectric_albedo, normal_reflectance
+from .fresnel import EDGE_MEAN, dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
 from .roughness import (
     World,
@@ -32,19 +32,34 @@ def diffuse_closure(color: Sum) -> Closure:
     return {LobeKey("DIFFUSE"): color, LobeKey("AMBIENT"): color}
 
 
+@dataclass(frozen=True)
+class Edge:
+    """How metals look at grazing angles: white (Schlick), and some 8 degrees before that by `lack`
+    darker, whose mean is given. mirrored: all of a mirror; None for the colour.
+    """
+
+    lack: Sum = ZERO
+    mean: RGB = (0.0, 0.0, 0.0)
+    mirrored: Sum | None = None
+
+
+WHITE = Edge()
+
+
 def glossy_closure(
-    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: bool = True
+    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: Edge | None = WHITE
 ) -> Closure:
-    """A metal-like lobe that reflects `color`, whose mean is given; edge: white at grazing angles
-    (Schlick), as metals do.
+    """A metal-like lobe that reflects `color`, whose mean is given; edge: None for the same colour
+    at all angles.
 
     What scatters more than once is the mean's: exact for constants.
     """
+    mirrored = color if edge is None or edge.mirrored is None else edge.mirrored
     if roughness.is_mirror():
-        return {LobeKey("MIRROR"): color}
+        return {LobeKey("MIRROR"): mirrored}
     if roughness.varies:
         return add_closures(
-            {LobeKey("MIRROR"): multiply(color, roughness.mirrored())},
+            {LobeKey("MIRROR"): multiply(mirrored, roughness.mirrored())},
             scale_closure(
                 _rough_glossy(color, mean, roughness, multiscatter, edge), roughness.rough()
             ),
@@ -53,14 +68,19 @@ def glossy_closure(
 
 
 def _rough_glossy(
-    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: bool
+    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: Edge | None
 ) -> Closure:
-    world, rest = WorldShares(roughness, "METAL"), complement(color) if edge else ZERO
+    world, rest = WorldShares(roughness, "METAL"), ZERO if edge is None else complement(color)
+    lack, lacks = (ZERO, (0.0, 0.0, 0.0)) if edge is None else (edge.lack, edge.mean)
 
     def again(r: float) -> RGB:
         if not multiscatter:
             return (0.0, 0.0, 0.0)
-        return tuple(scattered(f + (1 - f) / 21 if edge else f, r) for f in mean)
+        grazing = 0.0 if edge is None else 1 / 21
+        return tuple(
+            scattered(f + (1 - f) * grazing - EDGE_MEAN * less, r)
+            for f, less in zip(mean, lacks, strict=True)
+        )
 
     brighter = roughness.color(lambda r: tuple(1 + x * scattered_narrow(r) for x in again(r)))
     spread = multiply(color, roughness.color(again))
@@ -72,8 +92,9 @@ def _rough_glossy(
     return add_closures(
         _highlights(multiply(color, brighter), roughness),
         _highlights(multiply(rest, brighter), roughness, schlick=True),
+        _highlights(scale(multiply(lack, brighter), -1.0), roughness, edge=True),
         _matt(multiply(spread, roughness.number(scattered_wide)), world),
-        _seen("AMBIENT", always, grazing, world),
+        _seen("AMBIENT", add(always, scale(lack, -EDGE_MEAN)), grazing, world),
     )
 
 
@@ -96,12 +117,6 @@ class WorldShares:
 
 def _world(roughness: float, kind: str, ior: float) -> World:
     return dielectric_world(roughness, ior) if kind == "DIELECTRIC" else world_of(roughness, kind)
-
-
-def metal_closure(view: NodeView, color: Sum, roughness: Roughness) -> Closure:
-    """A metal of a node with microfacets; colours above 1 count as 1, as in Cycles."""
-    color = view.evaluator.clamped(color, 0.0, 1.0)
-    return glossy_closure(color, view.evaluator.mean(color), roughness, is_multiscatter(view))
 
 
 def _highlights(weight: Sum, roughness: Roughness, **more: Any) -> Closure:
@@ -273,14 +288,6 @@ def note_microfacets(view: NodeView) -> None:
         )
 
 
-def note_edge_tint(view: NodeView, name: str) -> None:
-    """Where a metal's colour at grazing angles is not white."""
-    if view.input(name) and view.color(name) != ONE:
-        view.note(
-            f"The {name.lower()} of metals is not rendered: {{}} turn white at grazing angles"
-        )
-
-
 def _diffuse(view: NodeView) -> Closure:
     bend(view)
     if view.node.bl_idname == "ShaderNodeBsdfDiffuse":
@@ -313,19 +320,7 @@ def _glossy(view: NodeView) -> Closure:
     color = view.reflectance("Color")
     brush = Brush(view, view.roughness(otherwise=0.0), is_signed=True)
     mean, again = view.evaluator.mean(color), is_multiscatter(view)
-    return brush.on(glossy_closure(color, mean, brush.roughness, again, edge=False))
-
-
-def _metallic(view: NodeView) -> Closure:
-    note_microfacets(view)
-    note_edge_tint(view, "Edge Tint")
-    if view.node.fresnel_type != "F82":
-        view.note(
-            "The Metallic shader's physical conductor is rendered by its base colour in {}: choose "
-            "F82 Tint"
-        )
-    brush = Brush(view, view.roughness())
-    return brush.on(metal_closure(view, view.reflectance("Base Color"), brush.roughness))
+    return brush.on(glossy_closure(color, mean, brush.roughness, again, edge=None))
 
 
 def _glass(view: NodeView) -> Closure:
@@ -421,8 +416,7 @@ def under_alpha(surface: Closure, alpha: Sum) -> Closure:
 
 
 def _holdout(view: NodeView) -> Closure:
-    view.note("The Holdout shader is rendered black in {}: use the object's holdout flag")
-    return {}
+    return {LobeKey("HOLDOUT"): ONE}
 
 
 def _empty_group(view: NodeView) -> Closure:
@@ -452,10 +446,8 @@ CLOSURE_NODES.update(
         "ShaderNodeBsdfTranslucent": _translucent,
         "ShaderNodeSubsurfaceScattering": _subsurface,
         "ShaderNodeBsdfVelvet": _as_diffuse,
-        "ShaderNodeBsdfToon": _as_diffuse,
         "ShaderNodeBsdfGlossy": _glossy,
         "ShaderNodeBsdfAnisotropic": _glossy,
-        "ShaderNodeBsdfMetallic": _metallic,
         "ShaderNodeBsdfGlass": _glass,
         "ShaderNodeBsdfRefraction": _refraction,
         "ShaderNodeBsdfTransparent": _transparent,

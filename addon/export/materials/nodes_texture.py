@@ -40,7 +40,7 @@ def _attribute(view: NodeView, output: Any) -> Sum | None:
         return None
     if output.name == "Alpha":
         return from_input(Input(attribute=name, attribute_channel="ALPHA"))
-    return from_input(Input(attribute=GREY + name if output.name == "Fac" else name))
+    return from_input(Input(attribute=GREY + name if output.name in ("Fac", "Factor") else name))
 
 
 COLOR_NODES["ShaderNodeTexImage"] = _image_texture

@@ -3,7 +3,6 @@
 `READERS` is the registry; `reader` walks the trees.
 """
 
-from . import approximated as approximated
 from . import atmosphere as atmosphere
 from . import basic as basic
 from . import colors as colors

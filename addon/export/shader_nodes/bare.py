@@ -68,6 +68,9 @@ class BareReader(TreeReader):
         told = _TOLD["view_layer" if is_of_layer else name]
         self.note(f"Node '{self.reading}' {told}")
 
+    def object_incoming(self) -> Value:
+        return self.apply("object_normal")[0]
+
     def object_to_world(self, vector: Value) -> Value:
         """A normal of the object's space in the world; of any length where no object turns it, as
         in Cycles.

@@ -18,8 +18,10 @@ from .reader import READERS, NodeInputs, Outputs
 
 
 def _ies(view: NodeInputs) -> Outputs:
-    """Straight down is −z of the vector, its azimuth counts from −y to −x, as in Cycles."""
-    given = view.value("Vector") if view.is_linked("Vector") else view.apply("object_normal")[0]
+    """Straight down is −z of the vector, its azimuth counts from −y to −x, as in Cycles. Without a
+    link it is the way to where the light is seen from.
+    """
+    given = view.value("Vector") if view.is_linked("Vector") else view.reader.object_incoming()
     power = _power(view, view.apply("vector_normalized", given)[0])
     factor = view.math("MULTIPLY", view.value("Strength"), power)
     return {"Fac": factor, "Factor": factor}

@@ -68,6 +68,8 @@ class LampReader(BareReader):
             return super().apply("vector_normalized", found)
         if name == "uv" and not settings["attribute"]:
             return (self._uv(),)
+        if name == "barycentric" and self.lamp.kind == "AREA" and all(self.lamp.size):
+            return (self._over_area(),)
         if name == "normal_to_world":
             return (self.object_to_world(*arguments),)
         if name == "transform_vector":
@@ -82,6 +84,14 @@ class LampReader(BareReader):
         self.is_turned = True
         turned = self._turned(self.lamp.normals_to_world, vector)
         return super().apply("vector_normalized", turned)[0]
+
+    def object_incoming(self) -> Value:
+        """The normal of lights round a point is as good: it means the same wherever they stand."""
+        if self.lamp.kind != "AREA":
+            return super().object_incoming()
+        self.is_turned = True
+        turn = inverse_axes(self.lamp.normals_to_world)
+        return self._turned(turn, super().apply("incoming")[0])
 
     def _uv(self) -> Value:
         if self.lamp.kind == "AREA" and all(self.lamp.size):

@@ -17,7 +17,7 @@ from typing import Any
 import bpy
 
 from ....engine.program.graph import Graph, Value
-from ....engine.program.operations_input import Shift
+from ....engine.program.operations_input import Shift, Space, VectorType
 from ....engine.program.operations_math import MathOperation
 from ....engine.program.table import BY_NAME
 from ..materials.graph import (
@@ -49,6 +49,10 @@ number and 1; the tangent and the thickness; what light between strands is times
 each place others enclose (`geometry.enclosure`).
 """
 
+POINT_PLACE, POINT_SHAPE = "(point)", "(radius)"
+"""Attribute names that stand for the centre of a cloud's point and 1, and for its radius, a random
+number, 0 and 1, in the object.
+"""
 ISLAND, POINTINESS = "(island)", "(pointiness)"
 """Attribute names that stand for what Blender's meshes tell of their shape."""
 
@@ -145,6 +149,12 @@ class TreeReader:
     def generated(self) -> Value:
         """Coordinates from 0 to 1 in the mesh's texture space."""
         return self.apply("attribute", attribute=GENERATED, shift=0)[0]
+
+    def object_incoming(self) -> Value:
+        """The direction to where the point is seen from, in the object's space, unit or not."""
+        spaces = {"convert_from": Space.WORLD, "convert_to": Space.OBJECT}
+        way = self.apply("incoming")[0]
+        return self.apply("transform_vector", way, vector_type=VectorType.NORMAL, **spaces)[0]
 
     def normal(self) -> Value:
         """The shading normal where no node gives one: the mesh's, bumped by the displacement."""

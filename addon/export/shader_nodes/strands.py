@@ -1,5 +1,5 @@
-"""Nodes that read hair, and particles, of which nothing is known here: as Cycles gives them of what
-is neither.
+"""Nodes that read hair, points of clouds, and particles, of which nothing is known here: as Cycles
+gives them of what is neither.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.operations_vector import VectorMeasure, VectorOperation
 from ..geometry.hashing import random_of
-from .reader import FIBRE, HAIR, READERS, NodeInputs, Outputs
+from .reader import FIBRE, HAIR, POINT_PLACE, POINT_SHAPE, READERS, NodeInputs, Outputs
 
 _RANDOM = float(random_of(*np.zeros((2, 1), np.uint32))[0])
 """Of the particle 0."""
@@ -37,6 +37,25 @@ def _hair_info(view: NodeInputs) -> Outputs:
         "Random": random,
         "Thickness": thickness,
         "Tangent Normal": across_fibre(view),
+    }
+
+
+def _point_info(view: NodeInputs) -> Outputs:
+    """Zeros of what is no point of a cloud."""
+    place, is_point = view.apply("attribute", attribute=POINT_PLACE, shift=0)
+    told = view.apply("attribute", attribute=POINT_SHAPE, shift=0)[0]
+    radius, random, _ = view.apply("separate_xyz", told)
+    spaces = {"convert_from": Space.OBJECT, "convert_to": Space.WORLD}
+
+    def moved(vector: Value, kind: VectorType) -> Value:
+        return view.apply("transform_vector", vector, vector_type=kind, **spaces)[0]
+
+    size = view.apply("vector_length", moved(view.vector_of(radius), VectorType.VECTOR))[0]
+    position = view.apply("product", view.vector_of(is_point), moved(place, VectorType.POINT))[0]
+    return {
+        "Position": position,
+        "Radius": view.math("MULTIPLY", size, 3.0**-0.5),
+        "Random": random,
     }
 
 
@@ -66,3 +85,4 @@ def fibre(view: NodeInputs) -> Value:
 
 READERS["ShaderNodeParticleInfo"] = _particle_info
 READERS["ShaderNodeHairInfo"] = _hair_info
+READERS["ShaderNodePointInfo"] = _point_info

@@ -3,6 +3,7 @@
 
 #include "brute.h"
 #include "bvh/outline.h"
+#include "bvh/tlas.h"
 #include "check.h"
 #include "shapes.h"
 
@@ -190,6 +191,31 @@ TEST(instances, far_and_small) {
                      : h.instance != Hit::kNone;
     }
     CHECK(wrong == 0);
+  }
+}
+
+TEST(instances, meshes_far_smaller_than_the_world_have_trees_of_their_own) {
+  const Vec3d center{0, 0, 2e-3};
+  const Mesh ball = icosphere(4, 1e-3, center);
+  for (const double half : {1e-2, 2e4}) {
+    Mesh ground;
+    for (Vec3d p : {Vec3d{-half, -half, 0}, Vec3d{half, -half, 0}, Vec3d{0, half, 0}})
+      ground.add(p);
+    ground.add(0, 1, 2);
+    BruteScene scene;
+    scene.geometries = {ball.view(), ground.view()};
+    for (uint32_t k = 0; k < 2; ++k) scene.instances.push_back({k, kAnyRay, Affine{}});
+    const std::atomic<bool> cancel{false};
+    const TopLevelBvh accel(scene.geometries, scene.instances, 1, cancel, BuildQuality::kBalanced,
+                            {});
+    CHECK((accel.object(0) != nullptr) == (half > 1));
+    CHECK(!accel.object(1));
+    Random random(45);
+    for (int k = 0; k < 1000; ++k) {
+      const Vec3d to = center + 1.1e-3 * random.on_sphere(), o{0, -5e-3, 3e-3};
+      const Ray r = ray(o, to - o);
+      CHECK(agrees(brute(scene, r), closest(accel, r)));
+    }
   }
 }
 

@@ -86,6 +86,17 @@ void check_strands(const GlintSceneData& d, const GlintGeometry& g, ull number, 
   }
 }
 
+void check_spheres(const GlintSceneData& d, const GlintGeometry& g, ull number, Report& report) {
+  report.add((g.radii && g.vertex_count == g.primitive_count) || g.primitive_count == 0,
+             "geometry %llu: spheres need a centre and a radius each", number);
+  for (uint32_t i = 0; report.good() && i < g.attribute_count; ++i) {
+    const GlintAttribute& a = d.attributes[g.first_attribute + i];
+    check_attribute(g, a, 0, number, "an attribute", report);
+    report.add(a.domain == GLINT_FACE, "geometry %llu: spheres have a row of attributes each",
+               number);
+  }
+}
+
 }  // namespace
 
 void check_geometry(const GlintSceneData& d, const GlintGeometry& g, ull number, Report& report) {
@@ -98,15 +109,13 @@ void check_geometry(const GlintSceneData& d, const GlintGeometry& g, ull number,
              "geometry %llu: attributes beyond the table", number);
   report.add(g.kind == GLINT_MESH || !g.normals.values, "geometry %llu: normals on what is no mesh",
              number);
-  report.add(g.kind == GLINT_MESH || g.kind == GLINT_STRANDS || g.attribute_count == 0,
-             "geometry %llu: attributes on what is no mesh", number);
+  report.add(g.kind != GLINT_POLYGONS || g.attribute_count == 0,
+             "geometry %llu: attributes on polygons", number);
   if (!report.good()) return;
   if (g.kind == GLINT_MESH) check_mesh(d, g, number, report);
   if (g.kind == GLINT_POLYGONS) check_polygons(g, number, report);
   if (g.kind == GLINT_STRANDS) check_strands(d, g, number, report);
-  if (g.kind == GLINT_SPHERES)
-    report.add((g.radii && g.vertex_count == g.primitive_count) || g.primitive_count == 0,
-               "geometry %llu: spheres need a centre and a radius each", number);
+  if (g.kind == GLINT_SPHERES) check_spheres(d, g, number, report);
 }
 
 void check_placements(const GlintInstances* groups, uint64_t count, uint64_t geometry_count,

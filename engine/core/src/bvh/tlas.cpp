@@ -11,7 +11,9 @@ namespace glint {
 namespace {
 
 constexpr uint32_t kNoTree = 0xffffffffu;
-constexpr size_t kSmall = 65536;  // primitives: below, object trees are built one a thread
+constexpr double kTiny = 0x1p-12;  // of the largest coordinate
+constexpr size_t kFew = 32;        // triangles: fewer are tested soon enough
+constexpr size_t kSmall = 65536;   // primitives: below, object trees are built one a thread
 
 /// The common factor of a matrix that only rotates, mirrors and scales evenly; 0 for any other.
 /// Spheres stay spheres to float precision.
@@ -36,6 +38,50 @@ std::vector<uint32_t> count_uses(const std::vector<GeometryView>& geometries,
 double radius_scale(const GeometryView& g, const Affine& m) {
   if (g.kind == GeometryView::kStrands) return 0;
   return g.kind == GeometryView::kSpheres ? similarity(m) : 1;
+}
+
+/// How large a mesh is in world space, and its largest coordinate there; of its box, turned.
+struct Extent {
+  double size, largest;
+  Extent(const GeometryView& g, const Affine& m) : size(0), largest(0) {
+    BoxD object, world;
+    for (size_t k = 0; k < g.vertex_count; ++k) {
+      const float* v = g.vertices + 3 * k;
+      const Vec3d p = {v[0], v[1], v[2]};
+      if (finite(p)) object.add(p);
+    }
+    if (!(object.lo.x <= object.hi.x)) return;
+    for (int k = 0; k < 8; ++k)
+      world.add(point(m, {k & 1 ? object.hi.x : object.lo.x, k & 2 ? object.hi.y : object.lo.y,
+                          k & 4 ? object.hi.z : object.lo.z}));
+    size = max_abs(world.hi - world.lo);
+    largest = std::max(max_abs(world.lo), max_abs(world.hi));
+  }
+};
+
+/// Rays meet the boxes of a tree as if these were wider by rounding of its largest coordinates, and
+/// so all triangles of meshes that are no larger than that: these get trees of their own.
+void move_tiny_out(Plan& p, const std::vector<GeometryView>& geometries,
+                   const std::vector<InstanceView>& instances) {
+  std::vector<uint32_t>& meshes = p.baked[GeometryView::kMesh];
+  if (meshes.size() < 2) return;
+  std::vector<Extent> extents;
+  double largest = 0;
+  for (uint32_t i : meshes) {
+    extents.emplace_back(geometries[instances[i].geometry], instances[i].world_from_object);
+    largest = std::max(largest, extents.back().largest);
+  }
+  std::vector<uint32_t> kept;
+  for (size_t k = 0; k < meshes.size(); ++k) {
+    const uint32_t i = meshes[k];
+    const bool tiny = extents[k].size < kTiny * largest &&
+                      geometries[instances[i].geometry].primitive_count >= kFew &&
+                      invertible(instances[i].world_from_object);
+    (tiny ? p.placed : kept).push_back(i);
+  }
+  if (kept.size() == meshes.size()) return;
+  meshes = std::move(kept);
+  std::sort(p.placed.begin(), p.placed.end());
 }
 
 }  // namespace
@@ -118,6 +164,7 @@ Plan TopLevelBvh::plan() const {
       p.baked[g.kind].push_back(i);
     }
   }
+  move_tiny_out(p, geometries_, instances_);
   return p;
 }
 

@@ -95,6 +95,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.has_fibre = scene_.materials.has_fibre;
   stage_.turns_lobes = scene_.materials.turns_lobes;
   stage_.stretches_lobes = scene_.materials.stretches_lobes;
+  stage_.edges_lobes = scene_.materials.edges_lobes;
   stage_.specular_columns = scene_.materials.specular_columns;
   stage_.evenly = scene_.instances.mirrors_differ;
 }

@@ -198,7 +198,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   const bool is_bounced = &shared == &bounced_;
   stage_.gather2 = is_bounced && gathers(*batch.queue) ? 1 / (reach_ * reach_) : 0;
   shared.shows_gloss =
-      &shared != &lamps_ && scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+      &shared != &lamps_ && scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
   for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage_.lit = shared.lit;
   shared.near.resize(shared.columns.rows());

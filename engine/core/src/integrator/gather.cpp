@@ -59,7 +59,7 @@ void DirectLight::look_around() {
     disc_[c].resize(columns_.rows());
     stage_.disc[c] = disc_[c].data();
   }
-  stage_.gathers_gloss = scene_.materials.has_varnish && plan_.reflections != GLINT_REFLECT_ALL;
+  stage_.gathers_gloss = scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
 }
 
 void DirectLight::find_blocks(const Batch& batch, const std::vector<uint32_t>& pixels,
@@ -79,8 +79,8 @@ void DirectLight::find_blocks(const Batch& batch, const std::vector<uint32_t>& p
 bool DirectLight::is_apart(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
   return stage_.gathers_gloss || bounced_linked_ || material.has(GLINT_SHEEN) ||
-         material.has(GLINT_FIBRE_DIFFUSE) || material.has(GLINT_FIBRE_SPECULAR) ||
-         material.has(GLINT_FIBRE_TRANSMISSION) ||
+         material.has(GLINT_TOON_DIFFUSE) || material.has(GLINT_FIBRE_DIFFUSE) ||
+         material.has(GLINT_FIBRE_SPECULAR) || material.has(GLINT_FIBRE_TRANSMISSION) ||
          scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS;
 }
 
@@ -99,7 +99,7 @@ void DirectLight::find_matt(const Batch& batch) {
 
 void DirectLight::make_diffuse(Batch& batch) {
   prepare(batch);
-  if (scene_.materials.has_varnish) {
+  if (scene_.materials.has_even_gloss(false)) {
     linked_.assign(batch.lit.begin(), batch.lit.end());
     for (size_t k = 0; k < batch.size(); ++k)
       if (linked_[k] && !scene_.materials[batch.material[k]].has(GLINT_AMBIENT)) linked_[k] = 0;

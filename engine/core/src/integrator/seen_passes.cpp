@@ -81,7 +81,8 @@ Tracer::Highlights Tracer::highlights(size_t k) const {
         batch_.specular + size_t(scene_.materials.specular_columns * term) * batch_.stride + k;
     const double exponent = column[SpecularTerm::kExponent * batch_.stride];
     const Vec3d k_s{column[0], column[batch_.stride], column[2 * batch_.stride]};
-    if (exponent == SpecularTerm::kSheen || exponent == SpecularTerm::kFibreDiffuse)
+    if (exponent == SpecularTerm::kSheen || exponent == SpecularTerm::kToonDiffuse ||
+        exponent == SpecularTerm::kFibreDiffuse)
       sum.matt += k_s;
     else if (exponent < 0) sum.glossy += k_s;
     else sum.glossy += 8 / (exponent + 2) * k_s;

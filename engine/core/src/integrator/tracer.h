@@ -115,6 +115,7 @@ class Tracer {
   void show_caught(const Queue& queue, uint32_t k, Vec3d ratio);
   Vec3d take_sums(size_t k);
   void pass_on(const Queue& queue, size_t count, const Leaving& next);
+  void cut_holes(const Queue& queue, const uint32_t* rows, size_t count);
   void record(const Queue& queue);
   void note_seen(const Queue& queue);
   void note_colors(const Queue& queue);
@@ -125,7 +126,7 @@ class Tracer {
   void note_denoising(size_t k, uint32_t path, double share);
   Vec3d albedo(size_t k) const;
   struct Highlights {
-    Vec3d glossy, matt;  // matt: of SHEEN and FIBRE_DIFFUSE lobes
+    Vec3d glossy, matt;  // matt: of SHEEN, TOON_DIFFUSE, FIBRE_DIFFUSE ones
   };
   Highlights highlights(size_t k) const;
   size_t note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count);

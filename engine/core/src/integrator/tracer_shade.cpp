@@ -68,6 +68,7 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
   stage.primitive = batch_.primitive.data();
   stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
+  stage.gathers = queue.gathers;
   stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
@@ -181,12 +182,22 @@ void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
     shown = size_t(
         std::stable_partition(all, all + count, [&](uint32_t k) { return !is_caught(queue, k); }) -
         all);
+  if (queue.visibility == kCamera) cut_holes(queue, all, shown);
   for (size_t first = 0, some; first < count; first += some) {
     const size_t end = first < shown ? shown : count;
     some = cuts_.leading(queue, all + first, end - first);
     shader_.pass_on(batch_, sample_, all + first, some, next, counts_,
                     first >= shown || queue.gathers);
   }
+}
+
+/// What HOLDOUT lobes take out of the picture at the points of `rows`, which share a material.
+void Tracer::cut_holes(const Queue& queue, const uint32_t* rows, size_t count) {
+  if (count == 0 || !scene_.materials[batch_.material[rows[0]]].has(GLINT_HOLDOUT_LOBE)) return;
+  double* const lost = paths_.lost_alpha();
+  for (size_t i = 0; i < count; ++i)
+    lost[queue.slot(rows[i])] +=
+        mean(queue.path(rows[i]).T * shader_.passed(batch_, rows[i], GLINT_HOLDOUT_LOBE));
 }
 
 /// Highlights that rough surfaces show of others are no narrower than their own lobes: points of

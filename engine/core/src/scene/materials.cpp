@@ -118,7 +118,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const LobeShape& lobe = t.lobes[material.first_lobe + k];
     material.kinds |= 1u << lobe.kind;
-    const bool fibre = is_fibre(lobe.kind), sheen = lobe.kind == GLINT_SHEEN;
+    const bool fibre = is_fibre(lobe.kind), sheen = lobe.kind == GLINT_SHEEN || is_toon(lobe.kind);
     material.specular_count += lobe.kind == GLINT_SPECULAR || sheen || fibre;
     t.has_fibre = t.has_fibre || fibre;
     t.has_sheen = t.has_sheen || sheen || fibre;
@@ -136,9 +136,11 @@ void compare_lobes(MaterialTable& t, Material& material) {
     t.has_metals = t.has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
     const bool varnish = shaped && lobe.fresnel & GLINT_DIELECTRIC;
     t.has_varnish = t.has_varnish || varnish;
+    t.has_toon_gloss = t.has_toon_gloss || lobe.kind == GLINT_TOON_SPECULAR;
     if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
     if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);
+    t.edges_lobes |= lobe.kind == GLINT_SPECULAR && lobe.fresnel & GLINT_EDGE;
     const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);
     if (turns && lobe.kind == GLINT_SPECULAR) {
       t.turns_lobes = true;

@@ -9,12 +9,15 @@
 
 namespace glint {
 
-/// Kinds of lobes that send rays on.
-constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION | 1u << GLINT_TRANSPARENT;
+/// Kinds of lobes that send rays on, and what is a hole for those of the camera.
+constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION |
+                              1u << GLINT_TRANSPARENT | 1u << GLINT_HOLDOUT_LOBE;
 
 inline bool is_fibre(int kind) {
   return kind >= GLINT_FIBRE_DIFFUSE && kind <= GLINT_FIBRE_TRANSMISSION;
 }
+
+inline bool is_toon(int kind) { return kind == GLINT_TOON_DIFFUSE || kind == GLINT_TOON_SPECULAR; }
 
 struct Material {
   uint32_t first_lobe = 0, lobe_count = 0;
@@ -71,13 +74,14 @@ struct MaterialTable {
                                                       // surfaces reflect
   std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
   std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
-  int max_specular = 0;                // SPECULAR, SHEEN and FIBRE lobes of a material, at most
-  double most_exponent = 0;            // of SPECULAR lobes
+  int max_specular = 0;      // SPECULAR, SHEEN, TOON and FIBRE lobes of a material, at most
+  double most_exponent = 0;  // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false;
+  bool has_toon_gloss = false;             // TOON_SPECULAR lobes, whose surroundings no rays show
   double least_gloss_exponent = HUGE_VAL;  // of SPECULAR lobes with masking
   bool has_rough_glass = false, has_fibre = false,
-       has_sheen = false;  // SHEEN or FIBRE lobes
+       has_sheen = false;  // SHEEN, TOON or FIBRE lobes
   bool has_translucent = false;
   bool has_subsurface = false;  // DIFFUSE lobes whose light comes out elsewhere
   int specular_columns = 4;     // numbers of each as the stages read them
@@ -93,6 +97,10 @@ struct MaterialTable {
   bool shadows_bumps = false;    // and hides light by them
   bool turns_lobes = false;      // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes = false;  // and one may be stretched
+  bool edges_lobes = false;      // and one may have the weight of edges
+
+  /// Whether bounced light is shown by gloss as if it were matt. by_rays: the surroundings are.
+  bool has_even_gloss(bool by_rays) const { return has_toon_gloss || (has_varnish && !by_rays); }
 
   size_t size() const { return rows.size(); }
   const Material& operator[](size_t number) const { return rows[number]; }

@@ -46,6 +46,7 @@ uint32_t features_of(const GlintInstances& group, const Scene& scene) {
     if (material.has(GLINT_MIRROR)) features |= GLINT_FEATURE_MIRROR;
     if (material.has(GLINT_REFRACTION)) features |= GLINT_FEATURE_REFRACTION;
     if (material.has(GLINT_TRANSPARENT)) features |= GLINT_FEATURE_TRANSPARENT;
+    if (material.has(GLINT_HOLDOUT_LOBE)) features |= GLINT_FEATURE_HOLDOUT;
   }
   return features;
 }

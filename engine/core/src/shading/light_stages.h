@@ -138,6 +138,7 @@ struct LightStage {
   bool has_sheen, has_fibre;     // among the lobes
   bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes;          // or be stretched
+  bool edges_lobes;              // or have the weight of edges
   bool matt_alone, gloss_alone;  // lights no highlights, or no SHEEN and FIBRE_DIFFUSE lobes
 };
 

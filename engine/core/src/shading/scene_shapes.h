@@ -46,17 +46,25 @@ struct SpecularTerm {
   /// In the place of the exponent of a SHEEN lobe, of which `masking` has the width and `fresnel`
   /// the lean.
   static constexpr double kSheen = -2;
+  /// The same of TOON lobes, of which `masking` has the size and `fresnel` the smooth edge.
+  static constexpr double kToonDiffuse = -3, kToonSpecular = -4;
   /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one over the masking,
   /// 0 for none or -1 for one of light that others scattered,
   /// `tangent` three numbers and `tilt` the tangent by which they lean. There SPECULAR lobes have a
   /// normal of their own, 0 for the point's, and `stretch` a direction across it, as long as slopes
   /// of half vectors along it are times, and those across both over that; 0 for none.
-  static constexpr double kFibreDiffuse = -3, kFibreSpecular = -4, kFibreTransmission = -5;
+  static constexpr double kFibreDiffuse = -5, kFibreSpecular = -6, kFibreTransmission = -7;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
                        kTangent = 6, kTilt = 9, kFibred = 10, kNormal = 6, kTurned = 9,
                        kStretch = 9, kStretched = 12;
-  /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
-  static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
+  /// 0 for none, -1 for Schlick's weight, kEdge for that of edges, or a dielectric's index.
+  static constexpr double kEdge = -2;
+  static double fresnel(int bits, double ior) {
+    return bits & GLINT_EDGE         ? kEdge
+           : bits & GLINT_SCHLICK    ? -1
+           : bits & GLINT_DIELECTRIC ? ior
+                                     : 0;
+  }
 };
 
 /// A lobe that sends rays on: columns of k (three) and, where some lobe of the scene has them from

@@ -70,15 +70,15 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   counts.transparent += passed.transparent;
 }
 
-Vec3d Shader::passed(const Batch& batch, size_t k) const {
+Vec3d Shader::passed(const Batch& batch, size_t k, int kind) const {
   const Material& material = scene_.materials[batch.material[k]];
-  Vec3d transparent;
+  Vec3d sum;
   const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
-    if (lobe->kind == GLINT_TRANSPARENT) transparent += batch.passing(k, i);
+    if (lobe->kind == kind) sum += batch.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;
   }
-  return transparent;
+  return sum;
 }
 
 Gives Shader::gives(const Batch& batch, size_t k) const {

@@ -35,8 +35,8 @@ class Shader {
   void pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
                const Leaving& next, RayCounts& counts, bool straight_alone = false) const;
   /// What goes straight through the surface of a point that the vary stage has seen, if it lets
-  /// any through.
-  Vec3d passed(const Batch& batch, size_t k) const;
+  /// any through; or what the lobes of another such kind come to.
+  Vec3d passed(const Batch& batch, size_t k, int kind = GLINT_TRANSPARENT) const;
   Gives gives(const Batch& batch, size_t k) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
   void record_transparent(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;

@@ -38,10 +38,10 @@ struct BumpShadow {
   Doubles share = splat(1);
 };
 
-/// Whether lights look at more than one normal or angle of a point: stages are there twice, so that
-/// others pay nothing.
+/// Whether lights look at more than one normal or angle of a point, or at edges of metals: stages
+/// are there twice, so that others pay nothing.
 inline bool is_bent(const LightStage& s) {
-  return s.unbent[0] || s.turns_lobes || s.stretches_lobes || s.lowering;
+  return s.unbent[0] || s.turns_lobes || s.stretches_lobes || s.edges_lobes || s.lowering;
 }
 
 /// What the point gives back of light over its normal n is times.

@@ -24,7 +24,7 @@ inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWal
     for (int number = 0; number < stage.max_specular; ++number) {
       const Term term(stage, k, number);
       far2 = choose(nonzero(term.k), larger(term.exponent, far2), far2);
-      Mask apart = term.exponent <= SpecularTerm::kFibreDiffuse;
+      Mask apart = term.exponent <= SpecularTerm::kToonDiffuse;
       if (stage.turns_lobes) apart |= nonzero(Term::normal(stage, k, number, Three{}));
       if (stage.stretches_lobes) apart |= Stretch(stage, k, number, Three{}).some;
       far2 = choose(apart & nonzero(term.k), splat(__builtin_inf()), far2);  // looks at each lamp

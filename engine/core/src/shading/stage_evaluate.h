@@ -6,6 +6,7 @@
 #include "shading/stage_inputs.h"
 #include "shading/stage_math.h"
 #include "shading/stage_rows.h"
+#include "shading/stage_toon.h"
 
 namespace glint {
 namespace {
@@ -129,6 +130,26 @@ inline Three lobe_stretch(const EvaluateStage& s, const Chosen& at, const OnMesh
   return size * unit(cross(unit(cross(n, t)), n));
 }
 
+/// A lobe that is neither a highlight nor even, as SpecularTerm has it.
+inline void set_apart(const EvaluateStage& s, const Chosen& at, const OnMesh& p, double* column,
+                      const LobeShape& lobe) {
+  const double kind = lobe.kind == GLINT_SHEEN          ? SpecularTerm::kSheen
+                      : lobe.kind == GLINT_TOON_DIFFUSE ? SpecularTerm::kToonDiffuse
+                                                        : SpecularTerm::kToonSpecular;
+  scatter(column + SpecularTerm::kExponent * s.stride, at, splat(kind));
+  scatter(column + SpecularTerm::kMasking * s.stride, at,
+          lobe_number(p, lobe.exponent, lobe.exponent_slot));
+  scatter(column + SpecularTerm::kFresnel * s.stride, at,
+          lobe_number(p, lobe.masking, lobe.masking_slot));
+}
+
+/// Rays that look for what throws light on see TOON lobes that are matt as even ones.
+inline Doubles toon_albedo(const OnMesh& p, const LobeShape& lobe) {
+  return Toon(lobe_number(p, lobe.exponent, lobe.exponent_slot),
+              lobe_number(p, lobe.masking, lobe.masking_slot))
+      .albedo();
+}
+
 inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, Three Tk,
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
@@ -143,14 +164,7 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
   }
   scatter3(column, s.stride, at, Tk);
   sum.lit |= nonzero(Tk);
-  if (lobe.kind == GLINT_SHEEN) {
-    scatter(column + SpecularTerm::kExponent * s.stride, at, splat(SpecularTerm::kSheen));
-    scatter(column + SpecularTerm::kMasking * s.stride, at,
-            lobe_number(p, lobe.exponent, lobe.exponent_slot));
-    scatter(column + SpecularTerm::kFresnel * s.stride, at,
-            lobe_number(p, lobe.masking, lobe.masking_slot));
-    return;
-  }
+  if (lobe.kind != GLINT_SPECULAR) return set_apart(s, at, p, column, lobe);
   scatter(column + SpecularTerm::kExponent * s.stride, at,
           lobe_number(p, lobe.exponent, lobe.exponent_slot));
   if (s.specular_columns >= SpecularTerm::kShaped) {
@@ -163,7 +177,7 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
 inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                         const LobeShape& lobe, Three k, Lobes& sum) {
   double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
-  if (lobe.kind != GLINT_TRANSPARENT) {
+  if (lobe.kind == GLINT_MIRROR || lobe.kind == GLINT_REFRACTION) {
     Three normal{};
     if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, k);
     if (s.passing_columns == PassingTerm::kTurned)
@@ -194,7 +208,10 @@ inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh
 inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                      const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
   if (lobe.kind >= GLINT_FIBRE_DIFFUSE) return set_fibre(s, at, p, T * k, k, lobe, sum);
-  if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_SHEEN)
+  const bool toon = lobe.kind == GLINT_TOON_DIFFUSE;
+  if (toon && s.gathers) sum.diffuse = sum.diffuse + toon_albedo(p, lobe) * k;
+  if (toon || lobe.kind == GLINT_TOON_SPECULAR || lobe.kind == GLINT_SPECULAR ||
+      lobe.kind == GLINT_SHEEN)
     return set_specular(s, at, p, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;

@@ -1,9 +1,10 @@
-// The SPECULAR, SHEEN and FIBRE lobes of points: what they give back of light from a direction, and
-// directions drawn from them. Letters: l direction to the light, n shading normal, d ray, k number
-// of a group of points.
+// The SPECULAR, SHEEN, TOON and FIBRE lobes of points: what they give back of light from a
+// direction, and directions drawn from them. Letters: l direction to the light, n shading normal, d
+// ray, k number of a group of points.
 #pragma once
 #include "shading/stage_math.h"
 #include "shading/stage_terminator.h"
+#include "shading/stage_toon.h"
 #include "shading/stages.h"
 
 namespace glint {
@@ -168,12 +169,23 @@ inline Doubles way_through(const LightStage& s, size_t k, const Three& l) {
   return way;
 }
 
-/// Sum of the terms, of matt ones (SHEEN, FIBRE_DIFFUSE) and other FIBRE ones apart, and how
-/// densely (a steradian) directions are drawn where l is.
+/// Sum of the terms, of matt ones (SHEEN, TOON_DIFFUSE, FIBRE_DIFFUSE) and other FIBRE ones apart,
+/// and how densely (a steradian) directions are drawn where l is.
 struct Highlights {
   Three light, sheen, fibre;
   Doubles density;
 };
+
+/// What a TOON lobe gives (SEMANTICS.md); shines: round the mirrored ray, not round n.
+inline Doubles toon(const LightStage& s, size_t k, int number, Mask shines, const Three& n,
+                    const Three& l, Doubles cosine) {
+  const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+  const Three d = load3(s.d, k);
+  const Doubles nv = -dot(n, d), mirrored = where(nv > 0, 2 * nv * cosine + dot(d, l));
+  const Toon lobe(load(column + SpecularTerm::kMasking * s.stride),
+                  load(column + SpecularTerm::kFresnel * s.stride));
+  return lobe.at(choose(shines, mirrored, cosine));
+}
 
 /// cosine: n.l.  narrow: or null. Lobes that differ in their Fresnel factor alone share their
 /// power. Where some lobes have normals of their own each gives nothing behind its own.
@@ -212,6 +224,15 @@ __attribute__((always_inline)) inline Highlights all_highlights(const LightStage
         sum.sheen = sum.sheen + where(sheen, share * term.k);
       }
       Mask apart = sheen;
+      const Mask matt_toon = term.exponent == SpecularTerm::kToonDiffuse,
+                 shines = term.exponent == SpecularTerm::kToonSpecular;
+      if (bits(matt_toon | shines)) {
+        Doubles share = toon(s, k, number, shines, n, l, cosine);
+        sum.sheen = sum.sheen + where(matt_toon, share * term.k);
+        if (Bent && s.lowering) share = lowered(load(s.lowering + k), cosine) * share;
+        sum.light = sum.light + where(shines, share * term.k);
+        apart |= matt_toon | shines;
+      }
       if (s.has_fibre) {
         const Mask strand = term.exponent <= SpecularTerm::kFibreDiffuse,
                    matt = term.exponent == SpecularTerm::kFibreDiffuse;
@@ -232,8 +253,8 @@ __attribute__((always_inline)) inline Highlights all_highlights(const LightStage
     Doubles factor = power;
     if (s.specular_columns >= SpecularTerm::kShaped) {
       const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
-      factor = power * gloss.factor(load(column + SpecularTerm::kMasking * s.stride),
-                                    load(column + SpecularTerm::kFresnel * s.stride));
+      factor = power * gloss.factor<Bent>(load(column + SpecularTerm::kMasking * s.stride),
+                                          load(column + SpecularTerm::kFresnel * s.stride));
     }
     Doubles density = power;
     if (stretches) {
@@ -279,7 +300,8 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
 }
 
 /// About what gloss of dielectrics gives back of even light, as it does straight from above and
-/// where it mirrors; ever less slanting the wider the lobe. Less what rays show.
+/// where it mirrors; ever less slanting the wider the lobe. Less what rays show. TOON_SPECULAR
+/// lobes all that they do.
 inline Three even_gloss(const LightStage& s, size_t k) {
   const Doubles seen = seen_cosine(load3(s.n, k), load3(s.d, k));
   Three sum{};
@@ -288,6 +310,8 @@ inline Three even_gloss(const LightStage& s, size_t k) {
     const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
     const Doubles masking2 = load(column + SpecularTerm::kMasking * s.stride),
                   fresnel = load(column + SpecularTerm::kFresnel * s.stride), p = term.exponent;
+    const Mask toon = p == SpecularTerm::kToonSpecular;
+    if (bits(toon)) sum = sum + where(toon, Toon(masking2, fresnel).albedo() * term.k);
     const Mask good = (masking2 > 0) & (fresnel > 0) & (p >= 0);
     if (!any(good & nonzero(term.k))) continue;
     const Doubles cosine = root(seen * seen + 2 * (1 - seen * seen) / (p + 8)),

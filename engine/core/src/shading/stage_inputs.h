@@ -54,11 +54,11 @@ struct Corners {
 
 inline void look_up(const GlintGeometry& geometry, const GlintAttribute& a, uint32_t primitive,
                     size_t lane, Corners& out) {
-  const uint32_t* rows =
-      (a.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
+  const uint32_t* rows = a.domain == GLINT_CORNER ? geometry.corners : geometry.triangles;
   for (size_t v = 0; v < 3; ++v)
     out.at[v][lane] =
-        a.values + size_t(a.channels) * (a.domain == GLINT_FACE ? primitive : rows[v]);
+        a.values +
+        size_t(a.channels) * (a.domain == GLINT_FACE ? primitive : rows[3 * size_t(primitive) + v]);
 }
 
 inline void look_up(const InputTables& s, const OnMesh& p, int32_t name, Corners& out) {

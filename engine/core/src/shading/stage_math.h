@@ -1,6 +1,7 @@
 // What highlights are made of, without branches.
 #pragma once
 #include "program/functions_exp.h"
+#include "shading/scene_shapes.h"
 
 namespace glint {
 namespace {
@@ -65,7 +66,9 @@ class Gloss {
     return nl_ * width * width / (square * square);
   }
 
-  /// masking2: alpha squared, 0 for none. fresnel: as SpecularTerm has it.
+  /// masking2: alpha squared, 0 for none. fresnel: as SpecularTerm has it.  Edged: some lobe of the
+  /// scene may have the weight of edges.
+  template <bool Edged = false>
   Doubles factor(Doubles masking2, Doubles fresnel) {
     if (bits(masking2 != masking2_)) {
       const Doubles rest = 1 - masking2, down = nl_ * root(masking2 + rest * nv_ * nv_) +
@@ -73,7 +76,7 @@ class Gloss {
       masking2_ = masking2;
       masking_ = choose(masking2 > 0, 2 * nl_ / down, splat(1));
     }
-    return with_fresnel(masking_, fresnel);
+    return with_fresnel<Edged>(masking_, fresnel);
   }
 
   /// The same of a lobe that is stretched: of the directions v and l what the squares of their
@@ -81,15 +84,18 @@ class Gloss {
   Doubles stretched_factor(Doubles masking2, Doubles fresnel, Doubles v, Doubles l) {
     const Doubles down =
         nl_ * root(nv_ * nv_ + masking2 * v) + nv_ * root(nl_ * nl_ + masking2 * l);
-    return with_fresnel(choose(masking2 > 0, 2 * nl_ / down, splat(1)), fresnel);
+    return with_fresnel<true>(choose(masking2 > 0, 2 * nl_ / down, splat(1)), fresnel);
   }
 
  private:
   /// The lobes that stand for one of GGX share their reflectance.
+  template <bool Edged>
   Doubles with_fresnel(Doubles result, Doubles fresnel) {
     if (bits(fresnel != fresnel_)) {
       fresnel_ = fresnel;
       reflectance_ = choose(fresnel < 0, schlick_weight(), splat(1));
+      const Mask edge = fresnel == SpecularTerm::kEdge;
+      if (Edged && bits(edge)) reflectance_ = choose(edge, edge_weight(), reflectance_);
       const Mask dielectric = fresnel > 0;
       if (any(dielectric)) {
         const Doubles ior = choose(dielectric, fresnel, splat(1));
@@ -102,6 +108,8 @@ class Gloss {
     const Doubles rest = 1 - vh_, square = rest * rest;
     return square * square * rest;
   }
+  /// What metals lack some 8 degrees off the surface, where it is 1 (Kutz, Hasan, Edmondson 2021).
+  Doubles edge_weight() const { return 823543.0 / 46656 * vh_ * (1 - vh_) * schlick_weight(); }
 
   Doubles nl_, nv_, vh_, masking2_ = splat(0), masking_ = splat(1);
   Doubles fresnel_ = splat(0), reflectance_ = splat(1);

@@ -188,7 +188,7 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
 
 inline bool passes(const LobeShape& lobe) {
   return lobe.kind == GLINT_MIRROR || lobe.kind == GLINT_REFRACTION ||
-         lobe.kind == GLINT_TRANSPARENT;
+         lobe.kind == GLINT_TRANSPARENT || lobe.kind == GLINT_HOLDOUT_LOBE;
 }
 
 /// body(lobe, number) for those of the lobes of a kind: their numbers among those that send rays

@@ -116,7 +116,8 @@ struct EvaluateStage {
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
-  bool dark;  // EMISSION lobes show nothing
+  bool dark;     // EMISSION lobes show nothing
+  bool gathers;  // the rays look for what throws light on
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];

@@ -138,12 +138,12 @@ Vec3d uv_at(const Scene& scene, const Surface& s) {
   const GlintAttribute* const end = a + geometry.attribute_count;
   while (a != end && a->channels != 2) ++a;
   if (a == end) return {};
-  const uint32_t* const rows =
-      (a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(s.primitive);
+  const uint32_t* const rows = a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles;
   Vec3d uv{0, 0, 1};
   for (int c = 0; c < 2; ++c) {
     const auto part = [&](size_t v) {
-      return s.weights[v] * a->values[2 * (a->domain == GLINT_FACE ? s.primitive : rows[v]) + c];
+      const size_t row = 3 * size_t(s.primitive) + v;
+      return s.weights[v] * a->values[2 * (a->domain == GLINT_FACE ? s.primitive : rows[row]) + c];
     };
     const double sum = part(0) + part(1) + part(2);
     uv[c] = std::isfinite(sum) ? sum : 0;

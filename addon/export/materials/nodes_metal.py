@@ -1,0 +1,81 @@
+"""Metals, Principled's and of a node of their own, with their colours at grazing angles."""
+
+from __future__ import annotations
+
+from ....engine.program.operations_vector import VectorMeasure
+from .anisotropy import Brush
+from .closures import Closure
+from .evaluator import CLOSURE_NODES, NodeView
+from .fresnel import EDGE_COSINE, conductor_reflectance, schlick
+from .nodes_shader import Edge, glossy_closure, is_multiscatter, note_microfacets
+from .terms import ONE, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
+from .varying import Roughness
+
+
+def metal_closure(
+    view: NodeView, color: Sum, roughness: Roughness, edge_tint: Sum = ONE
+) -> Closure:
+    """A metal of a node with microfacets, whose colour some 8 degrees off the surface is as much
+    of what Schlick's weight gives there as its tint says; colours above 1 count as 1, as in Cycles.
+    """
+    color = view.evaluator.clamped(color, 0.0, 1.0)
+    lack = complement(view.evaluator.clamped(edge_tint, 0.0, 1.0))
+    if not lack:
+        edge = Edge()
+    else:
+        at_edge = add(
+            scale(color, 1 - schlick(0.0, EDGE_COSINE)), constant(schlick(0.0, EDGE_COSINE))
+        )
+        lack = multiply(lack, at_edge)
+        edge = Edge(lack, view.evaluator.mean(lack), _mirrored(view, color, lack, roughness))
+    mean = view.evaluator.mean(color)
+    return glossy_closure(color, mean, roughness, is_multiscatter(view), edge)
+
+
+def _mirrored(view: NodeView, color: Sum, lack: Sum, roughness: Roughness) -> Sum:
+    """What an ideal mirror of such a metal reflects; rough ones need none."""
+    if not (roughness.varies or roughness.is_mirror()):
+        return color
+    expressions = view.evaluator.expressions
+    do, math = expressions.apply, expressions.math
+    normal = view.evaluator.normal_at(view.input("Normal"))
+    cosine = do("vector_measure", do("incoming"), normal, measure=VectorMeasure.DOT_PRODUCT)
+    cosine = math("MINIMUM", math("MAXIMUM", cosine, 0.0), 1.0)
+    rest = math("SUBTRACT", 1.0, cosine)
+    grazing = math("POWER", rest, 5.0)
+    below = math("MULTIPLY", math("MULTIPLY", cosine, rest), grazing)
+    gained = multiply(complement(color), expressions.sum_of(grazing))
+    lost = multiply(lack, expressions.sum_of(math("MULTIPLY", below, 7.0**7 / 6.0**6)))
+    return add(color, gained, scale(lost, -1.0))
+
+
+def _metallic(view: NodeView) -> Closure:
+    note_microfacets(view)
+    brush = Brush(view, view.roughness())
+    color, tint = view.reflectance("Base Color"), view.reflectance("Edge Tint", 1.0)
+    if view.node.fresnel_type != "F82":
+        color, tint = _conductor(view) or (color, ONE)
+    return brush.on(metal_closure(view, color, brush.roughness, tint))
+
+
+def _conductor(view: NodeView) -> tuple[Sum, Sum] | None:
+    """The colours of a metal by its index of refraction and extinction, seen straight and some 8
+    degrees off the surface; None where one of these varies.
+    """
+    numbers = [view.color(name) for name in ("IOR", "Extinction")]
+    if not all(is_constant(terms) for terms in numbers):
+        view.note(
+            "The Metallic shader's physical conductor is rendered by its base colour in {}, where "
+            "IOR or Extinction vary: choose F82 Tint"
+        )
+        return None
+    n, k = (constant_value(terms) for terms in numbers)
+    straight, aslant = (
+        [conductor_reflectance(x, max(a, 0.0), max(b, 0.0)) for a, b in zip(n, k, strict=True)]
+        for x in (1.0, EDGE_COSINE)
+    )
+    tint = [b / schlick(a, EDGE_COSINE) for a, b in zip(straight, aslant, strict=True)]
+    return constant(tuple(straight)), constant(tuple(tint))
+
+
+CLOSURE_NODES["ShaderNodeBsdfMetallic"] = _metallic

@@ -1,0 +1,127 @@
+"""The notes' coefficients at points of surfaces, k_a, k_d, k_s and the rest, and the lobes that
+cannot be summed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene import Lobe
+from .optics import toon_albedo
+from .surface import Surface
+from .vectors import add_at, dot, pick
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m).
+
+    exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
+    number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.  normal: (3, m) normals of its
+    own, None where they are those of the points.  stretch: (3, m) what it is stretched along,
+    across its normals, 0 where it is not; None for nowhere.  lowering: (m,) as of `Surface`, of
+    what gives back lamps' light; None for 1.
+    """
+
+    index: Array
+    k: Array
+    lobe: Lobe
+    exponent: Array | float
+    masking: Array | float
+    ior: Array | float
+    fibre: Array | None = None
+    normal: Array | None = None
+    stretch: Array | None = None
+    lowering: Array | None = None
+
+    def normals(self, surface: Surface) -> Array:
+        """(3, m) shading normals at its points."""
+        return pick(surface.n, self.index) if self.normal is None else self.normal
+
+
+@dataclass(frozen=True, eq=False)
+class Coefficients:
+    """Sums (3, n) of the lobes of n points, and the terms that cannot be summed.
+
+    below: (3, n) what of the diffuse light comes out elsewhere, radius: (3, n) how far away, world
+    units; None for nothing.
+    """
+
+    ambient: Array
+    diffuse: Array
+    translucent: Array
+    emission: Array
+    transparent: Array
+    holdout: Array
+    highlights: list[Term]
+    mirrors: list[Term]
+    refractions: list[Term]
+    sheens: list[Term]
+    fibres: list[Term]
+    below: Array | None = None
+    radius: Array | None = None
+
+    def matt(self) -> Array:
+        """(3, n): about what of even light all but these, mirrors and glass give back."""
+        total = self.diffuse.copy()
+        for term in (*self.sheens, *self.fibres):
+            if term.lobe.kind in ("SHEEN", "TOON_DIFFUSE", "FIBRE_DIFFUSE"):
+                add_at(total, term.index, term.k)
+        return total
+
+    def toon_matt(self) -> Array:
+        """(3, n): what of even light TOON_DIFFUSE lobes throw back to all sides."""
+        total = np.zeros_like(self.diffuse)
+        for term in self.sheens:
+            if term.lobe.kind == "TOON_DIFFUSE":
+                add_at(total, term.index, toon_albedo(term.exponent, term.masking) * term.k)
+        return total
+
+    def glossy(self) -> Array:
+        """(3, n): about what of even light the highlights give back."""
+        total = np.zeros_like(self.diffuse)
+        for term in self.highlights:
+            is_toon = term.lobe.kind == "TOON_SPECULAR"
+            add_at(total, term.index, (1.0 if is_toon else 8 / (term.exponent + 2)) * term.k)
+        for term in self.fibres:
+            if term.lobe.kind != "FIBRE_DIFFUSE":
+                add_at(total, term.index, term.k)
+        return total
+
+    def lets_through(self) -> Array:
+        """(n,) bool: where light from behind is seen through fibres."""
+        found = np.zeros(self.diffuse.shape[1], bool)
+        for term in self.fibres:
+            if term.lobe.kind == "FIBRE_TRANSMISSION":
+                found[term.index] |= term.k.any(0)
+        return found
+
+    def turned_to(self, direction: Array) -> Array:
+        """(n,) bool: where highlights with normals of their own see what is in these directions
+        (3, n).
+        """
+        found = np.zeros(self.diffuse.shape[1], bool)
+        for term in self.highlights:
+            if term.normal is not None:
+                is_before = dot(term.normal, pick(direction, term.index)) > 0
+                found[term.index] |= is_before & term.k.any(0)
+        return found
+
+    def albedo(self) -> Array:
+        """(3, n): about what of even light the points give back; mirrors and glass without what
+        Fresnel says.
+        """
+        total = self.diffuse + self.translucent + self.glossy()
+        matt = [term for term in self.fibres if term.lobe.kind == "FIBRE_DIFFUSE"]
+        for term in (*self.mirrors, *self.refractions, *self.sheens, *matt):
+            add_at(total, term.index, term.k)
+        return total
+
+
+def taken(number: Array | float, chosen: Array | slice) -> Array | float:
+    """The places `chosen` of a number that differs from point to point, or the one for all."""
+    return number[chosen] if isinstance(number, np.ndarray) else number

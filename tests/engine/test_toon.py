@@ -1,0 +1,166 @@
+"""TOON lobes: even within an angle and nothing beyond its smooth edge, in closed form, and what
+they throw on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from glint.engine import scene as s
+from native_tools import (
+    color,
+    constant,
+    draw,
+    hashes_with,
+    lamp,
+    material,
+    placed,
+    square,
+    view_from_above,
+)
+from surface_scenes import balls, on_ball
+
+BACKENDS = pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+TILT = 0.7
+AXES = np.array(
+    [[np.cos(TILT), 0, np.sin(TILT)], [0, 1, 0], [-np.sin(TILT), 0, np.cos(TILT)]]
+)  # fmt: skip
+SHAPES = pytest.mark.parametrize(
+    ("size", "smooth"), [(0.5, 0.0), (0.3, 0.4), (0.9, 0.5), (0.02, 0.1), (1.0, 0.0)]
+)
+RADIUS = float(np.float32(0.9))
+
+
+def share(angle: np.ndarray, size: float, smooth: float) -> np.ndarray:
+    """Of Cycles: over the solid angle of all that it reaches, times pi."""
+    whole, edge = size * np.pi / 2, smooth * np.pi / 2
+    end = min(whole + edge, np.pi / 2)
+    beside = 1 - (angle - whole) / edge if edge else np.zeros_like(angle)
+    level = np.where(angle < whole, 1.0, beside)
+    return np.where(angle < end, level / (2 * (1 - np.cos(end))), 0.0)
+
+
+def assert_close(measured: np.ndarray, truth: np.ndarray) -> None:
+    """But for a pixel or two whose angle is that of an edge, to rounding."""
+    assert truth.max() > 0
+    off = np.abs(measured - truth) > 1e-5 * truth.max()
+    assert off.sum() <= 0.005 * truth.size, np.abs(measured - truth).max()
+
+
+@BACKENDS
+@SHAPES
+def test_bands_of_the_diffuse_one(size: float, smooth: float, backend: str) -> None:
+    lobe = s.Lobe("TOON_DIFFUSE", constant(0.8, 0.6, 0.4), exponent=size, masking=smooth)
+    scene = balls(lobe, lights=(lamp("SUN", axes=AXES, strength=np.pi),))
+    n, inside = on_ball(RADIUS)
+    cosine = n @ AXES[:, 2]
+    level = np.where(
+        inside & (cosine > 0), share(np.arccos(np.clip(cosine, 0, 1)), size, smooth), 0
+    )
+    assert_close(color(scene, backend=backend), level[..., None] * [0.8, 0.6, 0.4])
+
+
+@BACKENDS
+@SHAPES
+def test_bands_of_the_glossy_one(size: float, smooth: float, backend: str) -> None:
+    """Round the mirrored ray, where the surface faces light and viewer."""
+    lobe = s.Lobe("TOON_SPECULAR", constant(0.5), exponent=size, masking=smooth)
+    scene = balls(lobe, lights=(lamp("SUN", axes=AXES, strength=np.pi),))
+    n, inside = on_ball(RADIUS)
+    mirrored = 2 * n[..., 2:] * n - [0, 0, 1]
+    angle = np.arccos(np.clip(mirrored @ AXES[:, 2], 0, 1))
+    lit = inside & (n @ AXES[:, 2] > 0)
+    truth = np.where(lit, 0.5 * share(angle, size, smooth), 0)
+    assert_close(color(scene, backend=backend), np.repeat(truth[..., None], 3, -1))
+
+
+@BACKENDS
+@pytest.mark.parametrize(("size", "smooth"), [(0.5, 0.0), (0.4, 0.4), (0.8, 0.6)])
+def test_a_uniform_sky(size: float, smooth: float, backend: str) -> None:
+    """Gives back the mean of its level over the solid angle that it reaches."""
+    lobe = s.Lobe("TOON_DIFFUSE", constant(0.5), exponent=size, masking=smooth)
+    sky = s.Light("sky", "DOME", np.eye(3, 4), radiance=np.ones((8, 16, 3), np.float32))
+    scene = s.Scene(view_from_above(), (square(),), (placed(),), (material(lobe),), lights=(sky,))
+    angle = (np.arange(4000) + 0.5) / 4000 * np.pi / 2
+    mean = (share(angle, size, smooth) * np.sin(angle)).mean() * np.pi
+    found = color(scene, backend=backend, samples=64, light_samples=8).mean()
+    assert abs(found / (0.5 * mean) - 1) < 0.01
+
+
+def corner(lobe: s.Lobe) -> s.Scene:
+    """A white floor beside a wall, of which the sun lights the wall alone."""
+    wall = s.Instances(
+        "wall", 0, np.array([[[0, 0, 0.9, 0.9], [0, 0.9, 0, 0], [-0.9, 0, 0, 0.9]]]), (1,),
+        visible_camera=False,
+    )  # fmt: skip
+    sun = lamp("SUN", axes=np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]), strength=3.0)
+    lobes = material(s.Lobe("DIFFUSE", constant(0.8))), material(lobe)
+    return s.Scene(view_from_above(), (square(),), (placed(), wall), lobes, lights=(sun,))
+
+
+@BACKENDS
+@pytest.mark.parametrize(("size", "smooth"), [(1.0, 0.0), (0.4, 0.0), (0.5, 0.4)])
+def test_it_throws_light_on_as_what_is_diffuse(size: float, smooth: float, backend: str) -> None:
+    """As much in all as what is as bright in an even sky."""
+    angle = (np.arange(100000) + 0.5) / 100000 * np.pi / 2
+    albedo = (share(angle, size, smooth) * np.sin(angle)).mean() * np.pi
+    toon = s.Lobe("TOON_DIFFUSE", constant(0.5), exponent=size, masking=smooth)
+    options = {"backend": backend, "diffuse_bounces": 1, "samples": 4}
+    lit, truth = (
+        color(corner(lobe), **options) for lobe in (toon, s.Lobe("DIFFUSE", constant(0.5 * albedo)))
+    )
+    assert truth.max() > 0.01
+    np.testing.assert_allclose(lit, truth, rtol=1e-5, atol=1e-7)
+
+
+def many() -> s.Scene:
+    """Lobes of both kinds, a metal's edge and a hole, in sun, lamps and bounced light."""
+    lobes = (
+        s.Lobe("TOON_DIFFUSE", constant(0.5, 0.3, 0.2), exponent=0.4, masking=0.2),
+        s.Lobe("TOON_SPECULAR", constant(0.2), exponent=0.2, masking=0.05),
+        s.Lobe("SPECULAR", constant(0.2), exponent=50.0, masking=0.2, fresnel=True, ior=1.5),
+        s.Lobe("SPECULAR", constant(-0.1), exponent=50.0, masking=0.2, edge=True),
+        s.Lobe("HOLDOUT", constant(0.1)),
+    )
+    floor = placed(1, (1,), z=-0.9)
+    ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([0.6], np.float32))
+    lights = lamp("SUN", axes=AXES, angle=0.1), lamp("POINT", (-1.0, 0.5, 1.5), radius=0.2)
+    return s.Scene(
+        view_from_above(), (ball, square()), (placed(), floor),
+        (material(*lobes), material(s.Lobe("DIFFUSE"))), lights=lights,
+    )  # fmt: skip
+
+
+OPTIONS = {"samples": 4, "light_samples": 2, "diffuse_bounces": 1, "max_bounces": 2}
+
+
+def hashes(threads: int = 0) -> str:
+    picture = draw(many(), threads=threads, **OPTIONS).combined
+    return hashlib.sha256(picture.tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("isa", ["sse42", "avx2"])
+def test_instruction_sets_and_threads_change_nothing(isa: str) -> None:
+    assert hashes_with("test_toon", isa) == hashes() == hashes(1)
+
+
+def test_borders_change_nothing() -> None:
+    whole, part = (draw(many(), **OPTIONS, **x).combined for x in ({}, {"region": (3, 2, 9, 11)}))
+    assert np.array_equal(part, whole[2:11, 3:9])
+
+
+@pytest.mark.parametrize("reflections", ["ALL", "OFF"])
+def test_both_tracers_draw_the_same(reflections: str) -> None:
+    """Parts, colours and light by the surface that gives it back."""
+    names = "Diffuse", "Specular", "Diffuse Color", "Glossy Color", "Diffuse Indirect"
+    films = [
+        draw(many(), *names, backend=x, reflections=reflections, **OPTIONS)
+        for x in ("NATIVE", "NUMPY")
+    ]
+    for name in ("Combined", *names):
+        one, other = (np.asarray(film.passes[name], float) for film in films)
+        off = np.abs(one - other) > 1e-5 * max(np.abs(other).max(), 1e-3)
+        assert off.mean() <= 0.005, name
