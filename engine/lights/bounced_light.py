@@ -46,8 +46,6 @@ not face, up to a hard edge where their plane ends.
 """
 NEAR = 4.0
 """Radii of discs within which rays look for surfaces instead."""
-WIDENED = 2.5
-"""Radii up to which discs are as wide as their points are dense, for what those rays meet."""
 MOST_SMALLER = 0.65
 """Of the discs have a smaller radius than the one that is meant."""
 GATHER_SAMPLES = 2
@@ -99,8 +97,7 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
     dense = light.bounces
     b = _even(dense, each)
     near = gather_reach(b, each)
-    wide = near * (WIDENED / NEAR)
-    widest = np.minimum(dense.spreads, MERGED * np.pi * each * wide * wide)
+    widest = np.minimum(dense.spreads, MERGED * np.pi * each * near * near)
     count = tabled(samples, each)
     u = dome_points(count)
     index, share = _taken(b, count)

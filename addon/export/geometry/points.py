@@ -66,11 +66,11 @@ def read_point_attributes(
 
 def _values(cloud: Any, spheres: Spheres, name: str, report: Report) -> np.ndarray | None:
     if name in (GENERATED, POINT_PLACE):
-        return values_as_color(_sound(spheres.centers), grey=False)
+        return values_as_color(_finite(spheres.centers), grey=False)
     if name == POINT_SHAPE:
         number = np.arange(len(spheres.radii), dtype=np.uint32)
         random = random_of(number, np.zeros_like(number))
-        return values_as_color(_sound(np.column_stack([spheres.radii, random])), grey=False)
+        return values_as_color(_finite(np.column_stack([spheres.radii, random])), grey=False)
     plain = name.removeprefix(GREY)
     attribute = cloud.attributes.get(plain) if plain else None
     values = values_of(attribute) if attribute is not None else None
@@ -80,5 +80,5 @@ def _values(cloud: Any, spheres: Spheres, name: str, report: Report) -> np.ndarr
     return values_as_color(values, grey=name != plain)
 
 
-def _sound(values: np.ndarray) -> np.ndarray:
+def _finite(values: np.ndarray) -> np.ndarray:
     return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)

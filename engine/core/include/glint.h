@@ -48,11 +48,10 @@ typedef struct GlintAttribute {
 /* Object space. Unused pointers are null.
  * MESH: vertices, triangles (3 a primitive), corners (3 a primitive, rows of CORNER attributes),
  * normals (values null: flat). SPHERES: vertices are the centres, radii; attributes are FACE, a row
- * each.  POLYGONS: vertices,
- * offsets (primitive_count + 1), indices. STRANDS: vertices and a radius for each; indices, one a
- * primitive: the vertex where the segment begins, which ends at the next one; triangles where there
- * are attributes: the two ends of each, the second twice. attributes: rows [first_attribute,
- * first_attribute + attribute_count) of the scene's table. */
+ * each. POLYGONS: vertices, offsets (primitive_count + 1), indices. STRANDS: vertices and a radius
+ * for each; indices, one a primitive: the vertex where the segment begins, which ends at the next
+ * one; triangles where there are attributes: the two ends of each, the second twice. attributes:
+ * rows [first_attribute, first_attribute + attribute_count) of the scene's table. */
 typedef struct GlintGeometry {
   const float* vertices;
   const uint32_t* triangles;
