@@ -88,10 +88,6 @@ class SlurmFarm:
         time.sleep(max(0.0, _BELIEVED - age))
         self.start_worker(name)
 
-    def is_busy(self, name: str) -> bool:
-        """Whether a worker runs a task."""
-        return bool(self._processes_of(name))
-
     def cpu_seconds(self, name: str) -> float:
         """What the task that a worker runs has taken so far."""
         ticks = 0
