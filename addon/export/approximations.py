@@ -13,8 +13,7 @@ LOBES = "GGX is drawn as Blinn-Phong lobes"
 LEFT_OUT = f"{LOBES}; thin film is left out"
 
 APPROXIMATED: dict[str, str] = {
-    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; diffuse roughness as diffuse; subsurface as its node",
-    "ShaderNodeBsdfDiffuse": "Roughness is left out",
+    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; subsurface as its node",
     "ShaderNodeBsdfAnisotropic": LEFT_OUT,
     "ShaderNodeBsdfGlossy": LEFT_OUT,
     "ShaderNodeBsdfMetallic": f"{LEFT_OUT}; physical conductors by their colours seen "

@@ -41,8 +41,17 @@ _SUMMED = {
 }
 
 
-_LISTED = {"TOON_DIFFUSE": "SHEEN", "TOON_SPECULAR": "SPECULAR"}
+_LISTED = {
+    "TOON_DIFFUSE": "SHEEN",
+    "OREN_NAYAR": "SHEEN",
+    "OREN_NAYAR_MULTIPLE": "SHEEN",
+    "TOON_SPECULAR": "SPECULAR",
+}
 """Kinds of lobes among the terms of others."""
+
+
+_SEEN = ("AMBIENT", "DIFFUSE", "OREN_NAYAR", "OREN_NAYAR_MULTIPLE")
+"""Kinds that may depend on the view alone."""
 
 
 class _Found:
@@ -191,7 +200,7 @@ class Shader:
         found = _Found(len(surface.primitive))
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
-            if lobe.exponent > 0 and lobe.kind in ("AMBIENT", "DIFFUSE"):
+            if lobe.exponent > 0 and lobe.kind in _SEEN:
                 seen = dot(pick(surface.n, index), pick(surface.v, index))
                 exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
                 k = k * (1 - np.clip(seen, 0.0, 1.0)) ** exponent

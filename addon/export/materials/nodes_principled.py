@@ -23,6 +23,7 @@ from .nodes_shader import (
     under_alpha,
 )
 from .nodes_sheen import Fibres
+from .rough_diffuse import roughened
 from .roughness import layer_loss
 from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
@@ -63,8 +64,12 @@ def plastic_closure(
     base: Sum, tint: Sum, roughness: Roughness, ior: Ior, multiscatter: bool
 ) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
-    below = below_coat(base, _largest(tint), roughness, ior, multiscatter)
+    below = _below(base, tint, roughness, ior, multiscatter)
     return add_closures(below, coat_closure(ONE, roughness, ior, multiscatter, tint))
+
+
+def _below(base: Sum, tint: Sum, roughness: Roughness, ior: Ior, multiscatter: bool) -> Closure:
+    return below_coat(base, _largest(tint), roughness, ior, multiscatter)
 
 
 def _largest(color: Sum) -> Sum:
@@ -78,9 +83,12 @@ def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     """The specular level scales F0, one half leaves it as it is."""
     ior = view.ior().with_level(view.amount("Specular IOR Level", 0.5))
     tint = view.reflectance("Specular Tint", 1.0)
-    closure = plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
+    again = is_multiscatter(view)
+    below = _below(base, tint, roughness, ior, again)
     weight, names = view.factor("Subsurface Weight"), ("Subsurface Radius", "Subsurface Scale")
-    return subsurface(view, closure, weight, names, base, view.node.subsurface_method)
+    below = subsurface(view, below, weight, names, base, view.node.subsurface_method)
+    below = roughened(view, below, "Diffuse Roughness", base)
+    return add_closures(below, coat_closure(ONE, roughness, ior, again, tint))
 
 
 def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:

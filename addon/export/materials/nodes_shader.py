@@ -11,6 +11,7 @@ from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import EDGE_MEAN, dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
+from .rough_diffuse import roughened
 from .roughness import (
     World,
     dielectric_world,
@@ -264,7 +265,6 @@ def bend(view: NodeView) -> None:
 
 LEFT_OUT = {
     "Thin Film Thickness": "thin film",
-    "Diffuse Roughness": "diffuse roughness",
 }
 """Inputs that have no effect where they are not 0."""
 _MICROFACETS = ("GGX", "MULTI_GGX")
@@ -290,9 +290,8 @@ def note_microfacets(view: NodeView) -> None:
 
 def _diffuse(view: NodeView) -> Closure:
     bend(view)
-    if view.node.bl_idname == "ShaderNodeBsdfDiffuse":
-        note_left_out(view, {"Roughness": "roughness"})
-    return diffuse_closure(view.reflectance("Color"))
+    color = view.reflectance("Color")
+    return roughened(view, diffuse_closure(color), "Roughness", color)
 
 
 def _translucent(view: NodeView) -> Closure:
@@ -312,7 +311,8 @@ def _subsurface(view: NodeView) -> Closure:
 
 def _as_diffuse(view: NodeView) -> Closure:
     view.note(f"The {view.node.bl_label} shader is rendered as diffuse in {{}}")
-    return _diffuse(view)
+    bend(view)
+    return diffuse_closure(view.reflectance("Color"))
 
 
 def _glossy(view: NodeView) -> Closure:

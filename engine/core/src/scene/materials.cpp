@@ -117,9 +117,11 @@ bool same_inputs(const MaterialTable& t, size_t a, size_t b) {
 void compare_lobes(MaterialTable& t, Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const LobeShape& lobe = t.lobes[material.first_lobe + k];
+    const bool rough = is_oren_nayar(lobe.kind), fibre = is_fibre(lobe.kind),
+               sheen = lobe.kind == GLINT_SHEEN || is_toon(lobe.kind) || rough;
+    const bool shares_row = rough && material.has(lobe.kind);
+    material.specular_count += (lobe.kind == GLINT_SPECULAR || sheen || fibre) && !shares_row;
     material.kinds |= 1u << lobe.kind;
-    const bool fibre = is_fibre(lobe.kind), sheen = lobe.kind == GLINT_SHEEN || is_toon(lobe.kind);
-    material.specular_count += lobe.kind == GLINT_SPECULAR || sheen || fibre;
     t.has_fibre = t.has_fibre || fibre;
     t.has_sheen = t.has_sheen || sheen || fibre;
     if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_FIBRE_SPECULAR)

@@ -115,9 +115,9 @@ struct EvaluateStage {
   const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
-  uint32_t lobe_count;
-  bool dark;     // EMISSION lobes show nothing
-  bool gathers;  // the rays look for what throws light on
+  uint32_t lobe_count, kinds;  // kinds: as Material has them
+  bool dark;                   // EMISSION lobes show nothing
+  bool gathers;                // the rays look for what throws light on
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];
