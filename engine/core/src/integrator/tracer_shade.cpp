@@ -68,7 +68,6 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
   stage.primitive = batch_.primitive.data();
   stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
-  stage.kinds = material.kinds;
   stage.gathers = queue.gathers;
   stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;

@@ -45,6 +45,7 @@ class TransparentShadows {
   void place_solids(const Rays& rays);
   void read_shares(const Rays& rays);
   void multiply(const LightStage& light, size_t ray);
+  void narrow(size_t count);
 
   const Scene& scene_;
   const Stages& stages_;
@@ -63,7 +64,8 @@ class TransparentShadows {
   uint32_t end_[kAtOnce];                       // of each ray's layers
   std::vector<uint32_t> materials_, first_of_;  // those met; by material, its first row
   // Of the layers, material by material:
-  Columns shares_{3};
+  Columns shares_{4};             // and by how much light is narrowed
+  std::vector<double> narrowed_;  // of each ray, where some material is dense
   std::vector<uint32_t> number_, instance_, primitive_;
   std::vector<float> u_, v_;
   std::vector<double> slots_, solids_;  // of programs; as TransmittanceStage has them

@@ -129,6 +129,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
     t.has_translucent = t.has_translucent || lobe.kind == GLINT_TRANSLUCENT;
     material.goes_below = material.goes_below || goes_below(lobe);
     material.view_count += depends_on_view(lobe);
+    material.is_dense |= lobe.kind == GLINT_TRANSPARENT && (lobe.ior != 1 || lobe.ior_slot > 0);
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     t.has_gloss = t.has_gloss || shaped;
@@ -160,6 +161,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
           same_inputs(t, material.first_lobe + k - 1, material.first_lobe + k);
   }
   t.has_rough_glass |= material.is_rough_glass;
+  t.has_dense |= material.is_dense;
   t.has_subsurface |= material.goes_below;
   t.max_specular = std::max(t.max_specular, material.specular_count);
   t.max_view = std::max(t.max_view, material.view_count);

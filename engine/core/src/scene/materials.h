@@ -33,6 +33,7 @@ struct Material {
   bool goes_below = false;  // light of some of its DIFFUSE lobes comes out elsewhere
   int passing = 0;          // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
+  bool is_dense = false;  // light to lamps goes into something denser, or out of it
   // Of light to lamps, by a surface; less than 1 of fibres alone. To fibres: of what reaches these.
   double most_passed = 1, most_passed_to_fibres = 1;
   bool has(int kind) const { return kinds >> kind & 1; }
@@ -88,6 +89,7 @@ struct MaterialTable {
   bool has_rough_glass = false, has_fibre = false,
        has_sheen = false;  // SHEEN, TOON, OREN_NAYAR or FIBRE lobes
   bool has_translucent = false;
+  bool has_dense = false;       // Material::is_dense
   bool has_subsurface = false;  // DIFFUSE lobes whose light comes out elsewhere
   int specular_columns = 4;     // numbers of each as the stages read them
   int max_view = 0;             // lobes of a material that depend on the view, at most

@@ -32,21 +32,14 @@ constexpr double kMostStretch = 128;
 /// What the lobes come to without light, and what lights need of them.
 struct Lobes {
   Three glow, diffuse, translucent;
-  Three turned = {}, again = {};  // T k of OREN_NAYAR and OREN_NAYAR_MULTIPLE lobes
   Mask lit = {}, passes = {};
   int specular_count = 0, passing_count = 0;
+  int turned_row = -1, again_row = -1;  // of OREN_NAYAR and OREN_NAYAR_MULTIPLE lobes; -1: none yet
 };
 
 /// A number of a lobe: its own, or what the program gives from 0 to that.
 inline Doubles lobe_number(const OnMesh& p, double own, int32_t number) {
   return number == 0 ? splat(own) : clamped(finite_or_zero(slot(p, number)), 0, own);
-}
-
-/// The index of refraction of a lobe: what the program gives, where that is one, else its own.
-inline Doubles lobe_ior(const OnMesh& p, const LobeShape& lobe) {
-  if (lobe.ior_slot == 0) return splat(lobe.ior);
-  const Doubles given = finite_or_zero(slot(p, lobe.ior_slot));
-  return choose(given > 0, given, splat(lobe.ior));
 }
 
 /// As SpecularTerm has it.
@@ -207,46 +200,41 @@ inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh
                        larger(exponent, splat(1e-6)));
 }
 
-/// Adds an OREN_NAYAR lobe to those of its kind. Rays that look for what throws light on see it as
-/// an even one.
-inline void add_rough(const EvaluateStage& s, const Chosen& at, const LobeShape& lobe,
-                      const Three& T, Three k, Lobes& sum) {
+/// Adds an OREN_NAYAR lobe to the row of its kind. Rays that look for what throws light on see it
+/// as an even one.
+__attribute__((noinline)) void add_rough(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                                         const LobeShape& lobe, Three T, Three k, Lobes& sum) {
   const bool again = lobe.kind == GLINT_OREN_NAYAR_MULTIPLE;
   const Doubles lost = lost_once(seen_cosine(gather3(s.n, at), gather3(s.d, at)));
+  k = seen_share(s, at, p, lobe) * k;
   if (again) k = lost * k;
   if (s.gathers) sum.diffuse = sum.diffuse + (again ? splat(kMeanLost) : kNeverLost - lost) * k;
-  Three& total = again ? sum.again : sum.turned;
-  total = total + T * k;
-}
-
-/// The rows of these lobes, after those of the others.
-inline void set_rough(const EvaluateStage& s, const Chosen& at, Lobes& sum) {
-  for (const bool again : {false, true}) {
-    const uint32_t kind = 1u << (again ? GLINT_OREN_NAYAR_MULTIPLE : GLINT_OREN_NAYAR);
-    if (!(s.kinds & kind)) continue;
-    const Three& Tk = again ? sum.again : sum.turned;
-    double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
-    scatter3(column, s.stride, at, Tk);
-    sum.lit |= nonzero(Tk);
-    scatter(column + SpecularTerm::kExponent * s.stride, at,
-            splat(again ? SpecularTerm::kOrenNayarMultiple : SpecularTerm::kOrenNayar));
-    scatter(column + SpecularTerm::kMasking * s.stride, at, splat(0));
-    scatter(column + SpecularTerm::kFresnel * s.stride, at, splat(0));
-  }
+  int& row = again ? sum.again_row : sum.turned_row;
+  const bool first = row < 0;
+  if (first) row = sum.specular_count++;
+  double* column = s.specular + size_t(s.specular_columns * row) * s.stride;
+  double* const total[3] = {column, column + s.stride, column + 2 * s.stride};
+  const Three Tk = first ? T * k : gather3(total, at) + T * k;
+  scatter3(column, s.stride, at, Tk);
+  sum.lit |= nonzero(Tk);
+  scatter(column + SpecularTerm::kExponent * s.stride, at,
+          splat(again ? SpecularTerm::kOrenNayarMultiple : SpecularTerm::kOrenNayar));
+  scatter(column + SpecularTerm::kMasking * s.stride, at, splat(0));
+  scatter(column + SpecularTerm::kFresnel * s.stride, at, splat(0));
 }
 
 inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                      const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
-  if (lobe.kind >= GLINT_FIBRE_DIFFUSE) return set_fibre(s, at, p, T * k, k, lobe, sum);
+  if (lobe.kind >= GLINT_OREN_NAYAR)
+    return lobe.kind >= GLINT_FIBRE_DIFFUSE ? set_fibre(s, at, p, T * k, k, lobe, sum)
+                                            : add_rough(s, at, p, lobe, T, k, sum);
   const bool toon = lobe.kind == GLINT_TOON_DIFFUSE;
   if (toon && s.gathers) sum.diffuse = sum.diffuse + toon_albedo(p, lobe) * k;
   if (toon || lobe.kind == GLINT_TOON_SPECULAR || lobe.kind == GLINT_SPECULAR ||
       lobe.kind == GLINT_SHEEN)
     return set_specular(s, at, p, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
-  const bool rough = lobe.kind == GLINT_OREN_NAYAR || lobe.kind == GLINT_OREN_NAYAR_MULTIPLE;
-  if (ambient || rough || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
-  if (rough) return add_rough(s, at, lobe, T, k, sum);
+  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
   if (lobe.kind == GLINT_TRANSLUCENT) return void(sum.translucent = sum.translucent + k);
   if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, p, lobe, k, sum);
@@ -365,7 +353,6 @@ inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const doubl
     if (!s.lobes[i].like_last) k = coefficient(s.tables, p, s.lobes[i], reads);
     add_lobe(s, at, p, s.lobes[i], T, k, sum);
   }
-  set_rough(s, at, sum);
   scatter3(s.sums.total, at, sum.glow);
   const Three Tk = T * sum.diffuse;
   scatter3(s.diffuse, at, Tk);

@@ -115,9 +115,9 @@ struct EvaluateStage {
   const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
-  uint32_t lobe_count, kinds;  // kinds: as Material has them
-  bool dark;                   // EMISSION lobes show nothing
-  bool gathers;                // the rays look for what throws light on
+  uint32_t lobe_count;
+  bool dark;     // EMISSION lobes show nothing
+  bool gathers;  // the rays look for what throws light on
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];
@@ -207,6 +207,7 @@ struct TransmittanceStage {
       *end[3];  // origin: of each point, where `start` is null.  end: null where `to` is exact
   const double* start[3];
   double* share[3];  // of each hit
+  double* narrowed;  // by how much; null where surfaces are of no density
   double most;       // Material::most_passed, or most_passed_to_fibres
   bool to_fibres;    // the rays are of points on strands
   const LobeShape* lobes;
