@@ -7,7 +7,14 @@ from .anisotropy import Brush
 from .closures import Closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import EDGE_COSINE, conductor_reflectance, schlick
-from .nodes_shader import Edge, glossy_closure, is_multiscatter, note_microfacets
+from .nodes_shader import (
+    THIN_FILM,
+    Edge,
+    glossy_closure,
+    is_multiscatter,
+    note_left_out,
+    note_microfacets,
+)
 from .terms import ONE, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
 from .varying import Roughness
 
@@ -51,6 +58,7 @@ def _mirrored(view: NodeView, color: Sum, lack: Sum, roughness: Roughness) -> Su
 
 def _metallic(view: NodeView) -> Closure:
     note_microfacets(view)
+    note_left_out(view, THIN_FILM)
     brush = Brush(view, view.roughness())
     color, tint = view.reflectance("Base Color"), view.reflectance("Edge Tint", 1.0)
     if view.node.fresnel_type != "F82":

@@ -13,11 +13,13 @@ from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .nodes_metal import metal_closure
 from .nodes_shader import (
-    LEFT_OUT,
+    THIN_FILM,
     below_coat,
     bend,
     coat_closure,
-    glass_closure,
+    diffuse_closure,
+    filmed_glass,
+    glossy_closure,
     is_multiscatter,
     note_left_out,
     under_alpha,
@@ -27,6 +29,7 @@ from .rough_diffuse import roughened
 from .roughness import layer_loss
 from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
+from .thin_film import film_of
 from .varying import Ior, Roughness
 
 
@@ -83,12 +86,18 @@ def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     """The specular level scales F0, one half leaves it as it is."""
     ior = view.ior().with_level(view.amount("Specular IOR Level", 0.5))
     tint = view.reflectance("Specular Tint", 1.0)
-    again = is_multiscatter(view)
-    below = _below(base, tint, roughness, ior, again)
+    again, film = is_multiscatter(view), film_of(view, ior)
+    if film is None:
+        below = _below(base, tint, roughness, ior, again)
+        coat = coat_closure(ONE, roughness, ior, again, tint)
+    else:
+        color = film.tinted(tint)
+        below = diffuse_closure(multiply(base, complement(film.largest(color))))
+        coat = glossy_closure(color, film.mean, roughness, again, edge=None)
     weight, names = view.factor("Subsurface Weight"), ("Subsurface Radius", "Subsurface Scale")
     below = subsurface(view, below, weight, names, base, view.node.subsurface_method)
     below = roughened(view, below, "Diffuse Roughness", base)
-    return add_closures(below, coat_closure(ONE, roughness, ior, again, tint))
+    return add_closures(below, coat)
 
 
 def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
@@ -96,7 +105,8 @@ def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     of it.
     """
     root = _root(view, base)
-    return glass_closure(view.reflectance("Specular Tint", 1.0), root, roughness, view.ior())
+    ior, tint = view.ior(), view.reflectance("Specular Tint", 1.0)
+    return filmed_glass(film_of(view, ior, is_glass=True), tint, root, roughness, ior)
 
 
 def _root(view: NodeView, color: Sum) -> Sum:
@@ -158,7 +168,8 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 
 def _note_what_is_left_out(view: NodeView) -> None:
     bend(view)
-    note_left_out(view, LEFT_OUT)
+    if view.factor("Metallic"):
+        note_left_out(view, THIN_FILM)
     if view.number("Subsurface Weight"):
         note_left_out(view, {"Subsurface Anisotropy": "subsurface anisotropy"})
         note_constants(view, {"Subsurface IOR": WALKS_IOR})

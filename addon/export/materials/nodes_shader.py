@@ -23,6 +23,7 @@ from .roughness import (
 )
 from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
+from .thin_film import Film, film_of
 from .varying import Ior, Roughness
 
 
@@ -240,6 +241,20 @@ def glass_closure(reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior
     )
 
 
+def filmed_glass(
+    film: Film | None, reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior
+) -> Closure:
+    """The same with a film, if there is one, which mirrors alike on both sides."""
+    if film is None:
+        return glass_closure(reflected, refracted, roughness, ior)
+    color = film.tinted(reflected)
+    through = multiply(refracted, complement(film.reflected))
+    return add_closures(
+        glossy_closure(color, film.mean, roughness, True, edge=None),
+        refracting(through, roughness, ior),
+    )
+
+
 def refracting(color: Sum, roughness: Roughness, ior: Ior, fresnel: bool = False) -> Closure:
     """What is seen through a surface: clear up to the roughness of a mirror, blurred beyond."""
     kind = {"fresnel": fresnel, **ior.key}
@@ -263,9 +278,7 @@ def bend(view: NodeView) -> None:
     view.evaluator.bend(view.input("Normal"))
 
 
-LEFT_OUT = {
-    "Thin Film Thickness": "thin film",
-}
+THIN_FILM = {"Thin Film Thickness": "thin film"}
 """Inputs that have no effect where they are not 0."""
 _MICROFACETS = ("GGX", "MULTI_GGX")
 
@@ -280,7 +293,6 @@ def note_left_out(view: NodeView, names: dict[str, str]) -> None:
 def note_microfacets(view: NodeView) -> None:
     """What is left out of a node with microfacets."""
     bend(view)
-    note_left_out(view, LEFT_OUT)
     distribution = getattr(view.node, "distribution", "GGX")
     if distribution not in _MICROFACETS:
         view.note(
@@ -325,8 +337,8 @@ def _glossy(view: NodeView) -> Closure:
 
 def _glass(view: NodeView) -> Closure:
     note_microfacets(view)
-    color = view.reflectance("Color")
-    return glass_closure(color, color, view.roughness(), view.ior())
+    color, roughness, ior = view.reflectance("Color"), view.roughness(), view.ior()
+    return filmed_glass(film_of(view, ior, is_glass=True), color, color, roughness, ior)
 
 
 def _refraction(view: NodeView) -> Closure:

@@ -16,6 +16,7 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
   layers_.reserve(kMostLayers);
   first_of_.resize(scene.materials.size() + 1);
   shares_.reserve(kRows);
+  if (scene.materials.has_dense) narrows_.resize(kRows);
   for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(kRows);
   u_.resize(kRows);
   v_.resize(kRows);
@@ -199,7 +200,7 @@ void TransparentShadows::read_shares(const Rays& rays) {
       stage_.lobes = scene_.materials.lobes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
       stage_.program = material.program > 0 ? scene_.programs.of(material.program) : nullptr;
-      stage_.narrowed = material.is_dense ? shares_[3] : nullptr;
+      stage_.narrowed = material.is_dense ? narrows_.data() : nullptr;
       stages_.transmit(stage_);
     } else {
       for (size_t c = 0; c < 3; ++c) std::fill(shares_[c] + first, shares_[c] + end, 0.0);
@@ -218,7 +219,7 @@ void TransparentShadows::multiply(const LightStage& light, size_t ray) {
   for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i) {
     S = S * row({shares_[0], shares_[1], shares_[2]}, layers_[i].row);
     if (has_dense && scene_.materials[layers_[i].material].is_dense)
-      narrowed_[number] *= shares_[3][layers_[i].row];
+      narrowed_[number] *= narrows_[layers_[i].row];
   }
   const bool fades = scene_.materials.fading_to_fibres != 0;
   if (fades && std::max({S.x, S.y, S.z}) < MaterialTable::kFaded) S = {};

@@ -64,8 +64,9 @@ class TransparentShadows {
   uint32_t end_[kAtOnce];                       // of each ray's layers
   std::vector<uint32_t> materials_, first_of_;  // those met; by material, its first row
   // Of the layers, material by material:
-  Columns shares_{4};             // and by how much light is narrowed
-  std::vector<double> narrowed_;  // of each ray, where some material is dense
+  Columns shares_{3};
+  // Where some material is dense, by how much layers narrow light, and what each ray passes.
+  std::vector<double> narrows_, narrowed_;
   std::vector<uint32_t> number_, instance_, primitive_;
   std::vector<float> u_, v_;
   std::vector<double> slots_, solids_;  // of programs; as TransmittanceStage has them
