@@ -13,11 +13,11 @@ LOBES = "GGX is drawn as Blinn-Phong lobes"
 FILM = f"{LOBES}; thin film by the angle of view"
 
 APPROXIMATED: dict[str, str] = {
-    "ShaderNodeBsdfPrincipled": f"{FILM}, not on metals; subsurface as its node",
+    "ShaderNodeBsdfPrincipled": f"{FILM}; subsurface as its node",
     "ShaderNodeBsdfAnisotropic": LOBES,
     "ShaderNodeBsdfGlossy": LOBES,
-    "ShaderNodeBsdfMetallic": f"{LOBES}; thin film is left out; physical conductors "
-    "by their colours seen straight and at 82 degrees",
+    "ShaderNodeBsdfMetallic": f"{FILM}; physical conductors by their colours "
+    "seen straight and at 82 degrees",
     "ShaderNodeBsdfGlass": f"{FILM}; an edge seen through it is as blurred as in Cycles within "
     "6 % of its height",
     "ShaderNodeBsdfRefraction": "blurred as Glass",

@@ -10,8 +10,13 @@ from export_support import (  # noqa: F401
     scene,
     set_inputs,
 )
-from glint.addon.export.materials.fresnel import fresnel
-from glint.addon.export.materials.thin_film import interference, reflectance
+from glint.addon.export.materials.fresnel import fresnel, schlick
+from glint.addon.export.materials.thin_film import (
+    Metal,
+    interference,
+    metal_reflectance,
+    reflectance,
+)
 from glint.engine.reference.points import light_path
 from glint.engine.reference.program import run
 
@@ -151,6 +156,54 @@ def test_without_a_film_all_is_as_before(scene, thickness):  # noqa: F811
     assert all(lobe.fresnel for lobe in shader.export()[1] if lobe.kind == "REFRACTION")
 
 
-def test_films_on_metals_are_told(scene):  # noqa: F811
+@pytest.mark.parametrize("edge", [None, 0.6])
+def test_a_film_without_thickness_is_the_metal(edge: float | None) -> None:
+    """By its index, or by F82's model where the film is as air."""
+    metal = Metal((0.2, 0.9, 1.4), (3.9, 2.4, 1.9), None if edge is None else (edge,) * 3)
+    found = metal_reflectance(COSINES, 0.0, 1.0, metal)
+    for channel, (n, k) in enumerate(zip(metal.index, metal.extinction, strict=True)):
+        f0 = abs((complex(n, k) - 1) / (complex(n, k) + 1)) ** 2
+        assert found[0, channel] == pytest.approx(f0)
+        at = metal_reflectance(np.array([1 / 7]), 0.0, 1.0, metal)[0, channel]
+        wanted = exact_conductor(1 / 7, complex(n, k)) if edge is None else edge
+        assert at == pytest.approx(wanted, rel=1e-6)
+
+
+def exact_conductor(cosine: float, n: complex) -> float:
+    """Fresnel's equations by hand."""
+    below = np.sqrt(1 - (1 - cosine**2) / n**2)
+    across, along = (
+        (cosine - n * below) / (cosine + n * below),
+        (n * cosine - below) / (n * cosine + below),
+    )
+    return float(abs(across) ** 2 + abs(along) ** 2) / 2
+
+
+def test_metals_are_those_of_their_colour() -> None:
+    """What a colour and the reflectance at 82 degrees guess has that colour."""
+    metal = Metal.of((0.9, 0.6, 0.3), (0.8, 0.7, 0.5))
+    straight = [abs((complex(a, b) - 1) / (complex(a, b) + 1)) ** 2
+                for a, b in zip(metal.index, metal.extinction, strict=True)]  # fmt: skip
+    np.testing.assert_allclose(straight, (0.9, 0.6, 0.3), rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["Principled", "Metallic"])
+def test_metals(scene, kind):  # noqa: F811
+    shader = filmed(f"ShaderNodeBsdf{kind}", Roughness=0.0, Thin_Film_Thickness=300.0)
+    set_inputs(shader.shader, Base_Color=RED, Thin_Film_IOR=1.33)
+    name = "Specular Tint" if kind == "Principled" else "Edge Tint"
+    shader.shader.inputs[name].default_value = (0.5, 0.6, 0.7, 1.0)
+    if kind == "Principled":
+        set_inputs(shader.shader, Metallic=1.0)
+    result, lobes = shader.export()
+    assert not result.notes
+    (mirror,) = of_kind(lobes, "MIRROR")
+    at_edge = [schlick(f, 1 / 7) * t for f, t in zip(RED[:3], (0.5, 0.6, 0.7), strict=True)]
+    truth = metal_reflectance(COSINES, 300.0, 1.33, Metal.of(RED[:3], tuple(at_edge)))
+    np.testing.assert_allclose(colors(result, mirror, inside=True), truth, atol=2e-3)
+
+
+def test_films_on_metals_that_vary_are_told(scene):  # noqa: F811
     shader = filmed("ShaderNodeBsdfPrincipled", Metallic=1.0, Thin_Film_Thickness=300.0)
+    shader.link(shader.node("ShaderNodeTexChecker"), "Color", shader.shader, "Base Color")
     assert any("thin film" in note for note in shader.export()[0].notes)

@@ -13,7 +13,6 @@ from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .nodes_metal import metal_closure
 from .nodes_shader import (
-    THIN_FILM,
     below_coat,
     bend,
     coat_closure,
@@ -168,8 +167,6 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 
 def _note_what_is_left_out(view: NodeView) -> None:
     bend(view)
-    if view.factor("Metallic"):
-        note_left_out(view, THIN_FILM)
     if view.number("Subsurface Weight"):
         note_left_out(view, {"Subsurface Anisotropy": "subsurface anisotropy"})
         note_constants(view, {"Subsurface IOR": WALKS_IOR})

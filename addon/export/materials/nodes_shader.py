@@ -278,8 +278,6 @@ def bend(view: NodeView) -> None:
     view.evaluator.bend(view.input("Normal"))
 
 
-THIN_FILM = {"Thin Film Thickness": "thin film"}
-"""Inputs that have no effect where they are not 0."""
 _MICROFACETS = ("GGX", "MULTI_GGX")
 
 

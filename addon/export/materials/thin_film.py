@@ -17,6 +17,7 @@ from ....engine.program.table import BY_NAME
 from ..shader_nodes.spectra import RGB_FROM_XYZ, WAVELENGTHS, matching
 from .evaluator import NodeView
 from .expressions import Expressions
+from .fresnel import EDGE_COSINE, schlick
 from .terms import RGB, Sum, complement, constant_value, is_constant, multiply, scale
 from .varying import Ior
 
@@ -64,11 +65,57 @@ def reflectance(cosine: Array, thickness: float, film: float, ior: float) -> Arr
     return np.where(((c2 > 0) & (c3 > 0))[:, None], found, 1.0)
 
 
-def _amplitudes(c1: Array, c2: Array, c3: Array, film: float, ior: float) -> tuple:
+@dataclass(frozen=True)
+class Metal:
+    """Index and extinction in red, green and blue, and the reflectance at 82 degrees of metals that
+    have F82's model.
+    """
+
+    index: RGB
+    extinction: RGB
+    edge: RGB | None = None
+
+    @staticmethod
+    def of(f0: RGB, edge: RGB) -> Metal:
+        """As Cycles guesses it of a colour (Gulbrandsen 2014, Artist friendly metallic Fresnel)."""
+        r, g = np.minimum(f0, 0.999), np.asarray(edge)
+        root = np.sqrt(r)
+        n = (1 - g) * (1 + root) / (1 - root) + g * (1 - r) / (1 + r)
+        k = np.sqrt(np.maximum((r * (n + 1) ** 2 - (n - 1) ** 2) / (1 - r), 0.0))
+        return Metal(tuple(n), tuple(k), edge)
+
+
+def metal_reflectance(cosine: Array, thickness: float, film: float, metal: Metal) -> Array:
+    """`reflectance` of a film on a metal."""
+    c1 = np.asarray(cosine, np.float64)
+    c2 = np.sqrt(np.maximum(1 - (1 - c1 * c1) / film**2, 0.0))
+    wave = np.exp(4j * np.pi * film * min(thickness, THICKEST) * c2[:, None] / WAVELENGTHS)
+    found = []
+    for channel, weights in enumerate(_weights()):
+        n = complex(metal.index[channel], metal.extinction[channel])
+        c3 = np.sqrt(1 - (film / n) ** 2 * (1 - c2 * c2))
+        total = np.zeros((len(c1), len(WAVELENGTHS)))
+        for r12, r23 in _amplitudes(c1, c2, c3, film, n):
+            if metal.edge is not None:
+                f0 = abs((n / film - 1) / (n / film + 1)) ** 2
+                r23 = np.sqrt(_f82(c2, f0, metal.edge[channel])) * np.exp(1j * np.angle(r23))
+            a, b = r12[:, None], r23[:, None] * wave
+            total += np.abs((a + b) / (1 + a * b + 1e-12)) ** 2
+        found.append(total / 2 @ weights)
+    return np.clip(np.stack(found, 1), 0.0, 1.0)
+
+
+def _f82(cosine: Array, f0: float, edge: float) -> Array:
+    lack = schlick(f0, EDGE_COSINE) - edge
+    weight = 7**7 / 6**6 * cosine * (1 - cosine) ** 6
+    return np.clip(f0 + (1 - f0) * (1 - cosine) ** 5 - lack * weight, 0.0, 1.0)
+
+
+def _amplitudes(c1: Array, c2: Array, c3: Array, film: float, ior: complex) -> tuple:
     """Fresnel's, above and below the film, of light across the plane of incidence and in it."""
     pairs = ((c1, film * c2), (film * c2, ior * c3)), ((film * c1, c2), (ior * c2, film * c3))
     return tuple(
-        tuple((x - y) / np.where(x + y > 0, x + y, 1.0) for x, y in pair) for pair in pairs
+        tuple((x - y) / np.where(x + y != 0, x + y, 1.0) for x, y in pair) for pair in pairs
     )
 
 
@@ -104,8 +151,12 @@ class Film:
         """Over even light; without interference where the thickness varies."""
         c = (np.arange(512) + 0.5) / 512
         thickness = np.inf if self.varies else self.thickness
-        found = (2 * c[:, None] * reflectance(c, thickness, self.film, self.ior)).mean(0)
+        found = (2 * c[:, None] * self.colors(c, thickness)).mean(0)
         return tuple(float(x) for x in found)
+
+    def colors(self, cosine: Array, thickness: float) -> Array:
+        """(n, 3) at cosines in air."""
+        return reflectance(cosine, thickness, self.film, self.ior)
 
     def tinted(self, tint: Sum) -> Sum:
         """With a tint of what it reflects at F0, as Cycles has it: of less the nearer to 1."""
@@ -139,7 +190,7 @@ class Film:
         do, places = expressions.apply, np.linspace(0, 1, ROWS)
 
         def seen(thickness: float) -> Value:
-            table = reflectance(places, thickness, self.film, self.ior)
+            table = self.colors(places, thickness)
             return do("ramp", cosine, interpolates=1, table=_rows(table))
 
         above = seen(self.thickness)
@@ -195,6 +246,16 @@ class Film:
         return expressions.bounded(color, 0.0, 1.0)
 
 
+@dataclass(frozen=True, eq=False)
+class MetalFilm(Film):
+    """The same on a metal: of one thickness."""
+
+    metal: Metal
+
+    def colors(self, cosine: Array, thickness: float) -> Array:
+        return metal_reflectance(cosine, thickness, self.film, self.metal)
+
+
 def _rows(table: Array) -> tuple[float, ...]:
     """What a ramp reads."""
     return tuple(x for row in table for x in (*map(float, row), 1.0))
@@ -202,14 +263,36 @@ def _rows(table: Array) -> tuple[float, ...]:
 
 def film_of(view: NodeView, ior: Ior, is_glass: bool = False) -> Film | None:
     """The film of a node on something of an index; None where it has none."""
-    if not view.input("Thin Film Thickness"):
+    found = _numbers(view)
+    if found is None:
         return None
-    thickness = view.amount("Thin Film Thickness")
-    if is_constant(thickness) and constant_value(thickness)[0] <= LEAST:
-        return None
-    film = max(view.constant("Thin Film IOR", 1.33), 1.0)
+    thickness, film = found
     if is_constant(thickness):
         return Film(view, constant_value(thickness)[0], film, ior.number, is_glass)
     expressions = view.evaluator.expressions
     value = expressions.parts(expressions.value_of(thickness))[0]
     return Film(view, value, film, ior.number, is_glass)
+
+
+def film_on_metal(view: NodeView, metal: Metal | None) -> MetalFilm | None:
+    """The same on a metal. None, and a note, too where that varies."""
+    found = _numbers(view)
+    if found is None:
+        return None
+    if metal is None:
+        view.note(
+            f"The thin film of {view.node.bl_label} is not rendered on metals whose colour varies: "
+            "{} go without it"
+        )
+        return None
+    return MetalFilm(view, view.constant("Thin Film Thickness"), found[1], 1.0, False, metal)
+
+
+def _numbers(view: NodeView) -> tuple[Sum, float] | None:
+    """Thickness and index of a node's film; None where it has none."""
+    if not view.input("Thin Film Thickness"):
+        return None
+    thickness = view.amount("Thin Film Thickness")
+    if is_constant(thickness) and constant_value(thickness)[0] <= LEAST:
+        return None
+    return thickness, max(view.constant("Thin Film IOR", 1.33), 1.0)
