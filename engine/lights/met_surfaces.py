@@ -117,7 +117,7 @@ def met_surfaces(
     hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
     # strands stand closer together than points can tell apart: they would be specks
     varnished = np.maximum(lobes.ambient - lobes.translucent, 0.0)
-    matt = lobes.diffuse + lobes.toon_matt()
+    matt = lobes.diffuse + lobes.thrown_on(surface)
     given = np.where(_is_varnished(some, surface), varnished, matt)
     given = given * lowered(surface.lowering, dot(surface.n, surface.v))
     is_hair = np.array(hair, bool)[block]

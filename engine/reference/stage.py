@@ -50,6 +50,9 @@ from .visibility import Visibility
 
 Array = np.ndarray
 
+_DIRECTED = ("SHEEN", "TOON_DIFFUSE", "OREN_NAYAR", "FIBRE")
+"""What kinds of lobes begin with that depend on where light comes from, as DIFFUSE does not."""
+
 
 class Stage:
     """A scene made ready: geometry relative to the camera, materials, lights, viewing rays.
@@ -182,7 +185,7 @@ class Stage:
         if shows_gloss or any(source.light.receivers != EVERYTHING for source in bounced):
             return np.ones(len(surface), bool)
         soft = [
-            any(lobe.kind.startswith(("SHEEN", "TOON_DIFFUSE", "FIBRE")) for lobe in material.lobes)
+            any(lobe.kind.startswith(_DIRECTED) for lobe in material.lobes)
             for material in self.scene.materials
         ]
         is_strand = surface.primitive >= self.geometry.first_rod
