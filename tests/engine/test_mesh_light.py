@@ -125,10 +125,10 @@ def test_balls_glow_in_colours_of_their_own(backend):
     tone = Attribute("tone", "FACE", rows)
     balls = Spheres("balls", centers, np.ones(2, np.float32), attributes=(tone,))
     lamp = Material("lamp", (Lobe("EMISSION", (Input((1.0, 1.0, 1.0), attribute="tone"),)),))
-    found = drawn(scene(balls, material=lamp), backend, samples=256, light_samples=16)
+    found = drawn(scene(balls, material=lamp), backend, samples=64, light_samples=16)
     one = [
         drawn(
-            scene(Spheres("ball", c[None], np.ones(1, np.float32))), samples=256, light_samples=16
+            scene(Spheres("ball", c[None], np.ones(1, np.float32))), samples=64, light_samples=16
         )
         for c in centers
     ]
