@@ -261,7 +261,7 @@ def test_attributes_that_are_not_finite_count_as_0_and_are_told(scene, bad):  # 
     ) in result.notes
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e30])
 def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  # noqa: F811
     thing = mesh_object(
         "Broken",
@@ -274,6 +274,7 @@ def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  #
     result = export()
     mesh = result.scene.geometries[0]
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert mesh.vertices.max() == 1 and mesh.vertices.min() == 0
     assert mesh.material_slots.tolist() == [0, 1]
     assert any("'Broken'" in note and "1 of its triangles" in note for note in result.notes)
 

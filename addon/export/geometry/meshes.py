@@ -124,6 +124,8 @@ def read_mesh(mesh: Any, report: Report) -> MeshSource | None:
     triangles = triangles if kept is None else triangles[kept]
     if len(triangles) == 0:
         return None
+    if kept is not None:  # what no triangle has left counts for nothing, the mesh's extent too
+        vertices[~_is_near(vertices)] = vertices[triangles[0, 0]]
     source = MeshSource(Mesh(mesh.name, vertices, triangles), kept)
     slots = _material_slots(mesh, source)
     source.mesh = replace(source.mesh, material_slots=slots, normals=_normals(mesh, source))
@@ -224,8 +226,7 @@ def _finite_triangles(
     """(n,) bool: the triangles whose vertices are finite, or None when all are."""
     if _all_finite(vertices, _FARTHEST):
         return None
-    with np.errstate(invalid="ignore"):
-        kept = (np.abs(vertices) <= _FARTHEST).all(1)[triangles].all(1)
+    kept = _is_near(vertices)[triangles].all(1)
     lost = int(len(kept) - kept.sum())
     if lost:
         report.note(
@@ -233,6 +234,12 @@ def _finite_triangles(
             "triangles are left out; repair them"
         )
     return kept
+
+
+def _is_near(vertices: np.ndarray) -> np.ndarray:
+    """(v,) bool: those that triangles may have."""
+    with np.errstate(invalid="ignore"):
+        return (np.abs(vertices) <= _FARTHEST).all(1)
 
 
 def _material_slots(mesh: Any, source: MeshSource) -> np.ndarray | None:
