@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from . import colorspace
+from .moving import movie_picture
 
 MAGENTA = np.array([[[255, 0, 255, 255]]], np.uint8)
 """What a missing image looks like, as in Cycles."""
@@ -78,23 +79,37 @@ def openimageio() -> Any:
     return OpenImageIO
 
 
-def read(image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
+def read(image: Any, path: str, decoded: Raw | ImageError | None, number: int = 0) -> Pixels:
     """Pixels of `image` (original data-block), of the file `path` where the image stands for
     several files. Raises ImageError.
 
-    decoded: what `decode` gave for its `source`; None where it has none.
+    decoded: what `decode` gave for its `source`; None where it has none. number: of a movie's
+    picture.
     """
     if decoded is None:
         source(image, path)  # raises where a file is missing
+    if image.source == "MOVIE":
+        return _managed(_from_movie(image, path, number), image)
     raw = decoded if isinstance(decoded, Raw) else _from_blender(image)
     return _managed(raw, image)
+
+
+def _from_movie(image: Any, path: str, number: int) -> Raw:
+    try:
+        with movie_picture(path, number) as picture:
+            picture.alpha_mode = image.alpha_mode
+            return _from_blender(picture)
+    except RuntimeError as error:
+        raise ImageError(f"cannot be read: {str(error).strip()}") from error
 
 
 def source(image: Any, path: str) -> Source | None:
     """What there is to decode; None where only Blender knows the pixels. Raises ImageError where
     there is no file.
     """
-    if image.source in ("GENERATED", "MOVIE") or image.is_dirty or openimageio() is None:
+    if image.source == "GENERATED" or image.is_dirty or openimageio() is None:
+        return None
+    if image.source == "MOVIE" and Path(path).is_file():
         return None
     packed = _packed_bytes(image, path)
     if packed is None and not Path(path).is_file():
