@@ -189,6 +189,30 @@ def test_alpha_does_not_darken_data(scene, tmp_path, space):  # noqa: F811
     np.testing.assert_array_equal(_alone(picture)[:, :, :3], wanted)
 
 
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_sixteen_bits_are_multiplied_by_alpha_under_their_curve(scene, tmp_path, name):  # noqa: F811
+    """As bytes are, and as in Cycles."""
+    values = GRADIENT.copy()
+    values[:, :, 3] = [0, 0.25, 0.5, 0.75, 1]
+    picture = bpy.data.images.load(_file(tmp_path / name, values, "uint16"))
+    wanted = srgb_to_linear(values[:, :, :3] * values[:, :, 3:])
+    np.testing.assert_allclose(_alone(picture)[:, :, :3], wanted, atol=3e-5)
+    assert (_alone(picture)[:, :, 3] == 1).all()
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_alpha_does_not_darken_grey(scene, tmp_path, kind):  # noqa: F811
+    """As in Cycles, of a file of two channels."""
+    values = np.stack([GRADIENT[:, :, 0], np.full((3, 5), 0.5, np.float32)], -1)
+    picture = bpy.data.images.load(_file(tmp_path / "a.png", values, kind))
+    found = _alone(picture)[:, :, 0]
+    wanted = _bytes(values[:, :, 0]) if kind == "uint8" else srgb_to_linear(values[:, :, 0])
+    np.testing.assert_allclose(found, wanted, atol=1e-4)
+    assert _texture(picture)[0].pixels[0, 0, 3] == pytest.approx(
+        128 if kind == "uint8" else 0.5, abs=1e-4
+    )
+
+
 @pytest.mark.parametrize("mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED"])
 def test_colours_without_alpha_glow(scene, tmp_path, mode):  # noqa: F811
     """EXR files hold colours times alpha whatever the mode says, as in Cycles: fire that covers
@@ -277,9 +301,7 @@ def test_sequences_show_the_frame_of_the_scene(scene, tmp_path):  # noqa: F811
     ],
 )
 @pytest.mark.parametrize("kind", ["SEQUENCE", "MOVIE"])
-def test_what_moves_shows_the_frame_as_in_cycles(  # noqa: F811
-    scene, tmp_path, kind, settings, shown, refreshes
-):
+def test_what_moves_shows_the_frame_as_in_cycles(scene, tmp_path, kind, settings, shown, refreshes):
     """Auto Refresh or not: what Blender counts for itself stays where that is off."""
     for frame in (1, 2, 3):
         _file(tmp_path / f"7_{frame:04}.png", np.full((16, 16, 3), frame / 4))
@@ -339,8 +361,8 @@ def _movie(tmp_path) -> str:
     made.view_settings.view_transform = "Standard"
     bpy.ops.render.render(animation=True, scene=made.name)
     bpy.data.scenes.remove(made)
-    for image in list(bpy.data.images):
-        bpy.data.images.remove(image)
+    for loaded in list(bpy.data.images):
+        bpy.data.images.remove(loaded)
     return path
 
 

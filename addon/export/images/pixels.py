@@ -31,7 +31,8 @@ class Pixels:
     """pixels (h, w, 4) uint8 or float32 and encoding as in `engine.scene.Texture`; associated:
     colours count times alpha where a node uses the colour alone. repaired: values that are not
     finite count as 0. premultiplied: the file's colours held alpha, so that they may be there where
-    alpha is 0.
+    alpha is 0. stored: as decoded, of colours that Cycles multiplies by alpha under their
+    sRGB curve.
     """
 
     pixels: np.ndarray
@@ -39,16 +40,18 @@ class Pixels:
     associated: bool = False
     repaired: bool = False
     premultiplied: bool = False
+    stored: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Raw:
     """Decoded values: (h, w, 4) uint8 or float32; opaque: alpha is 1 everywhere; linear: already
-    scene-linear; premultiplied: colours hold alpha already.
+    scene-linear; premultiplied: colours hold alpha already. is_grey: of one or two channels.
     """
 
     rgba: np.ndarray
     opaque: bool
+    is_grey: bool = False
     linear: bool = False
     premultiplied: bool = False
 
@@ -151,7 +154,8 @@ def _raw(
     if values.size == 0:
         raise ImageError("is empty")
     rgba = _four_channels(values, alpha_mode)
-    return Raw(rgba, values.shape[2] in (1, 3) or _opaque(rgba), linear, premultiplied)
+    channels = values.shape[2]
+    return Raw(rgba, channels in (1, 3) or _opaque(rgba), channels < 3, linear, premultiplied)
 
 
 def _packed_bytes(image: Any, path: str) -> bytes | None:
@@ -254,14 +258,18 @@ def _four_channels(values: np.ndarray, alpha_mode: str) -> np.ndarray:
 
 def _managed(raw: Raw, image: Any) -> Pixels:
     """Into scene-linear colour with straight alpha, as bytes with the sRGB curve where that loses
-    nothing. Data, such as normal maps, is left as it is, and packed channels, as in Cycles.
+    nothing. Data, such as normal maps, is left as it is, and packed channels, and grey beside
+    alpha, as in Cycles.
     """
     space, rgba, has_alpha = image.colorspace_settings, raw.rgba, not raw.opaque
     is_apart = has_alpha and not space.is_data and image.alpha_mode in ("STRAIGHT", "PREMUL")
     divides = raw.premultiplied and is_apart
+    is_apart = is_apart and (divides or not raw.is_grey)
+    stored = None
     encoding = "LINEAR" if raw.linear else colorspace.stored_encoding(space.name, space.is_data)
     if encoding is None or (encoding == "SRGB" and (divides or rgba.dtype != np.uint8)):
         try:
+            stored = rgba if is_apart and encoding == "SRGB" and not divides else None
             rgba, encoding = colorspace.to_scene_linear(rgba, space.name, openimageio()), "LINEAR"
         except LookupError as error:
             raise ImageError(
@@ -272,13 +280,18 @@ def _managed(raw: Raw, image: Any) -> Pixels:
     broken = rgba.dtype != np.uint8 and not np.isfinite(rgba.sum(dtype=np.float64))
     if broken:
         rgba = np.nan_to_num(rgba, nan=0.0, posinf=0.0, neginf=0.0)
-    return Pixels(np.ascontiguousarray(rgba), encoding, is_apart, broken, divides)
+    return Pixels(np.ascontiguousarray(rgba), encoding, is_apart, broken, divides, stored)
 
 
 def associated(found: Pixels) -> np.ndarray:
     """(h, w, 4): colours times alpha, opaque; as in the file where that held the product. Bytes are
     multiplied as they are, under their curve and rounded down, as Cycles does.
     """
+    if found.stored is not None:
+        rgba = colorspace.as_float(found.stored)
+        rgba[:, :, :3] = colorspace.srgb_to_linear(rgba[:, :, :3] * rgba[:, :, 3:])
+        rgba[:, :, 3] = 1
+        return rgba
     color, alpha = found.pixels[:, :, :3], found.pixels[:, :, 3:]
     if color.dtype == np.uint8:
         product, opaque = (
