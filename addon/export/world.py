@@ -8,9 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.lights.dome import cell_shares, radiance_along, radiance_map, within_range
+from ...engine.lights.dome import (
+    cell_shares,
+    directions,
+    radiance_along,
+    radiance_map,
+    within_range,
+)
 from ...engine.program.graph import Value
-from ...engine.program.program import compile_program
+from ...engine.program.program import compile_program, instructions
+from ...engine.program.table import BY_NAME
 from ...engine.scene import Light, Medium, Mist, World
 from .images.images import Images
 from .materials.closures import LobeKey
@@ -72,6 +79,12 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     expressions, radiance = _radiance(world, images, report, discs)
     without = _radiance(world, images, Report(), None) if discs else (expressions, radiance)
     values = _map(*without, images)
+    if visibility.gloss and _tells_gloss_apart(expressions, radiance, images):
+        report.note(
+            "The world {} is to rough reflections as to matt surfaces, where its Light Path tells "
+            "them apart: use mirrors (a roughness up to 0.05)",
+            world.name,
+        )
     seen = _as_seen(expressions, radiance, visibility)
     mean = tuple(float(x) for x in (values * cell_shares(*values.shape[:2])).sum((0, 1)))
     medium = _medium(world, images, report)
@@ -162,6 +175,20 @@ def _along(
         return np.repeat(np.array(radiance.constant)[:, None], points.shape[1], 1)
     program = compile_program(expressions.graph, [radiance])
     return radiance_along(program, images.textures, points)
+
+
+def _tells_gloss_apart(expressions: Expressions, radiance: Value, images: Images) -> bool:
+    """Whether mirrors see something else than matt surfaces."""
+    if radiance.constant is not None:
+        return False
+    program = compile_program(expressions.graph, [radiance])
+    if all(step.operation is not BY_NAME["light_path"] for step in instructions(program)):
+        return False
+    mirrored, scattered = (
+        radiance_along(program, images.textures, directions(8, 16), kind)
+        for kind in ("mirror", "scattered")
+    )
+    return not np.allclose(mirrored, scattered, rtol=1e-3, atol=1e-6)
 
 
 def _axes(up: np.ndarray) -> np.ndarray:

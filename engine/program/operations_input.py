@@ -158,9 +158,9 @@ INPUTS = (
     ),
     Operation(
         "light_path",
-        sockets(camera="number", shadow="number", bounced="number"),
+        sockets(camera="number", shadow="number", bounced="number", scattered="number"),
         formula="1 for the kind of ray that meets the point: from the camera, to a light, mirrored "
-        "or refracted; else 0",
+        "or refracted, from a matt surface (of lights that are tables); else 0",
         reads_point=True,
         of_ray=True,
     ),

@@ -20,7 +20,7 @@ class Sky:
     """What the program of a world reads where rays in the directions (3, n), unit, hit nothing."""
 
     def __init__(self, images: Images, along: Array, kind: str) -> None:
-        """kind: of the rays, "camera" or "mirror"."""
+        """kind: of the rays, "camera", "mirror" or "scattered"."""
         self._images, self._along, self._kind = images, along, kind
 
     def incoming(self) -> Array:
@@ -35,8 +35,8 @@ class Sky:
         """(4, n) RGBA."""
         return self._images[texture].read(u, v)
 
-    def light_path(self) -> tuple[Array, Array, Array]:
-        """Three times (n,): see `points.light_path`."""
+    def light_path(self) -> tuple[Array, ...]:
+        """Four times (n,): see `points.light_path`."""
         return light_path(self._kind, self._along.shape[1])
 
 

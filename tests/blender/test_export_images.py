@@ -301,8 +301,8 @@ def test_sequences_show_the_frame_of_the_scene(scene, tmp_path):  # noqa: F811
     ],
 )
 @pytest.mark.parametrize("kind", ["SEQUENCE", "MOVIE"])
-def test_what_moves_shows_the_frame_as_in_cycles(scene, tmp_path, kind, settings, shown, refreshes):
-    """Auto Refresh or not: what Blender counts for itself stays where that is off."""
+def test_what_moves_shows_the_frame(scene, tmp_path, kind, settings, shown, refreshes):  # noqa: F811
+    """As in Cycles, Auto Refresh or not: what Blender counts for itself stays where that is off."""
     for frame in (1, 2, 3):
         _file(tmp_path / f"7_{frame:04}.png", np.full((16, 16, 3), frame / 4))
     if kind == "SEQUENCE":

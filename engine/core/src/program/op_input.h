@@ -294,6 +294,7 @@ inline void light_path(const Machine& m, const Operands& at) {
     at.put(0, k, is(RayKind::kCamera));
     at.put(1, k, is(RayKind::kShadow));
     at.put(2, k, is(RayKind::kBounced));
+    at.put(3, k, splat(0));  // no ray: lights that are tables are made elsewhere
   });
 }
 
