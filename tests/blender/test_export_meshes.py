@@ -292,6 +292,23 @@ def test_corners_go_with_the_triangles_that_are_left(scene):  # noqa: F811
     np.testing.assert_array_equal(uv[:, :, 0], 2 * (3 + mesh.triangles))
 
 
+@pytest.mark.parametrize("kind", ["FLOAT", "INT", "FLOAT_COLOR"])
+def test_values_on_edges_are_means_at_the_vertices(scene, kind):  # noqa: F811
+    """As in Cycles."""
+    shader = Shader()
+    layer = shader.quad.data.attributes.new("Wear", kind, "EDGE")
+    ends = np.array([edge.vertices[:] for edge in shader.quad.data.edges])
+    values = np.arange(1, len(ends) + 1)
+    for item, value in zip(layer.data, values.tolist(), strict=True):
+        setattr(item, *(("color", [value] * 4) if "COLOR" in kind else ("value", value)))
+    shader.link(shader.node("ShaderNodeAttribute", attribute_name="Wear"), 0, shader.shader, 0)
+    result = shader.export()[0]
+    (found,) = (a for a in result.scene.geometries[0].attributes if a.name == "Wear")
+    wanted = [values[(ends == k).any(1)].mean() for k in range(4)]
+    assert found.domain == "POINT" and not result.notes
+    np.testing.assert_allclose(found.values[:, 0], wanted, rtol=1e-6)
+
+
 def test_meshes_without_faces_are_nothing(scene):  # noqa: F811
     mesh_object("Points", [(0, 0, 0)], [])
     mesh_object("Empty", [], [])

@@ -25,10 +25,10 @@ from ..shader_nodes.reader import (
     UNDISPLACED_NORMAL,
     UNDISPLACED_TANGENT,
 )
-from .islands import as_four, islands, pointiness
+from .islands import as_four, edges_of, islands, pointiness
 from .tangents import tangents
 
-_DOMAINS = {"POINT": POINT, "CORNER": CORNER, "FACE": FACE}
+_DOMAINS = {"POINT": POINT, "EDGE": POINT, "CORNER": CORNER, "FACE": FACE}
 _COLUMNS = {
     "FLOAT": ("value", 1),
     "INT": ("value", 1),
@@ -457,10 +457,18 @@ def values_as_color(values: np.ndarray, grey: bool) -> np.ndarray:
 
 
 def _values(mesh: Any, source: MeshSource, attribute: Any) -> np.ndarray:
-    """(k, c) of an attribute; values on faces are handed to the triangles."""
+    """(k, c) of an attribute; values on faces are handed to the triangles, those on edges to the
+    vertices, each of which takes the mean of its edges', as in Cycles.
+    """
     values = values_of(attribute)
     if attribute.domain == "FACE":
         values = values[_triangle_faces(mesh, source)]
+    elif attribute.domain == "EDGE":
+        ends = edges_of(mesh).T.reshape(-1)
+        both, count = np.concatenate([values, values]), len(mesh.vertices)
+        sums = [np.bincount(ends, column, count) for column in both.T]
+        edges = np.maximum(np.bincount(ends, minlength=count), 1)
+        values = (np.column_stack(sums) / edges[:, None]).astype(np.float32)
     elif attribute.domain == "CORNER":
         _read_corners(mesh, source)
     return values
