@@ -58,7 +58,6 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeLightPath": "rough reflections count as singular, and of worlds as diffuse; in "
     "worlds and lights depths end at one bounce or are constants",
     "ShaderNodeTexSky": "Hosek/Wilkie as Preetham's at its brightness, within 6 % of each channel",
-    "ShaderNodeWireframe": "not in pixels",
     "ShaderNodeVectorCurve": "within 2e-4",
     "ShaderNodeParticleInfo": "as where there are no particles",
 }

@@ -21,6 +21,10 @@ class Shift(IntEnum):
         return int(self) + 4 * width
 
 
+OF_TRIANGLES = ("barycentric", "edge_distance", "pixel_step")
+"""What points inside of media and of lights have not, beside attributes."""
+
+
 class NormalSpace(IntEnum):
     """Blender's identifiers of what the colours of normal maps mean."""
 
@@ -120,6 +124,14 @@ INPUTS = (
         settings=_SHIFT,
         formula="distance in the world to the nearest side of the triangle, the largest float off "
         "triangles",
+        reads_point=True,
+    ),
+    Operation(
+        "pixel_step",
+        sockets(value="vector"),
+        settings=(("axis", range(1, 3)),),
+        formula="a tenth of what a pixel spans there, along the first or the second axis in the "
+        "plane of the face; what is shifted sees the same",
         reads_point=True,
     ),
     Operation(

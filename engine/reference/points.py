@@ -186,6 +186,10 @@ class SurfacePoints:
         size = self._step_size() * (width / 100 if width else 1.0)
         return size * _axes_in_face(self._of("g"))[min(axis, 2) - 1]
 
+    def pixel_step(self, axis: int) -> Array:
+        """(3, m): `shift` of Shift.FIRST or SECOND."""
+        return self.shift(axis)
+
     def object_location(self) -> Array:
         """(3, m) of the object's origin in the world."""
         return self._around.placements.world_from_object[self._row()][:, :, 3].T + self._around.eye

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ....engine.program.graph import Value
+from ....engine.program.operations_input import Shift
+from ....engine.program.operations_vector import VectorMeasure
 from ..images.images import FIRST, Images
 from ..materials.graph import socket_named
 from ..materials.terms import GREY
@@ -82,13 +84,26 @@ def _parametric(view: NodeInputs) -> Value:
     return view.apply("product", weights, view.reader.graph.constant((1.0, 1.0, 0.0)))[0]
 
 
-def _wireframe(view: NodeInputs) -> Outputs | None:
-    if view.node.use_pixel_size:
-        return None
+def _wireframe(view: NodeInputs) -> Outputs:
     do = view.math
     apart = view.apply("edge_distance", shift=0)[0]
-    line = do("LESS_THAN", apart, do("MULTIPLY", view.value("Size"), 0.5))
+    half = do("MULTIPLY", view.value("Size"), 0.5)
+    half = do("MULTIPLY", half, _pixel_width(view)) if view.node.use_pixel_size else half
+    line = do("LESS_THAN", apart, half)
     return {"Fac": line, "Factor": line}
+
+
+def _pixel_width(view: NodeInputs) -> Value:
+    """What a pixel spans at the point, as the mean of two steps in the face's plane as they are
+    seen, as in Cycles.
+    """
+    do, incoming, widths = view.math, view.apply("incoming")[0], []
+    for axis in (Shift.FIRST, Shift.SECOND):
+        step = view.apply("pixel_step", axis=int(axis))[0]
+        along = view.apply("vector_measure", step, incoming, measure=VectorMeasure.DOT_PRODUCT)[0]
+        across = view.apply("scaled_sum", incoming, do("MULTIPLY", along, -1.0), step)[0]
+        widths.append(view.apply("vector_length", across)[0])
+    return do("MULTIPLY", do("ADD", *widths), 5.0)  # a step is a tenth of a pixel
 
 
 def _camera(view: NodeInputs) -> Outputs:

@@ -397,6 +397,11 @@ inline Mask on_triangles(const OnMesh& p) {
   return flat;
 }
 
+inline void pixel_step(const Machine& m, const Operands& at) {
+  const Doubles over = splat(1 / m.tables.view->scale);
+  each_group(m, [&](size_t k) { at.put(0, k, over * step_of(m, k, at.settings[0])); });
+}
+
 inline void edge_distance(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     const OnMesh p = on_mesh(m, k, at.settings[0], false);
