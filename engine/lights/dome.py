@@ -68,15 +68,19 @@ def radiance_map(program: Program, textures: Sequence[Texture]) -> Array:
 
 
 def radiance_along(
-    program: Program, textures: Sequence[Texture], unit: Array, kind: str = "scattered"
+    program: Program,
+    textures: Sequence[Texture],
+    unit: Array,
+    kind: str = "scattered",
+    seen: tuple | None = None,
 ) -> Array:
     """(3, n) of a world's light from unit directions (3, n), as rays from matt surfaces, or of
-    another kind, see it.
+    another kind, see it. seen: as `reference.sky.Sky` has it.
     """
     from ..reference.sky import radiance
     from ..reference.textures import Image
 
-    return radiance(program, {k: Image(textures[k]) for k in program.textures}, unit, kind)
+    return radiance(program, {k: Image(textures[k]) for k in program.textures}, unit, kind, seen)
 
 
 def within_range(values: Array) -> Array:

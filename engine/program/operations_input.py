@@ -72,13 +72,22 @@ INPUTS = (
         reads_point=True,
     ),
     *(
-        Operation(name, sockets(vector="vector"), (), _SHIFT, formula, reads_point=True)
+        Operation(
+            name,
+            sockets(vector="vector"),
+            (),
+            _SHIFT,
+            formula,
+            reads_point=True,
+            of_ray=name in ("camera_position", "window"),
+        )
         for name, formula in (
             ("position", "the point in the world"),
             ("object_position", "the point in the object's space"),
             (
                 "camera_position",
-                "the point along right and up of the camera, and its depth",
+                "the point along right and up of the camera, and its depth; where nothing is, the "
+                "direction",
             ),
             ("window", "(x, y, 0) in the picture, 0 to 1 from lower left"),
             ("barycentric", "weights of the triangle's corners, zeros off triangles"),
