@@ -54,10 +54,9 @@ APPROXIMATED: dict[str, str] = {
         ("ShaderNodeDisplacement", "ShaderNodeVectorDisplacement"),
         "Displacement and Bump shows the slopes of the surface, in Cycles times the object's scale",
     ),
-    "ShaderNodeLightPath": "scattered light comes from points, so no ray is a diffuse one; rough "
-    "reflections count as singular; in worlds and lights depths are constants",
+    "ShaderNodeLightPath": "rough reflections count as singular, and of worlds as diffuse; in "
+    "worlds and lights depths end at one bounce or are constants",
     "ShaderNodeTexSky": "Hosek/Wilkie as Preetham's at its brightness, within 6 % of each channel",
-    "ShaderNodeWireframe": "not in pixels",
     "ShaderNodeVectorCurve": "within 2e-4",
     "ShaderNodeParticleInfo": "as where there are no particles",
 }

@@ -110,7 +110,7 @@ def met_surfaces(
     block = block_of[surface.row]
     sets = np.array([block.light_set for block in some.instances], np.intp)[block]
     caught = np.array([block.catcher for block in some.instances], bool)[block]
-    lobes = shader.coefficients(surface, "mirror")
+    lobes = shader.coefficients(surface, "scattered")
     if any(_knows_its_ray(material) for material in some.materials):
         towards_light = shader.coefficients(surface, "shadow")
         lobes = replace(lobes, transparent=towards_light.transparent)

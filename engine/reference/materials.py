@@ -196,7 +196,7 @@ class Shader:
     def coefficients(
         self, surface: Surface, kind: str, queries: SceneQueries | None = None
     ) -> Coefficients:
-        """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror".
+        """All lobes at each point. kind: of the rays that meet them, as `points.light_path` has it.
 
         queries: how programs ask the scene for rays, here and below.
         """

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..program.operations import Reference
+from ..program.operations_input import OF_TRIANGLES
 from ..program.problems import program_problems
 from ..program.program import Program, instructions
 from .checks import (
@@ -91,7 +92,7 @@ def _out_of_place(program: Program, is_world: bool) -> Found:
     for step in instructions(program):
         of_placement = step.operation.name == "instance_value"
         named = any(choices is Reference.ATTRIBUTE for _, choices in step.operation.settings)
-        if (named and not of_placement) or step.operation.name in ("barycentric", "edge_distance"):
+        if (named and not of_placement) or step.operation.name in OF_TRIANGLES:
             yield f"reads {step.operation.name}, which a medium has not: use its position"
         elif of_placement and is_world:
             yield "reads a placement, which a world has not: use its position"

@@ -136,7 +136,7 @@ class Evaluator:
         if found is None or not found.socket.is_output:
             return Coordinates("")
         handler = VECTOR_NODES.get(found.node.bl_idname)
-        if handler is None or found.node.mute:
+        if handler is None:
             return None
         return self._once(found, lambda: handler(NodeView(self, found), found.socket), None)
 
@@ -146,7 +146,7 @@ class Evaluator:
         """
         found = source(place)
         self._note_circle(found)
-        if found is None or not found.socket.is_output or found.node.mute:
+        if found is None or not found.socket.is_output:
             return {}
         if found.socket.type != "SHADER":
             return {LobeKey("EMISSION"): self.color(place)}
@@ -298,8 +298,6 @@ class Evaluator:
         found = place if found is None else found
         if not found.socket.is_output:
             return self._default(found.socket), found.socket.type
-        if found.node.mute:
-            return ZERO, "VALUE"
         value = self._value(found)
         return (
             (self._default(place.socket), place.socket.type)
@@ -448,7 +446,7 @@ class NodeView:
     def is_linked(self, name: str) -> bool:
         place = self.input(name)
         found = source(place) if place else None
-        return found is not None and found.socket.is_output and not found.node.mute
+        return found is not None and found.socket.is_output
 
     def note(self, sentence: str) -> None:
         self.evaluator.note(sentence)

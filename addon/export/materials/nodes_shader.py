@@ -367,12 +367,7 @@ def _fresnel_factor(view: NodeView) -> float | None:
     """
     place = view.input("Fac") or view.input("Factor")
     found = source(place) if place else None
-    if (
-        found is None
-        or not found.socket.is_output
-        or found.node.mute
-        or found.node.bl_idname != "ShaderNodeFresnel"
-    ):
+    if found is None or not found.socket.is_output or found.node.bl_idname != "ShaderNodeFresnel":
         return None
     terms = NodeView(view.evaluator, found).number("IOR", 1.5)
     return max(terms[0].value[0], 1e-3) if terms and is_constant(terms) else None

@@ -123,7 +123,8 @@ bool has_none(const GlintSceneData& d, const GlintProgram& g, Is is) {
 /// Whether it needs a primitive, which points inside of media and of lights have not.
 bool reads_primitive(const OperationLayout& of) {
   const std::string_view name = of.name;
-  return std::strchr(of.settings, 'a') || name == "barycentric" || name == "edge_distance";
+  return std::strchr(of.settings, 'a') || name == "barycentric" || name == "edge_distance" ||
+         name == "pixel_step";
 }
 
 /// Whether a medium's program needs nothing but places and, unless it is the world's, what it is
