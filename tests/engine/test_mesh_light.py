@@ -127,9 +127,7 @@ def test_balls_glow_in_colours_of_their_own(backend):
     lamp = Material("lamp", (Lobe("EMISSION", (Input((1.0, 1.0, 1.0), attribute="tone"),)),))
     found = drawn(scene(balls, material=lamp), backend, samples=64, light_samples=16)
     one = [
-        drawn(
-            scene(Spheres("ball", c[None], np.ones(1, np.float32))), samples=64, light_samples=16
-        )
+        drawn(scene(Spheres("ball", c[None], np.ones(1, np.float32))), samples=64, light_samples=16)
         for c in centers
     ]
     wanted = sum(row[:3] * each for row, each in zip(rows, one, strict=True))
