@@ -8,6 +8,7 @@ from mathutils import Matrix
 from export_support import Shader, export, link, mesh_object, quad, scene  # noqa: F401
 from glint.addon.export.geometry import meshes
 from glint.addon.export.geometry.shapes import mark_sphere
+from glint.addon.export.materials.terms import GREY
 from glint.addon.ui import sphere
 from glint.engine.scene import CORNER, POINT, Mesh, Spheres
 
@@ -254,7 +255,8 @@ def test_attributes_that_are_not_finite_count_as_0_and_are_told(scene, bad):  # 
     shader.link(attribute, "Color", shader.shader, "Color")
     result = export(passes=frozenset({"UV"}))
     values = {a.name: a.values[:, :2].tolist() for a in result.scene.geometries[0].attributes}
-    assert values == {"UVMap": [[0, 1]] * 4, "Number": [[0, 0], [1, 1], [2, 2], [3, 3]]}
+    numbers = [[0, 0], [1, 1], [2, 2], [3, 3]]
+    assert values == {"UVMap": [[0, 1]] * 4, "Number": numbers, f"{GREY}Number": numbers}
     assert (
         "Attributes have values that are not finite, which count as 0 ('UVMap of Quad', 'Number of "
         "Quad'): repair or remove them"
