@@ -12,6 +12,7 @@ import numpy as np
 
 from ..cryptomatte import id_bits
 from ..scene import Input, Lobe, Material, Scene
+from ..scene.model_surfaces import LARGEST, LEAST_IOR
 from .attributes import Attributes
 from .bumps import bump_of, lifted
 from .coefficients import Coefficients, Term
@@ -416,7 +417,7 @@ def _index(lobe: Lobe, outputs: list[Array]) -> Array | float:
     if lobe.ior_output < 0:
         return lobe.ior
     given = outputs[lobe.ior_output][0]
-    return np.where(np.isfinite(given) & (given > 0), given, lobe.ior)
+    return np.where((given >= LEAST_IOR) & (given <= LARGEST), given, lobe.ior)
 
 
 def _number(own: float, output: int, outputs: list[Array]) -> Array | float:

@@ -95,24 +95,28 @@ LOBES = (
     "FIBRE_TRANSMISSION",
 )
 
+LEAST_IOR, LARGEST = 1e-30, 1e30
+"""Of indices of refraction, of exponents too: squares, and one over them, stay finite."""
+
 
 @dataclass(frozen=True)
 class Lobe:
     """One term of a surface: `kind` times the product of `factors` (the notes' coefficient k).
 
-    exponent: >= 0, Phong's of a SPECULAR lobe; AMBIENT, DIFFUSE and OREN_NAYAR ones are times (1 -
-    n·v) to that power. ior: > 0. On REFRACTION the index inside the surface, on TRANSPARENT that
-    for light to lit points alone, which is less where it comes from a narrower cone inside
-    (SEMANTICS.md, S). `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel reflectance of
-    `ior`, a REFRACTION lobe by one minus it, and a SPECULAR lobe by what it is between v and h.
+    exponent: 0 to 1e30, Phong's of a SPECULAR lobe; AMBIENT, DIFFUSE and OREN_NAYAR ones are times
+    (1 - n·v) to that power. ior: 1e-30 to 1e30. On REFRACTION the index inside the surface, on
+    TRANSPARENT that for light to lit points alone, which is less where it comes from a narrower
+    cone inside (SEMANTICS.md, S). `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel
+    reflectance of `ior`, a REFRACTION lobe by one minus it, and a SPECULAR lobe by what it is
+    between v and h.
     schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵ (Schlick 1994): what a metal's reflectance
     gains towards grazing angles. edge: by 7⁷/6⁶ v·h (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what
     it may lack some 8 degrees off the surface, where that is 1. masking: 0 to 1, of a SPECULAR
     lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for none.
     exponent_output, masking_output: which output of the material's program, a number, gives the
     exponent or masking instead, kept from 0 to what stands here; -1 for none. ior_output: the same
-    of ior, which stands where the output is not finite or not above 0. A SHEEN lobe has its width
-    as exponent and its lean as masking (SEMANTICS.md), a TOON lobe the shares of a right angle of
+    of ior, which stands where the output is not from 1e-30 to 1e30. A SHEEN lobe has its width as
+    exponent and its lean as masking (SEMANTICS.md), a TOON lobe the shares of a right angle of
     its size, up to 1, and of its smooth edge, FIBRE lobes as masking how far light fans out round
     the tangent, 0 for as far as normals do, and as ior what `leaning` makes of how far they lean
     along it. fibre_output: of FIBRE lobes, the output with the fibre's tangent in the world, as

@@ -28,6 +28,8 @@ from .model_surfaces import (
     ENCODINGS,
     EXTENSIONS,
     INTERPOLATIONS,
+    LARGEST,
+    LEAST_IOR,
     LOBES,
     Input,
     Lobe,
@@ -100,9 +102,8 @@ def _out_of_place(program: Program, is_world: bool) -> Found:
 
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from one_of("kind", lobe.kind, LOBES)
-    yield from at_least("exponent", lobe.exponent, 0)
-    if not (is_real(lobe.ior) and np.isfinite(lobe.ior) and lobe.ior > 0):
-        yield f"ior is {lobe.ior!r}: use a finite number above 0"
+    yield from at_least("exponent", lobe.exponent, 0, LARGEST)
+    yield from at_least("ior", lobe.ior, LEAST_IOR, LARGEST)
     yield from at_least("masking", lobe.masking, 0, 1)
     if lobe.kind == "SPECULAR" and lobe.fresnel + lobe.schlick + lobe.edge > 1:
         yield "is times two of fresnel, schlick and edge: use one of them"

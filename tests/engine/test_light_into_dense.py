@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 
 from glint.engine import scene as s
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
 from native_tools import (
     color,
     constant,
@@ -94,6 +97,23 @@ def test_spheres_and_many_layers(backend: str) -> None:
     r = np.hypot(*np.meshgrid(*[(2 * np.arange(16) - 15) / 16] * 2))
     np.testing.assert_allclose(found[r < 0.65], CLEAR / IOR**2, rtol=1e-6)
     np.testing.assert_allclose(found[r > 0.75], 1.0, rtol=1e-6)
+
+
+@BACKENDS
+@pytest.mark.parametrize("given", [np.nan, np.inf, -2.0, 0.0, 1e-300, 1e300, 1e30, 2.0])
+def test_what_is_no_index_leaves_the_lobe_its_own(given: float, backend: str) -> None:
+    graph = Graph()
+    normal = graph.apply(BY_NAME["normal"])[0]
+    value = graph.apply(
+        BY_NAME["scaled_sum"], normal, graph.constant(0.0), graph.constant((given,) * 3)
+    )[0]
+    number = graph.apply(BY_NAME["separate_xyz"], value)[0]
+    scene = layers(True, ior_output=0)
+    look = replace(scene.materials[1], program=compile_program(graph, [number]))
+    scene = replace(scene, materials=(scene.materials[0], look))
+    wanted = given if given in (2.0, 1e30) else IOR
+    found = color(scene, backend=backend)
+    np.testing.assert_allclose(found, CLEAR / wanted**2, rtol=1e-6, atol=1e-30)
 
 
 def many() -> s.Scene:

@@ -155,8 +155,8 @@ enum GlintLobeKind {
  * FIBRE lobe masking how far light fans out round the tangent, 0 for as far as normals do, and ior
  * 1 plus over 1 minus the tangent of how far it leans against it. exponent_slot, masking_slot,
  * ior_slot: 0, or 1 plus the slot of the material's program that takes the place of the number;
- * exponent and masking are kept from 0 to the lobe's own, an ior that is not finite or not above 0
- * is the lobe's own. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of three slots with the
+ * exponent and masking are kept from 0 to the lobe's own, an ior that is not from 1e-30 to 1e30 is
+ * the lobe's own. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of three slots with the
  * fibre's tangent in world space, of any length, 0 of what is no fibre. normal_slot: of SPECULAR,
  * MIRROR and REFRACTION lobes, 0 or 1 plus the first of three slots with a shading normal of their
  * own in world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three slots with a

@@ -191,8 +191,8 @@ void check_materials(const GlintSceneData& d, Report& report) {
                "lobe %llu: exponent %g is not between 0 and 1e30", ull(i), g.exponent);
     report.add(g.masking >= 0 && g.masking <= 1, "lobe %llu: masking %g is not between 0 and 1",
                ull(i), g.masking);
-    report.add(g.ior > 0 && g.ior <= 1e30, "lobe %llu: index of refraction %g is not above 0",
-               ull(i), g.ior);
+    report.add(g.ior >= 1e-30 && g.ior <= 1e30,
+               "lobe %llu: index of refraction %g is not between 1e-30 and 1e30", ull(i), g.ior);
   }
   for (uint64_t i = 0; i < d.program_count && report.good(); ++i)
     check_program(d, d.programs[i], i, report);
