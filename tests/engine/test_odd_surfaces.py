@@ -12,6 +12,9 @@ import pytest
 
 from engine_scenes import grid_mesh
 from glint.engine import scene as s
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
 from native_tools import IDENTITY, constant, draw, lamp
 from test_same_bits import AXES, LOOKS
 
@@ -121,3 +124,23 @@ def test_pictures_are_finite_and_agree(name: str, case: str) -> None:
     assert truth[..., :3].max() > 0 or (name, case) == ("points", "inside")  # has no such colour
     off = np.abs(core - truth) > 1e-4 * (np.abs(truth) + np.abs(truth).max())
     assert off.any(-1).mean() <= 0.02, np.abs(core - truth).max()
+
+
+@pytest.mark.parametrize("factor", [1e200, 1e300])
+def test_what_passes_more_than_numbers_hold(factor: float) -> None:
+    """Behind two such surfaces weights are infinite; rays that meet nothing there are lit by
+    nothing, also where lights are linked.
+    """
+    graph = Graph()
+    normal = graph.apply(BY_NAME["normal"])[0]
+    more = graph.apply(
+        BY_NAME["scaled_sum"], normal, graph.constant(0.0), graph.constant((factor,) * 3)
+    )[0]
+    lobes = s.Lobe("TRANSPARENT", (s.Input(output=0),)), s.Lobe("DIFFUSE", constant(0.1))
+    glass = s.Material("glass", lobes, program=compile_program(graph, [more]))
+    scene = things("toon", MATRICES[0], 1.0, PLACES[0], False)
+    for receivers in (s.EVERYTHING, 1):
+        lights = tuple(replace(light, receivers=receivers) for light in scene.lights)
+        wanted = replace(scene, materials=(glass, scene.materials[1]), lights=lights)
+        film = draw(wanted, samples=1, light_samples=1, diffuse_bounces=1, max_bounces=2)
+        assert np.isfinite(film.combined).all()

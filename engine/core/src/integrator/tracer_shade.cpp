@@ -51,6 +51,9 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
     if (batch_.material[k] == scene_.materials.surroundings()) i += see_sky(queue, i, others - i);
     else i += vary(queue, i, others - i, {straight, bounced});
   }
+  // infinite weights times nothing are not nothing
+  for (size_t k = 0; &queue != &first_ && k < queue.size(); ++k)
+    if (batch_.missed(k)) batch_.lit[k] = 0;
 }
 
 /// Adds the lights' own shapes that ray k sees.
