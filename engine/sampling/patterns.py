@@ -317,7 +317,7 @@ def subsurface_points(samples: int) -> np.ndarray:
     return points
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=128)  # a walk of 32 steps asks for two at each, of 128 KB
 def walk_points(count: int, level: int) -> np.ndarray:
     """(count, 2) float64 in (0, 1), not to be written to: where walks of light turn at their steps,
     the same points in another order at each level, as `lobe_points` has them. Many lamps ask for
@@ -339,12 +339,12 @@ def _shuffled(bits: int, seed: int) -> np.ndarray:
     """The numbers below 2^bits in an order that keeps aligned runs of powers of two together: each
     binary digit turned or not, by a hash of those before it.
     """
-    index = np.arange(1 << bits, dtype=np.uint64)
-    order = index.copy()
+    order = np.arange(1 << bits, dtype=np.uint64)
     for place in range(bits):
-        before = index >> np.uint64(bits - place)
+        before = np.arange(1 << place, dtype=np.uint64)
         turn = _hash(before * np.uint64(64) + np.uint64(place) + np.uint64(seed + 1) * _STEP)
-        order ^= (turn & np.uint64(1)) << np.uint64(bits - 1 - place)
+        runs = order.reshape(1 << place, -1)
+        runs ^= ((turn & np.uint64(1)) << np.uint64(bits - 1 - place))[:, None]
     return order.astype(np.intp)
 
 

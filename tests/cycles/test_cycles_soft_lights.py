@@ -102,11 +102,16 @@ def test_soft_light(light, backend):
     passes, mean, variance = reference(light)
     scene = build_scene(light)
     coarse = render_glint(scene, "NATIVE", light_samples=256)
-    fine = render_glint(scene, backend, light_samples=512)
+    part, more = np.s_[:, :], {}
+    if backend == "NUMPY":  # where the plate's shadow is
+        part, more = np.s_[12:30, 10:30], {"region": (10, 12, 30, 30)}
+    passes = {name: values[part] for name, values in passes.items()}
+    mean, variance = mean[part], variance[part]
+    fine = render_glint(scene, backend, light_samples=512, **more)
     pair = pair_of(f"soft-{light}-{backend.lower()}", passes, fine)
     inside = interior(pair)
     picture = fine.combined[..., 0].astype(float)
-    own = (picture - coarse.combined[..., 0]) ** 2
+    own = (picture - coarse.combined[part][..., 0]) ** 2
     rounding = (1e-4 * mean.max()) ** 2
     z = (picture - mean) / np.sqrt(variance + box_mean(own) + rounding)
     bias = abs((picture - mean)[inside].sum()) / mean[inside].sum()

@@ -236,7 +236,7 @@ def room() -> s.Scene:
 @needs_core
 def test_bounced_and_mesh_light_are_the_same_in_both_tracers() -> None:
     name, bounces = "Diffuse Indirect", {"diffuse_bounces": 2, "mesh_light": "ON"}
-    settings = {"samples": 8, "passes": frozenset({"Combined", name}), **bounces}
+    settings = {"samples": 4, "passes": frozenset({"Combined", name}), **bounces}
     found, expected = (render(room(), Settings(backend=b, **settings)).passes for b in BACKENDS)
     for each in ("Combined", name):
         off = np.abs(found[each] - expected[each]).max(-1) > 1e-3 * expected[each].max()

@@ -340,7 +340,7 @@ def test_instruction_sets_change_nothing(isa):
 
 
 def test_pixels_that_may_stop_take_as_many_samples_in_both_tracers():
-    wanted = scene((UNIT, at((0.5, 0.6, 0.2), 0.3)), floor=PAINT, camera=side_view())
+    wanted = scene((UNIT, at((0.5, 0.6, 0.2), 0.3)), floor=PAINT, camera=side_view(12))
     settings = {"samples": 64, "error_threshold": 8.0, "light_samples": 1}
     passes = frozenset({"Samples", "Cost"})
     one, other = (
