@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import replace
 
@@ -330,6 +331,7 @@ def test_the_same_bits_however_many_threads_and_wherever_the_border():
     np.testing.assert_array_equal(whole[3:20, 5:17], part)
 
 
+@functools.cache
 def hashes() -> str:
     return hashlib.sha256(drawn(hall(PAINT), samples=4, diffuse_bounces=1).tobytes()).hexdigest()
 

@@ -4,6 +4,7 @@ directions meet what mirrors show.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import replace
 
@@ -105,6 +106,7 @@ def test_both_tracers_draw_the_same(name: str, hidden: str) -> None:
             assert np.abs(one - other).max() <= 2e-5 * max(np.abs(other).max(), 1e-3)
 
 
+@functools.cache
 def hashes() -> str:
     """Of pictures of all lights."""
     names = [*LIGHTS, "glow"]
