@@ -88,7 +88,8 @@ def _sobol(count: int, dimensions: tuple[int, ...], numbers: tuple[int, ...] = (
     bits = max(count - 1, 0).bit_length()
     index = np.arange(count, dtype=np.uint64)
     columns = np.zeros((count, len(dimensions)), np.uint64)
-    for digit, words in enumerate(zip(*map(_directions, dimensions), strict=True)):
+    words_of_digits = list(zip(*map(_directions, dimensions), strict=True))
+    for digit, words in enumerate(words_of_digits[:bits]):
         columns ^= (index >> np.uint64(digit) & np.uint64(1))[:, None] * np.array(words, np.uint64)
     numbers = numbers or tuple(_SCRAMBLES[k] for k in dimensions)
     scrambles = np.array(numbers, np.uint64) * _STEP
@@ -189,9 +190,14 @@ def _cells(samples: int) -> int:
     return 1 << max(samples - 1, 0).bit_length()
 
 
+@functools.lru_cache(maxsize=4)
 def dome_points(count: int) -> np.ndarray:
-    """(count, 2) float64 in (0, 1), from which the directions of the sky's light are drawn."""
-    return _sobol(count, _DOME)
+    """(count, 2) float64 in (0, 1), not to be written to, from which the directions of the sky's
+    light are drawn. All lights of a scene ask for the same.
+    """
+    points = _sobol(count, _DOME)
+    points.flags.writeable = False
+    return points
 
 
 @functools.lru_cache(maxsize=4)
