@@ -220,7 +220,7 @@ def test_what_is_seen_is_cycles(name):
 
 @pytest.mark.parametrize("name", SKIES)
 def test_the_light_of_an_image_is_cycles(name):
-    scene = cycles.empty_scene(48, 32)
+    scene = cycles.empty_scene(32, 21)
     add(scene, "floor", plane(8, lambert((0.6, 0.6, 0.6))))
     add(scene, "ball", ball(64, 32, True, lambert((0.7, 0.3, 0.2))), moved(1.2, 0, 1))
     add(scene, "cube", cube(lambert((0.3, 0.5, 0.7))), moved(-1.2, 0.3, 0.8, 0.8, 0.8, 0.8))

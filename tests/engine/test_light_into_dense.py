@@ -4,6 +4,7 @@ lobes with an index of refraction.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import replace
 
@@ -124,6 +125,7 @@ def many() -> s.Scene:
 OPTIONS = {"samples": 4, "light_samples": 2, "diffuse_bounces": 1}
 
 
+@functools.cache
 def hashes(threads: int = 0) -> str:
     picture = draw(many(), threads=threads, **OPTIONS).combined
     return hashlib.sha256(picture.tobytes()).hexdigest()

@@ -4,6 +4,7 @@ they throw on.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 
 import numpy as np
@@ -197,6 +198,7 @@ def many() -> s.Scene:
 OPTIONS = {"samples": 4, "light_samples": 2, "diffuse_bounces": 1, "max_bounces": 2}
 
 
+@functools.cache
 def hashes(threads: int = 0) -> str:
     picture = draw(many(), threads=threads, **OPTIONS).combined
     return hashlib.sha256(picture.tobytes()).hexdigest()
