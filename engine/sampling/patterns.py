@@ -190,6 +190,9 @@ def _cells(samples: int) -> int:
     return 1 << max(samples - 1, 0).bit_length()
 
 
+KEPT_WALKS = 1 << 13
+
+
 @functools.lru_cache(maxsize=4)
 def dome_points(count: int) -> np.ndarray:
     """(count, 2) float64 in (0, 1), not to be written to, from which the directions of the sky's
@@ -323,12 +326,17 @@ def subsurface_points(samples: int) -> np.ndarray:
     return points
 
 
-@functools.lru_cache(maxsize=128)  # a walk of 32 steps asks for two at each, of 128 KB
 def walk_points(count: int, level: int) -> np.ndarray:
     """(count, 2) float64 in (0, 1), not to be written to: where walks of light turn at their steps,
     the same points in another order at each level, as `lobe_points` has them. Many lamps ask for
-    the same.
+    the same, and each step for two: those of up to KEPT_WALKS are kept.
     """
+    kept = count <= KEPT_WALKS
+    return _walk_points(count, level) if kept else _walk_points.__wrapped__(count, level)
+
+
+@functools.lru_cache(maxsize=128)  # of at most 128 KB
+def _walk_points(count: int, level: int) -> np.ndarray:
     bits = max(count - 1, 0).bit_length()
     points = _walk_square(bits)[_shuffled(bits, LOBE_LEVELS + level)[:count]]
     points.flags.writeable = False
