@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ..cryptomatte import id_bits
-from ..scene import Input, Lobe, Material, Scene
-from ..scene.model_surfaces import LARGEST, LEAST_IOR
+from ..scene import LARGEST, LEAST_IOR, Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .bumps import bump_of, lifted
 from .coefficients import Coefficients, Term
