@@ -10,9 +10,9 @@ import pytest
 import cycles_reference as cycles
 import test_cycles_bounced_light as bounced
 from cycles_reference import bpy
-from glint_picture import BACKENDS
+from glint_picture import BACKENDS, render_glint
 from small_scenes import add, add_camera, ball, lambert, moved, new_material, plane
-from test_cycles_toon import both, light
+from test_cycles_toon import light
 
 ROUGHNESSES = (0.25, 1.0)
 HAS_INPUT = bpy.app.version >= (4, 3, 0)
@@ -54,6 +54,14 @@ def scene_of(kind: str, roughness: float, lit_by: str):
     light(scene, lit_by)
     add_camera(scene)
     return scene
+
+
+def both(scene, backend: str, samples: int, of_cycles: int) -> tuple[np.ndarray, np.ndarray]:
+    settings = {"samples": samples, "light_samples": samples, "filter_width": 0.0}
+    dark = {"max_bounces": 0, "diffuse_bounces": 0}
+    ours = render_glint(scene, backend, **settings, **dark).combined[..., :3]
+    cycles.make_exact(scene, of_cycles)
+    return ours, cycles.render_passes(scene)["Combined"][..., :3]
 
 
 KINDS = ["DIFFUSE", "VARIED", *(["PRINCIPLED"] if HAS_INPUT else [])]
