@@ -346,7 +346,10 @@ class VertexPoints:
         return np.zeros(len(self._vertex))
 
     def light_path(self) -> tuple[Array, ...]:
-        return (np.zeros(len(self._vertex)),) * 3
+        return (np.zeros(len(self._vertex)),) * 4
+
+    def pixel_step(self, axis: int) -> Array:
+        return np.zeros((3, len(self._vertex)))
 
     def ray_length(self) -> Array:
         return np.zeros(len(self._vertex))

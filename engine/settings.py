@@ -166,6 +166,11 @@ class Declared:
         """Whether its values are whole numbers."""
         return isinstance(self.default, int)
 
+    def shown(self, value: Any) -> str:
+        """A value as a user reads it."""
+        labels = {choice: label for choice, label, _ in self.choices}
+        return labels[value].lower() if self.choices else f"{value:g}"
+
     def strangeness(self, name: str, value: Any) -> Iterator[str]:
         """What is wrong with the type of a value."""
         if self.is_whole() and not _is_whole(value):

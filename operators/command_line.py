@@ -124,6 +124,7 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
             type=tunable.kind,
             nargs="+",
             metavar="N",
+            choices=tunable.values if tunable.kind is str else None,
             help=f"values of {tunable.name} to try",
         )
     parser.add_argument("--reference-samples", type=_count, default=1024, metavar="N")

@@ -10,9 +10,10 @@ import logging
 import math
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -72,18 +73,18 @@ def prepared(scene: bpy.types.Scene, view_layer: str, options: Options) -> Calla
 
 
 def table(trade: Trade, only_front: bool = False) -> list[str]:
-    """Lines of a table, the fastest first; * is the front, <- the current settings; < is where no
-    square met an error.
+    """Lines of a table, the fastest first, with what the rows differ in; * is the front, <- the
+    current settings; < is where no square met an error.
     """
     rows = trade.front if only_front else trade.rows
-    heads = list(rows[0].tunables) if rows else []
+    heads = _different(rows)
     lines = [
         "  ".join(
             [*heads, "  seconds", "rel. RMSE", "   ±", "levels", "  PSNR", "  FLIP", "wrong %"]
         )
     ]
     for row in rows:
-        tunables = "  ".join(f"{value!s:>{len(name)}}" for name, value in row.tunables.items())
+        tunables = "  ".join(f"{_shown(row.tunables[name]):>{len(name)}}" for name in heads)
         error = f"< {row.bound:.1e}" if row.bound else f"{row.relative_rmse:.2e}"
         numbers = (
             f"{row.frame_seconds:9.3f}  {error:>9}  {row.spread:3.0%}  "
@@ -94,6 +95,10 @@ def table(trade: Trade, only_front: bool = False) -> list[str]:
             f"{tunables}  {numbers} {'*' if row.on_front else ' '}{' <-' if row.current else ''}"
         )
     return [*lines, advice(trade), f"Errors against {trade.reference}"]
+
+
+def _shown(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def write(trade: Trade, title: str, json_path: Path | None, plot_path: Path | None) -> None:
@@ -421,22 +426,23 @@ def error_text(row: Row) -> str:
     return f"{row.levels:.2g} levels, {row.relative_rmse:.2%}: {words}"
 
 
-def tunable_text(name: str, value: float) -> str:
-    """16 samples; threshold 4."""
+def tunable_text(name: str, value: Any) -> str:
+    """16 samples; threshold 4; rough reflections off."""
     label = DECLARED[name].label.lower()
     if not DECLARED[name].is_whole():
-        return f"{label} {value:g}"
+        return f"{label} {DECLARED[name].shown(value)}"
     return f"{value:g} {label.removesuffix('s') if value == 1 else label}"
 
 
 def settings_text(trade: Trade, row: Row) -> str:
     """The samples, and what else the rows differ in."""
-    different = [
-        name
-        for name in row.tunables
-        if name == "samples" or len({other.tunables[name] for other in trade.shown}) > 1
-    ]
-    return ", ".join(tunable_text(name, row.tunables[name]) for name in different)
+    return ", ".join(tunable_text(name, row.tunables[name]) for name in _different(trade.shown))
+
+
+def _different(rows: Sequence[Row]) -> list[str]:
+    """The tunables that some rows differ in, and the first."""
+    names = list(rows[0].tunables) if rows else []
+    return names[:1] + [n for n in names[1:] if len({row.tunables[n] for row in rows}) > 1]
 
 
 def change_text(trade: Trade, row: Row) -> str:

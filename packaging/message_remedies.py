@@ -27,6 +27,7 @@ REMEDIES: dict[str, str] = {
     "… of … is not rendered: … go without it": "Nothing, where the picture is right; else use another input of the shader",
     "The … of … is not rendered: … go as with …": "Nothing, where the picture is right; else change the Radius",
     "The … of … is not rendered: … go without it": "Nothing, where the picture is right; else use a texture for its look",
+    "The thin film of … is not rendered on metals whose colour varies: … go without it": "Give the film a metal of one colour, and mix materials of other colours",
     "… of … is not supported: … take a constant": "Use another output, or bake it to an image",
     "'Aspect Ratio' of Principled Hair: … has the light of all turns of its strands' ellipses, whichever way these lie": "Choose the model Chiang, or set Aspect Ratio to 0.85",
     "… of hair varies in …: it counts as …": "Link a constant",

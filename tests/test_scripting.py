@@ -70,12 +70,12 @@ def test_the_floor_is_dark_below_the_ball_and_open_far_from_it(names):
 def test_the_examples_are_typed(tmp_path):
     """As an editor would check them: `glint` is the package of this tree."""
     text = "\n".join(EXAMPLES).replace("from glint import engine", "import engine")
-    script = tmp_path / "examples.py"
-    script.write_text(text.replace("from glint.engine", "from engine"), encoding="utf-8")
-    command = [sys.executable, "-m", "mypy", "--config-file", "pyproject.toml", str(script)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    wrong = script.read_text().replace("samples=16)", 'samples="many")', 1)
-    script.write_text(wrong, encoding="utf-8")
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1 and 'expected "int"' in done.stdout, done.stdout
+    text = text.replace("from glint.engine", "from engine")
+    right, wrong = tmp_path / "examples.py", tmp_path / "wrong.py"
+    right.write_text(text, encoding="utf-8")
+    wrong.write_text(text.replace("samples=16)", 'samples="many")', 1), encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--config-file", "pyproject.toml"]
+    done = subprocess.run([*command, right, wrong], cwd=ROOT, capture_output=True, text=True)
+    told = [line for line in done.stdout.splitlines() if ": error:" in line]
+    assert done.returncode == 1 and len(told) == 1, done.stdout + done.stderr
+    assert wrong.name in told[0] and 'expected "int"' in told[0], told

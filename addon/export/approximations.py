@@ -10,16 +10,15 @@ from typing import Any
 from .materials.graph import is_blinn_phong, node_tree, output_of, reached
 
 LOBES = "GGX is drawn as Blinn-Phong lobes"
-LEFT_OUT = f"{LOBES}; thin film is left out"
+FILM = f"{LOBES}; thin film by the angle of view"
 
 APPROXIMATED: dict[str, str] = {
-    "ShaderNodeBsdfPrincipled": f"{LEFT_OUT}; diffuse roughness as diffuse; subsurface as its node",
-    "ShaderNodeBsdfDiffuse": "Roughness is left out",
-    "ShaderNodeBsdfAnisotropic": LEFT_OUT,
-    "ShaderNodeBsdfGlossy": LEFT_OUT,
-    "ShaderNodeBsdfMetallic": f"{LEFT_OUT}; physical conductors by their colours seen "
-    "straight and at 82 degrees",
-    "ShaderNodeBsdfGlass": f"{LEFT_OUT}; an edge seen through it is as blurred as in Cycles within "
+    "ShaderNodeBsdfPrincipled": f"{FILM}; subsurface as its node",
+    "ShaderNodeBsdfAnisotropic": LOBES,
+    "ShaderNodeBsdfGlossy": LOBES,
+    "ShaderNodeBsdfMetallic": f"{FILM}; physical conductors by their colours "
+    "seen straight and at 82 degrees",
+    "ShaderNodeBsdfGlass": f"{FILM}; an edge seen through it is as blurred as in Cycles within "
     "6 % of its height",
     "ShaderNodeBsdfRefraction": "blurred as Glass",
     "ShaderNodeBsdfSheen": "Microfiber within 5 % of its brightest point, Ashikhmin on average "
@@ -55,10 +54,9 @@ APPROXIMATED: dict[str, str] = {
         ("ShaderNodeDisplacement", "ShaderNodeVectorDisplacement"),
         "Displacement and Bump shows the slopes of the surface, in Cycles times the object's scale",
     ),
-    "ShaderNodeLightPath": "scattered light comes from points, so no ray is a diffuse one; rough "
-    "reflections count as singular; in worlds and lights depths are constants",
+    "ShaderNodeLightPath": "rough reflections count as singular, and of worlds as diffuse; in "
+    "worlds and lights depths end at one bounce or are constants",
     "ShaderNodeTexSky": "Hosek/Wilkie as Preetham's at its brightness, within 6 % of each channel",
-    "ShaderNodeWireframe": "not in pixels",
     "ShaderNodeVectorCurve": "within 2e-4",
     "ShaderNodeParticleInfo": "as where there are no particles",
 }

@@ -56,4 +56,5 @@ class ExportCache:
         """The frame changed, and an image is a sequence: any may be it."""
         known = self.materials.compiled
         self.materials.forget([key for key, kept in known.items() if kept.textures])
+        self.images.forget_moving()
         self.worlds = {}

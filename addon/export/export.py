@@ -95,6 +95,7 @@ def export_scene(
     groups = LightGroups.of(depsgraph.view_layer, report) if has_light_groups else LightGroups()
     required = RequiredAttributes(frozenset({""}) if "UV" in passes else frozenset())
     cache = ExportCache()
+    cache.images.frame = scene.frame_current
     culling = Culling.of(scene, camera)
     collector, things = _walked(depsgraph, culling, required, report, cache, groups, decoded, aovs)
     report.add(collector.materials.report)

@@ -8,10 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.lights.dome import cell_shares, radiance_along, radiance_map, within_range
+from ...engine.lights.dome import (
+    cell_shares,
+    directions,
+    radiance_along,
+    radiance_map,
+    within_range,
+)
 from ...engine.program.graph import Value
-from ...engine.program.program import compile_program
-from ...engine.scene import Light, Medium, Mist, World
+from ...engine.program.program import compile_program, instructions
+from ...engine.scene import Camera, Light, Medium, Mist, World
 from .images.images import Images
 from .materials.closures import LobeKey
 from .materials.evaluator import Evaluator
@@ -24,6 +30,7 @@ from .shader_nodes.volume import VolumeReader
 from .unsupported import note_world
 
 BLACK = (0.0, 0.0, 0.0)
+_ANY_CAMERA = Camera("PERSPECTIVE", np.eye(3, 4), (-0.3, 0.4, -0.3, 0.4), (1, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +79,7 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     expressions, radiance = _radiance(world, images, report, discs)
     without = _radiance(world, images, Report(), None) if discs else (expressions, radiance)
     values = _map(*without, images)
+    _note_light(world.name, expressions, radiance, images, visibility.gloss, report)
     seen = _as_seen(expressions, radiance, visibility)
     mean = tuple(float(x) for x in (values * cell_shares(*values.shape[:2])).sum((0, 1)))
     medium = _medium(world, images, report)
@@ -162,6 +170,38 @@ def _along(
         return np.repeat(np.array(radiance.constant)[:, None], points.shape[1], 1)
     program = compile_program(expressions.graph, [radiance])
     return radiance_along(program, images.textures, points)
+
+
+def _note_light(
+    name: str,
+    expressions: Expressions,
+    radiance: Value,
+    images: Images,
+    gloss: bool,
+    report: Report,
+) -> None:
+    """Tells where the world's light is another than what rays see. gloss: whether it has some."""
+    if radiance.constant is not None:
+        return
+    program, along = compile_program(expressions.graph, [radiance]), directions(8, 16)
+    used = {step.operation.name for step in instructions(program)}
+
+    def differs(**how: Any) -> bool:
+        given, other = (radiance_along(program, images.textures, along, **k) for k in ({}, how))
+        return not np.allclose(given, other, rtol=1e-3, atol=1e-6)
+
+    if gloss and "light_path" in used and differs(kind="mirror"):
+        report.note(
+            "The world {} is to rough reflections as to matt surfaces, where its Light Path tells "
+            "them apart: use mirrors (a roughness up to 0.05)",
+            name,
+        )
+    if not used.isdisjoint(("camera_position", "window")) and differs(seen=(_ANY_CAMERA, along)):
+        report.note(
+            "The light of the world {} has camera and window coordinates of 0, which are seen "
+            "right: use Generated for it, with a Mix Shader by Is Camera Ray",
+            name,
+        )
 
 
 def _axes(up: np.ndarray) -> np.ndarray:

@@ -23,7 +23,14 @@ from . import metrics
 from .trade_crops import CropRenderer, Rendered, Squares, StoppedError, pick_squares
 from .trade_errors import frame_errors
 from .trade_rows import Row, Trade, advice, speed, with_bounds, with_front
-from .trade_tunables import TUNABLES, has_fog, has_soft_lights, scatters, settings_grid
+from .trade_tunables import (
+    TUNABLES,
+    has_fog,
+    has_soft_lights,
+    reflects_roughly,
+    scatters,
+    settings_grid,
+)
 
 __all__ = ["TUNABLES", "Row", "Trade", "advice", "measure", "settings_grid"]
 
@@ -352,6 +359,7 @@ def reference_settings(
         volume_samples=max(_REFERENCE_VOLUME, *(s.volume_samples for s in grid))
         if has_fog(scene, base)
         else base.volume_samples,
+        reflections="ALL" if reflects_roughly(scene, base) else base.reflections,
     )
     problems = settings.problems()
     if problems:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from ..settings import DECLARED
 from . import plot
 from .trade_rows import Row, Trade
 from .trade_tunables import TUNABLES
@@ -195,7 +196,8 @@ def _turned(trade: Trade) -> list[str]:
 
 def _name(row: Row, turned: Sequence[str]) -> str:
     """The tunables' values."""
-    return " / ".join(f"{row.tunables[name]:g}" for name in turned if name in row.tunables)
+    told = (DECLARED[name].shown(row.tunables[name]) for name in turned if name in row.tunables)
+    return " / ".join(told)
 
 
 def _draw_legend(image: Array, turned: Sequence[str]) -> None:

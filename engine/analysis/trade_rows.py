@@ -147,7 +147,7 @@ def advice(trade: Trade) -> str:
         return "The current settings lie on the front: nothing measured is both faster and better"
     better = next(row for row in trade.front if row.relative_rmse <= current.relative_rmse)
     change = ", ".join(
-        f"{DECLARED[name].label} {value:g}"
+        f"{DECLARED[name].label} {DECLARED[name].shown(value)}"
         for name, value in better.tunables.items()
         if current.tunables[name] != value
     )

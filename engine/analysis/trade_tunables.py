@@ -20,9 +20,10 @@ from ..settings import Settings
 class Tunable:
     """A setting that trades time for accuracy.
 
-    name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a
-    picture of this scene with the base's settings. falling: smaller values are the more accurate
-    ones.  group: tunables of one group are combined with each other.
+    name: a field of Settings.  values: from fast to accurate; of one with choices, all of them.
+    matters: whether it can change a picture of this scene with the base's settings. falling:
+    smaller values are the more accurate ones.  group: tunables of one group are combined with each
+    other.
     """
 
     name: str
@@ -33,11 +34,14 @@ class Tunable:
 
     @property
     def kind(self) -> type:
-        """int or float."""
+        """int, float or, of choices, str."""
         return type(self.values[0])
 
     def ladder(self, *values: Any) -> list[Any]:
         """Different values from fast to accurate."""
+        if self.kind is str:
+            place = {value: number for number, value in enumerate(self.values)}
+            return sorted(set(values), key=lambda value: place.get(value, -1))
         return sorted(set(values), reverse=self.falling)
 
 
@@ -45,17 +49,37 @@ def has_soft_lights(scene: Scene, settings: Settings) -> bool:
     """Whether something lights from more than a point, as the settings want the scene lit: a lamp
     of an extent, the sky, what glows, what is lit.
     """
-    lit = settings.lighting
-    glows = scene.has_glowing_media or any(
-        lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes
-    )
-    sky = any(light.kind == "DOME" for light in scene.lights)
     return (
-        bool(glows and lit["by_meshes"])
-        or (sky and lit["by_world"])
+        glow_lights(scene, settings)
+        or sky_is_hidden(scene, settings)
         or scatters(scene, settings)
         or any(is_soft(light) for light in scene.lights)
     )
+
+
+def glow_lights(scene: Scene, settings: Settings) -> bool:
+    """Whether something glows and is to light others."""
+    glows = scene.has_glowing_media or any(
+        lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes
+    )
+    return bool(glows and settings.lighting["by_meshes"])
+
+
+def sky_is_hidden(scene: Scene, settings: Settings) -> bool:
+    """Whether surfaces are to hide a sky from each other."""
+    sky = any(light.kind == "DOME" for light in scene.lights)
+    return bool(sky and settings.lighting["by_world"] and scene.instances)
+
+
+def reflects_roughly(scene: Scene, settings: Settings) -> bool:
+    """Whether a rough material may reflect others, and some are to."""
+    rough = any(lobe.is_glossy for material in scene.materials for lobe in material.lobes)
+    return rough and settings.reflecting != "OFF"
+
+
+def glows_below(scene: Scene, settings: Settings) -> bool:
+    """Whether light is to come out of surfaces beside where it went in."""
+    return scene.has_subsurface and settings.subsurface == "ON"
 
 
 def has_bounces(scene: Scene, settings: Settings) -> bool:
@@ -94,6 +118,11 @@ TUNABLES = (
     Tunable("cutoff", (0.01, 0.001, 0.0), has_bounces, falling=True, group="bounces"),
     Tunable("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
     Tunable("volume_samples", (1, 2, 4, 8, 16), has_fog, group="volumes"),
+    # What light is drawn at all: measured where it is wanted, to tell what it takes.
+    Tunable("world_light", ("CONSTANT", "OCCLUDED"), sky_is_hidden, group="world"),
+    Tunable("mesh_light", ("OFF", "ON"), glow_lights, group="glow"),
+    Tunable("reflections", ("OFF", "METALS", "ALL"), reflects_roughly, group="reflections"),
+    Tunable("subsurface", ("OFF", "ON"), glows_below, group="subsurface"),
 )
 """Every tunable that is measured. A new one needs a row here and nothing else."""
 

@@ -51,7 +51,7 @@ def directions(rows: int, columns: int) -> Array:
 
 
 def radiance_map(program: Program, textures: Sequence[Texture]) -> Array:
-    """The map of a world's light, as rays that bounce see it."""
+    """The map of a world's light, as rays from matt surfaces see it."""
     from ..reference.sky import radiance
     from ..reference.textures import Image
 
@@ -60,19 +60,27 @@ def radiance_map(program: Program, textures: Sequence[Texture]) -> Array:
     rows = min(max(rows, LEAST_ROWS), MOST_ROWS)
     images = {k: Image(_reduced(texture, rows)) for k, texture in used.items()}
     blocks = [
-        radiance(program, images, part, "mirror")
+        radiance(program, images, part, "scattered")
         for part in np.array_split(directions(rows, 2 * rows), rows // 64, axis=1)
     ]
     values = np.concatenate(blocks, 1).T.reshape(rows, 2 * rows, 3)
     return within_range(values)
 
 
-def radiance_along(program: Program, textures: Sequence[Texture], unit: Array) -> Array:
-    """(3, n) of a world's light from unit directions (3, n), as rays that bounce see it."""
+def radiance_along(
+    program: Program,
+    textures: Sequence[Texture],
+    unit: Array,
+    kind: str = "scattered",
+    seen: tuple | None = None,
+) -> Array:
+    """(3, n) of a world's light from unit directions (3, n), as rays from matt surfaces, or of
+    another kind, see it. seen: as `reference.sky.Sky` has it.
+    """
     from ..reference.sky import radiance
     from ..reference.textures import Image
 
-    return radiance(program, {k: Image(textures[k]) for k in program.textures}, unit, "mirror")
+    return radiance(program, {k: Image(textures[k]) for k in program.textures}, unit, kind, seen)
 
 
 def within_range(values: Array) -> Array:

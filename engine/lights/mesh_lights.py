@@ -263,7 +263,7 @@ class _Surfaces:
             lowering=np.ones(len(primitive)),
             past=np.array([[1.0], [0.0], [0.0], [0.0]]).repeat(len(primitive), 1),
         )
-        return self._shader.coefficients(surface, "mirror").emission.T
+        return self._shader.coefficients(surface, "scattered").emission.T
 
 
 def _cells(parts: int) -> Array:

@@ -110,14 +110,14 @@ def met_surfaces(
     block = block_of[surface.row]
     sets = np.array([block.light_set for block in some.instances], np.intp)[block]
     caught = np.array([block.catcher for block in some.instances], bool)[block]
-    lobes = shader.coefficients(surface, "mirror")
+    lobes = shader.coefficients(surface, "scattered")
     if any(_knows_its_ray(material) for material in some.materials):
         towards_light = shader.coefficients(surface, "shadow")
         lobes = replace(lobes, transparent=towards_light.transparent)
     hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
     # strands stand closer together than points can tell apart: they would be specks
     varnished = np.maximum(lobes.ambient - lobes.translucent, 0.0)
-    matt = lobes.diffuse + lobes.toon_matt()
+    matt = lobes.diffuse + lobes.thrown_on(surface)
     given = np.where(_is_varnished(some, surface), varnished, matt)
     given = given * lowered(surface.lowering, dot(surface.n, surface.v))
     is_hair = np.array(hair, bool)[block]

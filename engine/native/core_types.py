@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 64
+ABI_VERSION = 66
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -82,9 +82,11 @@ class LobeKind(IntEnum):
     HOLDOUT = 9
     TOON_DIFFUSE = 10
     TOON_SPECULAR = 11
-    FIBRE_DIFFUSE = 12
-    FIBRE_SPECULAR = 13
-    FIBRE_TRANSMISSION = 14
+    OREN_NAYAR = 12
+    OREN_NAYAR_MULTIPLE = 13
+    FIBRE_DIFFUSE = 14
+    FIBRE_SPECULAR = 15
+    FIBRE_TRANSMISSION = 16
 
 
 class Fresnel(IntEnum):

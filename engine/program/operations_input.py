@@ -21,6 +21,10 @@ class Shift(IntEnum):
         return int(self) + 4 * width
 
 
+OF_TRIANGLES = ("barycentric", "edge_distance", "pixel_step")
+"""What points inside of media and of lights have not, beside attributes."""
+
+
 class NormalSpace(IntEnum):
     """Blender's identifiers of what the colours of normal maps mean."""
 
@@ -68,13 +72,22 @@ INPUTS = (
         reads_point=True,
     ),
     *(
-        Operation(name, sockets(vector="vector"), (), _SHIFT, formula, reads_point=True)
+        Operation(
+            name,
+            sockets(vector="vector"),
+            (),
+            _SHIFT,
+            formula,
+            reads_point=True,
+            of_ray=name in ("camera_position", "window"),
+        )
         for name, formula in (
             ("position", "the point in the world"),
             ("object_position", "the point in the object's space"),
             (
                 "camera_position",
-                "the point along right and up of the camera, and its depth",
+                "the point along right and up of the camera, and its depth; where nothing is, the "
+                "direction",
             ),
             ("window", "(x, y, 0) in the picture, 0 to 1 from lower left"),
             ("barycentric", "weights of the triangle's corners, zeros off triangles"),
@@ -123,6 +136,14 @@ INPUTS = (
         reads_point=True,
     ),
     Operation(
+        "pixel_step",
+        sockets(value="vector"),
+        settings=(("axis", range(1, 3)),),
+        formula="a tenth of what a pixel spans there, along the first or the second axis in the "
+        "plane of the face; what is shifted sees the same",
+        reads_point=True,
+    ),
+    Operation(
         "normal_to_world",
         sockets(normal="vector"),
         sockets(vector="vector"),
@@ -158,9 +179,9 @@ INPUTS = (
     ),
     Operation(
         "light_path",
-        sockets(camera="number", shadow="number", bounced="number"),
+        sockets(camera="number", shadow="number", bounced="number", scattered="number"),
         formula="1 for the kind of ray that meets the point: from the camera, to a light, mirrored "
-        "or refracted; else 0",
+        "or refracted, from a matt surface (of lights that are tables); else 0",
         reads_point=True,
         of_ray=True,
     ),

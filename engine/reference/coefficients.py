@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene import Lobe
-from .optics import toon_albedo
+from .optics import MEAN_LOST, NEVER_LOST, lost_once, toon_albedo
 from .surface import Surface
 from .vectors import add_at, dot, pick
 
@@ -69,16 +69,18 @@ class Coefficients:
         """(3, n): about what of even light all but these, mirrors and glass give back."""
         total = self.diffuse.copy()
         for term in (*self.sheens, *self.fibres):
-            if term.lobe.kind in ("SHEEN", "TOON_DIFFUSE", "FIBRE_DIFFUSE"):
-                add_at(total, term.index, term.k)
+            if term.lobe.kind not in ("FIBRE_SPECULAR", "FIBRE_TRANSMISSION"):
+                add_at(total, term.index, _OF_COLOR.get(term.lobe.kind, 1.0) * term.k)
         return total
 
-    def toon_matt(self) -> Array:
-        """(3, n): what of even light TOON_DIFFUSE lobes throw back to all sides."""
+    def thrown_on(self, surface: Surface) -> Array:
+        """(3, n): what of even light TOON_DIFFUSE and OREN_NAYAR lobes give back to the viewer, and
+        so throw back to all sides.
+        """
         total = np.zeros_like(self.diffuse)
         for term in self.sheens:
-            if term.lobe.kind == "TOON_DIFFUSE":
-                add_at(total, term.index, toon_albedo(term.exponent, term.masking) * term.k)
+            if term.lobe.kind != "SHEEN":
+                add_at(total, term.index, _albedo(term, surface) * term.k)
         return total
 
     def glossy(self) -> Array:
@@ -118,8 +120,20 @@ class Coefficients:
         total = self.diffuse + self.translucent + self.glossy()
         matt = [term for term in self.fibres if term.lobe.kind == "FIBRE_DIFFUSE"]
         for term in (*self.mirrors, *self.refractions, *self.sheens, *matt):
-            add_at(total, term.index, term.k)
+            add_at(total, term.index, _OF_COLOR.get(term.lobe.kind, 1.0) * term.k)
         return total
+
+
+_OF_COLOR = {"OREN_NAYAR": NEVER_LOST, "OREN_NAYAR_MULTIPLE": 0.0}
+"""What of k counts as the colour of a surface: with its DIFFUSE lobe it is that of a smooth one."""
+
+
+def _albedo(term: Term, surface: Surface) -> Array:
+    """(m,) what of even light a lobe of `sheens` but SHEEN gives back to the viewer, for k = 1."""
+    if term.lobe.kind == "TOON_DIFFUSE":
+        return toon_albedo(term.exponent, term.masking)
+    lost = lost_once(dot(pick(surface.n, term.index), pick(surface.v, term.index)))
+    return NEVER_LOST - lost if term.lobe.kind == "OREN_NAYAR" else MEAN_LOST * lost
 
 
 def taken(number: Array | float, chosen: Array | slice) -> Array | float:

@@ -85,8 +85,8 @@ class EmissionPoints:
         """(2, n) of the picture."""
         return window(self._around.camera, self._x)
 
-    def light_path(self) -> tuple[Array, Array, Array]:
-        """Three times (n,): see `points.light_path`."""
+    def light_path(self) -> tuple[Array, ...]:
+        """Four times (n,): see `points.light_path`."""
         return light_path(self._kind, self._x.shape[1])
 
     def ray_depth(self) -> tuple[Array, ...]:

@@ -136,7 +136,7 @@ class Explainer:
             _numbers(o[:, 0] + stage.eye),
             _numbers(unit(d)[:, 0]),
             None,
-            _numbers(self._background(paths, d)),
+            _numbers(self._background(paths)),
             shapes,
             (),
             (),
@@ -182,13 +182,12 @@ class Explainer:
             near = [*near, *gathering(stage, other_side(stage, at, depth), 0, self._places)]
         out = () if below is None else self._coming_out(below)
         follow = (*(self.follow(one, "gather") for one in near), *out, *after)
-        _, d = paths.rays.lines(hit)
         if about.holdout:
             pass
         elif about.caught is None:
             own = own + paths.weight[:, 0] * np.array(about.light)
         else:
-            caught = self._behind(paths, d, coefficients, np.array(about.caught))
+            caught = self._behind(paths, coefficients, np.array(about.caught))
             own, ray = own + paths.weight[:, 0] * caught, replace(ray, background=_numbers(caught))
         color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
@@ -248,14 +247,16 @@ class Explainer:
             given[name] = given.get(name, np.zeros(3)) + light
         yield from ((name, _numbers(light)) for name, light in given.items() if light.any())
 
-    def _background(self, paths: Paths, d: Array) -> Array:
+    def _background(self, paths: Paths) -> Array:
         hidden = paths.skyless[0] or (paths.depth == 0 and self.stage.scene.world.transparent)
-        return np.zeros(3) if hidden else self.stage.background_of(d, paths.kind)[:, 0]
+        if hidden:
+            return np.zeros(3)
+        return self.stage.background_of(*paths.rays.lines(np.arange(1)), paths.kind)[:, 0]
 
-    def _behind(self, paths: Paths, d: Array, coefficients: Coefficients, ratio: Array) -> Array:
+    def _behind(self, paths: Paths, coefficients: Coefficients, ratio: Array) -> Array:
         """(3,) what a shadow catcher shows of the surroundings behind it."""
         left = catchers.light_left(ratio[:, None]) * catchers.opacity(coefficients)
-        return left[:, 0] * self._background(paths, d)
+        return left[:, 0] * self._background(paths)
 
     def _caught(self, surface: Surface, coefficients: Coefficients, paths: Paths) -> Numbers | None:
         stage = self.stage

@@ -103,7 +103,7 @@ def _as_diffuse(stage: Stage, at: Interaction) -> Coefficients:
     return replace(
         coefficients,
         ambient=none,
-        diffuse=near * (coefficients.diffuse + coefficients.toon_matt() + gloss),
+        diffuse=near * (coefficients.diffuse + coefficients.thrown_on(surface) + gloss),
         translucent=near * coefficients.translucent,
         emission=none,
         highlights=[],

@@ -240,8 +240,7 @@ class Generations:
         if stage.scene.world.transparent:
             self._tile.lose(pixel, shown)
             return
-        _, along = paths.rays.lines(hit)
-        behind = shown * stage.background_of(along, paths.kind)
+        behind = shown * stage.background_of(*paths.rays.lines(hit), paths.kind)
         self._tile.add("Environment", pixel, behind)
         self._tile.add_to_groups(stage.scene.world.light_group, pixel, behind)
 
@@ -310,8 +309,7 @@ class Generations:
         if paths.depth == 0 and self._stage.scene.world.transparent:
             self._tile.lose(pixel, weight)
             return
-        _, along = paths.rays.lines(missed)
-        background = self._stage.background_of(along, paths.kind)
+        background = self._stage.background_of(*paths.rays.lines(missed), paths.kind)
         if background.any():
             group = self._stage.scene.world.light_group
             self._add(paths, "Environment", pixel, weight * background, group)

@@ -9,7 +9,16 @@ import numpy as np
 from . import stretching
 from .coefficients import Coefficients, Term, taken
 from .lights import LightSample
-from .optics import blinn_phong, fibre_diffuse, fibre_highlight, gloss, sheen, toon
+from .optics import (
+    blinn_phong,
+    fibre_diffuse,
+    fibre_highlight,
+    gloss,
+    lost_once,
+    oren_nayar,
+    sheen,
+    toon,
+)
 from .surface import Surface
 from .terminator import lowered
 from .vectors import add_at, dot, length, pick, unit
@@ -76,7 +85,7 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
 def matt_lobes(
     surface: Surface, coefficients: Coefficients, seen: Array, direction: Array
 ) -> Array:
-    """The same of SHEEN, TOON_DIFFUSE and FIBRE_DIFFUSE lobes."""
+    """The same of SHEEN, TOON_DIFFUSE, OREN_NAYAR and FIBRE_DIFFUSE lobes."""
     total = _sheens(surface, coefficients.sheens, seen, direction)
     if not coefficients.fibres:
         return total
@@ -121,12 +130,19 @@ def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, m
 
 def _sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
     def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
-        numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
-        is_toon = term.lobe.kind == "TOON_DIFFUSE"
-        given = toon(dot(n, l), *numbers) if is_toon else sheen(n, v, l, *numbers)
-        return np.where(dot(n, l) > 0, given, 0.0)
+        return np.where(dot(n, l) > 0, _matt(term, chosen, n, v, l), 0.0)
 
     return _summed(lobe, surface, terms, seen, direction)
+
+
+def _matt(term: Term, chosen: Array | slice, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
+    kind, nl = term.lobe.kind, dot(n, l)
+    if kind == "OREN_NAYAR":
+        return oren_nayar(n, v, l)
+    if kind == "OREN_NAYAR_MULTIPLE":
+        return nl * lost_once(nl) * lost_once(dot(n, v))
+    numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
+    return toon(nl, *numbers) if kind == "TOON_DIFFUSE" else sheen(n, v, l, *numbers)
 
 
 def _summed(

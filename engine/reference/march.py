@@ -26,6 +26,8 @@ Array = np.ndarray
 GOLDEN = 0.6180339887498949
 LEAST_STEP = 3 / 1024
 """Of a medium: so rays take about 1024 steps at most."""
+FEW_RAYS = 8
+"""So many are summed one by one."""
 MOST_PAIRS = 2048
 """Of cells of a span, whatever its numbers are."""
 NEAR, FAR = 1 / 8, 1 / 32
@@ -169,27 +171,16 @@ class Marching:
         """
         varies = np.array([medium.program is not None for medium in self.media], bool)
         whole = np.flatnonzero(varies[spans.medium])
+        ray = spans.ray[whole]
+        low, high = (
+            np.maximum(spans.start[whole], near[ray]),
+            np.minimum(spans.end[whole], far[ray]),
+        )
+        whole, low, high = (column[low < high] for column in (whole, low, high))
         shift = (0.5 + GOLDEN * sample) % 1.0
-        coarse = SHADOW_STEPS if kind == "shadow" else 1.0
-        number, start, end = [np.zeros(0, np.intp)], [np.zeros(0)], [np.zeros(0)]
-        for k in whole:
-            ray = spans.ray[k]
-            low, high = max(spans.start[k], near[ray]), min(spans.end[k], far[ray])
-            speed, step = spans.speed[ray], coarse * self.media[spans.medium[k]].step
-            if spans.row[k] < 0:
-                cuts = near[ray] + _growing((high - near[ray]) * speed, step, shift, coarse) / speed
-            else:
-                side = (boxes[spans.row[k], 1] - boxes[spans.row[k], 0]).mean()
-                step = max(step, coarse * LEAST_STEP) * side
-                cuts = _even(low * speed, high * speed, step, shift) / speed
-            cuts = cuts[(cuts > low) & (cuts < high)]
-            if low < high:
-                first, last = np.concatenate([[low], cuts]), np.concatenate([cuts, [high]])
-                middle = np.where(np.isinf(last), last, (first + last) / 2)
-                start.append(np.stack([first, middle], 1).ravel())
-                end.append(np.stack([middle, last], 1).ravel())
-                number.append(np.full(len(start[-1]), k))
-        number, start, end = (np.concatenate(parts) for parts in (number, start, end))
+        number, cuts = self._cuts(spans, whole, boxes, near, low, high, shift, kind)
+        number, start, end = _between(number, cuts, low, high)
+        number = whole[number]
         cells = replace(
             spans,
             ray=spans.ray[number],
@@ -210,6 +201,50 @@ class Marching:
         cells.matter.emission[:, ~ends] = 0.0
         _end_in_the_dark(cells)
         return _joined(_some(spans, np.flatnonzero(~varies[spans.medium])), cells)
+
+    def _cuts(
+        self,
+        spans: Spans,
+        whole: Array,
+        boxes: Array,
+        near: Array,
+        low: Array,
+        high: Array,
+        shift: float,
+        kind: str,
+    ) -> tuple[Array, Array]:
+        """Where pairs of cells of the spans `whole` (n,) end between low and high (n,): of which
+        (m,), in order, and where, (m,).
+        """
+        coarse = SHADOW_STEPS if kind == "shadow" else 1.0
+        ray, row = spans.ray[whole], spans.row[whole]
+        speed = spans.speed[ray]
+        step = coarse * np.array([medium.step for medium in self.media])[spans.medium[whole]]
+        outside = row < 0
+        parts = [(np.zeros(0, np.intp), np.zeros(0))]
+        if not outside.all():
+            some = np.flatnonzero(~outside)
+            box = boxes[row[some]]
+            side = (box[:, 1] - box[:, 0]).mean(1)
+            own, at = _even(
+                low[some] * speed[some],
+                high[some] * speed[some],
+                np.maximum(step[some], coarse * LEAST_STEP) * side,
+                shift,
+            )
+            parts.append((some[own], at / speed[some][own]))
+        for each in np.unique(step[outside]):
+            some = np.flatnonzero(outside & (step == each))
+            way = (high[some] - near[ray[some]]) * speed[some]
+            longest = _growing(way.max(), each, shift, coarse)
+            count = np.searchsorted(longest, np.minimum(way, FARTHEST * each))
+            own, place = _ragged(count)
+            own = some[own]
+            parts.append((own, near[ray[own]] + longest[place] / speed[own]))
+        number, at = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        kept = np.flatnonzero((at > low[number]) & (at < high[number]))
+        kept = kept[np.argsort(number[kept], kind="stable")]
+        return number[kept], at[kept]
 
     def _fill(self, cells: Spans, at: Array, lines: tuple[Array, Array], kind: str) -> None:
         """Asks the programs at a place (m,) in each cell."""
@@ -243,15 +278,38 @@ def _matter(medium: Medium, values: list[Array], count: int) -> Matter:
     return Matter(color("absorption") + scattering, scattering, emission, anisotropy)
 
 
-def _even(low: float, high: float, step: float, shift: float) -> Array:
-    """Where pairs of cells of one step end, from where the ray begins: what is beside it has its
-    cells beside.
+def _ragged(count: Array) -> tuple[Array, Array]:
+    """Rows of so many (n,) each: of which row each is, and its place in it."""
+    number = np.repeat(np.arange(len(count)), count)
+    return number, np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+
+
+def _between(number: Array, cuts: Array, low: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Halves of the pairs of cells between the cuts (m,) of n spans from low to high (n,): of which
+    span each is, where it begins and ends.
+    """
+    own, place = _ragged(np.bincount(number, minlength=len(low)) + 1)
+    first, last = np.empty(len(own)), np.empty(len(own))
+    begins = place == 0
+    ends = np.append(begins[1:], True)[: len(own)]
+    first[begins], first[~begins] = low, cuts
+    last[ends], last[~ends] = high, cuts
+    middle = np.where(np.isinf(last), last, (first + last) / 2)
+    start, end = np.stack([first, middle], 1).ravel(), np.stack([middle, last], 1).ravel()
+    return np.repeat(own, 2), start, end
+
+
+def _even(low: Array, high: Array, step: Array, shift: float) -> tuple[Array, Array]:
+    """Where pairs of cells of one step end, from where each ray begins: what is beside it has its
+    cells beside. Of which of the n spans, and where; some lie beyond them.
     """
     pair = 2 * step
-    if not (pair > 0 and high < np.inf and (high - low) / pair < MOST_PAIRS):
-        return np.zeros(0)
-    first = np.floor(low / pair - shift) + 1
-    return (np.arange(first, first + (high - low) / pair + 2) + shift) * pair
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        pairs = (high - low) / pair
+        good = (pair > 0) & (high < np.inf) & (pairs < MOST_PAIRS)
+        first = np.floor(low / pair - shift) + 1
+    own, place = _ragged(np.where(good, pairs + 3, 0).astype(np.intp))
+    return own, ((first[own] + place) + shift) * pair[own]
 
 
 def _end_in_the_dark(cells: Spans) -> None:
@@ -263,12 +321,27 @@ def _end_in_the_dark(cells: Spans) -> None:
     sigma = cells.matter.extinction[:, order]
     with np.errstate(invalid="ignore"):
         depth = np.where(sigma > 0, sigma * way, 0.0)
-    new = np.flatnonzero(np.diff(ray, prepend=-1))
-    for first, end in zip(new, np.append(new, len(ray))[1:], strict=True):
-        before = np.cumsum(np.insert(depth[:, first : end - 1], 0, 0.0, 1), 1)
-        dark = order[first:end][np.maximum.accumulate((before > OPAQUE).all(0))]
-        cells.matter.extinction[:, dark] = MOST_DENSE
-        cells.matter.scattering[:, dark] = cells.matter.emission[:, dark] = 0.0
+    first = np.flatnonzero(np.diff(ray, prepend=-1))
+    count = np.diff(np.append(first, len(ray)))
+    # the cells of all rays side by side, sums in order; the few longest rays one by one
+    longest = np.argsort(-count, kind="stable")
+    first, count = first[longest], count[longest]
+    before, ended = np.zeros((3, len(first))), np.zeros(len(first), bool)
+    is_dark = np.zeros(len(ray), bool)
+    step = 0
+    while (going := int(np.searchsorted(-count, -step))) > FEW_RAYS:
+        at = first[:going] + step
+        ended[:going] |= (before[:, :going] > OPAQUE).all(0)
+        is_dark[at] = ended[:going]
+        before[:, :going] += depth[:, at]
+        step += 1
+    for k in range(going):
+        at = np.arange(first[k] + step, first[k] + count[k])
+        reached = np.cumsum(np.column_stack([before[:, k], depth[:, at[:-1]]]), 1)
+        is_dark[at] = ended[k] | np.maximum.accumulate((reached > OPAQUE).all(0))
+    dark = order[is_dark]
+    cells.matter.extinction[:, dark] = MOST_DENSE
+    cells.matter.scattering[:, dark] = cells.matter.emission[:, dark] = 0.0
 
 
 def _growing(way: float, step: float, shift: float, coarse: float) -> Array:

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ..cryptomatte import id_bits
-from ..scene import Input, Lobe, Material, Scene
+from ..scene import LARGEST, LEAST_IOR, Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .bumps import bump_of, lifted
 from .coefficients import Coefficients, Term
@@ -41,8 +41,17 @@ _SUMMED = {
 }
 
 
-_LISTED = {"TOON_DIFFUSE": "SHEEN", "TOON_SPECULAR": "SPECULAR"}
+_LISTED = {
+    "TOON_DIFFUSE": "SHEEN",
+    "OREN_NAYAR": "SHEEN",
+    "OREN_NAYAR_MULTIPLE": "SHEEN",
+    "TOON_SPECULAR": "SPECULAR",
+}
 """Kinds of lobes among the terms of others."""
+
+
+_SEEN = ("AMBIENT", "DIFFUSE", "OREN_NAYAR", "OREN_NAYAR_MULTIPLE")
+"""Kinds that may depend on the view alone."""
 
 
 class _Found:
@@ -164,7 +173,10 @@ class Shader:
         self.images = [Image(t) for t in scene.textures]
         self._first_rod = geometry.first_rod
         self._around = Surroundings(attributes, self.images, geometry, scene.camera)
-        self.has_programs = any(m.program is not None for m in scene.materials)
+        self.reads_surfaces = any(
+            m.program is not None or any(x.kind == "TRANSPARENT" and x.ior != 1 for x in m.lobes)
+            for m in scene.materials
+        )
 
     def is_transparent(self, material: Array) -> Array:
         """(n,) bool: has a TRANSPARENT lobe."""
@@ -184,14 +196,14 @@ class Shader:
     def coefficients(
         self, surface: Surface, kind: str, queries: SceneQueries | None = None
     ) -> Coefficients:
-        """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror".
+        """All lobes at each point. kind: of the rays that meet them, as `points.light_path` has it.
 
         queries: how programs ask the scene for rays, here and below.
         """
         found = _Found(len(surface.primitive))
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
-            if lobe.exponent > 0 and lobe.kind in ("AMBIENT", "DIFFUSE"):
+            if lobe.exponent > 0 and lobe.kind in _SEEN:
                 seen = dot(pick(surface.n, index), pick(surface.v, index))
                 exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
                 k = k * (1 - np.clip(seen, 0.0, 1.0)) ** exponent
@@ -278,19 +290,30 @@ class Shader:
         return found
 
     def transmittance(self, spot: Spot, to_fibres: bool) -> Array:
-        """(n, 3): what passes straight through, the clamped sum of the TRANSPARENT lobes.
+        """(n, 4): what passes straight through, the clamped sum of the TRANSPARENT lobes, and by
+        how much light is narrowed.
 
-        spot: a `Surface` where the scene has programs.  to_fibres: the rays are of points on
-        strands.
+        spot: a `Surface` where `reads_surfaces`.  to_fibres: the rays are of points on strands.
         """
         total = np.zeros((len(spot.primitive), 3))
+        size, narrow = np.zeros((2, len(spot.primitive)))
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
-            if not (to_fibres and lobe.not_to_fibres):
-                total[index] += k.T
+            if to_fibres and lobe.not_to_fibres:
+                return
+            total[index] += k.T
+            given = np.maximum(k.sum(0), 0.0)
+            size[index] += given
+            if isinstance(spot, Surface):
+                square = np.asarray(_index(lobe, outputs)) ** 2
+                given = given * np.where(spot.outside[index], square, 1 / square)
+            narrow[index] += given
 
         self._each_lobe(spot, "shadow", add, ("TRANSPARENT",))
-        return np.clip(total, 0.0, self._most_passed[int(to_fibres)][spot.material][:, None])
+        most = self._most_passed[int(to_fibres)][spot.material]
+        passed = np.clip(total, 0.0, most[:, None])
+        share = np.where(size > 0, narrow / np.where(size > 0, size, 1.0), 1.0)
+        return np.concatenate([passed, share[:, None]], 1)
 
     @cached_property
     def _most_passed(self) -> list[Array]:
@@ -393,7 +416,7 @@ def _index(lobe: Lobe, outputs: list[Array]) -> Array | float:
     if lobe.ior_output < 0:
         return lobe.ior
     given = outputs[lobe.ior_output][0]
-    return np.where(np.isfinite(given) & (given > 0), given, lobe.ior)
+    return np.where((given >= LEAST_IOR) & (given <= LARGEST), given, lobe.ior)
 
 
 def _number(own: float, output: int, outputs: list[Array]) -> Array | float:

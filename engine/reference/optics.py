@@ -97,6 +97,33 @@ def _versine(end: Array) -> Array:
     return 4 * np.sin(end / 2) ** 2
 
 
+def oren_nayar(n: Array, v: Array, l: Array) -> Array:  # noqa: E741
+    """(m,) what a rough matt surface gives back besides Lambert's share, for a k of B, times pi:
+    more where light comes from the viewer's side. For points with n·l > 0 (Fujii, A tiny
+    improvement of Oren-Nayar reflectance model).
+    """
+    nl, nv = np.maximum(dot(n, l), 0.0), np.maximum(dot(n, v), 0.0)
+    s = dot(l, v) - nl * nv
+    most = np.maximum(nl, nv)
+    return nl * np.where(s > 0, s / np.where(most > 0, most, 1.0), s)
+
+
+NEVER_LOST = 0.5 - 2 / (3 * np.pi)
+"""What A leaves of 1, over B: as much at normal incidence is lost to facets."""
+MEAN_LOST = NEVER_LOST - (2 * np.pi - 5.6) / (3 * np.pi)
+"""The mean of `lost_once` over even light."""
+
+
+def lost_once(cosine: Array) -> Array:
+    """(m,) what of light, or of even light to a view, at an angle of that cosine a rough matt
+    surface does not give back at once, over B: its facets meet it again.
+    """
+    c = np.clip(cosine, 0.0, 1.0)
+    s = np.sqrt(1 - c * c)
+    given = s * (np.arccos(c) - 2 / 3 - s * c) + 2 / 3 * s * c * (1 + s + s * s) / (1 + s)
+    return NEVER_LOST - given / np.pi
+
+
 SCATTERED = 0.25
 """The square of the sine by which fibres catch light that others scattered, where it comes along
 them.

@@ -56,12 +56,13 @@ def clipped(camera: Camera, d: Array, x: Array, far: Array) -> Array:
     return -camera.clip_start * dot(back, back) / dot(back, d)
 
 
-def light_path(kind: str, count: int) -> tuple[Array, Array, Array]:
-    """Three times (count,): 1 where the rays are the camera's, shadows', bounced ones."""
-    camera, shadow, bounced = (
-        np.full(count, float(kind == k)) for k in ("camera", "shadow", "mirror")
+def light_path(kind: str, count: int) -> tuple[Array, ...]:
+    """Four times (count,): 1 where the rays are the camera's, shadows', bounced or scattered
+    ones.
+    """
+    return tuple(
+        np.full(count, float(kind == k)) for k in ("camera", "shadow", "mirror", "scattered")
     )
-    return camera, shadow, bounced
 
 
 class SurfacePoints:
@@ -75,8 +76,8 @@ class SurfacePoints:
         kind: str,
         queries: SceneQueries | None = None,
     ):
-        """kind: of the rays that meet it, "camera", "mirror" or "shadow". queries: how the scene is
-        asked for rays; None where it is not.
+        """kind: of the rays that meet it, as `light_path` has it. queries: how the scene is asked
+        for rays; None where it is not.
         """
         self._around, self._surface, self._index, self._kind = around, surface, index, kind
         self.queries = queries
@@ -185,6 +186,10 @@ class SurfacePoints:
         size = self._step_size() * (width / 100 if width else 1.0)
         return size * _axes_in_face(self._of("g"))[min(axis, 2) - 1]
 
+    def pixel_step(self, axis: int) -> Array:
+        """(3, m): `shift` of Shift.FIRST or SECOND."""
+        return self.shift(axis)
+
     def object_location(self) -> Array:
         """(3, m) of the object's origin in the world."""
         return self._around.placements.world_from_object[self._row()][:, :, 3].T + self._around.eye
@@ -206,8 +211,8 @@ class SurfacePoints:
         n, v = self._of("mesh_n"), self._of("v")
         return 2 * dot(n, v) * n - v
 
-    def light_path(self) -> tuple[Array, Array, Array]:
-        """Three times (m,): see `light_path`."""
+    def light_path(self) -> tuple[Array, ...]:
+        """Four times (m,): see `light_path`."""
         return light_path(self._kind, len(self._index))
 
     def ray_length(self) -> Array:

@@ -160,13 +160,14 @@ class Shadows:
         return self._each(start, end, sample.short)
 
     def _blocked(self, rays: Rays) -> Array:
-        passed = self._visibility.blocked(rays, self._transmittance, self._seen)
+        found = self._visibility.blocked(rays, self._transmittance, self._seen)
+        passed = found[:, :3] * np.minimum(found[:, 3:], 1.0)
         if self._shader.fades:
             passed[(passed < FADED).all(1)] = 0.0
         return passed
 
     def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
-        if not self._shader.has_programs:
+        if not self._shader.reads_surfaces:
             spot = spot_at(self._geometry, rays, ray, primitive)
             return self._shader.transmittance(spot, self.to_fibres)
         from_light = isinstance(rays, CoherentRays) and rays.frame.perspective

@@ -7,21 +7,26 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..program.program import Program
-from .points import light_path
+from ..scene import Camera
+from .points import camera_position, light_path, window
 from .program import run
 from .textures import Image
 
 Array = np.ndarray
 Images = Sequence[Image] | Mapping[int, Image]
 """By the number of the texture."""
+Seen = tuple[Camera, Array]
+"""The camera, and the points (3, n) relative to its eye where it looks for what rays see."""
 
 
 class Sky:
     """What the program of a world reads where rays in the directions (3, n), unit, hit nothing."""
 
-    def __init__(self, images: Images, along: Array, kind: str) -> None:
-        """kind: of the rays, "camera" or "mirror"."""
-        self._images, self._along, self._kind = images, along, kind
+    def __init__(self, images: Images, along: Array, kind: str, seen: Seen | None) -> None:
+        """kind: of the rays, "camera", "mirror" or "scattered". seen: None where no camera is
+        known.
+        """
+        self._images, self._along, self._kind, self._seen = images, along, kind, seen
 
     def incoming(self) -> Array:
         """(3, n) back along the rays."""
@@ -35,12 +40,24 @@ class Sky:
         """(4, n) RGBA."""
         return self._images[texture].read(u, v)
 
-    def light_path(self) -> tuple[Array, Array, Array]:
-        """Three times (n,): see `points.light_path`."""
+    def camera_position(self, shift: int) -> Array:
+        """(3, n) along right and up of the camera, and the depth, of the direction."""
+        return camera_position(*self._seen) if self._seen else np.zeros_like(self._along)
+
+    def window(self, shift: int) -> Array:
+        """(2, n) of the picture."""
+        return window(*self._seen) if self._seen else np.zeros_like(self._along[:2])
+
+    def light_path(self) -> tuple[Array, ...]:
+        """Four times (n,): see `points.light_path`."""
         return light_path(self._kind, self._along.shape[1])
 
 
-def radiance(program: Program, images: Images, along: Array, kind: str) -> Array:
-    """(3, n) what the program's output gives in the directions (3, n); 0 where it is not finite."""
-    (value,) = run(program, Sky(images, along, kind), along.shape[1])[:1]
+def radiance(
+    program: Program, images: Images, along: Array, kind: str, seen: Seen | None = None
+) -> Array:
+    """(3, n) what the program's output gives in the directions (3, n), unit; 0 where it is not
+    finite. seen: as `Sky` has it.
+    """
+    (value,) = run(program, Sky(images, along, kind, seen), along.shape[1])[:1]
     return np.where(np.isfinite(value), value, 0.0)

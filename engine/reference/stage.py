@@ -50,6 +50,9 @@ from .visibility import Visibility
 
 Array = np.ndarray
 
+_DIRECTED = ("SHEEN", "TOON_DIFFUSE", "OREN_NAYAR", "FIBRE")
+"""What kinds of lobes begin with that depend on where light comes from, as DIFFUSE does not."""
+
 
 class Stage:
     """A scene made ready: geometry relative to the camera, materials, lights, viewing rays.
@@ -136,13 +139,18 @@ class Stage:
         """(3, n) the world's radiance that AMBIENT lobes of n points give back."""
         return self.ambient * mean_lowered(surface.lowering)
 
-    def background_of(self, along: Array, kind: str) -> Array:
-        """(3, n) or (3, 1): what rays of a kind in the directions (3, n) see that hit nothing."""
+    def background_of(self, origin: Array, along: Array, kind: str) -> Array:
+        """(3, n) or (3, 1): what rays of a kind, origin and directions (3, n), see that hit
+        nothing.
+        """
         program = self.scene.world.program
         if program is None:
             return self.background
         axes = np.asarray(self.scene.world.axes, np.float64)
-        return radiance(program, self._sky_images, axes.T @ unit(along), kind)
+        camera, along = self.scene.camera, unit(along)
+        is_parallel = camera.kind == "ORTHOGRAPHIC" and kind == "camera"
+        seen = camera, origin + along if is_parallel else along
+        return radiance(program, self._sky_images, axes.T @ along, kind, seen)
 
     @cached_property
     def glass_differs(self) -> bool:
@@ -182,7 +190,7 @@ class Stage:
         if shows_gloss or any(source.light.receivers != EVERYTHING for source in bounced):
             return np.ones(len(surface), bool)
         soft = [
-            any(lobe.kind.startswith(("SHEEN", "TOON_DIFFUSE", "FIBRE")) for lobe in material.lobes)
+            any(lobe.kind.startswith(_DIRECTED) for lobe in material.lobes)
             for material in self.scene.materials
         ]
         is_strand = surface.primitive >= self.geometry.first_rod

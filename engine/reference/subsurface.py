@@ -80,10 +80,10 @@ class Profile:
 
     def fall(self, near: Array, far: Array) -> Array:
         """(3, n) how dense the profile is at a distance over how dense it is nearer, round a ring
-        of that radius each.
+        of that radius each; 0 of channels that have none.
         """
         e = np.exp(-near * 2 / (3 * self.d)), np.exp(-far * 2 / (3 * self.d))
-        return np.exp((near - far) / (3 * self.d)) * (1 + e[1]) / (1 + e[0])
+        return np.where(self.on, np.exp((near - far) / (3 * self.d)) * (1 + e[1]) / (1 + e[0]), 0.0)
 
 
 def entering(stage: Stage, at: Interaction) -> tuple[Interaction, Interaction | None]:

@@ -107,12 +107,12 @@ class Visibility:
         transmittance: Callable[[Rays, Array, Array, Array], Array],
         seen: Array | None = None,
     ) -> Array:
-        """S (n, 3): the share of light that passes along each ray. transmittance(rays, ray,
-        primitive, depth): (m, 3) of surfaces met.  seen: (p,) bool, primitives that they meet, or
-        None for all.
+        """S (n, 4): the share of light that passes along each ray, and by how much it is narrowed.
+        transmittance(rays, ray, primitive, depth): (m, 4) of surfaces met.  seen: (p,) bool,
+        primitives that they meet, or None for all.
         """
         if not len(rays) or not self.geometry.count:
-            return np.ones((len(rays), 3))
+            return np.ones((len(rays), 4))
         if isinstance(rays, CoherentRays):
             order, strips = sorted_strips(rays.u, rays.v)
             passed = self._blocked(rays.take(order), transmittance, seen, strips)
@@ -128,7 +128,7 @@ class Visibility:
             opaque = self.opaque[meetings.primitive]
             limit[meetings.ray[opaque]] = -np.inf
             found.append(_Meetings(*(a[~opaque] for a in meetings)))
-        passed = np.where(limit == -np.inf, 0.0, 1.0)[:, None] * np.ones(3)
+        passed = np.where(limit == -np.inf, 0.0, 1.0)[:, None] * np.ones(4)
         ray, primitive, depth = _together(found)
         open_ray = limit[ray] > -np.inf
         ray, primitive, depth = _once(

@@ -88,7 +88,8 @@ def _sobol(count: int, dimensions: tuple[int, ...], numbers: tuple[int, ...] = (
     bits = max(count - 1, 0).bit_length()
     index = np.arange(count, dtype=np.uint64)
     columns = np.zeros((count, len(dimensions)), np.uint64)
-    for digit, words in enumerate(zip(*map(_directions, dimensions), strict=True)):
+    words_of_digits = list(zip(*map(_directions, dimensions), strict=True))
+    for digit, words in enumerate(words_of_digits[:bits]):
         columns ^= (index >> np.uint64(digit) & np.uint64(1))[:, None] * np.array(words, np.uint64)
     numbers = numbers or tuple(_SCRAMBLES[k] for k in dimensions)
     scrambles = np.array(numbers, np.uint64) * _STEP
@@ -189,9 +190,17 @@ def _cells(samples: int) -> int:
     return 1 << max(samples - 1, 0).bit_length()
 
 
+KEPT_WALKS = 1 << 13
+
+
+@functools.lru_cache(maxsize=4)
 def dome_points(count: int) -> np.ndarray:
-    """(count, 2) float64 in (0, 1), from which the directions of the sky's light are drawn."""
-    return _sobol(count, _DOME)
+    """(count, 2) float64 in (0, 1), not to be written to, from which the directions of the sky's
+    light are drawn. All lights of a scene ask for the same.
+    """
+    points = _sobol(count, _DOME)
+    points.flags.writeable = False
+    return points
 
 
 @functools.lru_cache(maxsize=4)
@@ -317,12 +326,17 @@ def subsurface_points(samples: int) -> np.ndarray:
     return points
 
 
-@functools.lru_cache(maxsize=16)
 def walk_points(count: int, level: int) -> np.ndarray:
     """(count, 2) float64 in (0, 1), not to be written to: where walks of light turn at their steps,
     the same points in another order at each level, as `lobe_points` has them. Many lamps ask for
-    the same.
+    the same, and each step for two: those of up to KEPT_WALKS are kept.
     """
+    kept = count <= KEPT_WALKS
+    return _walk_points(count, level) if kept else _walk_points.__wrapped__(count, level)
+
+
+@functools.lru_cache(maxsize=128)  # of at most 128 KB
+def _walk_points(count: int, level: int) -> np.ndarray:
     bits = max(count - 1, 0).bit_length()
     points = _walk_square(bits)[_shuffled(bits, LOBE_LEVELS + level)[:count]]
     points.flags.writeable = False
@@ -339,12 +353,12 @@ def _shuffled(bits: int, seed: int) -> np.ndarray:
     """The numbers below 2^bits in an order that keeps aligned runs of powers of two together: each
     binary digit turned or not, by a hash of those before it.
     """
-    index = np.arange(1 << bits, dtype=np.uint64)
-    order = index.copy()
+    order = np.arange(1 << bits, dtype=np.uint64)
     for place in range(bits):
-        before = index >> np.uint64(bits - place)
+        before = np.arange(1 << place, dtype=np.uint64)
         turn = _hash(before * np.uint64(64) + np.uint64(place) + np.uint64(seed + 1) * _STEP)
-        order ^= (turn & np.uint64(1)) << np.uint64(bits - 1 - place)
+        runs = order.reshape(1 << place, -1)
+        runs ^= ((turn & np.uint64(1)) << np.uint64(bits - 1 - place))[:, None]
     return order.astype(np.intp)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..program.operations_input import OF_TRIANGLES
 from ..program.problems import program_problems
 from ..program.program import Program, instructions
 from .checks import (
@@ -93,9 +94,7 @@ def _light_program(light: Light, program: Program) -> Found:
         yield "program has no output: compile it with one"
     if not found and program.attributes:
         yield "program reads an attribute, which a light has not: use its position or normal"
-    if not found and any(
-        step.operation.name in ("barycentric", "edge_distance") for step in instructions(program)
-    ):
+    if not found and any(step.operation.name in OF_TRIANGLES for step in instructions(program)):
         yield "program reads a triangle, which a light has not: use its position or normal"
 
 

@@ -88,43 +88,50 @@ LOBES = (
     "HOLDOUT",
     "TOON_DIFFUSE",
     "TOON_SPECULAR",
+    "OREN_NAYAR",
+    "OREN_NAYAR_MULTIPLE",
     "FIBRE_DIFFUSE",
     "FIBRE_SPECULAR",
     "FIBRE_TRANSMISSION",
 )
+
+LEAST_IOR, LARGEST = 1e-30, 1e30
+"""Of indices of refraction, of exponents too: squares, and one over them, stay finite."""
 
 
 @dataclass(frozen=True)
 class Lobe:
     """One term of a surface: `kind` times the product of `factors` (the notes' coefficient k).
 
-    exponent: >= 0, Phong's of a SPECULAR lobe; an AMBIENT or DIFFUSE one is times (1 - n·v) to that
-    power. ior: > 0. On REFRACTION the index inside the surface. `fresnel` multiplies a MIRROR lobe
-    by the dielectric Fresnel reflectance of `ior`, a REFRACTION lobe by one minus it, and a
-    SPECULAR lobe by what it is between v and h. schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵
-    (Schlick 1994): what a metal's reflectance gains towards grazing angles. edge: by
-    7⁷/6⁶ v·h (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what it may lack some 8 degrees off the
-    surface, where that is 1. masking: 0 to 1, of a SPECULAR lobe: the α of Smith's shadowing and
-    masking, as GGX has them, which it is times; 0 for none. exponent_output, masking_output: which
-    output of the material's program, a number, gives the exponent or masking instead, kept from 0
-    to what stands here; -1 for none.  ior_output: the same of ior, which stands where the output is
-    not finite or not above 0.  A SHEEN lobe has its width as exponent and its lean as masking
-    (SEMANTICS.md), a TOON lobe the shares of a right angle of its size, up to 1, and of its smooth
-    edge, FIBRE lobes as masking how far light fans out round the tangent, 0 for as far as normals
-    do, and as ior what `leaning` makes of how far they lean along it.  fibre_output: of FIBRE
-    lobes, the output with the fibre's tangent in the world, as long as the fibre is thick there, 0
-    of what is no fibre; -1: all 0. normal_output: of SPECULAR, MIRROR and REFRACTION lobes, the
-    output with a shading normal of their own in the world; where it is zero or not finite, or -1,
-    they have the point's. stretch_output: of SPECULAR lobes, the output with a direction in the
-    world along the surface: slopes of half vectors along it are times its length, those across it
-    over that (SEMANTICS.md); -1, zero or not finite: none. between_fibres: what it shows or lets
-    through is light that other fibres scattered: `Scene.as_lit` drops it where light does not
-    bounce; FIBRE lobes catch of it what comes along them too, and have no masking then.
-    not_to_fibres: of TRANSPARENT lobes, what rays from points on strands do not pass, whose own
-    lobes stand for it. radius: of DIFFUSE lobes, RGB, at least 0, world units: how far below the
-    surface their light goes before it comes out again, the d of Christensen and Burley's profile
-    (SEMANTICS.md, Subsurface); 0: it comes out where it goes in. radius_output: the output that
-    takes its place, -1 for none.
+    exponent: 0 to 1e30, Phong's of a SPECULAR lobe; AMBIENT, DIFFUSE and OREN_NAYAR ones are times
+    (1 - n·v) to that power. ior: 1e-30 to 1e30. On REFRACTION the index inside the surface, on
+    TRANSPARENT that for light to lit points alone, which is less where it comes from a narrower
+    cone inside (SEMANTICS.md, S). `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel
+    reflectance of `ior`, a REFRACTION lobe by one minus it, and a SPECULAR lobe by what it is
+    between v and h.
+    schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵ (Schlick 1994): what a metal's reflectance
+    gains towards grazing angles. edge: by 7⁷/6⁶ v·h (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what
+    it may lack some 8 degrees off the surface, where that is 1. masking: 0 to 1, of a SPECULAR
+    lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for none.
+    exponent_output, masking_output: which output of the material's program, a number, gives the
+    exponent or masking instead, kept from 0 to what stands here; -1 for none. ior_output: the same
+    of ior, which stands where the output is not from 1e-30 to 1e30. A SHEEN lobe has its width as
+    exponent and its lean as masking (SEMANTICS.md), a TOON lobe the shares of a right angle of
+    its size, up to 1, and of its smooth edge, FIBRE lobes as masking how far light fans out round
+    the tangent, 0 for as far as normals do, and as ior what `leaning` makes of how far they lean
+    along it. fibre_output: of FIBRE lobes, the output with the fibre's tangent in the world, as
+    long as the fibre is thick there, 0 of what is no fibre; -1: all 0. normal_output: of SPECULAR,
+    MIRROR and REFRACTION lobes, the output with a shading normal of their own in the world; where
+    it is zero or not finite, or -1, they have the point's. stretch_output: of SPECULAR lobes, the
+    output with a direction in the world along the surface: slopes of half vectors along it are
+    times its length, those across it over that (SEMANTICS.md); -1, zero or not finite: none.
+    between_fibres: what it shows or lets through is light that other fibres scattered:
+    `Scene.as_lit` drops it where light does not bounce; FIBRE lobes catch of it what comes along
+    them too, and have no masking then. not_to_fibres: of TRANSPARENT lobes, what rays from points
+    on strands do not pass, whose own lobes stand for it. radius: of DIFFUSE lobes, RGB, at least 0,
+    world units: how far below the surface their light goes before it comes out again, the d of
+    Christensen and Burley's profile (SEMANTICS.md, Subsurface); 0: it comes out where it goes in.
+    radius_output: the output that takes its place, -1 for none.
     """
 
     kind: str

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..program.operations import Reference
+from ..program.operations_input import OF_TRIANGLES
 from ..program.problems import program_problems
 from ..program.program import Program, instructions
 from .checks import (
@@ -27,6 +28,8 @@ from .model_surfaces import (
     ENCODINGS,
     EXTENSIONS,
     INTERPOLATIONS,
+    LARGEST,
+    LEAST_IOR,
     LOBES,
     Input,
     Lobe,
@@ -91,7 +94,7 @@ def _out_of_place(program: Program, is_world: bool) -> Found:
     for step in instructions(program):
         of_placement = step.operation.name == "instance_value"
         named = any(choices is Reference.ATTRIBUTE for _, choices in step.operation.settings)
-        if (named and not of_placement) or step.operation.name in ("barycentric", "edge_distance"):
+        if (named and not of_placement) or step.operation.name in OF_TRIANGLES:
             yield f"reads {step.operation.name}, which a medium has not: use its position"
         elif of_placement and is_world:
             yield "reads a placement, which a world has not: use its position"
@@ -99,9 +102,8 @@ def _out_of_place(program: Program, is_world: bool) -> Found:
 
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from one_of("kind", lobe.kind, LOBES)
-    yield from at_least("exponent", lobe.exponent, 0)
-    if not (is_real(lobe.ior) and np.isfinite(lobe.ior) and lobe.ior > 0):
-        yield f"ior is {lobe.ior!r}: use a finite number above 0"
+    yield from at_least("exponent", lobe.exponent, 0, LARGEST)
+    yield from at_least("ior", lobe.ior, LEAST_IOR, LARGEST)
     yield from at_least("masking", lobe.masking, 0, 1)
     if lobe.kind == "SPECULAR" and lobe.fresnel + lobe.schlick + lobe.edge > 1:
         yield "is times two of fresnel, schlick and edge: use one of them"

@@ -221,13 +221,15 @@ def resolved(result: Export, name: str = "Material") -> tuple[Lobe, ...]:
     )
 
 
+VIEWED = ("AMBIENT", "DIFFUSE", "OREN_NAYAR", "OREN_NAYAR_MULTIPLE")
+
+
 def total(lobes, kind: str, textures=(), colors=None, cosine: float = 1.0) -> np.ndarray:
-    """(3,) the summed weight of all lobes of a kind; of AMBIENT and DIFFUSE ones, where n·v is
+    """(3,) the summed weight of all lobes of a kind; of those that depend on it, where n·v is
     `cosine`.
     """
     shares = (
-        (1 - cosine) ** lobe.exponent if kind in ("AMBIENT", "DIFFUSE") else 1.0
-        for lobe in of_kind(lobes, kind)
+        (1 - cosine) ** lobe.exponent if kind in VIEWED else 1.0 for lobe in of_kind(lobes, kind)
     )
     return sum(
         (

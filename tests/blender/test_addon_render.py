@@ -244,8 +244,7 @@ draw("none.exr")
     )
 
 
-@pytest.mark.parametrize("file_format", ["PNG", "OPEN_EXR"])
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(("name", "file_format"), [("SIGINT", "OPEN_EXR"), ("SIGTERM", "PNG")])
 def test_a_signal_from_outside_ends_the_program_without_a_picture(tmp_path, name, file_format):
     """While the core traces: nothing of Python runs then but what the engine lets."""
     program = (

@@ -73,6 +73,26 @@ def test_vertices_move_along_their_normals_and_the_mesh_stays_whole(scene, smoot
     assert len(result.scene.geometries) == 1  # not the undisplaced one as well
 
 
+def test_no_ray_meets_vertices(scene):  # noqa: F811
+    """What asks how rays come, or how large pixels are, is 0 there."""
+    for output in ("Is Diffuse Ray", "Is Glossy Ray", "Ray Depth"):
+        moving = Moving(name=output)
+        path = moving.tree.nodes.new("ShaderNodeLightPath")
+        moving.tree.links.new(path.outputs[output], moving.node.inputs["Height"])
+        box(output, moving.material)
+    moving = Moving(name="Wireframe")
+    wire = moving.tree.nodes.new("ShaderNodeWireframe")
+    wire.use_pixel_size = True
+    moving.tree.links.new(wire.outputs[0], moving.node.inputs["Height"])
+    box("Wireframe", moving.material)
+    result, flat = export(), Moving(name="Flat")
+    flat.node.inputs["Height"].default_value = 0.0
+    box("Flat", flat.material)
+    for name in ("Is Diffuse Ray", "Is Glossy Ray", "Ray Depth", "Wireframe"):
+        wanted = mesh_of(export(), "Flat").vertices
+        np.testing.assert_allclose(mesh_of(result, name).vertices, wanted, atol=1e-6)
+
+
 def test_a_bump_moves_nothing(scene):  # noqa: F811
     moving = Moving(method="BUMP")
     moving.height("ShaderNodeTexNoise")

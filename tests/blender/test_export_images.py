@@ -17,6 +17,8 @@ from glint.addon.export.images.decoded import Decoded
 from glint.addon.export.images.images import Images, mean_color, texels
 from glint.addon.export.materials.graph import Place, images_behind
 from glint.addon.export.report import Report
+from glint.addon.export.sync.frames import export_frame
+from glint.addon.export.sync.incremental import LiveExport
 from glint.engine.scene import Input, Texture
 
 GRADIENT = np.stack(
@@ -187,6 +189,30 @@ def test_alpha_does_not_darken_data(scene, tmp_path, space):  # noqa: F811
     np.testing.assert_array_equal(_alone(picture)[:, :, :3], wanted)
 
 
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_sixteen_bits_are_multiplied_by_alpha_under_their_curve(scene, tmp_path, name):  # noqa: F811
+    """As bytes are, and as in Cycles."""
+    values = GRADIENT.copy()
+    values[:, :, 3] = [0, 0.25, 0.5, 0.75, 1]
+    picture = bpy.data.images.load(_file(tmp_path / name, values, "uint16"))
+    wanted = srgb_to_linear(values[:, :, :3] * values[:, :, 3:])
+    np.testing.assert_allclose(_alone(picture)[:, :, :3], wanted, atol=3e-5)
+    assert (_alone(picture)[:, :, 3] == 1).all()
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_alpha_does_not_darken_grey(scene, tmp_path, kind):  # noqa: F811
+    """As in Cycles, of a file of two channels."""
+    values = np.stack([GRADIENT[:, :, 0], np.full((3, 5), 0.5, np.float32)], -1)
+    picture = bpy.data.images.load(_file(tmp_path / "a.png", values, kind))
+    found = _alone(picture)[:, :, 0]
+    wanted = _bytes(values[:, :, 0]) if kind == "uint8" else srgb_to_linear(values[:, :, 0])
+    np.testing.assert_allclose(found, wanted, atol=1e-4)
+    assert _texture(picture)[0].pixels[0, 0, 3] == pytest.approx(
+        128 if kind == "uint8" else 0.5, abs=1e-4
+    )
+
+
 @pytest.mark.parametrize("mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED"])
 def test_colours_without_alpha_glow(scene, tmp_path, mode):  # noqa: F811
     """EXR files hold colours times alpha whatever the mode says, as in Cycles: fire that covers
@@ -261,6 +287,93 @@ def test_sequences_show_the_frame_of_the_scene(scene, tmp_path):  # noqa: F811
         scene.frame_set(frame)
         (texture,) = shader.export()[0].scene.textures
         assert texture.pixels[0, 0, 0] == _bytes(frame / 4)
+
+
+@pytest.mark.parametrize("refreshes", [True, False])
+@pytest.mark.parametrize(
+    ("settings", "shown"),
+    [
+        ({}, (1, 3, 2)),
+        ({"frame_offset": 1, "frame_duration": 2}, (2, 3, 3)),
+        ({"frame_start": 2, "frame_offset": 1}, (1, 3, 2)),
+        ({"frame_duration": 2, "use_cyclic": True}, (1, 1, 2)),
+        ({"frame_start": 3, "frame_duration": 2, "use_cyclic": True}, (1, 1, 2)),
+    ],
+)
+@pytest.mark.parametrize("kind", ["SEQUENCE", "MOVIE"])
+def test_what_moves_shows_the_frame(scene, tmp_path, kind, settings, shown, refreshes):  # noqa: F811
+    """As in Cycles, Auto Refresh or not: what Blender counts for itself stays where that is off."""
+    for frame in (1, 2, 3):
+        _file(tmp_path / f"7_{frame:04}.png", np.full((16, 16, 3), frame / 4))
+    if kind == "SEQUENCE":
+        picture = bpy.data.images.load(str(tmp_path / "7_0001.png"))
+        picture.source = "SEQUENCE"
+    else:
+        picture = bpy.data.images.load(_movie(tmp_path))
+    shader = Shader()
+    node = shader.node("ShaderNodeTexImage", image=picture)
+    for name, value in ({"frame_duration": 3} | settings).items():
+        setattr(node.image_user, name, value)
+    node.image_user.use_auto_refresh = refreshes
+    shader.link(node, "Color", shader.shader, "Color")
+    for frame, number in zip((1, 3, 2), shown, strict=True):
+        scene.frame_set(frame)
+        result = shader.export()[0]
+        (texture,) = result.scene.textures
+        assert int(texture.pixels[0, 0, 0]) == pytest.approx(_bytes(number / 4), abs=2)
+        assert texture.encoding == "SRGB" and not result.notes
+    assert len(bpy.data.textures) == 0 and list(bpy.data.images) == [picture]
+
+
+def test_persistent_data_keeps_one_picture_of_a_sequence(scene, tmp_path):  # noqa: F811
+    for frame in (1, 2, 3):
+        _file(tmp_path / f"7_{frame:04}.png", np.full((16, 16, 3), frame / 4))
+    picture = bpy.data.images.load(str(tmp_path / "7_0001.png"))
+    picture.source = "SEQUENCE"
+    shader = Shader()
+    node = shader.node("ShaderNodeTexImage", image=picture)
+    node.image_user.frame_duration = 3
+    shader.link(node, "Color", shader.shader, "Color")
+    live = LiveExport()
+    for frame in (1, 3, 2):
+        scene.frame_set(frame)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        (texture,) = export_frame(live, depsgraph, width=8, height=8).scene.textures
+        assert int(texture.pixels[0, 0, 0]) == _bytes(frame / 4)
+        assert len(live._cache.images.pixels) == 1
+
+
+def _movie(tmp_path) -> str:
+    """Of the pictures 7_0001.png to 7_0003.png."""
+    made = bpy.data.scenes.new("movie")
+    editor = made.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    images = strips.new_image("pictures", str(tmp_path / "7_0001.png"), 1, 1)
+    for number in (2, 3):
+        images.elements.append(f"7_{number:04}.png")
+    render, path = made.render, str(tmp_path / "movie.mp4")
+    made.frame_start, made.frame_end, render.filepath = 1, 3, path
+    render.resolution_x = render.resolution_y = 16
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "VIDEO"
+    render.image_settings.file_format = "FFMPEG"
+    render.ffmpeg.format, render.ffmpeg.constant_rate_factor = "MPEG4", "LOSSLESS"
+    made.view_settings.view_transform = "Standard"
+    bpy.ops.render.render(animation=True, scene=made.name)
+    bpy.data.scenes.remove(made)
+    for loaded in list(bpy.data.images):
+        bpy.data.images.remove(loaded)
+    return path
+
+
+def test_a_movie_that_is_gone_is_magenta_and_named(scene, tmp_path):  # noqa: F811
+    picture = bpy.data.images.new("gone", 2, 2)
+    picture.source, picture.filepath = "MOVIE", str(tmp_path / "gone.mp4")
+    texture, notes = _texture(picture)
+    np.testing.assert_array_equal(texture.pixels, [[[255, 0, 255, 255]]])
+    assert "'gone' has no file" in notes[0]
+    (tmp_path / "gone.mp4").write_bytes(b"no movie")
+    assert "'gone' cannot be read" in _texture(picture)[1][0]
 
 
 def test_tiled_images_have_a_texture_for_each_tile(scene, tmp_path):  # noqa: F811

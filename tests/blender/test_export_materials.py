@@ -111,6 +111,17 @@ def test_muted_nodes_pass_their_first_input(scene):  # noqa: F811
     np.testing.assert_allclose(total(shader.export()[1], "DIFFUSE"), RED[:3])
 
 
+def test_muted_nodes_without_an_input_to_pass_count_as_unlinked(scene):  # noqa: F811
+    shader = Shader()
+    set_inputs(shader.shader, Color=RED)
+    image = shader.node("ShaderNodeTexImage")
+    shader.link(shader.node("ShaderNodeTexCoord", mute=True), "Generated", image, "Vector")
+    shader.link(image, 0, shader.shader, "Color")
+    assert shader.export()[0].scene.textures
+    image.mute = True
+    np.testing.assert_allclose(total(shader.export()[1], "DIFFUSE"), RED[:3])
+
+
 def test_muted_links_do_not_count(scene):  # noqa: F811
     shader = Shader()
     set_inputs(shader.shader, Color=RED)

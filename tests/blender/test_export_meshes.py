@@ -8,6 +8,7 @@ from mathutils import Matrix
 from export_support import Shader, export, link, mesh_object, quad, scene  # noqa: F401
 from glint.addon.export.geometry import meshes
 from glint.addon.export.geometry.shapes import mark_sphere
+from glint.addon.export.materials.terms import GREY
 from glint.addon.ui import sphere
 from glint.engine.scene import CORNER, POINT, Mesh, Spheres
 
@@ -254,14 +255,15 @@ def test_attributes_that_are_not_finite_count_as_0_and_are_told(scene, bad):  # 
     shader.link(attribute, "Color", shader.shader, "Color")
     result = export(passes=frozenset({"UV"}))
     values = {a.name: a.values[:, :2].tolist() for a in result.scene.geometries[0].attributes}
-    assert values == {"UVMap": [[0, 1]] * 4, "Number": [[0, 0], [1, 1], [2, 2], [3, 3]]}
+    numbers = [[0, 0], [1, 1], [2, 2], [3, 3]]
+    assert values == {"UVMap": [[0, 1]] * 4, "Number": numbers, f"{GREY}Number": numbers}
     assert (
         "Attributes have values that are not finite, which count as 0 ('UVMap of Quad', 'Number of "
         "Quad'): repair or remove them"
     ) in result.notes
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e30])
 def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  # noqa: F811
     thing = mesh_object(
         "Broken",
@@ -274,6 +276,7 @@ def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  #
     result = export()
     mesh = result.scene.geometries[0]
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert mesh.vertices.max() == 1 and mesh.vertices.min() == 0
     assert mesh.material_slots.tolist() == [0, 1]
     assert any("'Broken'" in note and "1 of its triangles" in note for note in result.notes)
 
@@ -289,6 +292,23 @@ def test_corners_go_with_the_triangles_that_are_left(scene):  # noqa: F811
     uv = mesh.attributes[0].values[mesh.corners]
     assert sorted(map(tuple, mesh.triangles.tolist())) == [(0, 1, 2), (0, 2, 3)]
     np.testing.assert_array_equal(uv[:, :, 0], 2 * (3 + mesh.triangles))
+
+
+@pytest.mark.parametrize("kind", ["FLOAT", "INT", "FLOAT_COLOR"])
+def test_values_on_edges_are_means_at_the_vertices(scene, kind):  # noqa: F811
+    """As in Cycles."""
+    shader = Shader()
+    layer = shader.quad.data.attributes.new("Wear", kind, "EDGE")
+    ends = np.array([edge.vertices[:] for edge in shader.quad.data.edges])
+    values = np.arange(1, len(ends) + 1)
+    for item, value in zip(layer.data, values.tolist(), strict=True):
+        setattr(item, *(("color", [value] * 4) if "COLOR" in kind else ("value", value)))
+    shader.link(shader.node("ShaderNodeAttribute", attribute_name="Wear"), 0, shader.shader, 0)
+    result = shader.export()[0]
+    (found,) = (a for a in result.scene.geometries[0].attributes if a.name == "Wear")
+    wanted = [values[(ends == k).any(1)].mean() for k in range(4)]
+    assert found.domain == "POINT" and not result.notes
+    np.testing.assert_allclose(found.values[:, 0], wanted, rtol=1e-6)
 
 
 def test_meshes_without_faces_are_nothing(scene):  # noqa: F811

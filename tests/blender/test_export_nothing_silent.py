@@ -25,9 +25,6 @@ WITH = {
     "ShaderNodeBsdfGlass": {"Thin Film Thickness": 300.0},
 }  # fmt: skip
 """What must not be 0 for other inputs to count."""
-FAMILIES = {
-    "diffuse roughness": "diffuse roughness",
-}
 KINDS = sorted(name for name in dir(bpy.types) if name.startswith("ShaderNodeBsdf")) + [
     "ShaderNodeEmission",
     "ShaderNodeSubsurfaceScattering",
@@ -47,10 +44,7 @@ def _told(name: str, notes: tuple[str, ...]) -> bool:
     """Whether a note speaks of the node, or of the family of inputs that begins with the same
     word.
     """
-    family = next(
-        (word for start, word in FAMILIES.items() if name.lower().startswith(start)),
-        name.split()[0].lower(),
-    )
+    family = name.split()[0].lower()
     return any(family in note.lower() or any(text in note for text in COVERED) for note in notes)
 
 

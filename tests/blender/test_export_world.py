@@ -20,6 +20,32 @@ def world(scene):  # noqa: F811
     return tree, background
 
 
+@pytest.mark.parametrize(
+    ("output", "is_told"),
+    [("Is Camera Ray", False), ("Is Reflection Ray", False), ("Is Glossy Ray", True)],
+)
+def test_gloss_that_would_see_another_world_is_told(world, output, is_told):
+    tree, background = world
+    path = tree.nodes.new("ShaderNodeLightPath")
+    tree.links.new(path.outputs[output], background.inputs["Strength"])
+    background.inputs["Color"].default_value = (0.5, 0.5, 0.5, 1)
+    assert any("rough reflections" in note for note in export().notes) == is_told
+
+
+@pytest.mark.parametrize("is_mixed", [False, True])
+def test_light_by_window_coordinates_is_told(world, is_mixed):
+    """And a picture behind the scene that lights nothing is not."""
+    tree, background = world
+    window = tree.nodes.new("ShaderNodeTexCoord").outputs["Window"]
+    if is_mixed:
+        path, mixed = tree.nodes.new("ShaderNodeLightPath"), tree.nodes.new("ShaderNodeMixRGB")
+        tree.links.new(path.outputs["Is Camera Ray"], mixed.inputs[0])
+        tree.links.new(window, mixed.inputs[2])
+        window = mixed.outputs[0]
+    tree.links.new(window, background.inputs["Color"])
+    assert any("window coordinates" in note for note in export().notes) != is_mixed
+
+
 def test_no_world_is_black(scene):  # noqa: F811
     world = export().scene.world
     assert world.ambient == world.background == (0, 0, 0)

@@ -107,7 +107,7 @@ def test_separate_takes_the_part_that_is_linked(tree):
     assert tree.read("Roughness").constant == approx(0.2)
 
 
-def test_a_muted_node_passes_its_input_on_and_without_one_gives_nothing(tree):
+def test_a_muted_node_passes_its_input_on_and_without_one_counts_as_unlinked(tree):
     node = tree.nodes.new("ShaderNodeRGBToBW")
     tree.links.new(tree.rgb(1.0, 0.0, 0.0).outputs[0], node.inputs[0])
     tree.links.new(node.outputs[0], tree.shader.inputs["Roughness"])
@@ -117,7 +117,8 @@ def test_a_muted_node_passes_its_input_on_and_without_one_gives_nothing(tree):
     value = tree.rgb(1.0, 1.0, 1.0)
     value.mute = True
     tree.links.new(value.outputs[0], tree.shader.inputs["Color"])
-    assert tree.read("Color").constant == (0.0, 0.0, 0.0)
+    tree.shader.inputs["Color"].default_value = (0.1, 0.2, 0.3, 1.0)
+    assert tree.read("Color").constant == approx(0.1, 0.2, 0.3)
 
 
 def test_an_unlinked_socket_gives_its_default_and_nan_counts_as_nought(tree):

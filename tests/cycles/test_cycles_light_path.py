@@ -89,6 +89,47 @@ def test_an_output_is_cycles(output: str) -> None:
         assert wanted["Combined"][..., 0][inside].std() > 0.02
 
 
+MATT_OUTPUTS = ("Is Camera Ray", "Is Glossy Ray", "Is Singular Ray", "Is Reflection Ray")
+MATT_OUTPUTS += ("Is Transmission Ray", "Is Diffuse Ray", "Ray Depth", "Diffuse Depth")
+MATT_OUTPUTS += ("Glossy Depth", "Transparent Depth", "Transmission Depth")
+
+
+@pytest.mark.parametrize("output", MATT_OUTPUTS)
+def test_a_world_lights_matt_surfaces_as_cycles(output: str) -> None:
+    """A sky of 0.2 and the output."""
+    scene = cycles.empty_scene(16, 16)
+    cycles.use_nodes(scene.world)
+    tree = scene.world.node_tree
+    tree.nodes.clear()
+    path, add_up = tree.nodes.new("ShaderNodeLightPath"), tree.nodes.new("ShaderNodeMath")
+    background = tree.nodes.new("ShaderNodeBackground")
+    add_up.inputs[1].default_value = 0.2
+    tree.links.new(path.outputs[output], add_up.inputs[0])
+    tree.links.new(add_up.outputs[0], background.inputs["Color"])
+    tree.links.new(background.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs["Surface"])
+    add(scene, "floor", plane(6, shader("white", "ShaderNodeBsdfDiffuse")))
+    add_camera(scene, (0, -1, 4), (0, 0, 0))
+    wanted = in_cycles(scene)["Combined"][..., :3]
+    assert wanted.std() < 1e-5
+    for backend in BACKENDS:
+        film = render_glint(scene, backend, max_bounces=BOUNCES, world_light="OCCLUDED")
+        np.testing.assert_allclose(film.passes["Combined"][..., :3], wanted, rtol=1e-3)
+
+
+@pytest.mark.parametrize("output", ["Is Camera Ray", "Is Glossy Ray", "Is Singular Ray"])
+def test_what_glows_for_other_rays_lights_nothing_matt(output: str) -> None:
+    """As in Cycles: a wall that glows where mirrors, or the camera, see it."""
+    scene = cycles.empty_scene(16, 16)
+    add(scene, "floor", plane(2, shader("white", "ShaderNodeBsdfDiffuse")))
+    wall = add(scene, "wall", plane(2, telling(output)), moved(0, 1, 1))
+    wall.rotation_euler.x = np.pi / 2
+    add_camera(scene, (0, -0.5, 3), (0, -0.5, 0), lens=150)
+    assert in_cycles(scene)["Combined"][..., :3].max() == 0
+    for backend in BACKENDS:
+        found = render_glint(scene, backend, mesh_light="ON").passes["Combined"][..., :3]
+        assert found.max() == 0
+
+
 def test_shadows_know_how_long_they_are() -> None:
     """A pane that lets light through by the length of the ray that looks for it."""
     scene = cycles.empty_scene(48, 48)

@@ -148,14 +148,16 @@ def test_an_environment_on_a_surface_is_cycles(vector, projection):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("size", [0.05, 0.2])
-def test_a_wireframe_is_cycles(size, backend):
+@pytest.mark.parametrize(
+    ("size", "in_pixels"), [(0.05, False), (0.2, False), (2.0, True), (6.0, True)]
+)
+def test_a_wireframe_is_cycles(size, in_pixels, backend):
     """But for the pixels on the border of a line."""
 
     def made():
         material = shining("ShaderNodeWireframe", "Fac")
         node = next(n for n in material.node_tree.nodes if n.type == "WIREFRAME")
-        node.inputs["Size"].default_value = size
+        node.inputs["Size"].default_value, node.use_pixel_size = size, in_pixels
         return material
 
     scene = cycles.empty_scene(64, 64)

@@ -100,7 +100,7 @@ def test_on_a_surface_is_cycles(kind, backend):
 @pytest.mark.parametrize("size", [0.0095, 0.1])
 @pytest.mark.parametrize("kind", KINDS[1:])
 def test_the_light_of_the_sky_and_its_sun_is_cycles(kind, size):
-    scene = cycles.empty_scene(48, 32)
+    scene = cycles.empty_scene(32, 21)
     add(scene, "floor", plane(8, lambert((0.6, 0.6, 0.6))))
     add(scene, "ball", ball(64, 32, True, lambert((0.7, 0.3, 0.2))), moved(1.2, 0, 1))
     add(scene, "cube", cube(lambert((0.3, 0.5, 0.7))), moved(-1.2, 0.3, 0.8, 0.8, 0.8, 0.8))

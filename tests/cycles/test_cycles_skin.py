@@ -36,16 +36,27 @@ def skin_and_fur(count: int, skin: str, light: str, color="brown", model="CHIANG
 
 def both_means(scene, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Of the upper half of Cycles' picture with 8 bounces, and ours."""
+    scene.render.use_border = scene.render.use_crop_to_border = True
+    scene.render.border_min_y = (20 + 0.01) / 48
     cycles.make_exact(scene, 16, 0, 8)
     scene.cycles.transmission_bounces = scene.cycles.diffuse_bounces = 8
     truth = cycles.render_passes(scene)["Combined"]
     film = render_glint(scene, "NATIVE", samples=samples, diffuse_bounces=4)
-    return tuple(f[20:, :, :3].mean((0, 1)) for f in (truth, film.combined))
+    assert truth.shape == film.combined.shape == (28, 48, 4)
+    return tuple(f[..., :3].mean((0, 1)) for f in (truth, film.combined))
 
 
-@pytest.mark.parametrize("light", ["front", "top", "side"])
-@pytest.mark.parametrize("color", COLORS)
-@pytest.mark.parametrize("model", ["CHIANG", "HUANG"])
+@pytest.mark.parametrize(
+    ("model", "color", "light"),
+    [
+        ("CHIANG", "brown", "front"),
+        ("CHIANG", "black", "top"),
+        ("CHIANG", "brown", "side"),
+        ("HUANG", "black", "front"),
+        ("HUANG", "brown", "top"),
+        ("HUANG", "black", "side"),
+    ],
+)
 def test_skin_under_fur_gets_the_light_that_passes_this(model, color, light):
     """Of a ball under 6000 strands that the camera does not see: within a fifth."""
     scene, fur = skin_and_fur(6000, "middling", light, color, model)

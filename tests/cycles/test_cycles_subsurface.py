@@ -85,7 +85,7 @@ def test_walls_lit_from_behind(method: str, thick: float) -> None:
 @pytest.mark.parametrize(("method", "scale"), [("BURLEY", 2.0), ("RANDOM_WALK", 0.7)])
 def test_a_head(method: str, scale: float) -> None:
     """Lit from the side: what is dark without it glows, and shines through at the ears."""
-    scene = cycles.empty_scene(96, 96)
+    scene = cycles.empty_scene(64, 64)
     bpy.ops.mesh.primitive_monkey_add(size=2)
     head = bpy.context.object
     head.data.materials.append(skin(method, scale))

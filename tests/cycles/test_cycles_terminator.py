@@ -154,8 +154,8 @@ def test_shading_offset_of_what_is_thrown_on():
         ball = build.ball(8, 6, True, build.lambert((0.8, 0.8, 0.8)))
         thing = build.add(scene, "Ball", ball, build.moved(0, 0, 1.2, 1.2, 1.2, 1.2))
         set_offset(thing, "shading", offset)
-        film = render_glint(scene, "NATIVE", samples=64, light_samples=16, diffuse_bounces=2)
-        cycles.make_exact(scene, 1024, 0, 2)
+        film = render_glint(scene, "NATIVE", samples=64, light_samples=4, diffuse_bounces=2)
+        cycles.make_exact(scene, 256, 0, 2)
         scene.cycles.diffuse_bounces = 2
         reference = cycles.render_passes(scene)
         place = reference["Position"]

@@ -9,7 +9,7 @@ import pytest
 
 import cycles_reference as cycles
 from cycles_reference import bpy
-from glint_picture import render_glint, render_pair
+from glint_picture import BACKENDS, render_glint, render_pair
 from small_scenes import add, add_camera, ball, cube, lambert, moved, plane
 
 ROWS = 64
@@ -171,13 +171,27 @@ SEEN = {
     "flipped_normals": normal_map("BLENDER_WORLD"),
     **{
         name: by_coordinate("ShaderNodeTexCoord", name)
-        for name in ("Generated", "Normal", "Object", "Reflection")
+        for name in ("Generated", "Normal", "Object", "Reflection", "Camera", "Window")
     },
     **{
         name: by_coordinate("ShaderNodeNewGeometry", name)
         for name in ("Position", "True Normal", "Incoming")
     },
 }
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_a_picture_behind_the_scene_is_cycles(kind, backend):
+    """By window coordinates, through a camera that is turned and shifted."""
+    scene = cycles.empty_scene(64, 48)
+    camera = add_camera(scene, location=(0.7, -3.5, 0.6), target=(0.4, 0, 0.2))
+    camera.data.type, camera.data.shift_x = kind, 0.2
+    by_coordinate("ShaderNodeTexCoord", "Window")(WorldTree(scene))
+    pair = render_pair(scene, backend, f"window-{kind}", world_light="CONSTANT")
+    found, wanted = (p["Combined"][..., :3] for p in (pair.glint, pair.cycles))
+    assert wanted.std() > 0.1
+    np.testing.assert_allclose(found, wanted, atol=2e-3)
 
 
 @pytest.mark.parametrize("name", SEEN)
@@ -206,7 +220,7 @@ def test_what_is_seen_is_cycles(name):
 
 @pytest.mark.parametrize("name", SKIES)
 def test_the_light_of_an_image_is_cycles(name):
-    scene = cycles.empty_scene(48, 32)
+    scene = cycles.empty_scene(32, 21)
     add(scene, "floor", plane(8, lambert((0.6, 0.6, 0.6))))
     add(scene, "ball", ball(64, 32, True, lambert((0.7, 0.3, 0.2))), moved(1.2, 0, 1))
     add(scene, "cube", cube(lambert((0.3, 0.5, 0.7))), moved(-1.2, 0.3, 0.8, 0.8, 0.8, 0.8))

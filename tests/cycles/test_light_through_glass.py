@@ -103,3 +103,36 @@ def test_shadows_of_what_is_clear_are_transparent_as_the_material_says(passes):
     off = np.abs(found - wanted).max(-1)
     assert np.median(off) <= 1e-4 and (off > 0.01).mean() <= 0.05
     assert wanted.std() > 0.02
+
+
+def basin(lit_by: str, gap: bool):
+    """Water over a floor, which it touches or hovers over."""
+    scene = cycles.empty_scene(*SIZE)
+    cycles.set_world(scene, (1.0, 1.0, 1.0) if lit_by == "WORLD" else BLACK)
+    grey = lambert((0.5, 0.5, 0.5))
+    add(scene, "Floor", plane(20.0, grey))
+    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        wide = 0.5 if x else 5.0, 0.5 if y else 5.0
+        add(scene, "Wall", cube(grey), moved(5.5 * x, 5.5 * y, 0.5, *wide, 0.8))
+    low = 0.05 if gap else -0.1
+    water = cube(glass())
+    add(scene, "Water", water, moved(0, 0, 0.5 + low / 2, 5.05, 5.05, 0.5 - low / 2))
+    if lit_by == "SUN":
+        add_light(scene, "SUN", (1.5, -1, 4), energy=3.0, angle=0.3)
+    add_camera(scene, (0, -4.5, 7), (0, 0, 0), lens=50)
+    return scene
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("gap", [False, True])
+@pytest.mark.parametrize("lit_by", ["SUN", "WORLD"])
+def test_the_floor_of_a_basin_is_as_bright_as_in_cycles(lit_by: str, gap: bool, backend: str):
+    """Light comes from a narrower cone in water that touches its floor."""
+    scene = basin(lit_by, gap)
+    ours = picture(scene, backend, light_samples=8)
+    cycles.make_exact(scene, 1024)
+    own = scene.cycles
+    own.max_bounces = own.transmission_bounces = own.glossy_bounces = 8
+    own.diffuse_bounces, own.caustics_refractive, own.blur_glossy = 1, True, 0.0
+    theirs = cycles.render_passes(scene)["Combined"][..., :3]
+    assert abs(ours[6:18].mean() / theirs[6:18].mean() - 1) < 0.06

@@ -60,6 +60,7 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
     if program and draw(flags):
         given = (*given, s.Input(output=0))
     glossy, toon = kind == "SPECULAR", kind.startswith("TOON")
+    below = kind == "DIFFUSE" and draw(flags)
     masked = (glossy or toon) and draw(flags)
     fresnel = kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags)
     schlick = masked and glossy and not fresnel and draw(flags)
@@ -76,6 +77,7 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
         schlick=schlick,
         edge=masked and glossy and not (fresnel or schlick) and draw(flags),
         masking=float(dice.uniform(0.1, 0.9)) if masked else 0.0,
+        radius=rgb(dice, 0.3) if below else (0.0, 0.0, 0.0),
     )
 
 

@@ -54,9 +54,13 @@ def reflected_of_even_light(lobe: Lobe, cosine: float) -> float:
     return 2 * given.mean() * lobe.factors[0].value[0]
 
 
+FEW = {"NATIVE": {}, "NUMPY": {"samples": 8}}
+"""The slow tracer's samples."""
+
+
 @functools.cache
 def added_to_matt_room(backend: str) -> np.ndarray:
-    return added(room(lamp()), backend)
+    return added(room(lamp()), backend, **FEW[backend])
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -67,7 +71,7 @@ def test_gloss_on_paint_shows_what_surfaces_throw(exponent: float, backend: str)
     lobe = replace(VARNISH[0], factors=(Input((size,) * 3),), exponent=exponent, masking=alpha)
     plain = added_to_matt_room(backend)
     varnished = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
-    ratio = (added(varnished, backend) - plain) / plain
+    ratio = (added(varnished, backend, **FEW[backend]) - plain) / plain
     truth = reflected_of_even_light(lobe, 1.0) / ALBEDO
     assert np.abs(ratio[3:5, 3:5].mean((0, 1)) / truth - 1).max() < 0.08  # as `even_gloss` has it
     assert np.abs(ratio.mean((0, 1)) / truth - 1).max() < 0.08
@@ -139,7 +143,8 @@ def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside(backend: s
 
     def shown(scene: Scene, **settings) -> np.ndarray:
         """What gloss shows of bounced light beside what is matt, without the rays' share."""
-        return added(scene, backend, **{"max_bounces": 0, **settings}) - added_to_matt_room(backend)
+        found = added(scene, backend, **{"max_bounces": 0, **FEW[backend], **settings})
+        return found - added_to_matt_room(backend)
 
     alone = shown(varnished)
     assert alone.min() > 1e-3

@@ -45,8 +45,9 @@ from glint.engine.scene import (
 )
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("bounces", [1, 2, 4])
+@pytest.mark.parametrize(
+    ("bounces", "backend"), [(1, "NATIVE"), (2, "NATIVE"), (4, "NATIVE"), (4, "NUMPY")]
+)
 def test_a_matt_ball_seen_from_inside_is_a_geometric_series(bounces: int, backend: str) -> None:
     scene = room(lamp())
     ratio = drawn(scene, bounces, backend, samples=32) / drawn(scene, 0, backend, samples=32)
@@ -109,7 +110,8 @@ def test_a_ground_without_end_lights_a_wall_by_half(backend: str, light_samples:
     fall. So they grow less.
     """
     scene = wall_over_ground(lamp("SUN", strength=2.0))
-    found = added(scene, backend, samples=128, light_samples=light_samples)
+    samples = {"NATIVE": 128, "NUMPY": 32}[backend]
+    found = added(scene, backend, samples=samples, light_samples=light_samples)
     truth = 2.0 / np.pi * ALBEDO / 2
     assert np.abs(found / truth - 1).max() < 0.05
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 from dataclasses import replace
@@ -164,7 +165,7 @@ def test_an_even_sky(kind: str, backend: str) -> None:
     light = s.Light("sky", "DOME", np.eye(4)[:3], radiance=sky)
     scene = replace(plane(lights=(light,)), materials=(tilted([s.Lobe("DIFFUSE")], kind, n),))
     expected = integral(kind, n)
-    found = in_middle(scene, backend, samples=64)
+    found = in_middle(scene, backend, samples={"NATIVE": 64, "NUMPY": 32}[backend])
     np.testing.assert_allclose(found, expected, rtol=0.01)
 
 
@@ -236,7 +237,7 @@ def room() -> s.Scene:
 @needs_core
 def test_bounced_and_mesh_light_are_the_same_in_both_tracers() -> None:
     name, bounces = "Diffuse Indirect", {"diffuse_bounces": 2, "mesh_light": "ON"}
-    settings = {"samples": 8, "passes": frozenset({"Combined", name}), **bounces}
+    settings = {"samples": 4, "passes": frozenset({"Combined", name}), **bounces}
     found, expected = (render(room(), Settings(backend=b, **settings)).passes for b in BACKENDS)
     for each in ("Combined", name):
         off = np.abs(found[each] - expected[each]).max(-1) > 1e-3 * expected[each].max()
@@ -255,6 +256,7 @@ def test_threads_borders_and_other_materials_change_no_bit() -> None:
     assert (whole[4:12, 3:11] == part).all()
 
 
+@functools.cache
 def hashes() -> str:
     lines = []
     for name in lights():

@@ -4,6 +4,7 @@ bounced light, and stays as bright.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 
 import numpy as np
@@ -104,6 +105,7 @@ def test_explain_pixel_adds_up_to_them() -> None:
         np.testing.assert_allclose(found, picture[y, x, :3], rtol=1e-4, atol=1e-6)
 
 
+@functools.cache
 def hashes(threads: int = 3) -> str:
     picture = color(drawn(mirrored(0.05, SKY, glows=True), threads=threads))
     return hashlib.sha256(picture.tobytes()).hexdigest()

@@ -323,9 +323,16 @@ def test_light_between_fibres_is_there_where_light_bounces() -> None:
 
 
 @needs_core
-@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
-@pytest.mark.parametrize("kind", ["DIFFUSE", "SPECULAR", "TRANSMISSION"])
-def test_what_a_floor_throws_on_lights_fibres_as_if_it_glowed(backend, kind) -> None:
+@pytest.mark.parametrize(
+    ("kind", "backend"),
+    [
+        ("DIFFUSE", "NATIVE"),
+        ("SPECULAR", "NATIVE"),
+        ("TRANSMISSION", "NATIVE"),
+        ("SPECULAR", "NUMPY"),  # both tracers draw the others below
+    ],
+)
+def test_what_a_floor_throws_on_lights_fibres_as_if_it_glowed(kind, backend) -> None:
     """A strand over a floor in the sun, which neither reaches the strand nor meets it, and over a
     floor that gives as much by itself.
     """
@@ -346,7 +353,8 @@ def test_what_a_floor_throws_on_lights_fibres_as_if_it_glowed(backend, kind) -> 
     )
     plan = Settings(samples=64, diffuse_bounces=1, backend=backend, filter_width=0.0)
     picture = render(lit, plan).combined
-    alone = render(replace(lit, instances=(below,), lights=(sun,)), plan).combined
+    alone = render(replace(lit, instances=(below,), lights=(sun,)), replace(plan, samples=1))
+    alone = alone.combined
     given = float(alone[..., 0].max())
     glow = s.Material("floor", (s.Lobe("EMISSION", (s.Input((given,) * 3),)),))
     glows = replace(lit, materials=(bare.materials[0], glow), lights=())

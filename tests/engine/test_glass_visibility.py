@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import replace
 
@@ -162,6 +163,7 @@ def test_both_tracers_draw_the_same() -> None:
             assert np.abs(one - other).max() <= 2e-5 * max(np.abs(other).max(), 1e-3)
 
 
+@functools.cache
 def hashes(threads: int = 0) -> str:
     pictures = [color(x, samples=4, max_bounces=6, threads=threads).tobytes() for x in scenes()]
     return hashlib.sha256(b"".join(pictures)).hexdigest()

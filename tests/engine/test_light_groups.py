@@ -118,15 +118,21 @@ def grouped(scene: s.Scene, none: bool = False) -> s.Scene:
     )
 
 
+def smaller(scene: s.Scene, by: int) -> s.Scene:
+    """Of fewer pixels a side."""
+    sides = tuple(side // by for side in scene.camera.resolution)
+    return replace(scene, camera=replace(scene.camera, resolution=sides))
+
+
 def of_groups(film: engine.Film) -> list[np.ndarray]:
     return [film.passes[f"Light Group {name}"].astype(float) for name in NAMES]
 
 
 @needs_core
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", sorted(SCENES.keys() - {"fog"}))  # which is part of `gas`
 def test_they_add_up_to_the_picture_and_the_tracers_agree(name: str) -> None:
-    scene = grouped(SCENES[name]())
-    plan = LIT | ({"lamp_shadows": 8} if name == "crowd" else {})
+    scene = smaller(grouped(SCENES[name]()), 3)
+    plan = LIT | {"crowd": {"lamp_shadows": 8}, "gas": {"samples": 1}}.get(name, {})
     films = [draw(scene, backend=backend, **plan) for backend in ("NATIVE", "NUMPY")]
     for film in films:
         picture = film.combined[..., :3]
@@ -141,7 +147,7 @@ def test_they_add_up_to_the_picture_and_the_tracers_agree(name: str) -> None:
 @needs_core
 @pytest.mark.parametrize("name", SCENES)
 def test_the_picture_keeps_its_bits_and_has_the_same_over_threads_and_regions(name: str) -> None:
-    scene = SCENES[name]()
+    scene = smaller(SCENES[name](), 2)
     plan = engine.Settings(**LIT | {"samples": 8, "error_threshold": 2.0, "threads": 1})
     told = engine.render(grouped(scene, none=True), plan)
     if name != "crowd":  # where clusters are of one group each
@@ -192,7 +198,7 @@ def test_each_is_the_picture_with_all_other_light_off(name: str, backend: str) -
 @needs_core
 @pytest.mark.parametrize("name", ["glow", "sky", "crowd", "panels"])
 def test_light_of_tables_is_near_the_picture_with_all_other_light_off(name: str) -> None:
-    scene = grouped(SCENES[name]())
+    scene = smaller(grouped(SCENES[name]()), 2)
     plan = LIT | {"samples": 64, "lamp_shadows": 16}
     for group, values in enumerate(of_groups(draw(scene, **plan))):
         truth = draw(alone(scene, group), **plan).combined[..., :3].astype(float)

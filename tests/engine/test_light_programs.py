@@ -160,9 +160,9 @@ def test_what_a_light_cannot_read_is_told() -> None:
     dome = replace(lamp("DOME", program=by_length()), radiance=np.ones((1, 1, 3), np.float32))
     assert any("DOME" in text for text in scene_problems(plane(dome)))
     assert any("texture" in text for text in scene_problems(plane(lamp("SUN", program=by_image()))))
-    for name in ("barycentric", "edge_distance"):
+    for name in ("barycentric", "edge_distance", "pixel_step"):
         with_triangle = Sum()
-        value = with_triangle.apply(name, shift=0)
+        value = with_triangle.apply(name, **({"axis": 1} if name == "pixel_step" else {"shift": 0}))
         program = compile_program(with_triangle.graph, [value])
         found = scene_problems(plane(lamp("SUN", program=program)))
         assert any("triangle" in text for text in found), name

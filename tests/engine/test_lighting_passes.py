@@ -29,6 +29,12 @@ LIT = {"mesh_light": "ON", "diffuse_bounces": 2, "reflections": "ALL", "max_boun
 ALL_LIGHT = ("mirrors", "glass", "far_and_emitting", "fog")
 
 
+def half(scene: s.Scene) -> s.Scene:
+    """Of half as many pixels a side."""
+    sides = tuple(side // 2 for side in scene.camera.resolution)
+    return replace(scene, camera=replace(scene.camera, resolution=sides))
+
+
 def recombined(passes: dict[str, np.ndarray]) -> np.ndarray:
     """(h, w, 3) as a compositor puts them together."""
     total = sum(passes[name].astype(float) for name in (*REST, *VOLUME))
@@ -45,8 +51,10 @@ def recombined(passes: dict[str, np.ndarray]) -> np.ndarray:
 def test_they_put_the_picture_together_and_the_tracers_agree(name: str) -> None:
     plan = {"samples": 2, "light_samples": 2, "max_bounces": 2}
     plan |= LIT if name in ALL_LIGHT else {}
+    plan |= {"samples": 1} if name == "fog" else {}
+    scene = half(SCENES[name]())
     films = [
-        draw(SCENES[name](), *LIGHTING, *REST, backend=backend, **plan).passes
+        draw(scene, *LIGHTING, *REST, backend=backend, **plan).passes
         for backend in ("NATIVE", "NUMPY")
     ]
     for passes in films:
@@ -140,7 +148,7 @@ def test_light_of_a_lobe_without_a_colour_has_the_colour_one(backend: str) -> No
 @needs_core
 def test_same_bits_with_and_without_them_over_threads_waves_and_regions() -> None:
     for name in ("glass", "alpha", "soft_lights", "fog"):
-        scene = SCENES[name]()
+        scene = half(SCENES[name]())
         plan = engine.Settings(
             samples=16, light_samples=2, threads=1, error_threshold=2.0, passes=frozenset(LIGHTING)
         )

@@ -64,7 +64,7 @@ BAD = {
         SOUND, instances=(replace(placed(), world_from_object=np.zeros((1, 4, 4))),)
     ),
     "input 0: texture 0 of 0": lobe_with(factors=(s.Input(texture=0),)),
-    "index of refraction -1 is not above 0": lobe_with(ior=-1.0),
+    "index of refraction -1 is not between 1e-30 and 1e30": lobe_with(ior=-1.0),
     "exponent nan is not between": lobe_with(exponent=np.nan),
     "lobe kind 'SHINY' is not one of": lobe_with(kind="SHINY"),
     "texture 0: no pixels": replace(

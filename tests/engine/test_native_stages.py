@@ -4,6 +4,7 @@ materials in one tile that do not mix.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import replace
 
@@ -33,6 +34,7 @@ pytestmark = needs_core
 PARTS = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
 
 
+@functools.cache
 def hashes() -> str:
     """A line a scene: Combined alone, and with all passes."""
     lines = []

@@ -253,7 +253,8 @@ def test_points_in_the_open_get_the_same_mean():
     block = box((1.0, 2.0), (1.0, 2.0), (0.0, 2.0))
     colors = ((0.2, 0.4, 1.0), (3.0, 0.5, 0.1), (0.3, 0.3, 0.3), (1.0, 2.0, 0.5))
     light = sky(colors)
-    plain = scene([ground, block], material=SHINY, light=light)
+    camera = replace(FLOOR, resolution=(24, 19))
+    plain = scene([ground, block], material=SHINY, light=light, camera=camera)
     somewhere = Openings(
         np.array([[3.0, 2.0, 3.0], [-2.0, 1.0, 2.0]]),
         np.array([[1.0, 0.0, 0.0], [0.0, 0.7, 0.0]]),
@@ -330,7 +331,7 @@ def test_walks_of_light_go_through_openings():
     """More points of bounced light lie in the room, and their light is nearer to that of paths
     drawn at random.
     """
-    room = scene(walls())
+    room = scene(walls(), camera=replace(FLOOR, resolution=(24, 19)))
     lit = room.as_lit(by_world=True, by_meshes=False, bounces=2).lights
     plain = replace(room, lights=(replace(room.lights[0], openings=NOWHERE),))
     from_afar = plain.as_lit(by_world=True, by_meshes=False, bounces=2).lights

@@ -383,11 +383,19 @@ FAULTS = {
     ),
     "exponent": (
         scene(materials=(material(s.Lobe("SPECULAR", exponent=-1.0)),)),
-        "exponent is -1.0: use a finite number, 0 or more",
+        "exponent is -1.0: use a finite number, 0 to 1e+30",
     ),
     "index of refraction": (
         scene(materials=(material(s.Lobe("MIRROR"), s.Lobe("REFRACTION", ior=0.0)),)),
-        "lobe 1: ior is 0.0: use a finite number above 0",
+        "lobe 1: ior is 0.0: use a finite number, 1e-30 to 1e+30",
+    ),
+    "large index of refraction": (
+        scene(materials=(material(s.Lobe("REFRACTION", ior=1e31)),)),
+        "ior is 1e+31: use a finite number, 1e-30 to 1e+30",
+    ),
+    "large exponent": (
+        scene(materials=(material(s.Lobe("SPECULAR", exponent=1e31)),)),
+        "exponent is 1e+31: use a finite number, 0 to 1e+30",
     ),
     "material index": (
         scene(materials=(s.Material("Paint", (), index=None),)),

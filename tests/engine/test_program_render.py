@@ -115,7 +115,7 @@ def both(scene: s.Scene, passes=("Combined",), **settings) -> list[dict[str, np.
 def test_what_is_read_of_a_point(operation: Operation, shift: int, kind: str):
     graph = new_graph()
     names = [name for name, _ in operation.settings]
-    settings = {"attribute": "" if operation.name == "uv" else "color", "shift": shift}
+    settings = {"attribute": "" if operation.name == "uv" else "color", "shift": shift, "axis": 1}
     settings = {name: settings[name] for name in names}
     for value in graph.apply(operation, **settings):
         core, reference = both(scene_of(shown(graph, as_color(graph, value)), kind))

@@ -4,6 +4,7 @@ directions meet what mirrors show.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import replace
 
@@ -105,6 +106,7 @@ def test_both_tracers_draw_the_same(name: str, hidden: str) -> None:
             assert np.abs(one - other).max() <= 2e-5 * max(np.abs(other).max(), 1e-3)
 
 
+@functools.cache
 def hashes() -> str:
     """Of pictures of all lights."""
     names = [*LIGHTS, "glow"]
@@ -122,7 +124,8 @@ def test_instruction_sets_change_nothing(isa: str) -> None:
 @pytest.mark.parametrize("name", [*LIGHTS, "glow"])
 def test_highlights_shine_through_what_mirrors_do_not_show(name: str, backend: str) -> None:
     """As if the lid were not there; and what casts no shadow hides lights where mirrors show it."""
-    size = {"samples": 16, "light_samples": 8, "mesh_light": "ON", "backend": backend}
+    samples = {"NATIVE": 16, "NUMPY": 4}[backend]  # of the same points in all three
+    size = {"samples": samples, "light_samples": 8, "mesh_light": "ON", "backend": backend}
     free = under_a_lid(name, 1e5, matt=0.0)
     free = replace(free, instances=(free.instances[0], *free.instances[2:]))
     seen, through, covered = (

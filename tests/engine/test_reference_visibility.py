@@ -343,10 +343,10 @@ def test_blocked_counts_surfaces_once_and_only_within_the_segment() -> None:
         np.array([zero, zero, zero]), np.array([zero, zero, zero + 1]), zero, far
     )
     halves = visibility.blocked(
-        rays, lambda rays, ray, primitive, depth: np.full((len(ray), 3), 0.5)
+        rays, lambda rays, ray, primitive, depth: np.full((len(ray), 4), 0.5)
     )
     assert np.array_equal(halves[:, 0], [1.0, 1.0, 0.5, 0.25])
-    opaque = visibility_of(geometry).blocked(rays, lambda *_: np.zeros((0, 3)))
+    opaque = visibility_of(geometry).blocked(rays, lambda *_: np.zeros((0, 4)))
     assert np.array_equal(opaque[:, 0], [1.0, 1.0, 0.0, 0.0])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import replace
 
@@ -140,6 +141,7 @@ def test_without_a_direction_nothing_is_stretched(along, backend: str) -> None:
     np.testing.assert_array_equal(found, render(plain, settings).passes["Combined"])
 
 
+@functools.cache
 def hashes() -> str:
     pictures = (
         render(lit(name), Settings(light_samples=2, **SETTINGS)).passes["Combined"]

@@ -4,6 +4,7 @@ they throw on.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 
 import numpy as np
@@ -86,7 +87,8 @@ def test_a_uniform_sky(size: float, smooth: float, backend: str) -> None:
     scene = s.Scene(view_from_above(), (square(),), (placed(),), (material(lobe),), lights=(sky,))
     angle = (np.arange(4000) + 0.5) / 4000 * np.pi / 2
     mean = (share(angle, size, smooth) * np.sin(angle)).mean() * np.pi
-    found = color(scene, backend=backend, samples=64, light_samples=8).mean()
+    samples = {"NATIVE": 64, "NUMPY": 16}[backend]
+    found = color(scene, backend=backend, samples=samples, light_samples=8).mean()
     assert abs(found / (0.5 * mean) - 1) < 0.01
 
 
@@ -137,6 +139,7 @@ def many() -> s.Scene:
 OPTIONS = {"samples": 4, "light_samples": 2, "diffuse_bounces": 1, "max_bounces": 2}
 
 
+@functools.cache
 def hashes(threads: int = 0) -> str:
     picture = draw(many(), threads=threads, **OPTIONS).combined
     return hashlib.sha256(picture.tobytes()).hexdigest()

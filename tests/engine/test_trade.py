@@ -147,18 +147,25 @@ def test_the_grid_holds_only_tunables_that_can_matter():
         for material in (metal, scenes.surface(lobes=(Lobe("EMISSION"),)))
     )
     foggy = replace(hard, world=World(medium=Medium(scattering=(0.1, 0.1, 0.1))))
+    skin = replace(hard, materials=(Material("s", (Lobe("DIFFUSE", radius=(0.1, 0.1, 0.1)),)),))
+    sky = scenes.light("DOME", radiance=np.ones((1, 1, 3), np.float32))
+    under_a_sky = replace(hard, lights=(sky,))
     bounced, many = replace(base, diffuse_bounces=2), always | {"light_samples"}
     for scene, settings, varied in (
         (hard, base, always),
         (soft_scene(), base, always | {"light_samples"}),
         (mirror, base, always | {"max_bounces", "cutoff"}),
-        (metal, base, always | {"max_bounces", "cutoff"}),
+        (metal, base, always | {"max_bounces", "cutoff", "reflections"}),
         (metal, replace(base, reflections="OFF"), always),
-        (glow, base, many),
+        (glow, base, many | {"mesh_light"}),
         (glow, replace(base, mesh_light="OFF"), always),
         (hard, bounced, many | {"diffuse_bounces"}),
         (hard, replace(bounced, illumination="CLASSIC"), always),
         (foggy, base, always | {"volume_samples"}),
+        (skin, base, always | {"subsurface"}),
+        (skin, replace(base, subsurface="OFF"), always),
+        (under_a_sky, base, many | {"world_light"}),
+        (under_a_sky, replace(base, world_light="CONSTANT"), always),
     ):
         grid = trade_tunables.settings_grid(scene, settings, {})
         assert {
@@ -178,6 +185,38 @@ def test_bounced_light_is_measured_against_more_of_it():
     off = replace(base, diffuse_bounces=0)
     wanted = trade.reference_settings(hard, off, trade_tunables.settings_grid(hard, off, {}), 64)
     assert (wanted.diffuse_bounces, wanted.light_samples) == (0, 1)
+
+
+def test_gloss_is_measured_against_all_of_it():
+    """Also where less of it is wanted; where none is it has no price."""
+    painted = scenes.surface(lobes=(Lobe("SPECULAR", exponent=9.0, masking=0.3, fresnel=1.0),))
+    scene = replace(soft_scene(), materials=(painted,))
+    for wanted, rows, against in (
+        ("METALS", ["OFF", "METALS", "ALL"], "ALL"),
+        ("ALL", ["OFF", "METALS", "ALL"], "ALL"),
+        ("OFF", ["OFF"], "OFF"),
+    ):
+        base = Settings(reflections=wanted)
+        grid = trade_tunables.settings_grid(scene, base, {})
+        assert sorted({s.reflections for s in grid}) == sorted(rows)
+        assert trade.reference_settings(scene, base, grid, 64).reflections == against
+
+
+def test_what_light_is_drawn_at_all_has_a_price():
+    """Without what the rows tell."""
+    sky = scenes.light("DOME", radiance=np.full((1, 1, 3), 0.5, np.float32))
+    found = measured(
+        replace(soft_scene(), lights=(*soft_scene().lights, sky)),
+        values={"samples": [4], "error_threshold": [0.0], "light_samples": [2]},
+        reference_seconds=0.0,
+    )
+    rows = {r.tunables["world_light"]: r for r in found.rows}
+    assert rows["OCCLUDED"].current and rows["OCCLUDED"].frame_seconds > 0
+    assert rows["CONSTANT"].relative_rmse > 2 * rows["OCCLUDED"].relative_rmse > 0
+    assert {trade_plot._name(row, ["world_light"]) for row in found.rows} == {
+        "constant",
+        "occluded",
+    }
 
 
 def test_each_tunable_goes_from_fast_to_accurate_and_the_threshold_only_where_it_can_stop_a_pixel():

@@ -4,6 +4,7 @@ and `lights_media`, and what glows by the visibility of its instances.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import replace
 
@@ -185,6 +186,7 @@ def test_both_tracers_draw_the_same() -> None:
         assert np.abs(one - other).max() <= 1e-4 * other.max()
 
 
+@functools.cache
 def hashes(threads: int = 0) -> str:
     pictures = [color(x, **SETTINGS, threads=threads).tobytes() for x in scenes()]
     return hashlib.sha256(b"".join(pictures)).hexdigest()

@@ -13,7 +13,7 @@ _EPSILON = np.float32(np.finfo(np.float32).eps)
 
 def islands(mesh: Any, triangles: np.ndarray) -> np.ndarray:
     """(n,) float32: a random number for each triangle (n, 3), the same over what edges join."""
-    roots = _roots(_edges(mesh).tolist(), len(mesh.vertices))
+    roots = _roots(edges_of(mesh).tolist(), len(mesh.vertices))
     return random_of(roots[triangles[:, 0]])
 
 
@@ -48,7 +48,7 @@ def pointiness(mesh: Any) -> np.ndarray:
     places, normals = _read(mesh.vertices, "co"), _read(mesh.vertex_normals, "vector")
     one = _welded(places)
     normals = _unit(_summed(one, normals, count))
-    ends = np.unique(np.sort(one[_edges(mesh)], 1), axis=0)
+    ends = np.unique(np.sort(one[edges_of(mesh)], 1), axis=0)
     ends = ends[ends[:, 0] != ends[:, 1]]
     along = _unit(places[ends[:, 1]] - places[ends[:, 0]])
     total = _summed(ends.ravel(), np.stack([along, -along], 1).reshape(-1, 3), count)
@@ -59,7 +59,7 @@ def pointiness(mesh: Any) -> np.ndarray:
     return (around / (number + 1))[one].astype(np.float32)
 
 
-def _edges(mesh: Any) -> np.ndarray:
+def edges_of(mesh: Any) -> np.ndarray:
     """(e, 2) vertices."""
     ends = np.empty((len(mesh.edges), 2), np.int32)
     mesh.edges.foreach_get("vertices", ends.reshape(-1))

@@ -25,10 +25,10 @@ from ..shader_nodes.reader import (
     UNDISPLACED_NORMAL,
     UNDISPLACED_TANGENT,
 )
-from .islands import as_four, islands, pointiness
+from .islands import as_four, edges_of, islands, pointiness
 from .tangents import tangents
 
-_DOMAINS = {"POINT": POINT, "CORNER": CORNER, "FACE": FACE}
+_DOMAINS = {"POINT": POINT, "EDGE": POINT, "CORNER": CORNER, "FACE": FACE}
 _COLUMNS = {
     "FLOAT": ("value", 1),
     "INT": ("value", 1),
@@ -124,6 +124,8 @@ def read_mesh(mesh: Any, report: Report) -> MeshSource | None:
     triangles = triangles if kept is None else triangles[kept]
     if len(triangles) == 0:
         return None
+    if kept is not None:  # what no triangle has left counts for nothing, the mesh's extent too
+        vertices[~_is_near(vertices)] = vertices[triangles[0, 0]]
     source = MeshSource(Mesh(mesh.name, vertices, triangles), kept)
     slots = _material_slots(mesh, source)
     source.mesh = replace(source.mesh, material_slots=slots, normals=_normals(mesh, source))
@@ -224,8 +226,7 @@ def _finite_triangles(
     """(n,) bool: the triangles whose vertices are finite, or None when all are."""
     if _all_finite(vertices, _FARTHEST):
         return None
-    with np.errstate(invalid="ignore"):
-        kept = (np.abs(vertices) <= _FARTHEST).all(1)[triangles].all(1)
+    kept = _is_near(vertices)[triangles].all(1)
     lost = int(len(kept) - kept.sum())
     if lost:
         report.note(
@@ -233,6 +234,12 @@ def _finite_triangles(
             "triangles are left out; repair them"
         )
     return kept
+
+
+def _is_near(vertices: np.ndarray) -> np.ndarray:
+    """(v,) bool: those that triangles may have."""
+    with np.errstate(invalid="ignore"):
+        return (np.abs(vertices) <= _FARTHEST).all(1)
 
 
 def _material_slots(mesh: Any, source: MeshSource) -> np.ndarray | None:
@@ -450,10 +457,18 @@ def values_as_color(values: np.ndarray, grey: bool) -> np.ndarray:
 
 
 def _values(mesh: Any, source: MeshSource, attribute: Any) -> np.ndarray:
-    """(k, c) of an attribute; values on faces are handed to the triangles."""
+    """(k, c) of an attribute; values on faces are handed to the triangles, those on edges to the
+    vertices, each of which takes the mean of its edges', as in Cycles.
+    """
     values = values_of(attribute)
     if attribute.domain == "FACE":
         values = values[_triangle_faces(mesh, source)]
+    elif attribute.domain == "EDGE":
+        ends = edges_of(mesh).T.reshape(-1)
+        both, count = np.concatenate([values, values]), len(mesh.vertices)
+        sums = [np.bincount(ends, column, count) for column in both.T]
+        edges = np.maximum(np.bincount(ends, minlength=count), 1)
+        values = (np.column_stack(sums) / edges[:, None]).astype(np.float32)
     elif attribute.domain == "CORNER":
         _read_corners(mesh, source)
     return values

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 from ....engine.scene import Texture
 from ..report import Report
+from .moving import KINDS
 from .pixels import Pixels
 
 
 class ImageKey(NamedTuple):
     """Equal for the same pixels. address: of the image data-block, 0 for none.  path: of the file
     shown now.  file: when it was written and its size, None for what only Blender has, of which
-    `epoch` counts the changes.  settings: how it is read.
+    `epoch` counts the changes.  settings: how it is read.  number: of a movie's picture.
     """
 
     address: int = 0
@@ -22,6 +23,7 @@ class ImageKey(NamedTuple):
     file: tuple[int, int] | None = None
     epoch: int = 0
     settings: tuple = ()
+    number: int = 0
 
     @property
     def is_in_memory(self) -> bool:
@@ -40,18 +42,21 @@ class TextureKey(NamedTuple):
 
 class ImageCache:
     """Pixels, with what is told of them, and textures as they were read last; a new one knows
-    nothing.
+    nothing. frame: the scene's, which sequences and movies follow.
     """
 
     def __init__(self) -> None:
         self.pixels: dict[ImageKey, tuple[Pixels, Report]] = {}
         self.textures: dict[TextureKey, Texture] = {}
+        self.frame = 1
         self._epoch = 0
 
     def key(self, image: Any, address: int, path: str) -> ImageKey:
         """Of an image, with what a change of it shows in, should Blender not tell of it: reloaded
         files and other ways to read them.
         """
+        if image.source == "MOVIE":
+            _ = image.size[:]  # Blender sets a movie's colour space when it opens it
         space, packed = image.colorspace_settings, image.packed_file
         settings = (image.source, image.alpha_mode, space.name, space.is_data)
         if image.is_dirty or image.source == "GENERATED":
@@ -71,6 +76,14 @@ class ImageCache:
         """Read anew what only Blender has."""
         self._epoch += 1
         self.pixels = {key: found for key, found in self.pixels.items() if not key.is_in_memory}
+
+    def forget_moving(self) -> None:
+        """Drop what sequences and movies showed, of which each frame has others."""
+        self.pixels = {
+            key: found
+            for key, found in self.pixels.items()
+            if not key.settings or key.settings[0] not in KINDS
+        }
 
     def keep_textures(self, used: Iterable[TextureKey]) -> None:
         """Drop the others."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from ....engine.scene import Input, Texture
 from ..report import Report
-from . import colorspace, pixels
+from . import colorspace, moving, pixels
 from .cache import ImageCache, ImageKey, TextureKey
 from .decoded import Decoded
 from .pixels import ImageError, Pixels, Raw
@@ -127,7 +127,7 @@ class Images:
             if tile == 0 and image is not None and image.source == "TILED":
                 report.note(FIRST_TILE, image.name)
             self.expect([(image, user)], tile)
-            found = self._load(image, key.path, self._decoded.pop(key, None), report)
+            found = self._load(image, key, self._decoded.pop(key, None), report)
             if found.repaired:
                 report.note(
                     "Images have pixels that are not finite, which count as 0 ({}): repair them",
@@ -172,39 +172,41 @@ class Images:
         if image is None:
             return ImageKey()
         original = _original(image)
-        key = self._cache.key(image, original.as_pointer(), _path(original, user, tile))
+        number = moving.shown_number(user, self._cache.frame) if user is not None else 0
+        path = _path(original, user, tile, number)
+        key = self._cache.key(image, original.as_pointer(), path)
+        key = key._replace(number=number) if image.source == "MOVIE" else key
         self.reads_memory = self.reads_memory or key.is_in_memory
         return key
 
     def _load(
-        self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None, report: Report
+        self,
+        image: Any,
+        key: ImageKey,
+        decoded: Raw | ImageError | MemoryError | None,
+        report: Report,
     ) -> Pixels:
         if image is None:
             return Pixels(pixels.MAGENTA, "SRGB")
-        if image.source == "MOVIE":
-            report.note(
-                "Movies are rendered as the frame that Blender holds ({}): use an image sequence",
-                image.name,
-            )
         try:
             with _that_fits(image.name):
                 if isinstance(decoded, MemoryError):
                     raise decoded
-                return self._read(_original(image), path, decoded)
+                return self._read(_original(image), key, decoded)
         except ImageError as error:
             report.note(
-                f"Image '{image.name}' {error}: {IS_MAGENTA}; find or pack its file ('{path}')"
+                f"Image '{image.name}' {error}: {IS_MAGENTA}; find or pack its file ('{key.path}')"
             )
             return Pixels(pixels.MAGENTA, "SRGB")
 
-    def _read(self, image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
+    def _read(self, image: Any, at: ImageKey, decoded: Raw | ImageError | None) -> Pixels:
         space = image.colorspace_settings
         key = (image.alpha_mode, space.name, space.is_data, colorspace.working_space())
+        read = partial(pixels.read, image, at.path, decoded, at.number)
         if not isinstance(decoded, Raw):
             recipe = pixels.recipe(image)
-            work = partial(pixels.read, image, path, decoded)
-            return self._made((*recipe, *key), work) if recipe is not None else work()
-        return self._memoized(decoded.rgba, key, lambda: pixels.read(image, path, decoded))
+            return self._made((*recipe, *key), read) if recipe is not None else read()
+        return self._memoized(decoded.rgba, key, read)
 
 
 @contextmanager
@@ -272,9 +274,9 @@ def _original(image: Any) -> Any:
     return image.original or image
 
 
-def _path(image: Any, user: Any, tile: int) -> str:
+def _path(image: Any, user: Any, tile: int, number: int) -> str:
     """The absolute path of the file shown now; of a tiled image, that of the tile with this number,
-    or of its first for 0.
+    or of its first for 0. number: of a sequence's file.
     """
     if tile:
         import bpy
@@ -288,6 +290,8 @@ def _path(image: Any, user: Any, tile: int) -> str:
         if user is not None
         else image.filepath_from_user()
     )
+    if user is not None and image.source == "SEQUENCE" and number != user.frame_current:
+        return moving.numbered(path, number)
     return path.replace("<UDIM>", str(image.tiles[0].number if image.tiles else FIRST)).replace(
         "<UVTILE>", "u1_v1"
     )

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from . import colorspace
+from .moving import movie_picture
 
 MAGENTA = np.array([[[255, 0, 255, 255]]], np.uint8)
 """What a missing image looks like, as in Cycles."""
@@ -30,7 +31,8 @@ class Pixels:
     """pixels (h, w, 4) uint8 or float32 and encoding as in `engine.scene.Texture`; associated:
     colours count times alpha where a node uses the colour alone. repaired: values that are not
     finite count as 0. premultiplied: the file's colours held alpha, so that they may be there where
-    alpha is 0.
+    alpha is 0. stored: as decoded, of colours that Cycles multiplies by alpha under their
+    sRGB curve.
     """
 
     pixels: np.ndarray
@@ -38,16 +40,18 @@ class Pixels:
     associated: bool = False
     repaired: bool = False
     premultiplied: bool = False
+    stored: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Raw:
     """Decoded values: (h, w, 4) uint8 or float32; opaque: alpha is 1 everywhere; linear: already
-    scene-linear; premultiplied: colours hold alpha already.
+    scene-linear; premultiplied: colours hold alpha already. is_grey: of one or two channels.
     """
 
     rgba: np.ndarray
     opaque: bool
+    is_grey: bool = False
     linear: bool = False
     premultiplied: bool = False
 
@@ -78,23 +82,37 @@ def openimageio() -> Any:
     return OpenImageIO
 
 
-def read(image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
+def read(image: Any, path: str, decoded: Raw | ImageError | None, number: int = 0) -> Pixels:
     """Pixels of `image` (original data-block), of the file `path` where the image stands for
     several files. Raises ImageError.
 
-    decoded: what `decode` gave for its `source`; None where it has none.
+    decoded: what `decode` gave for its `source`; None where it has none. number: of a movie's
+    picture.
     """
     if decoded is None:
         source(image, path)  # raises where a file is missing
+    if image.source == "MOVIE":
+        return _managed(_from_movie(image, path, number), image)
     raw = decoded if isinstance(decoded, Raw) else _from_blender(image)
     return _managed(raw, image)
+
+
+def _from_movie(image: Any, path: str, number: int) -> Raw:
+    try:
+        with movie_picture(path, number) as picture:
+            picture.alpha_mode = image.alpha_mode
+            return _from_blender(picture)
+    except RuntimeError as error:
+        raise ImageError(f"cannot be read: {str(error).strip()}") from error
 
 
 def source(image: Any, path: str) -> Source | None:
     """What there is to decode; None where only Blender knows the pixels. Raises ImageError where
     there is no file.
     """
-    if image.source in ("GENERATED", "MOVIE") or image.is_dirty or openimageio() is None:
+    if image.source == "GENERATED" or image.is_dirty or openimageio() is None:
+        return None
+    if image.source == "MOVIE" and Path(path).is_file():
         return None
     packed = _packed_bytes(image, path)
     if packed is None and not Path(path).is_file():
@@ -136,7 +154,8 @@ def _raw(
     if values.size == 0:
         raise ImageError("is empty")
     rgba = _four_channels(values, alpha_mode)
-    return Raw(rgba, values.shape[2] in (1, 3) or _opaque(rgba), linear, premultiplied)
+    channels = values.shape[2]
+    return Raw(rgba, channels in (1, 3) or _opaque(rgba), channels < 3, linear, premultiplied)
 
 
 def _packed_bytes(image: Any, path: str) -> bytes | None:
@@ -239,14 +258,18 @@ def _four_channels(values: np.ndarray, alpha_mode: str) -> np.ndarray:
 
 def _managed(raw: Raw, image: Any) -> Pixels:
     """Into scene-linear colour with straight alpha, as bytes with the sRGB curve where that loses
-    nothing. Data, such as normal maps, is left as it is, and packed channels, as in Cycles.
+    nothing. Data, such as normal maps, is left as it is, and packed channels, and grey beside
+    alpha, as in Cycles.
     """
     space, rgba, has_alpha = image.colorspace_settings, raw.rgba, not raw.opaque
     is_apart = has_alpha and not space.is_data and image.alpha_mode in ("STRAIGHT", "PREMUL")
     divides = raw.premultiplied and is_apart
+    is_apart = is_apart and (divides or not raw.is_grey)
+    stored = None
     encoding = "LINEAR" if raw.linear else colorspace.stored_encoding(space.name, space.is_data)
     if encoding is None or (encoding == "SRGB" and (divides or rgba.dtype != np.uint8)):
         try:
+            stored = rgba if is_apart and encoding == "SRGB" and not divides else None
             rgba, encoding = colorspace.to_scene_linear(rgba, space.name, openimageio()), "LINEAR"
         except LookupError as error:
             raise ImageError(
@@ -257,13 +280,18 @@ def _managed(raw: Raw, image: Any) -> Pixels:
     broken = rgba.dtype != np.uint8 and not np.isfinite(rgba.sum(dtype=np.float64))
     if broken:
         rgba = np.nan_to_num(rgba, nan=0.0, posinf=0.0, neginf=0.0)
-    return Pixels(np.ascontiguousarray(rgba), encoding, is_apart, broken, divides)
+    return Pixels(np.ascontiguousarray(rgba), encoding, is_apart, broken, divides, stored)
 
 
 def associated(found: Pixels) -> np.ndarray:
     """(h, w, 4): colours times alpha, opaque; as in the file where that held the product. Bytes are
     multiplied as they are, under their curve and rounded down, as Cycles does.
     """
+    if found.stored is not None:
+        rgba = colorspace.as_float(found.stored)
+        rgba[:, :, :3] = colorspace.srgb_to_linear(rgba[:, :, :3] * rgba[:, :, 3:])
+        rgba[:, :, 3] = 1
+        return rgba
     color, alpha = found.pixels[:, :, :3], found.pixels[:, :, 3:]
     if color.dtype == np.uint8:
         product, opaque = (

@@ -9,10 +9,10 @@ from ....engine.scene import Lobe
 from .terms import ZERO, Sum, add, multiply
 
 TOONS = ("TOON_DIFFUSE", "TOON_SPECULAR")
-TURNED = frozenset(("DIFFUSE", "TRANSLUCENT", "SPECULAR", "SHEEN", *TOONS, "MIRROR", "REFRACTION"))
-"""Kinds of lobes to which the shading normal matters."""
-MATT = frozenset(("DIFFUSE", "TRANSLUCENT", "SHEEN", *TOONS))
-"""Those of them that have the material's; the others may have their own."""
+MATT = frozenset(("DIFFUSE", "OREN_NAYAR", "OREN_NAYAR_MULTIPLE", "TRANSLUCENT", "SHEEN", *TOONS))
+"""Kinds of lobes that have the material's shading normal."""
+TURNED = MATT | {"SPECULAR", "MIRROR", "REFRACTION"}
+"""Those and others to which the shading normal matters, which may have their own."""
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ SHINING = frozenset(
 """Shaders that count, or give nothing as they are meant to, where there is no surface."""
 MOST_TERMS = 16
 """Terms of one sum; longer ones become a program's value."""
-SMALLEST_IOR = 1e-3
+SMALLEST_IOR, LARGEST_IOR = 1e-3, 1e6
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
@@ -136,7 +136,7 @@ class Evaluator:
         if found is None or not found.socket.is_output:
             return Coordinates("")
         handler = VECTOR_NODES.get(found.node.bl_idname)
-        if handler is None or found.node.mute:
+        if handler is None:
             return None
         return self._once(found, lambda: handler(NodeView(self, found), found.socket), None)
 
@@ -146,7 +146,7 @@ class Evaluator:
         """
         found = source(place)
         self._note_circle(found)
-        if found is None or not found.socket.is_output or found.node.mute:
+        if found is None or not found.socket.is_output:
             return {}
         if found.socket.type != "SHADER":
             return {LobeKey("EMISSION"): self.color(place)}
@@ -298,8 +298,6 @@ class Evaluator:
         found = place if found is None else found
         if not found.socket.is_output:
             return self._default(found.socket), found.socket.type
-        if found.node.mute:
-            return ZERO, "VALUE"
         value = self._value(found)
         return (
             (self._default(place.socket), place.socket.type)
@@ -416,13 +414,15 @@ class NodeView:
         return Roughness(value, expressions)
 
     def ior(self, name: str = "IOR", otherwise: float = 1.5) -> Ior:
-        """An index of refraction, kept above 0, which may vary over the surface."""
+        """An index of refraction, kept within bounds, which may vary over the surface."""
         terms = self.number(name, otherwise)
         if is_constant(terms):
-            return Ior(max(constant_value(terms)[0], SMALLEST_IOR), self.evaluator.expressions)
+            number = min(max(constant_value(terms)[0], SMALLEST_IOR), LARGEST_IOR)
+            return Ior(number, self.evaluator.expressions)
         expressions = self.evaluator.expressions
         value = expressions.apply("separate_xyz", expressions.value_of(terms))
-        return Ior(expressions.math("MAXIMUM", value, SMALLEST_IOR), expressions)
+        above = expressions.math("MAXIMUM", value, SMALLEST_IOR)
+        return Ior(expressions.math("MINIMUM", above, LARGEST_IOR), expressions)
 
     def factor(self, name: str, otherwise: float = 0.0) -> Sum:
         """A number kept between 0 and 1."""
@@ -448,7 +448,7 @@ class NodeView:
     def is_linked(self, name: str) -> bool:
         place = self.input(name)
         found = source(place) if place else None
-        return found is not None and found.socket.is_output and not found.node.mute
+        return found is not None and found.socket.is_output
 
     def note(self, sentence: str) -> None:
         self.evaluator.note(sentence)

@@ -215,6 +215,8 @@ def _trail(place: Place) -> list[Place] | None:
             place = place.beside(link.from_socket)
             passed.append(place)
         step = _through(place)
+        if step is None and place.node.mute and len(passed) > 1:
+            return passed[:-1]  # as if nothing were linked there
         if step is None:
             return passed
         place = step
@@ -233,7 +235,7 @@ def images_behind(shader: Place) -> list[tuple[Any, Any]]:
     found, seen, waiting = [], set(), [shader]
     while waiting:
         place = source(waiting.pop())
-        if place is None or not place.socket.is_output or place.node.mute:
+        if place is None or not place.socket.is_output:
             continue
         if place.node_key in seen:
             continue

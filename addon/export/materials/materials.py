@@ -266,7 +266,11 @@ def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
             share = evaluator.expressions.sum_of(_passing(key, evaluator.expressions))
             fibre = key.kind == PASSED
             clear = LobeKey(
-                "TRANSPARENT", between_fibres=fibre, not_to_fibres=fibre and key.not_to_fibres
+                "TRANSPARENT",
+                ior=1.0 if fibre else key.ior,
+                ior_output=-1 if fibre else key.ior_output,
+                between_fibres=fibre,
+                not_to_fibres=fibre and key.not_to_fibres,
             )
             passed = add_closures(passed, {clear: multiply(evaluator.limited(terms), share)})
     return passed

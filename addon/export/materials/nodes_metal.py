@@ -7,19 +7,35 @@ from .anisotropy import Brush
 from .closures import Closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import EDGE_COSINE, conductor_reflectance, schlick
-from .nodes_shader import Edge, glossy_closure, is_multiscatter, note_microfacets
+from .nodes_shader import (
+    Edge,
+    glossy_closure,
+    is_multiscatter,
+    note_microfacets,
+)
 from .terms import ONE, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
+from .thin_film import Metal, film_on_metal
 from .varying import Roughness
 
 
 def metal_closure(
-    view: NodeView, color: Sum, roughness: Roughness, edge_tint: Sum = ONE
+    view: NodeView,
+    color: Sum,
+    roughness: Roughness,
+    edge_tint: Sum = ONE,
+    conductor: Metal | None = None,
 ) -> Closure:
     """A metal of a node with microfacets, whose colour some 8 degrees off the surface is as much
     of what Schlick's weight gives there as its tint says; colours above 1 count as 1, as in Cycles.
+    conductor: what it is by its index, where that is known.
     """
-    color = view.evaluator.clamped(color, 0.0, 1.0)
-    lack = complement(view.evaluator.clamped(edge_tint, 0.0, 1.0))
+    color, edge_tint = (view.evaluator.clamped(x, 0.0, 1.0) for x in (color, edge_tint))
+    film = film_on_metal(view, conductor or _metal(color, edge_tint))
+    if film is not None:
+        return glossy_closure(
+            film.reflected, film.mean, roughness, is_multiscatter(view), edge=None
+        )
+    lack = complement(edge_tint)
     if not lack:
         edge = Edge()
     else:
@@ -30,6 +46,15 @@ def metal_closure(
         edge = Edge(lack, view.evaluator.mean(lack), _mirrored(view, color, lack, roughness))
     mean = view.evaluator.mean(color)
     return glossy_closure(color, mean, roughness, is_multiscatter(view), edge)
+
+
+def _metal(color: Sum, tint: Sum) -> Metal | None:
+    """What a film lies on; None where that varies."""
+    if not (is_constant(color) and is_constant(tint)):
+        return None
+    f0 = constant_value(color)
+    pairs = zip(f0, constant_value(tint), strict=True)
+    return Metal.of(f0, tuple(schlick(x, EDGE_COSINE) * share for x, share in pairs))
 
 
 def _mirrored(view: NodeView, color: Sum, lack: Sum, roughness: Roughness) -> Sum:
@@ -53,14 +78,15 @@ def _metallic(view: NodeView) -> Closure:
     note_microfacets(view)
     brush = Brush(view, view.roughness())
     color, tint = view.reflectance("Base Color"), view.reflectance("Edge Tint", 1.0)
+    metal = None
     if view.node.fresnel_type != "F82":
-        color, tint = _conductor(view) or (color, ONE)
-    return brush.on(metal_closure(view, color, brush.roughness, tint))
+        color, tint, metal = _conductor(view) or (color, ONE, None)
+    return brush.on(metal_closure(view, color, brush.roughness, tint, metal))
 
 
-def _conductor(view: NodeView) -> tuple[Sum, Sum] | None:
+def _conductor(view: NodeView) -> tuple[Sum, Sum, Metal] | None:
     """The colours of a metal by its index of refraction and extinction, seen straight and some 8
-    degrees off the surface; None where one of these varies.
+    degrees off the surface, and these; None where one of them varies.
     """
     numbers = [view.color(name) for name in ("IOR", "Extinction")]
     if not all(is_constant(terms) for terms in numbers):
@@ -75,7 +101,8 @@ def _conductor(view: NodeView) -> tuple[Sum, Sum] | None:
         for x in (1.0, EDGE_COSINE)
     )
     tint = [b / schlick(a, EDGE_COSINE) for a, b in zip(straight, aslant, strict=True)]
-    return constant(tuple(straight)), constant(tuple(tint))
+    metal = Metal(tuple(max(x, 0.0) for x in n), tuple(max(x, 0.0) for x in k))
+    return constant(tuple(straight)), constant(tuple(tint)), metal
 
 
 CLOSURE_NODES["ShaderNodeBsdfMetallic"] = _metallic

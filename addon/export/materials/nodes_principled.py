@@ -13,19 +13,22 @@ from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .nodes_metal import metal_closure
 from .nodes_shader import (
-    LEFT_OUT,
     below_coat,
     bend,
     coat_closure,
-    glass_closure,
+    diffuse_closure,
+    filmed_glass,
+    glossy_closure,
     is_multiscatter,
     note_left_out,
     under_alpha,
 )
 from .nodes_sheen import Fibres
+from .rough_diffuse import roughened
 from .roughness import layer_loss
 from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
+from .thin_film import film_of
 from .varying import Ior, Roughness
 
 
@@ -63,8 +66,12 @@ def plastic_closure(
     base: Sum, tint: Sum, roughness: Roughness, ior: Ior, multiscatter: bool
 ) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
-    below = below_coat(base, _largest(tint), roughness, ior, multiscatter)
+    below = _below(base, tint, roughness, ior, multiscatter)
     return add_closures(below, coat_closure(ONE, roughness, ior, multiscatter, tint))
+
+
+def _below(base: Sum, tint: Sum, roughness: Roughness, ior: Ior, multiscatter: bool) -> Closure:
+    return below_coat(base, _largest(tint), roughness, ior, multiscatter)
 
 
 def _largest(color: Sum) -> Sum:
@@ -78,9 +85,18 @@ def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     """The specular level scales F0, one half leaves it as it is."""
     ior = view.ior().with_level(view.amount("Specular IOR Level", 0.5))
     tint = view.reflectance("Specular Tint", 1.0)
-    closure = plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
+    again, film = is_multiscatter(view), film_of(view, ior)
+    if film is None:
+        below = _below(base, tint, roughness, ior, again)
+        coat = coat_closure(ONE, roughness, ior, again, tint)
+    else:
+        color = film.tinted(tint)
+        below = diffuse_closure(multiply(base, complement(film.largest(color))))
+        coat = glossy_closure(color, film.mean, roughness, again, edge=None)
     weight, names = view.factor("Subsurface Weight"), ("Subsurface Radius", "Subsurface Scale")
-    return subsurface(view, closure, weight, names, base, view.node.subsurface_method)
+    below = subsurface(view, below, weight, names, base, view.node.subsurface_method)
+    below = roughened(view, below, "Diffuse Roughness", base)
+    return add_closures(below, coat)
 
 
 def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
@@ -88,7 +104,8 @@ def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     of it.
     """
     root = _root(view, base)
-    return glass_closure(view.reflectance("Specular Tint", 1.0), root, roughness, view.ior())
+    ior, tint = view.ior(), view.reflectance("Specular Tint", 1.0)
+    return filmed_glass(film_of(view, ior, is_glass=True), tint, root, roughness, ior)
 
 
 def _root(view: NodeView, color: Sum) -> Sum:
@@ -150,7 +167,6 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 
 def _note_what_is_left_out(view: NodeView) -> None:
     bend(view)
-    note_left_out(view, LEFT_OUT)
     if view.number("Subsurface Weight"):
         note_left_out(view, {"Subsurface Anisotropy": "subsurface anisotropy"})
         note_constants(view, {"Subsurface IOR": WALKS_IOR})

@@ -11,6 +11,7 @@ from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import EDGE_MEAN, dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
+from .rough_diffuse import roughened
 from .roughness import (
     World,
     dielectric_world,
@@ -22,6 +23,7 @@ from .roughness import (
 )
 from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
+from .thin_film import Film, film_of
 from .varying import Ior, Roughness
 
 
@@ -239,6 +241,20 @@ def glass_closure(reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior
     )
 
 
+def filmed_glass(
+    film: Film | None, reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior
+) -> Closure:
+    """The same with a film, if there is one, which mirrors alike on both sides."""
+    if film is None:
+        return glass_closure(reflected, refracted, roughness, ior)
+    color = film.tinted(reflected)
+    through = multiply(refracted, complement(film.reflected))
+    return add_closures(
+        glossy_closure(color, film.mean, roughness, True, edge=None),
+        refracting(through, roughness, ior),
+    )
+
+
 def refracting(color: Sum, roughness: Roughness, ior: Ior, fresnel: bool = False) -> Closure:
     """What is seen through a surface: clear up to the roughness of a mirror, blurred beyond."""
     kind = {"fresnel": fresnel, **ior.key}
@@ -262,11 +278,6 @@ def bend(view: NodeView) -> None:
     view.evaluator.bend(view.input("Normal"))
 
 
-LEFT_OUT = {
-    "Thin Film Thickness": "thin film",
-    "Diffuse Roughness": "diffuse roughness",
-}
-"""Inputs that have no effect where they are not 0."""
 _MICROFACETS = ("GGX", "MULTI_GGX")
 
 
@@ -280,7 +291,6 @@ def note_left_out(view: NodeView, names: dict[str, str]) -> None:
 def note_microfacets(view: NodeView) -> None:
     """What is left out of a node with microfacets."""
     bend(view)
-    note_left_out(view, LEFT_OUT)
     distribution = getattr(view.node, "distribution", "GGX")
     if distribution not in _MICROFACETS:
         view.note(
@@ -290,9 +300,8 @@ def note_microfacets(view: NodeView) -> None:
 
 def _diffuse(view: NodeView) -> Closure:
     bend(view)
-    if view.node.bl_idname == "ShaderNodeBsdfDiffuse":
-        note_left_out(view, {"Roughness": "roughness"})
-    return diffuse_closure(view.reflectance("Color"))
+    color = view.reflectance("Color")
+    return roughened(view, diffuse_closure(color), "Roughness", color)
 
 
 def _translucent(view: NodeView) -> Closure:
@@ -312,7 +321,8 @@ def _subsurface(view: NodeView) -> Closure:
 
 def _as_diffuse(view: NodeView) -> Closure:
     view.note(f"The {view.node.bl_label} shader is rendered as diffuse in {{}}")
-    return _diffuse(view)
+    bend(view)
+    return diffuse_closure(view.reflectance("Color"))
 
 
 def _glossy(view: NodeView) -> Closure:
@@ -325,8 +335,8 @@ def _glossy(view: NodeView) -> Closure:
 
 def _glass(view: NodeView) -> Closure:
     note_microfacets(view)
-    color = view.reflectance("Color")
-    return glass_closure(color, color, view.roughness(), view.ior())
+    color, roughness, ior = view.reflectance("Color"), view.roughness(), view.ior()
+    return filmed_glass(film_of(view, ior, is_glass=True), color, color, roughness, ior)
 
 
 def _refraction(view: NodeView) -> Closure:
@@ -357,12 +367,7 @@ def _fresnel_factor(view: NodeView) -> float | None:
     """
     place = view.input("Fac") or view.input("Factor")
     found = source(place) if place else None
-    if (
-        found is None
-        or not found.socket.is_output
-        or found.node.mute
-        or found.node.bl_idname != "ShaderNodeFresnel"
-    ):
+    if found is None or not found.socket.is_output or found.node.bl_idname != "ShaderNodeFresnel":
         return None
     terms = NodeView(view.evaluator, found).number("IOR", 1.5)
     return max(terms[0].value[0], 1e-3) if terms and is_constant(terms) else None

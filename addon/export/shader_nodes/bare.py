@@ -19,6 +19,7 @@ MESH_ONLY: dict[str, tuple[tuple | float, ...]] = {
     "uv": (ZERO,),
     "barycentric": (ZERO,),
     "edge_distance": (FARTHEST,),
+    "pixel_step": (ZERO,),
     "instance_value": (ZERO, 0.0),
     "tangent_of_surface": (ZERO,),
 }
@@ -33,7 +34,9 @@ _TOLD = {
     "barycentric": "reads a place on a triangle, of which {} has none: it is 0; use Generated of "
     "Texture Coordinate",
     "tangent_of_surface": "reads a tangent, of which {} has none: it is 0; set a constant",
-    "edge_distance": "draws edges, of which {} has none: use Brick Texture",
+    **dict.fromkeys(
+        ("edge_distance", "pixel_step"), "draws edges, of which {} has none: use Brick Texture"
+    ),
     "instance_value": "reads what is an object's or an instancer's own, which {} has not: it gives "
     "0; set a constant",
     "bump": "bends nothing in {}, where there is no surface: use Vector Math or Mapping",

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ....engine.program.graph import Value
+from ....engine.program.operations_input import Shift
+from ....engine.program.operations_vector import VectorMeasure
 from ..images.images import FIRST, Images
 from ..materials.graph import socket_named
 from ..materials.terms import GREY
@@ -82,13 +84,26 @@ def _parametric(view: NodeInputs) -> Value:
     return view.apply("product", weights, view.reader.graph.constant((1.0, 1.0, 0.0)))[0]
 
 
-def _wireframe(view: NodeInputs) -> Outputs | None:
-    if view.node.use_pixel_size:
-        return None
+def _wireframe(view: NodeInputs) -> Outputs:
     do = view.math
     apart = view.apply("edge_distance", shift=0)[0]
-    line = do("LESS_THAN", apart, do("MULTIPLY", view.value("Size"), 0.5))
+    half = do("MULTIPLY", view.value("Size"), 0.5)
+    half = do("MULTIPLY", half, _pixel_width(view)) if view.node.use_pixel_size else half
+    line = do("LESS_THAN", apart, half)
     return {"Fac": line, "Factor": line}
+
+
+def _pixel_width(view: NodeInputs) -> Value:
+    """What a pixel spans at the point, as the mean of two steps in the face's plane as they are
+    seen, as in Cycles.
+    """
+    do, incoming, widths = view.math, view.apply("incoming")[0], []
+    for axis in (Shift.FIRST, Shift.SECOND):
+        step = view.apply("pixel_step", axis=int(axis))[0]
+        along = view.apply("vector_measure", step, incoming, measure=VectorMeasure.DOT_PRODUCT)[0]
+        across = view.apply("scaled_sum", incoming, do("MULTIPLY", along, -1.0), step)[0]
+        widths.append(view.apply("vector_length", across)[0])
+    return do("MULTIPLY", do("ADD", *widths), 5.0)  # a step is a tenth of a pixel
 
 
 def _camera(view: NodeInputs) -> Outputs:
@@ -185,37 +200,51 @@ def _normal(view: NodeInputs) -> Value:
 
 
 def _light_path(view: NodeInputs) -> Outputs:
-    """Light that is scattered comes from points here, so no ray is a diffuse one."""
-    camera, shadow, bounced = view.apply("light_path")
+    """Light that is scattered comes from points here, so no ray that is traced is a diffuse one,
+    but what these points and other tables hold is seen by such.
+    """
+    camera, shadow, bounced, scattered = view.apply("light_path")
     zero, length = view.reader.graph.constant(0.0), view.reader.ray_length()
     return {
         "Is Camera Ray": camera,
         "Is Shadow Ray": shadow,
-        "Is Diffuse Ray": zero,
+        "Is Diffuse Ray": scattered,
         "Is Glossy Ray": bounced,
         "Is Singular Ray": bounced,
         "Is Volume Scatter Ray": zero,
         "Ray Length": length if length is not None else view.left_out("Ray Length", 0.0),
-        "Diffuse Depth": zero,
+        "Diffuse Depth": scattered,
         "Portal Depth": zero,
-        **_ray_depths(view, bounced),
+        **_ray_depths(view, bounced, scattered),
     }
 
 
-def _ray_depths(view: NodeInputs, bounced: Value) -> Outputs:
-    known = view.reader.ray_depth()
+def _ray_depths(view: NodeInputs, bounced: Value, scattered: Value) -> Outputs:
+    known, reflected = view.reader.ray_depth(), view.math("ADD", bounced, scattered)
     if known is None:
-        names = ("Ray Depth", "Glossy Depth", "Transparent Depth", "Transmission Depth")
-        constants = {name: view.left_out(name, 0.0) for name in (*names, "Is Transmission Ray")}
-        return {**constants, "Is Reflection Ray": bounced}
+        for name in ("Ray Depth", "Glossy Depth"):
+            if view.is_used(name):
+                view.reader.note(
+                    f"'{name}' of {view.node.bl_label} counts one bounce at most in {{}}: use "
+                    "another output"
+                )
+        names = ("Transparent Depth", "Transmission Depth", "Is Transmission Ray")
+        constants = {name: view.left_out(name, 0.0) for name in names}
+        return {
+            **constants,
+            "Is Reflection Ray": reflected,
+            "Ray Depth": view.math("ADD", reflected, 1.0),  # Cycles counts the ray to a light
+            "Glossy Depth": bounced,
+        }
     depth, straight, refractions, refracted = known
+    mirrored = view.math("SUBTRACT", depth, refractions)
     return {
         "Ray Depth": depth,
-        "Glossy Depth": view.math("SUBTRACT", depth, refractions),
+        "Glossy Depth": view.math("SUBTRACT", mirrored, scattered),
         "Transparent Depth": straight,
         "Transmission Depth": refractions,
         "Is Transmission Ray": refracted,
-        "Is Reflection Ray": view.math("SUBTRACT", bounced, refracted),
+        "Is Reflection Ray": view.math("SUBTRACT", reflected, refracted),
     }
 
 

@@ -76,8 +76,8 @@ class LampReader(BareReader):
             self.note(f"Node '{self.reading}' turns nothing in {{}}: vectors stay as they are")
             return arguments
         if name == "light_path":  # Cycles calls no ray to a light a shadow ray here
-            camera, _, bounced = super().apply(name)
-            return camera, self.graph.constant(0.0), bounced
+            camera, _, bounced, scattered = super().apply(name)
+            return camera, self.graph.constant(0.0), bounced, scattered
         return super().apply(name, *arguments, **settings)
 
     def object_to_world(self, vector: Value) -> Value:

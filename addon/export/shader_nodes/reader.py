@@ -223,7 +223,7 @@ class TreeReader:
         """Outputs of nodes that make the values of these inputs."""
         trails = [self._trail(place) for place in inputs]
         ends = [passed[-1] for passed in trails if passed is not None]
-        return [end for end in ends if end.socket.is_output and not end.node.mute]
+        return [end for end in ends if end.socket.is_output]
 
     def _trail(self, place: Place) -> list[Place] | None:
         if place.key not in self._trails:
@@ -250,7 +250,7 @@ class TreeReader:
     def is_fed(self, wanted: Place) -> bool:
         """Whether a node makes the value of this input."""
         passed = self._trail(wanted)
-        return passed is not None and passed[-1].socket.is_output and not passed[-1].node.mute
+        return passed is not None and passed[-1].socket.is_output
 
     def passed_on(self, wanted: Place) -> Value:
         """The value at the end of a socket's trail, converted at each socket on its way."""
@@ -269,8 +269,6 @@ class TreeReader:
             return None
         if not socket.is_output:
             return self.default(socket)
-        if end.node.mute:
-            return self.graph.constant((0.0,) * _width(socket.type))
         outputs = self._read.get(end.node_key) or {}
         return outputs.get(socket.identifier, outputs.get(socket.name))
 

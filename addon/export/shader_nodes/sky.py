@@ -14,7 +14,6 @@ from .reader import READERS, NodeInputs, Outputs
 
 _ALONG = ("position", "object_position")
 _AGAINST = ("normal", "face_normal", "object_normal", "reflection")
-_VIEW = ("camera_position", "window")
 
 
 @dataclass(frozen=True)
@@ -45,12 +44,6 @@ class SkyReader(BareReader):
         if name == "transform_vector":
             self.note(f"Node '{self.reading}' turns nothing in {{}}: vectors stay as they are")
             return arguments
-        if name in _VIEW:
-            self.note(
-                "Camera and window coordinates are not known in the world {}: 0 is used; use "
-                "Texture Coordinate's Generated"
-            )
-            return (self.graph.constant(ZERO),)
         if name == "object_location":
             self.tell("instance_value")
             return (self.graph.constant(ZERO),)

@@ -96,8 +96,16 @@ RGB_FROM_XYZ = np.array(
 )
 """Rec. 709's, as the Blender that runs rounds it."""
 _FIRST, _LAST, _STEP = 380.0, 780.0, 5.0
+WAVELENGTHS = np.arange(_FIRST, _LAST + 1)
+"""Of `matching`, nanometres."""
 _BRIGHTEST = 2.52
 """Cycles divides by this, so that no channel exceeds 1."""
+
+
+def matching() -> np.ndarray:
+    """(m, 3) x, y, z of the CIE 1931 observer at `WAVELENGTHS`."""
+    given = np.arange(_FIRST, _LAST + 1, _STEP)
+    return np.column_stack([np.interp(WAVELENGTHS, given, c) for c in _MATCHING.T])
 
 
 def _wavelength_table() -> tuple[float, ...]:

@@ -21,6 +21,7 @@ from ..cache import ExportCache, WorldKey
 from ..collector import Collector
 from ..culling import Culling, culls
 from ..export import world_of
+from ..images import moving
 from ..images.images import Images
 from ..instances import VisitedObjects, walk
 from ..light_groups import NO_MEMBERS, LightGroups, Members
@@ -78,6 +79,7 @@ class LiveExport:
         """Take in `depsgraph.updates`, which must tell all that changed since the last call."""
         updates = depsgraph.updates[:]
         self._cache.work.clear()
+        self._cache.images.frame = depsgraph.scene_eval.frame_current
         self._cache.shapes.keep_views(self._indices)
         self._given = {a: given for a, given in self._given.items() if a in self._indices}
         self._deltas = {}
@@ -218,7 +220,7 @@ class LiveExport:
         """
         if self._frame in (None, _frame_of(scene)):
             return False
-        return any(image.source in ("SEQUENCE", "MOVIE") for image in bpy.data.images)
+        return any(image.source in moving.KINDS for image in bpy.data.images)
 
     @property
     def work(self) -> dict[str, int]:

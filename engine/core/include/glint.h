@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 64
+#define GLINT_ABI_VERSION 66
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -139,28 +139,31 @@ enum GlintLobeKind {
   GLINT_HOLDOUT_LOBE,
   GLINT_TOON_DIFFUSE,
   GLINT_TOON_SPECULAR,
+  GLINT_OREN_NAYAR,
+  GLINT_OREN_NAYAR_MULTIPLE,
   GLINT_FIBRE_DIFFUSE,
   GLINT_FIBRE_SPECULAR,
   GLINT_FIBRE_TRANSMISSION
 };
 
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK, GLINT_EDGE, GLINT_SCATTERED of a FIBRE lobe that
- * shows light that other fibres scattered, and GLINT_NOT_TO_FIBRES of a TRANSPARENT one that shadow
- * rays from points on strands do not pass. masking: 0 to 1, Smith's alpha of a SPECULAR lobe, 0 for
- * none. Of a SHEEN lobe exponent is its width and masking its lean, of a TOON lobe they are the
- * shares of a right angle of its size, up to 1, and of its smooth edge, of a FIBRE lobe masking how
- * far light fans out round the tangent, 0 for as far as normals do, and ior 1 plus over 1 minus the
- * tangent of how far it leans against it. exponent_slot, masking_slot, ior_slot: 0, or 1 plus the
- * slot of the material's program that takes the place of the number; exponent and masking are kept
- * from 0 to the lobe's own, an ior that is not finite or not above 0 is the lobe's own. fibre_slot:
- * of FIBRE lobes, 0 or 1 plus the first of three slots with the fibre's tangent in world space, of
- * any length, 0 of what is no fibre. normal_slot: of SPECULAR, MIRROR and REFRACTION lobes, 0 or 1
- * plus the first of three slots with a shading normal of their own in world space. stretch_slot: of
- * SPECULAR lobes, 0 or 1 plus the first of three slots with a direction across the normal in world
- * space, as long as what slopes along it are times; 0 for none. radius: of DIFFUSE lobes, how far
- * below the surface their light goes in red, green and blue, world units: the d of Christensen and
- * Burley's profile, at least 0, 0 for none; radius_slot: 0, or 1 plus the first of three slots that
- * take its place. reserved: 0. */
+ * shows light that other fibres scattered, and GLINT_NOT_TO_FIBRES of a TRANSPARENT one that
+ * shadow rays from points on strands do not pass. masking: 0 to 1, Smith's alpha of a SPECULAR
+ * lobe, 0 for none. Of a SHEEN lobe exponent is its width and masking its lean, of a TOON lobe
+ * they are the shares of a right angle of its size, up to 1, and of its smooth edge, of a
+ * TRANSPARENT lobe ior is how much denser it is inside, for light to lit points, 1 for not, of a
+ * FIBRE lobe masking how far light fans out round the tangent, 0 for as far as normals do, and ior
+ * 1 plus over 1 minus the tangent of how far it leans against it. exponent_slot, masking_slot,
+ * ior_slot: 0, or 1 plus the slot of the material's program that takes the place of the number;
+ * exponent and masking are kept from 0 to the lobe's own, an ior that is not from 1e-30 to 1e30 is
+ * the lobe's own. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of three slots with the
+ * fibre's tangent in world space, of any length, 0 of what is no fibre. normal_slot: of SPECULAR,
+ * MIRROR and REFRACTION lobes, 0 or 1 plus the first of three slots with a shading normal of their
+ * own in world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three slots with a
+ * direction across the normal in world space, as long as what slopes along it are times; 0 for
+ * none. radius: of DIFFUSE lobes, how far below the surface their light goes in red, green and
+ * blue, world units: the d of Christensen and Burley's profile, at least 0, 0 for none;
+ * radius_slot: 0, or 1 plus the first of three slots that take its place. reserved: 0. */
 enum GlintFresnel {
   GLINT_DIELECTRIC = 1,
   GLINT_SCHLICK = 2,

@@ -123,7 +123,8 @@ bool has_none(const GlintSceneData& d, const GlintProgram& g, Is is) {
 /// Whether it needs a primitive, which points inside of media and of lights have not.
 bool reads_primitive(const OperationLayout& of) {
   const std::string_view name = of.name;
-  return std::strchr(of.settings, 'a') || name == "barycentric" || name == "edge_distance";
+  return std::strchr(of.settings, 'a') || name == "barycentric" || name == "edge_distance" ||
+         name == "pixel_step";
 }
 
 /// Whether a medium's program needs nothing but places and, unless it is the world's, what it is
@@ -190,8 +191,8 @@ void check_materials(const GlintSceneData& d, Report& report) {
                "lobe %llu: exponent %g is not between 0 and 1e30", ull(i), g.exponent);
     report.add(g.masking >= 0 && g.masking <= 1, "lobe %llu: masking %g is not between 0 and 1",
                ull(i), g.masking);
-    report.add(g.ior > 0 && g.ior <= 1e30, "lobe %llu: index of refraction %g is not above 0",
-               ull(i), g.ior);
+    report.add(g.ior >= 1e-30 && g.ior <= 1e30,
+               "lobe %llu: index of refraction %g is not between 1e-30 and 1e30", ull(i), g.ior);
   }
   for (uint64_t i = 0; i < d.program_count && report.good(); ++i)
     check_program(d, d.programs[i], i, report);

@@ -79,7 +79,8 @@ void DirectLight::find_blocks(const Batch& batch, const std::vector<uint32_t>& p
 bool DirectLight::is_apart(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
   return stage_.gathers_gloss || bounced_linked_ || material.has(GLINT_SHEEN) ||
-         material.has(GLINT_TOON_DIFFUSE) || material.has(GLINT_FIBRE_DIFFUSE) ||
+         material.has(GLINT_TOON_DIFFUSE) || material.has(GLINT_OREN_NAYAR) ||
+         material.has(GLINT_OREN_NAYAR_MULTIPLE) || material.has(GLINT_FIBRE_DIFFUSE) ||
          material.has(GLINT_FIBRE_SPECULAR) || material.has(GLINT_FIBRE_TRANSMISSION) ||
          scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS;
 }

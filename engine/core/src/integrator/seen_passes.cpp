@@ -84,6 +84,8 @@ Tracer::Highlights Tracer::highlights(size_t k) const {
     if (exponent == SpecularTerm::kSheen || exponent == SpecularTerm::kToonDiffuse ||
         exponent == SpecularTerm::kFibreDiffuse)
       sum.matt += k_s;
+    else if (exponent == SpecularTerm::kOrenNayar) sum.matt += kNeverLost * k_s;
+    else if (exponent == SpecularTerm::kOrenNayarMultiple) continue;
     else if (exponent < 0) sum.glossy += k_s;
     else sum.glossy += 8 / (exponent + 2) * k_s;
   }

@@ -126,7 +126,7 @@ class Tracer {
   void note_denoising(size_t k, uint32_t path, double share);
   Vec3d albedo(size_t k) const;
   struct Highlights {
-    Vec3d glossy, matt;  // matt: of SHEEN, TOON_DIFFUSE, FIBRE_DIFFUSE ones
+    Vec3d glossy, matt;  // matt: of SHEEN, TOON_DIFFUSE, OREN_NAYAR, FIBRE_DIFFUSE ones
   };
   Highlights highlights(size_t k) const;
   size_t note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count);

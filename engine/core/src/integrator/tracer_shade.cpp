@@ -51,6 +51,9 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
     if (batch_.material[k] == scene_.materials.surroundings()) i += see_sky(queue, i, others - i);
     else i += vary(queue, i, others - i, {straight, bounced});
   }
+  // infinite weights times nothing are not nothing
+  for (size_t k = 0; &queue != &first_ && k < queue.size(); ++k)
+    if (batch_.missed(k)) batch_.lit[k] = 0;
 }
 
 /// Adds the lights' own shapes that ray k sees.
@@ -160,10 +163,17 @@ size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
 /// What the world's program gives to up to a block of rays: its three slots.
 const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t count) {
   const RayKind kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
+  const ProgramView& view = *scene_.input_tables().view;
+  const bool from_rays = view.parallel && kind == RayKind::kCamera;
   ProgramPoints points{};
   for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
     const uint32_t k = rows[std::min(i, count - 1)];
     points.outside[i] = -1;
+    const Vec3d o = queue.ray(k).o, d = queue.ray(k).d;
+    const double far = view.scale / length(d);
+    for (int c = 0; c < 3; ++c)  // what the camera sees of the direction
+      points.x[c][i] =
+          (from_rays ? o[c] : view.scale * (view.eye[c] - view.origin[c])) + far * d[c];
     for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
     for (size_t c = 0; c < 3; ++c)
       for (size_t axis = 0; axis < 3; ++axis)

@@ -16,11 +16,13 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
   layers_.reserve(kMostLayers);
   first_of_.resize(scene.materials.size() + 1);
   shares_.reserve(kRows);
+  if (scene.materials.has_dense) narrows_.resize(kRows);
   for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(kRows);
   u_.resize(kRows);
   v_.resize(kRows);
   slots_.resize(size_t(scene.programs.most_slots) * kBlock);
-  if (!scene.instances.only_meshes && !scene.programs.rows.empty()) solids_.resize(8 * kRows);
+  if (!scene.instances.only_meshes && (scene.materials.has_dense || !scene.programs.rows.empty()))
+    solids_.resize(8 * kRows);
   stage_.slots = slots_.data();
   stage_.tables = scene_.input_tables();
   stage_.shapes = scene_.instances.group_shapes.data();
@@ -47,6 +49,7 @@ void TransparentShadows::begin(const LightStage& light, size_t count, double* co
     std::fill_n(shadow[c], count, 1.0);
   }
   waiting_.begin(count);
+  if (scene_.materials.has_dense) narrowed_.assign(count, 1.0);
 }
 
 void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
@@ -70,6 +73,7 @@ void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
          counts);
   }
   go_on(light, counts);
+  narrow(count);
 }
 
 void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
@@ -80,6 +84,14 @@ void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked,
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);
+  narrow(count);
+}
+
+/// Rays that begin in what is dense see of the light outside what comes in a narrower cone.
+void TransparentShadows::narrow(size_t count) {
+  if (!scene_.materials.has_dense) return;
+  for (size_t k = 0; k < count; ++k)
+    for (double* column : shadow_) column[k] *= std::min(narrowed_[k], 1.0);
 }
 
 /// Adds a ray to those that look for layers beyond t_min.
@@ -173,7 +185,8 @@ void TransparentShadows::place_solids(const Rays& rays) {
 
 /// What each layer lets through.
 void TransparentShadows::read_shares(const Rays& rays) {
-  const bool has_solids = !scene_.instances.only_meshes && !scene_.programs.rows.empty();
+  const bool has_solids = !scene_.instances.only_meshes &&
+                          (scene_.materials.has_dense || !scene_.programs.rows.empty());
   if (has_solids) place_solids(rays);
   stage_.solids = has_solids ? solids_.data() : nullptr;
   size_t first = 0;
@@ -187,6 +200,7 @@ void TransparentShadows::read_shares(const Rays& rays) {
       stage_.lobes = scene_.materials.lobes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
       stage_.program = material.program > 0 ? scene_.programs.of(material.program) : nullptr;
+      stage_.narrowed = material.is_dense ? narrows_.data() : nullptr;
       stages_.transmit(stage_);
     } else {
       for (size_t c = 0; c < 3; ++c) std::fill(shares_[c] + first, shares_[c] + end, 0.0);
@@ -201,8 +215,12 @@ void TransparentShadows::multiply(const LightStage& light, size_t ray) {
   const uint32_t number = ray_number_[ray];
   Vec3d S = row(shadow_, number);
   const uint32_t end = end_[ray];
-  for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i)
+  const bool has_dense = scene_.materials.has_dense;
+  for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i) {
     S = S * row({shares_[0], shares_[1], shares_[2]}, layers_[i].row);
+    if (has_dense && scene_.materials[layers_[i].material].is_dense)
+      narrowed_[number] *= narrows_[layers_[i].row];
+  }
   const bool fades = scene_.materials.fading_to_fibres != 0;
   if (fades && std::max({S.x, S.y, S.z}) < MaterialTable::kFaded) S = {};
   set_row(shadow_, number, S);

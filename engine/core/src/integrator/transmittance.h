@@ -45,6 +45,7 @@ class TransparentShadows {
   void place_solids(const Rays& rays);
   void read_shares(const Rays& rays);
   void multiply(const LightStage& light, size_t ray);
+  void narrow(size_t count);
 
   const Scene& scene_;
   const Stages& stages_;
@@ -64,6 +65,8 @@ class TransparentShadows {
   std::vector<uint32_t> materials_, first_of_;  // those met; by material, its first row
   // Of the layers, material by material:
   Columns shares_{3};
+  // Where some material is dense, by how much layers narrow light, and what each ray passes.
+  std::vector<double> narrows_, narrowed_;
   std::vector<uint32_t> number_, instance_, primitive_;
   std::vector<float> u_, v_;
   std::vector<double> slots_, solids_;  // of programs; as TransmittanceStage has them

@@ -294,6 +294,7 @@ inline void light_path(const Machine& m, const Operands& at) {
     at.put(0, k, is(RayKind::kCamera));
     at.put(1, k, is(RayKind::kShadow));
     at.put(2, k, is(RayKind::kBounced));
+    at.put(3, k, splat(0));  // no ray: lights that are tables are made elsewhere
   });
 }
 
@@ -394,6 +395,11 @@ inline Mask on_triangles(const OnMesh& p) {
   for (size_t lane = 0; lane < kLanes; ++lane)
     flat[lane] = p.geometry[p.different == 1 ? 0 : lane]->triangles ? -1 : 0;
   return flat;
+}
+
+inline void pixel_step(const Machine& m, const Operands& at) {
+  const Doubles over = splat(1 / m.tables.view->scale);
+  each_group(m, [&](size_t k) { at.put(0, k, over * step_of(m, k, at.settings[0])); });
 }
 
 inline void edge_distance(const Machine& m, const Operands& at) {

@@ -117,9 +117,11 @@ bool same_inputs(const MaterialTable& t, size_t a, size_t b) {
 void compare_lobes(MaterialTable& t, Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const LobeShape& lobe = t.lobes[material.first_lobe + k];
+    const bool rough = is_oren_nayar(lobe.kind), fibre = is_fibre(lobe.kind),
+               sheen = lobe.kind == GLINT_SHEEN || is_toon(lobe.kind) || rough;
+    const bool shares_row = rough && material.has(lobe.kind);
+    material.specular_count += (lobe.kind == GLINT_SPECULAR || sheen || fibre) && !shares_row;
     material.kinds |= 1u << lobe.kind;
-    const bool fibre = is_fibre(lobe.kind), sheen = lobe.kind == GLINT_SHEEN || is_toon(lobe.kind);
-    material.specular_count += lobe.kind == GLINT_SPECULAR || sheen || fibre;
     t.has_fibre = t.has_fibre || fibre;
     t.has_sheen = t.has_sheen || sheen || fibre;
     if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_FIBRE_SPECULAR)
@@ -127,6 +129,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
     t.has_translucent = t.has_translucent || lobe.kind == GLINT_TRANSLUCENT;
     material.goes_below = material.goes_below || goes_below(lobe);
     material.view_count += depends_on_view(lobe);
+    material.is_dense |= lobe.kind == GLINT_TRANSPARENT && (lobe.ior != 1 || lobe.ior_slot > 0);
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     t.has_gloss = t.has_gloss || shaped;
@@ -158,6 +161,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
           same_inputs(t, material.first_lobe + k - 1, material.first_lobe + k);
   }
   t.has_rough_glass |= material.is_rough_glass;
+  t.has_dense |= material.is_dense;
   t.has_subsurface |= material.goes_below;
   t.max_specular = std::max(t.max_specular, material.specular_count);
   t.max_view = std::max(t.max_view, material.view_count);

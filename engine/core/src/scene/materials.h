@@ -19,6 +19,10 @@ inline bool is_fibre(int kind) {
 
 inline bool is_toon(int kind) { return kind == GLINT_TOON_DIFFUSE || kind == GLINT_TOON_SPECULAR; }
 
+inline bool is_oren_nayar(int kind) {
+  return kind == GLINT_OREN_NAYAR || kind == GLINT_OREN_NAYAR_MULTIPLE;
+}
+
 struct Material {
   uint32_t first_lobe = 0, lobe_count = 0;
   int32_t index = 0, program = 0, normal = 0;  // as GlintMaterial has them
@@ -29,6 +33,7 @@ struct Material {
   bool goes_below = false;  // light of some of its DIFFUSE lobes comes out elsewhere
   int passing = 0;          // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
+  bool is_dense = false;  // light to lamps goes into something denser, or out of it
   // Of light to lamps, by a surface; less than 1 of fibres alone. To fibres: of what reaches these.
   double most_passed = 1, most_passed_to_fibres = 1;
   bool has(int kind) const { return kinds >> kind & 1; }
@@ -74,15 +79,17 @@ struct MaterialTable {
                                                       // surfaces reflect
   std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
   std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
-  int max_specular = 0;      // SPECULAR, SHEEN, TOON and FIBRE lobes of a material, at most
+  // SPECULAR, SHEEN, TOON and FIBRE lobes of a material, and kinds of its OREN_NAYAR ones, at most
+  int max_specular = 0;
   double most_exponent = 0;  // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false;
   bool has_toon_gloss = false;             // TOON_SPECULAR lobes, whose surroundings no rays show
   double least_gloss_exponent = HUGE_VAL;  // of SPECULAR lobes with masking
   bool has_rough_glass = false, has_fibre = false,
-       has_sheen = false;  // SHEEN, TOON or FIBRE lobes
+       has_sheen = false;  // SHEEN, TOON, OREN_NAYAR or FIBRE lobes
   bool has_translucent = false;
+  bool has_dense = false;       // Material::is_dense
   bool has_subsurface = false;  // DIFFUSE lobes whose light comes out elsewhere
   int specular_columns = 4;     // numbers of each as the stages read them
   int max_view = 0;             // lobes of a material that depend on the view, at most

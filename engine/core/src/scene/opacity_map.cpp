@@ -159,7 +159,7 @@ uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
       all = all && sure;
     } else nothing_else = nothing_else && sure && !any(k);
   }
-  if (all && nothing_else && passes.x == 1 && passes.y == 1 && passes.z == 1)
+  if (all && nothing_else && !material.is_dense && passes.x == 1 && passes.y == 1 && passes.z == 1)
     return Opacity::kClear;
   return all && passes.x <= 0 && passes.y <= 0 && passes.z <= 0 ? Opacity::kSolid
                                                                 : Opacity::kVaried;

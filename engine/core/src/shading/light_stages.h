@@ -139,7 +139,7 @@ struct LightStage {
   bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes;          // or be stretched
   bool edges_lobes;              // or have the weight of edges
-  bool matt_alone, gloss_alone;  // lights no highlights, or no SHEEN and FIBRE_DIFFUSE lobes
+  bool matt_alone, gloss_alone;  // lights no highlights, or no SHEEN and FIBRE_DIFFUSE ones
 };
 
 /// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.

@@ -40,20 +40,22 @@ struct MaterialTerms {
   uint32_t others, unlit;  // unlit: lights add nothing
 };
 
-/// A SPECULAR, SHEEN or FIBRE lobe: columns of k (three) and the exponent; where some lobe of the
-/// scene is shaped, the square of its masking and what `fresnel` says.
+/// A SPECULAR, SHEEN, TOON, OREN_NAYAR or FIBRE lobe: columns of k (three) and the exponent; where
+/// some lobe of the scene is shaped, the square of its masking and what `fresnel` says.
 struct SpecularTerm {
   /// In the place of the exponent of a SHEEN lobe, of which `masking` has the width and `fresnel`
   /// the lean.
   static constexpr double kSheen = -2;
+  /// The same of OREN_NAYAR lobes, whose k is that of all of a kind, as they are seen.
+  static constexpr double kOrenNayar = -3, kOrenNayarMultiple = -4;
   /// The same of TOON lobes, of which `masking` has the size and `fresnel` the smooth edge.
-  static constexpr double kToonDiffuse = -3, kToonSpecular = -4;
+  static constexpr double kToonDiffuse = -5, kToonSpecular = -6;
   /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one over the masking,
   /// 0 for none or -1 for one of light that others scattered,
   /// `tangent` three numbers and `tilt` the tangent by which they lean. There SPECULAR lobes have a
   /// normal of their own, 0 for the point's, and `stretch` a direction across it, as long as slopes
   /// of half vectors along it are times, and those across both over that; 0 for none.
-  static constexpr double kFibreDiffuse = -5, kFibreSpecular = -6, kFibreTransmission = -7;
+  static constexpr double kFibreDiffuse = -7, kFibreSpecular = -8, kFibreTransmission = -9;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
                        kTangent = 6, kTilt = 9, kFibred = 10, kNormal = 6, kTurned = 9,
                        kStretch = 9, kStretched = 12;
@@ -66,6 +68,10 @@ struct SpecularTerm {
                                      : 0;
   }
 };
+
+/// Of OREN_NAYAR lobes: what A leaves of 1, over B, and the mean of what is lost of it at once.
+constexpr double kNeverLost = 0.5 - 2 / (3 * 3.14159265358979323846),
+                 kMeanLost = kNeverLost - (2 - 5.6 / 3.14159265358979323846) / 3;
 
 /// A lobe that sends rays on: columns of k (three) and, where some lobe of the scene has them from
 /// a program, the exponent and the index of refraction, or a normal of their own, 0 for the

@@ -5,6 +5,7 @@
 #include "shading/stage_bump.h"
 #include "shading/stage_inputs.h"
 #include "shading/stage_math.h"
+#include "shading/stage_oren_nayar.h"
 #include "shading/stage_rows.h"
 #include "shading/stage_toon.h"
 
@@ -33,18 +34,12 @@ struct Lobes {
   Three glow, diffuse, translucent;
   Mask lit = {}, passes = {};
   int specular_count = 0, passing_count = 0;
+  int turned_row = -1, again_row = -1;  // of OREN_NAYAR and OREN_NAYAR_MULTIPLE lobes; -1: none yet
 };
 
 /// A number of a lobe: its own, or what the program gives from 0 to that.
 inline Doubles lobe_number(const OnMesh& p, double own, int32_t number) {
   return number == 0 ? splat(own) : clamped(finite_or_zero(slot(p, number)), 0, own);
-}
-
-/// The index of refraction of a lobe: what the program gives, where that is one, else its own.
-inline Doubles lobe_ior(const OnMesh& p, const LobeShape& lobe) {
-  if (lobe.ior_slot == 0) return splat(lobe.ior);
-  const Doubles given = finite_or_zero(slot(p, lobe.ior_slot));
-  return choose(given > 0, given, splat(lobe.ior));
 }
 
 /// As SpecularTerm has it.
@@ -205,9 +200,34 @@ inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh
                        larger(exponent, splat(1e-6)));
 }
 
+/// Adds an OREN_NAYAR lobe to the row of its kind. Rays that look for what throws light on see it
+/// as an even one.
+__attribute__((noinline)) void add_rough(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                                         const LobeShape& lobe, Three T, Three k, Lobes& sum) {
+  const bool again = lobe.kind == GLINT_OREN_NAYAR_MULTIPLE;
+  const Doubles lost = lost_once(seen_cosine(gather3(s.n, at), gather3(s.d, at)));
+  k = seen_share(s, at, p, lobe) * k;
+  if (again) k = lost * k;
+  if (s.gathers) sum.diffuse = sum.diffuse + (again ? splat(kMeanLost) : kNeverLost - lost) * k;
+  int& row = again ? sum.again_row : sum.turned_row;
+  const bool first = row < 0;
+  if (first) row = sum.specular_count++;
+  double* column = s.specular + size_t(s.specular_columns * row) * s.stride;
+  double* const total[3] = {column, column + s.stride, column + 2 * s.stride};
+  const Three Tk = first ? T * k : gather3(total, at) + T * k;
+  scatter3(column, s.stride, at, Tk);
+  sum.lit |= nonzero(Tk);
+  scatter(column + SpecularTerm::kExponent * s.stride, at,
+          splat(again ? SpecularTerm::kOrenNayarMultiple : SpecularTerm::kOrenNayar));
+  scatter(column + SpecularTerm::kMasking * s.stride, at, splat(0));
+  scatter(column + SpecularTerm::kFresnel * s.stride, at, splat(0));
+}
+
 inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                      const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
-  if (lobe.kind >= GLINT_FIBRE_DIFFUSE) return set_fibre(s, at, p, T * k, k, lobe, sum);
+  if (lobe.kind >= GLINT_OREN_NAYAR)
+    return lobe.kind >= GLINT_FIBRE_DIFFUSE ? set_fibre(s, at, p, T * k, k, lobe, sum)
+                                            : add_rough(s, at, p, lobe, T, k, sum);
   const bool toon = lobe.kind == GLINT_TOON_DIFFUSE;
   if (toon && s.gathers) sum.diffuse = sum.diffuse + toon_albedo(p, lobe) * k;
   if (toon || lobe.kind == GLINT_TOON_SPECULAR || lobe.kind == GLINT_SPECULAR ||

@@ -1,8 +1,9 @@
-// The SPECULAR, SHEEN, TOON and FIBRE lobes of points: what they give back of light from a
-// direction, and directions drawn from them. Letters: l direction to the light, n shading normal, d
-// ray, k number of a group of points.
+// The SPECULAR, SHEEN, TOON, OREN_NAYAR and FIBRE lobes of points: what they give back of light
+// from a direction, and directions drawn from them. Letters: l direction to the light, n shading
+// normal, d ray, k number of a group of points.
 #pragma once
 #include "shading/stage_math.h"
+#include "shading/stage_oren_nayar.h"
 #include "shading/stage_terminator.h"
 #include "shading/stage_toon.h"
 #include "shading/stages.h"
@@ -169,8 +170,8 @@ inline Doubles way_through(const LightStage& s, size_t k, const Three& l) {
   return way;
 }
 
-/// Sum of the terms, of matt ones (SHEEN, TOON_DIFFUSE, FIBRE_DIFFUSE) and other FIBRE ones apart,
-/// and how densely (a steradian) directions are drawn where l is.
+/// Sum of the terms, of matt ones (SHEEN, TOON_DIFFUSE, OREN_NAYAR, FIBRE_DIFFUSE) and other FIBRE
+/// ones apart, and how densely (a steradian) directions are drawn where l is.
 struct Highlights {
   Three light, sheen, fibre;
   Doubles density;
@@ -223,7 +224,11 @@ __attribute__((always_inline)) inline Highlights all_highlights(const LightStage
                                           smaller(-dot(n, d), splat(1)));
         sum.sheen = sum.sheen + where(sheen, share * term.k);
       }
-      Mask apart = sheen;
+      const Mask turned = term.exponent == SpecularTerm::kOrenNayar,
+                 again = term.exponent == SpecularTerm::kOrenNayarMultiple;
+      Mask apart = sheen | turned | again;
+      if (bits(turned)) sum.sheen = sum.sheen + where(turned, oren_nayar(n, d, l, cosine) * term.k);
+      if (bits(again)) sum.sheen = sum.sheen + where(again, cosine * lost_once(cosine) * term.k);
       const Mask matt_toon = term.exponent == SpecularTerm::kToonDiffuse,
                  shines = term.exponent == SpecularTerm::kToonSpecular;
       if (bits(matt_toon | shines)) {

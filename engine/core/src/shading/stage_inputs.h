@@ -231,5 +231,14 @@ void coefficients(const CoefficientStage& s) {
   }
 }
 
+constexpr double kLeastIor = 1e-30, kMostIor = 1e30;  // their squares are finite, one over them too
+
+/// The index of refraction of a lobe: what the program gives, where that is one, else its own.
+inline Doubles lobe_ior(const OnMesh& p, const LobeShape& lobe) {
+  if (lobe.ior_slot == 0) return splat(lobe.ior);
+  const Doubles given = slot(p, lobe.ior_slot);
+  return choose((given >= kLeastIor) & (given <= kMostIor), given, splat(lobe.ior));
+}
+
 }  // namespace
 }  // namespace glint

@@ -1,5 +1,7 @@
 // What surfaces let through of shadow rays (SEMANTICS.md, shadows).
 #pragma once
+#include <algorithm>
+
 #include "program/run.h"
 #include "shading/stage_inputs.h"
 #include "shading/stage_rows.h"
@@ -109,6 +111,22 @@ inline Three transparency(const TransmittanceStage& s, const OnMesh& p) {
   return sum;
 }
 
+/// How much narrower light from beyond the surface comes than it does there, by the lobes that let
+/// it through: as much less is it where no other surface makes it wide again.
+inline Doubles narrowed(const TransmittanceStage& s, const OnMesh& p, Mask outside) {
+  Doubles sum{}, narrow{};
+  Reads reads;
+  for (uint32_t i = 0; i < s.lobe_count; ++i) {
+    if (!counts(s, s.lobes[i])) continue;
+    const Three k = coefficient(s.tables, p, s.lobes[i], reads);
+    const Doubles ior = lobe_ior(p, s.lobes[i]), size = larger(k.x + k.y + k.z, splat(0)),
+                  square = ior * ior;
+    sum = sum + size;
+    narrow = narrow + size * choose(outside, square, 1 / square);
+  }
+  return choose(sum > 0, narrow / choose(sum > 0, sum, splat(1)), splat(1));
+}
+
 inline Doubles clamped_share(Doubles x, double most) {
   return larger(smaller(x, splat(most)), splat(0));
 }
@@ -157,8 +175,8 @@ inline void set_solid(const double* solid, size_t i, ProgramPoints& p) {
   p.weights[2][i] = 0;
 }
 
-/// The program at the hits of a block, from k on.
-void run_block(const TransmittanceStage& s, size_t k, size_t count) {
+/// The program at the hits of a block, from k on, and whether their outer sides are seen.
+void run_block(const TransmittanceStage& s, size_t k, size_t count, int64_t* outside) {
   ProgramPoints p;
   BlockScratch scratch;
   for (size_t i = 0; i < count; i += kLanes) {
@@ -177,6 +195,8 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count) {
   place_block(s, k, count, scratch, p);
   for (size_t i = 0; s.solids && i < count; ++i)
     if (scratch.material[i] == kNoMaterial) set_solid(s.solids + 8 * (k + i), i, p);
+  std::copy_n(p.outside, kBlock, outside);
+  if (!s.program) return;
   for (size_t i = 0; s.program->reads_ray && i < count; i += kLanes) {
     const Three way = op::point3(p.x, i) - op::point3(scratch.start, i);
     store(p.length + i, length(way) / s.tables.view->scale);
@@ -189,10 +209,12 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count) {
 
 void transmit(const TransmittanceStage& s) {
   const bool alike = constant(s);
+  int64_t outside[kBlock];
   for (size_t k = s.first, end = s.first + s.count; k < end; k += kLanes) {
     const Chosen ray = rays_of(s, k, end);
     const size_t in_block = (k - s.first) % kBlock;
-    if (s.program && in_block == 0) run_block(s, k, end - k < kBlock ? end - k : kBlock);
+    if ((s.program || s.narrowed) && in_block == 0)
+      run_block(s, k, end - k < kBlock ? end - k : kBlock, outside);
     OnMesh p{};
     if (!alike) p = on_mesh(s, k, ray, Met(s, k, ray.count));
     if (s.program) p.slots = s.slots + in_block;
@@ -200,6 +222,7 @@ void transmit(const TransmittanceStage& s) {
     store(s.share[0] + k, clamped_share(share.x, s.most));
     store(s.share[1] + k, clamped_share(share.y, s.most));
     store(s.share[2] + k, clamped_share(share.z, s.most));
+    if (s.narrowed) store(s.narrowed + k, narrowed(s, p, load(outside + in_block)));
   }
 }
 

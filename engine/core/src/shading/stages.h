@@ -207,6 +207,7 @@ struct TransmittanceStage {
       *end[3];  // origin: of each point, where `start` is null.  end: null where `to` is exact
   const double* start[3];
   double* share[3];  // of each hit
+  double* narrowed;  // by how much; null where surfaces are of no density
   double most;       // Material::most_passed, or most_passed_to_fibres
   bool to_fibres;    // the rays are of points on strands
   const LobeShape* lobes;
