@@ -123,7 +123,7 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
             option,
             type=tunable.kind,
             nargs="+",
-            metavar="N",
+            metavar=None if tunable.kind is str else "N",
             choices=tunable.values if tunable.kind is str else None,
             help=f"values of {tunable.name} to try",
         )

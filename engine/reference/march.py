@@ -27,7 +27,7 @@ GOLDEN = 0.6180339887498949
 LEAST_STEP = 3 / 1024
 """Of a medium: so rays take about 1024 steps at most."""
 FEW_RAYS = 8
-"""So many are summed one by one."""
+"""Depths along so many rays at most, the longest, are summed ray by ray, not cell by cell."""
 MOST_PAIRS = 2048
 """Of cells of a span, whatever its numbers are."""
 NEAR, FAR = 1 / 8, 1 / 32
@@ -213,8 +213,8 @@ class Marching:
         shift: float,
         kind: str,
     ) -> tuple[Array, Array]:
-        """Where pairs of cells of the spans `whole` (n,) end between low and high (n,): of which
-        (m,), in order, and where, (m,).
+        """Where pairs of cells of the spans `whole` (n,) end between low and high (n,), along their
+        rays in the rays' own units: (m,) which of the n, rising, and (m,) where.
         """
         coarse = SHADOW_STEPS if kind == "shadow" else 1.0
         ray, row = spans.ray[whole], spans.row[whole]
@@ -279,7 +279,7 @@ def _matter(medium: Medium, values: list[Array], count: int) -> Matter:
 
 
 def _ragged(count: Array) -> tuple[Array, Array]:
-    """Rows of so many (n,) each: of which row each is, and its place in it."""
+    """Of the items of n rows of `count` (n,) each: (m,) the row, and (m,) the place in it."""
     number = np.repeat(np.arange(len(count)), count)
     return number, np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
 

@@ -190,9 +190,6 @@ def _cells(samples: int) -> int:
     return 1 << max(samples - 1, 0).bit_length()
 
 
-KEPT_WALKS = 1 << 13
-
-
 @functools.lru_cache(maxsize=4)
 def dome_points(count: int) -> np.ndarray:
     """(count, 2) float64 in (0, 1), not to be written to, from which the directions of the sky's
@@ -326,16 +323,20 @@ def subsurface_points(samples: int) -> np.ndarray:
     return points
 
 
+KEPT_WALKS = 1 << 13
+"""Points of so many walks at most are kept from step to step."""
+
+
 def walk_points(count: int, level: int) -> np.ndarray:
     """(count, 2) float64 in (0, 1), not to be written to: where walks of light turn at their steps,
     the same points in another order at each level, as `lobe_points` has them. Many lamps ask for
-    the same, and each step for two: those of up to KEPT_WALKS are kept.
+    the same, and each step for two.
     """
     kept = count <= KEPT_WALKS
     return _walk_points(count, level) if kept else _walk_points.__wrapped__(count, level)
 
 
-@functools.lru_cache(maxsize=128)  # of at most 128 KB
+@functools.lru_cache(maxsize=128)  # two for each step of a walk, of at most 128 KB
 def _walk_points(count: int, level: int) -> np.ndarray:
     bits = max(count - 1, 0).bit_length()
     points = _walk_square(bits)[_shuffled(bits, LOBE_LEVELS + level)[:count]]

@@ -10,9 +10,9 @@ import pytest
 import cycles_reference as cycles
 import test_cycles_bounced_light as bounced
 from cycles_reference import bpy
-from glint_picture import BACKENDS, render_glint
-from small_scenes import add, add_camera, ball, lambert, moved, new_material, plane
-from test_cycles_toon import light
+from glint_picture import BACKENDS
+from lit_scenes import direct, lit_things
+from small_scenes import new_material
 
 ROUGHNESSES = (0.25, 1.0)
 HAS_INPUT = bpy.app.version >= (4, 3, 0)
@@ -39,27 +39,11 @@ def rough(kind: str, roughness: float):
     return material
 
 
-def scene_of(kind: str, roughness: float, lit_by: str):
-    """A rough ball and floor, and a matt one that throws shadows on them."""
-    scene = cycles.empty_scene(48, 36)
-    material = rough(kind, roughness)
-    add(scene, "floor", plane(3.0, material))
-    add(scene, "ball", ball(48, 32, material=material), moved(0, 0, 0.9, 0.9, 0.9, 0.9))
-    add(
-        scene,
-        "small",
-        ball(material=lambert((0.5, 0.5, 0.5))),
-        moved(0.9, -1.2, 1.5, 0.3, 0.3, 0.3),
-    )
-    light(scene, lit_by)
-    add_camera(scene)
-    return scene
-
-
-def both(scene, backend: str, samples: int, of_cycles: int) -> tuple[np.ndarray, np.ndarray]:
-    settings = {"samples": samples, "light_samples": samples, "filter_width": 0.0}
-    dark = {"max_bounces": 0, "diffuse_bounces": 0}
-    ours = render_glint(scene, backend, **settings, **dark).combined[..., :3]
+def both(
+    kind: str, roughness: float, lit_by: str, backend: str, samples: int, of_cycles: int
+) -> tuple[np.ndarray, np.ndarray]:
+    scene = lit_things(lambda: rough(kind, roughness), lit_by)
+    ours = direct(scene, backend, samples)
     cycles.make_exact(scene, of_cycles)
     return ours, cycles.render_passes(scene)["Combined"][..., :3]
 
@@ -73,7 +57,7 @@ CONSTANT = [(kind, r) for kind in KINDS if kind != "VARIED" for r in ROUGHNESSES
 @pytest.mark.parametrize(("kind", "roughness"), [*CONSTANT, ("VARIED", 0.5)])
 def test_hard_lights(kind: str, roughness: float, lit_by: str, backend: str) -> None:
     """Each pixel, but for those that edges of shadows cut."""
-    ours, theirs = both(scene_of(kind, roughness, lit_by), backend, 1, 1)
+    ours, theirs = both(kind, roughness, lit_by, backend, 1, 1)
     off = np.abs(ours - theirs).max(-1) > 3e-5 * theirs.max()
     assert theirs.max() > 0.1 and off.mean() < 0.01
     np.testing.assert_allclose(ours.mean((0, 1)), theirs.mean((0, 1)), rtol=1e-5)
@@ -84,7 +68,7 @@ def test_hard_lights(kind: str, roughness: float, lit_by: str, backend: str) -> 
 @pytest.mark.parametrize("kind", KINDS)
 def test_soft_lights(kind: str, lit_by: str, backend: str) -> None:
     """The mean, and each pixel within the noise of both."""
-    ours, theirs = both(scene_of(kind, 1.0, lit_by), backend, 8, 512)
+    ours, theirs = both(kind, 1.0, lit_by, backend, 8, 512)
     np.testing.assert_allclose(ours.mean((0, 1)), theirs.mean((0, 1)), rtol=1e-3)
     assert np.sqrt(((ours - theirs) ** 2).mean()) < 0.01 * np.sqrt((theirs**2).mean())
 

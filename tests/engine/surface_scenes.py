@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 
 from glint.engine import scene as s
 from native_tools import (
+    draw,
     lamp,
     material,
     pixel_centers,
@@ -67,3 +70,29 @@ def on_ball(radius: float) -> tuple[np.ndarray, np.ndarray]:
     inside = r2 < radius**2
     z = np.sqrt(np.where(inside, radius**2 - r2, 0))
     return np.where(inside[..., None], np.stack([P[..., 0], P[..., 1], z], -1) / radius, 0), inside
+
+
+def lit_ball(axes: np.ndarray, *materials: s.Material) -> s.Scene:
+    """A ball and a floor of two materials in a sun along the last of the axes (3, 3) and a lamp."""
+    floor = placed(1, (1,), z=-0.9)
+    ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([0.6], np.float32))
+    lights = lamp("SUN", axes=axes, angle=0.1), lamp("POINT", (-1.0, 0.5, 1.5), radius=0.2)
+    return s.Scene(view_from_above(), (ball, square()), (placed(), floor), materials, lights=lights)
+
+
+def hash_of(scene: s.Scene, **settings) -> str:
+    return hashlib.sha256(draw(scene, **settings).combined.tobytes()).hexdigest()
+
+
+def assert_borders_change_nothing(scene: s.Scene, **settings) -> None:
+    whole, part = (draw(scene, **settings, **x).combined for x in ({}, {"region": (3, 2, 9, 11)}))
+    assert np.array_equal(part, whole[2:11, 3:9])
+
+
+def assert_tracers_agree(scene: s.Scene, *passes: str, **settings) -> None:
+    """But for one value in 200."""
+    films = [draw(scene, *passes, backend=x, **settings) for x in ("NATIVE", "NUMPY")]
+    for name in ("Combined", *passes):
+        one, other = (np.asarray(film.passes[name], float) for film in films)
+        off = np.abs(one - other) > 1e-5 * max(np.abs(other).max(), 1e-3)
+        assert off.mean() <= 0.005, name

@@ -5,7 +5,6 @@ lobes with an index of refraction.
 from __future__ import annotations
 
 import functools
-import hashlib
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +25,7 @@ from native_tools import (
     square,
     view_from_above,
 )
+from surface_scenes import hash_of
 
 BACKENDS = pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
 IOR, CLEAR = 1.5, 0.9
@@ -127,8 +127,7 @@ OPTIONS = {"samples": 4, "light_samples": 2, "diffuse_bounces": 1}
 
 @functools.cache
 def hashes(threads: int = 0) -> str:
-    picture = draw(many(), threads=threads, **OPTIONS).combined
-    return hashlib.sha256(picture.tobytes()).hexdigest()
+    return hash_of(many(), threads=threads, **OPTIONS)
 
 
 @pytest.mark.parametrize("isa", ["sse42", "avx2"])

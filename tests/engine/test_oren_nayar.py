@@ -5,7 +5,6 @@ they throw on.
 from __future__ import annotations
 
 import functools
-import hashlib
 
 import numpy as np
 import pytest
@@ -25,7 +24,14 @@ from native_tools import (
     square,
     view_from_above,
 )
-from surface_scenes import balls, on_ball
+from surface_scenes import (
+    assert_borders_change_nothing,
+    assert_tracers_agree,
+    balls,
+    hash_of,
+    lit_ball,
+    on_ball,
+)
 
 BACKENDS = pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
 TILT = 1.1
@@ -186,13 +192,7 @@ def many() -> s.Scene:
         s.Lobe("SHEEN", constant(0.1), exponent=0.5, masking=0.2),
         s.Lobe("SPECULAR", constant(0.2), exponent=50.0, masking=0.2, fresnel=True, ior=1.5),
     )
-    floor = placed(1, (1,), z=-0.9)
-    ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([0.6], np.float32))
-    lights = lamp("SUN", axes=AXES, angle=0.1), lamp("POINT", (-1.0, 0.5, 1.5), radius=0.2)
-    return s.Scene(
-        view_from_above(), (ball, square()), (placed(), floor),
-        (material(*lobes), material(*rough(1.0))), lights=lights,
-    )  # fmt: skip
+    return lit_ball(AXES, material(*lobes), material(*rough(1.0)))
 
 
 OPTIONS = {"samples": 4, "light_samples": 2, "diffuse_bounces": 1, "max_bounces": 2}
@@ -200,8 +200,7 @@ OPTIONS = {"samples": 4, "light_samples": 2, "diffuse_bounces": 1, "max_bounces"
 
 @functools.cache
 def hashes(threads: int = 0) -> str:
-    picture = draw(many(), threads=threads, **OPTIONS).combined
-    return hashlib.sha256(picture.tobytes()).hexdigest()
+    return hash_of(many(), threads=threads, **OPTIONS)
 
 
 @pytest.mark.parametrize("isa", ["sse42", "avx2"])
@@ -210,22 +209,14 @@ def test_instruction_sets_and_threads_change_nothing(isa: str) -> None:
 
 
 def test_borders_change_nothing() -> None:
-    whole, part = (draw(many(), **OPTIONS, **x).combined for x in ({}, {"region": (3, 2, 9, 11)}))
-    assert np.array_equal(part, whole[2:11, 3:9])
+    assert_borders_change_nothing(many(), **OPTIONS)
 
 
 @pytest.mark.parametrize("reflections", ["ALL", "OFF"])
 def test_both_tracers_draw_the_same(reflections: str) -> None:
     """Parts, colours and light by the surface that gives it back."""
     names = "Diffuse", "Specular", "Diffuse Color", "Diffuse Direct", "Diffuse Indirect"
-    films = [
-        draw(many(), *names, backend=x, reflections=reflections, **OPTIONS)
-        for x in ("NATIVE", "NUMPY")
-    ]
-    for name in ("Combined", *names):
-        one, other = (np.asarray(film.passes[name], float) for film in films)
-        off = np.abs(one - other) > 1e-5 * max(np.abs(other).max(), 1e-3)
-        assert off.mean() <= 0.005, name
+    assert_tracers_agree(many(), *names, reflections=reflections, **OPTIONS)
 
 
 @BACKENDS

@@ -54,8 +54,10 @@ def mean_across_fibre(ior: float) -> float:
 
 EDGE_COSINE = 1 / 7
 """Of the angle of 82 degrees at which metals are tinted (Kutz, Hašan, Edmondson 2021)."""
-EDGE_MEAN = 7**7 / 6**6 / 126
-"""Mean over an even world of the weight of such a tint, which is 1 there."""
+EDGE_WEIGHT = 7**7 / 6**6
+"""Times c (1 - c)^6, the weight of such a tint at the cosine c, which is 1 there."""
+EDGE_MEAN = EDGE_WEIGHT / 126
+"""Mean over an even world of that weight."""
 
 
 def schlick(f0: float, cosine: float) -> float:

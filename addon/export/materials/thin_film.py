@@ -17,7 +17,7 @@ from ....engine.program.table import BY_NAME
 from ..shader_nodes.spectra import RGB_FROM_XYZ, WAVELENGTHS, matching
 from .evaluator import NodeView
 from .expressions import Expressions
-from .fresnel import EDGE_COSINE, schlick
+from .fresnel import EDGE_COSINE, EDGE_WEIGHT, schlick
 from .terms import RGB, Sum, complement, constant_value, is_constant, multiply, scale
 from .varying import Ior
 
@@ -107,7 +107,7 @@ def metal_reflectance(cosine: Array, thickness: float, film: float, metal: Metal
 
 def _f82(cosine: Array, f0: float, edge: float) -> Array:
     lack = schlick(f0, EDGE_COSINE) - edge
-    weight = 7**7 / 6**6 * cosine * (1 - cosine) ** 6
+    weight = EDGE_WEIGHT * cosine * (1 - cosine) ** 6
     return np.clip(f0 + (1 - f0) * (1 - cosine) ** 5 - lack * weight, 0.0, 1.0)
 
 
