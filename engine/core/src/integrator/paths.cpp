@@ -14,6 +14,7 @@ void with_constant(uint32_t count, Body body) {
     case 1: return body(std::integral_constant<size_t, 1>());
     case 2: return body(std::integral_constant<size_t, 2>());
     case 4: return body(std::integral_constant<size_t, 4>());
+    case 8: return body(std::integral_constant<size_t, 8>());
     default: return body(std::integral_constant<size_t, WindowPoints::kMaxPacketSamples>());
   }
 }

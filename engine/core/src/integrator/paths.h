@@ -14,7 +14,7 @@ namespace glint {
 /// after the other.
 class WindowPoints {
  public:
-  static constexpr uint32_t kMaxPacketSamples = 8;
+  static constexpr uint32_t kMaxPacketSamples = 16;
 
   /// Samples [first, first + count), a power of two up to kMaxPacketSamples.
   void set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile, uint32_t first,
