@@ -7,16 +7,6 @@
 
 namespace glint {
 
-bool DirectLight::reflects() const {
-  const MaterialTable& materials = scene_.materials;
-  if (plan_.max_bounces == 0) return false;
-  switch (plan_.reflections) {
-    case GLINT_REFLECT_METALS: return materials.has_metals;
-    case GLINT_REFLECT_ALL: return materials.has_gloss;
-    default: return false;
-  }
-}
-
 void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {
   const double* const place = plan_.lobe_point(sample, batch.queue->reflections);
   set_place(stage_, place[0], place[1]);
