@@ -71,6 +71,7 @@ class Generations:
         self._gloss, self._shared = (
             Tile(len(places), frozenset(), 0, len(stage.scene.light_groups)) for _ in range(2)
         )
+        self._thrown = np.zeros(len(places))
         self._seen = SeenPasses(stage, tile, sample, self._queries)
         stage.media.moment.sample = sample
 
@@ -90,7 +91,7 @@ class Generations:
         every = np.arange(len(self._places))
         if self._mixing is not None:
             self._gloss.take(self._shared, every, *self._mixing.shares())
-        part = shown(self._tile, self._gloss, self._sample)
+        part = shown(self._tile, self._gloss, self._thrown, self._sample)
         self._tile.take(self._gloss, every, every, every, part)
 
     def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
@@ -184,8 +185,12 @@ class Generations:
         if blocks is None:
             reflections = reflected(stage, at, self._sample)
         else:
-            reflections, self._mixing = reflected_in_blocks(stage, at, self._sample, blocks)
+            reflections, mixing = reflected_in_blocks(stage, at, self._sample, blocks)
+            if mixing is not None:
+                self._thrown = np.where(mixing.group < 0, 0.0, np.abs(mixing.given).max(0))
+            self._mixing = mixing
         for some in reflections:
+            np.maximum.at(self._thrown, some.pixel, np.abs(some.weight).max(0))
             self._tile.soft_light[some.pixel] = True
         return deeper + reflections
 

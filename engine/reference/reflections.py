@@ -27,10 +27,11 @@ Array = np.ndarray
 
 LEAST_UNMIXED = 128.0
 """Exponent of the narrowest lobe of a point: what that reflects is seen too sharply to be mixed."""
-TIMES_REST, TIMES_BEFORE, OWN = 2.0, 16.0, 4.0
+TIMES_REST, TIMES_BEFORE, OWN, STRONG = 2.0, 16.0, 4.0, 0.1
 """What rough surfaces reflect in a sample is no more than so often the mean of the rest of the
 pixel's light and of what they reflected in earlier samples, and so much of itself over the square
-of the samples: of the first two all.
+of the samples: of the first two all. The latter two are the more the more than STRONG the surface
+gives back: metals show little else.
 """
 SETTLED = 64
 """Samples from which on these limits grow with their number, so that many have none."""
@@ -102,16 +103,17 @@ def reflected_in_blocks(
     return [found for found in result if len(found)], mixing
 
 
-def shown(tile: Tile, found: Tile, sample: int) -> Array:
+def shown(tile: Tile, found: Tile, thrown: Array, sample: int) -> Array:
     """(3, n) how much of what rough surfaces reflect in a sample is shown: what few of a pixel's
-    rays find would be a dot. found: that.  tile: the rest, which keeps how much both are.
+    rays find would be a dot. found: that.  thrown: (n,) the most that rough surfaces give back of
+    what such rays meet.  tile: the rest, which keeps how much both are.
     """
     tile.brought[:] = [np.abs(part.color()).max(0) for part in (found, tile)]
     gloss, rest = tile.brought
-    most = OWN * gloss / (sample + 1) + TIMES_REST * (tile.before[1] + rest)
-    most += TIMES_BEFORE * tile.before[0]
-    most /= min(sample + 1, SETTLED)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        own = OWN * gloss / (sample + 1) + TIMES_BEFORE * tile.before[0]
+        most = TIMES_REST * (tile.before[1] + rest) + np.maximum(1.0, (thrown / STRONG) ** 2) * own
+        most /= min(sample + 1, SETTLED)
         part = np.where(gloss > most, most / gloss, 1.0)
     return np.tile(part, (3, 1))
 

@@ -10,8 +10,9 @@ namespace {
 
 /// What rough surfaces reflect in a sample is no more than so often the mean of the rest of the
 /// pixel's light and of what they reflected in earlier samples, and so much of itself over the
-/// square of the samples: of the first two all.
-constexpr double kTimesRest = 2, kTimesBefore = 16, kOwn = 4;
+/// square of the samples: of the first two all. The latter two are the more the more the surface
+/// gives back: metals show little else.
+constexpr double kTimesRest = 2, kTimesBefore = 16, kOwn = 4, kStrong = 0.1;
 /// Samples from which on these limits grow with their number, so that many have none.
 constexpr uint32_t kSettled = 64;
 
@@ -81,7 +82,10 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
     sums.reserve(kMost);
     for (size_t c = 0; c < columns_; ++c) std::fill_n(sums[c], size(), 0.0);
   };
-  if (points.plan().reflects_gloss) clear(gloss_);
+  if (points.plan().reflects_gloss) {
+    clear(gloss_);
+    thrown_.assign(size(), 0);
+  }
   if (points.plan().mixes_gloss) clear(shared_);
 }
 
@@ -107,8 +111,9 @@ void Paths::add_gloss(Film& film, const Tile& tile) {
     const double gloss = largest(gloss_, k), rest = largest(sums_, k);
     sums_[number][k] = gloss;
     sums_[number + 1][k] = rest;
-    const double sum = kOwn * gloss / (first_ + 1.0) + kTimesRest * (rest_before[slot(k)] + rest) +
-                       kTimesBefore * gloss_before[slot(k)],
+    const double times = thrown_[k] / kStrong, strong = std::max(1.0, times * times),
+                 own = kOwn * gloss / (first_ + 1.0) + kTimesBefore * gloss_before[slot(k)],
+                 sum = kTimesRest * (rest_before[slot(k)] + rest) + strong * own,
                  most = sum / std::min(first_ + 1, kSettled);
     const double part = gloss > most ? most / gloss : 1;
     for (size_t c = 0; c < number; ++c) sums_[c][k] += part * gloss_[c][k];

@@ -77,6 +77,8 @@ class Paths {
   void add_gloss(Film& film, const Tile& tile);
   double* lost_alpha() { return sums_[3]; }
   size_t stride() const { return sums_.stride(); }
+  /// The most that rough surfaces give back of what each path's rays from them meet.
+  double* thrown() { return thrown_.data(); }
   /// Whether a soft light reached each path's camera ray: as Refinement::soft_light has it of
   /// slots.
   uint8_t* soft_light() { return soft_light_.data(); }
@@ -104,7 +106,7 @@ class Paths {
     return v.empty() ? nullptr : v.data();
   }
 
-  std::vector<double> u_, v_, lens_[2], frame_[12];
+  std::vector<double> u_, v_, lens_[2], frame_[12], thrown_;
   std::vector<uint8_t> soft_light_;
   Columns sums_, shared_, gloss_;
   size_t columns_ = 0;

@@ -23,6 +23,7 @@ void DirectLight::reflect_in_blocks(const Batch& batch, const std::vector<uint32
     const Vec3d given = row(stage_.diffuse_out, k);
     if (stage_.t_max[k] < RenderPlan::kLeastUnmixed && finite(given)) given_[point_[k]] = given;
   }
+  for (size_t k = 0; k < batch.size(); ++k) batch.mark_thrown(batch.queue->slot(k), given_[k]);
   shares.set(plan_, batch, pixels, given_);
   place_.resize(batch.size());
   constexpr uint8_t kUnmixed = 0xff;
@@ -60,6 +61,7 @@ void DirectLight::push_reflected(const Batch& batch, Queue& glossy, RayCounts& c
     path.skyless = true;
     path.widest = std::min(path.widest, stage_.t_max[k]);
     ++path.depth;
+    batch.mark_thrown(path.slot, path.T);
     if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);
     glossy.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kMirror}, path);
     ++counts.mirror;

@@ -135,6 +135,7 @@ void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t fi
   paths_.choose(film_, slots_, begin, end, points_);
   batch_.cost = paths_.sums(film_, GLINT_PASS_COST);
   batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
+  batch_.thrown = plan_.reflects_gloss ? paths_.thrown() : nullptr;
   batch_.soft_light = film_.refinement().soft_light(*tile_, first) ? paths_.soft_light() : nullptr;
   follow(first);
 }
