@@ -185,6 +185,7 @@ def animated(tmp_path_factory) -> dict[str, list]:
     return frames(tmp_path_factory.mktemp("animated"), ANIMATED, False)
 
 
+@pytest.mark.slow
 def test_a_frame_in_which_but_the_camera_moves_reads_nothing(animated):
     first, *others = alike(*animated["camera"])
     assert all(first.values()) and first.keys() == others[0].keys()

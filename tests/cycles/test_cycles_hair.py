@@ -314,6 +314,7 @@ def kinds(*quick: tuple[str, str, str]) -> list:
 BOUNCED = ("ball", "CHIANG", "brown"), ("field", "HUANG", "black"), ("few", "HUANG", "brown")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stand", "model", "color"), kinds(*BOUNCED, ("few", "CHIANG", "black")))
 def test_principled_hair_beside_light_from_strand_to_strand(stand, model, color):
     """Beside Cycles with 8 bounces from four sides, from few strands to dense ones: within a fifth

@@ -41,7 +41,6 @@ void glint_universal_hash(const uint32_t* words, uint64_t count, uint64_t* sums)
       std::fill(std::copy(block, words + count, padded), padded + kBlock, 0u);
       block = padded;
     }
-    for (int number = 0; number < kSums; ++number)
-      *sums++ = hash(block, kKeys.data() + number);
+    for (int number = 0; number < kSums; ++number) *sums++ = hash(block, kKeys.data() + number);
   }
 }
