@@ -20,7 +20,7 @@ from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.displacing import UndisplacedReader
-from ..shader_nodes.reader import NodeInputs
+from ..shader_nodes.reader import NUMBER_TYPES, NodeInputs
 from ..shader_nodes.tangents import radial_tangent
 from .clamps import clamped
 from .closures import MATT, TURNED, Closure, LobeKey, add_closures, with_normal
@@ -105,13 +105,15 @@ class Evaluator:
     def number(self, place: Place) -> Sum:
         """The same as a number, grey."""
         value, kind = self._read(place)
-        if kind in ("VALUE", "INT", "BOOLEAN"):
+        if kind in NUMBER_TYPES:
             return value
-        if has_output(value):
-            return self.expressions.sum_of(
-                self.expressions.number(self.expressions.value_of(value))
-            )
-        return grey(value)
+        found = grey(value) if kind != "VECTOR" else None
+        if found is not None:
+            return found
+        how = "vector_average" if kind == "VECTOR" else "rgb_to_bw"
+        return self.expressions.sum_of(
+            self.expressions.apply(how, self.expressions.value_of(value))
+        )
 
     def converted(self, place: Place) -> Sum:
         """What a socket gets, of the socket's own type as Blender converts it."""
