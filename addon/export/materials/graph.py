@@ -211,17 +211,33 @@ def _trail(place: Place) -> list[Place] | None:
         if not place.socket.is_output:
             link = _link(place)
             if link is None:
-                return passed
+                return _cut_back(passed)
             place = place.beside(link.from_socket)
             passed.append(place)
         step = _through(place)
-        if step is None and place.node.mute and len(passed) > 1:
-            return passed[:-1]  # as if nothing were linked there
         if step is None:
-            return passed
+            return _cut_back(passed) if place.node.mute else passed
         place = step
         passed.append(place)
     return None
+
+
+def _cut_back(passed: list[Place]) -> list[Place]:
+    """A trail that ends where nothing comes in, up to the last input of a node with a value of its
+    own.
+    """
+    while len(passed) > 1 and (passed[-1].socket.is_output or not _has_values(passed[-1].node)):
+        passed.pop()
+    return passed
+
+
+def _has_values(node: Any) -> bool:
+    """Whether unlinked inputs of a node count: those of muted nodes do not, nor, from Blender 5.0
+    on, those of reroutes, which are 0 before.
+    """
+    import bpy
+
+    return not node.mute and (node.type != "REROUTE" or bpy.app.version < (5, 0, 0))
 
 
 _GEOMETRIC = ("Coat Normal", "Tangent")
