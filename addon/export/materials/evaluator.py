@@ -175,10 +175,15 @@ class Evaluator:
         return self._bent
 
     def normal_at(self, place: Place | None) -> Value:
-        """The shading normal that a socket gets, the mesh's where it gets none, or a constant."""
+        """The shading normal that a socket gets, the mesh's where it gets none, or 0."""
         fed = place is not None and self._trees.is_fed(place)
         value = self._trees.value(place) if fed else self._trees.normal()
-        return value if value.constant is None else self.expressions.apply("normal")
+        if value.constant is None:
+            return value
+        own, nothing = self.expressions.apply("normal"), self.expressions.constant(0.0)
+        if not any(value.constant):
+            return own
+        return self.expressions.apply("scaled_sum", own, nothing, value)  # outputs are computed
 
     def tangent_at(self, place: Place | None) -> Value:
         """The tangent that a socket gets, where it gets none that round the object's Z."""
@@ -415,15 +420,15 @@ class NodeView:
         value = expressions.apply("separate_xyz", expressions.value_of(terms))
         return Roughness(value, expressions)
 
-    def ior(self, name: str = "IOR", otherwise: float = 1.5) -> Ior:
+    def ior(self, name: str = "IOR", otherwise: float = 1.5, least: float = SMALLEST_IOR) -> Ior:
         """An index of refraction, kept within bounds, which may vary over the surface."""
         terms = self.number(name, otherwise)
         if is_constant(terms):
-            number = min(max(constant_value(terms)[0], SMALLEST_IOR), LARGEST_IOR)
+            number = min(max(constant_value(terms)[0], least), LARGEST_IOR)
             return Ior(number, self.evaluator.expressions)
         expressions = self.evaluator.expressions
         value = expressions.apply("separate_xyz", expressions.value_of(terms))
-        above = expressions.math("MAXIMUM", value, SMALLEST_IOR)
+        above = expressions.math("MAXIMUM", value, least)
         return Ior(expressions.math("MINIMUM", above, LARGEST_IOR), expressions)
 
     def factor(self, name: str, otherwise: float = 0.0) -> Sum:

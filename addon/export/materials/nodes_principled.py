@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+from ....engine.program.operations_vector import VectorMeasure
 from .anisotropy import Brush
 from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
@@ -121,13 +122,29 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     weight, rest = _layer(view, "Coat Weight")
     if not weight:
         return surface
-    ior = view.ior("Coat IOR")
-    tint = view.reflectance("Coat Tint", 1.0)
+    ior = view.ior("Coat IOR", least=1.0)
+    tint = _absorbed(view, view.reflectance("Coat Tint", 1.0), ior)
     roughness = view.roughness("Coat Roughness", 0.03)
     lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior.number)))
     through = multiply(rest(lost), mix(view.factor("Coat Weight"), ONE, tint))
     coat = _turned(view, coat_closure(weight, roughness, ior))
     return add_closures(scale_closure(surface, through), coat)
+
+
+def _absorbed(view: NodeView, tint: Sum, ior: Ior) -> Sum:
+    """The tint of a coat by the way of light from the viewer, which the coat bends; tint is that
+    seen straight. As Cycles has it: to the power 1 / √(1 - sin² / ior²).
+    """
+    if tint == ONE:
+        return ONE
+    expressions = view.evaluator.expressions
+    do, math = expressions.apply, expressions.math
+    normal = view.evaluator.normal_at(view.input("Coat Normal"))
+    cosine = do("vector_measure", do("incoming"), normal, measure=VectorMeasure.DOT_PRODUCT)
+    square = math("MINIMUM", math("MULTIPLY", cosine, cosine), 1.0)
+    bent = math("DIVIDE", math("SUBTRACT", 1.0, square), math("MULTIPLY", ior.value, ior.value))
+    depth = math("INVERSE_SQRT", math("SUBTRACT", 1.0, bent))
+    return expressions.sum_of(do("gamma", expressions.value_of(tint), depth))
 
 
 def _turned(view: NodeView, coat: Closure) -> Closure:

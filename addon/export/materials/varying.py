@@ -114,6 +114,11 @@ class Ior:
         self._value, self._expressions = value, expressions
 
     @property
+    def value(self) -> Value:
+        """The index, of which something is worked out."""
+        return self._value if self.varies else self._expressions.constant(self.number)
+
+    @property
     def key(self) -> dict[str, Any]:
         """The index of a lobe, as `LobeKey` takes it."""
         if not self.varies:
