@@ -258,3 +258,31 @@ def test_colours_count_as_their_luminance_and_vectors_as_their_mean(backend):
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_links_that_bring_nothing_leave_sockets_their_own_values(backend):
     check(list(NOTHING.values()), list(NOTHING), backend)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_output_may_be_in_a_group(backend):
+    """Of a group of groups, whose input its shader gets."""
+
+    def grouped(glow: Glow) -> None:
+        (end,) = (n for n in glow.tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial")
+        glow.tree.nodes.remove(end)
+
+        def inner(tree, given, _made):
+            shines, shown = (
+                tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial")
+            )
+            tree.links.new(given.outputs[0], shines.inputs["Color"])
+            tree.links.new(shines.outputs[0], shown.inputs["Surface"])
+
+        group = glow.group(inner, ["NodeSocketColor"], ())
+
+        def outer(tree, given, _made):
+            inside = tree.nodes.new("ShaderNodeGroup")
+            inside.node_tree = group.node_tree
+            tree.links.new(given.outputs[0], inside.inputs[0])
+
+        glow.group(outer, ["NodeSocketColor"], ()).inputs[0].default_value = 0.2, 0.3, 0.4, 1.0
+        glow.tree.nodes.remove(group)
+
+    check([grouped], ["grouped"], backend)

@@ -167,7 +167,7 @@ class Evaluator:
         if bumps and self._trees.is_moved:
             reader = UndisplacedReader(self.expressions.graph, self.images, self.note)
             reader.material_index = self._trees.material_index
-            self._trees.normal_below = reader.bent(reader.value(Place(place.socket)))
+            self._trees.normal_below = reader.bent(reader.value(Place(place.socket, place.path)))
 
     def bend(self, place: Place | None) -> Value:
         """The same as `normal_at`, which is that of the shader's lobes from here on."""

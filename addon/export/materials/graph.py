@@ -222,6 +222,23 @@ def _trail(place: Place) -> list[Place] | None:
     return None
 
 
+def end_of(tree: Any, name: str) -> Place | None:
+    """The input of this name of the output node that a tree shows, or, where it has none, that one
+    of its groups shows, as in Cycles; None without one. tree: None for none.
+    """
+    waiting = [(tree, ())] if tree is not None else []
+    for here, path in waiting:
+        output = output_of(here)
+        if output is not None:
+            return Place(socket_named(output.inputs, name), path)
+        waiting += [
+            (node.node_tree, (*path, node))
+            for node in here.nodes
+            if node.type == "GROUP" and node.node_tree is not None and not node.mute
+        ]
+    return None
+
+
 def _cut_back(passed: list[Place]) -> list[Place]:
     """A trail that ends where nothing comes in, up to the last input of a node with a value of its
     own.
