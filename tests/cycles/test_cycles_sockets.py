@@ -16,6 +16,10 @@ from small_scenes import add, mesh, moved, new_material
 TILE = 4
 
 
+def _passes_on(tree, given, made):
+    tree.links.new(given.outputs[0], made.inputs[0])
+
+
 class Glow:
     """A material that glows: an Emission node with values of its own."""
 
@@ -137,6 +141,42 @@ def moved_place(glow: Glow):
     return glow.node("ShaderNodeVectorMath", inputs, operation="ADD").outputs[0]
 
 
+@number
+def inverted_beyond(glow: Glow):
+    much = glow.node("ShaderNodeValue").outputs[0]
+    much.default_value = 1.4
+    inputs = {"Fac": much, "Factor": much, "Color": glow.picture()}
+    return glow.node("ShaderNodeInvert", inputs).outputs[0]
+
+
+@number
+def whole_number(glow: Glow):
+    """By a group's socket for whole numbers; what varies is none in Cycles of Blender 5."""
+    given = glow.node("ShaderNodeValue").outputs[0]
+    given.default_value = 2.7
+    group = glow.group(_passes_on, ["NodeSocketInt"], ["NodeSocketFloat"])
+    glow.tree.links.new(given, group.inputs[0])
+    return group.outputs[0]
+
+
+@number
+def constant_vector_as_colour(glow: Glow):
+    off = glow.node("ShaderNodeGamma", {"Color": constant_vector(glow)})
+    off.mute = True
+    return off.outputs[0]
+
+
+@number
+def colours_beside_their_alpha(glow: Glow):
+    """Of two nodes of one image: Cycles takes them for one."""
+    image = bpy.data.images.new("clear", 1, 1, alpha=True, float_buffer=True)
+    image.pixels.foreach_set((0.4, 0.3, 0.2, 0.25))
+    image.update()
+    color, alpha = (glow.node("ShaderNodeTexImage", image=image).outputs[k] for k in (0, 1))
+    inputs = {"Fac": 0.3, "Factor": 0.3, "Color1": color, "Color2": alpha}
+    return glow.node("ShaderNodeMixRGB", inputs).outputs[0]
+
+
 NOTHING = {}
 """Name -> a material in which links bring nothing."""
 
@@ -164,10 +204,6 @@ def reroute_to_a_node(glow: Glow):
     sum_of = glow.node("ShaderNodeMath", inputs, operation="ADD")
     glow.tree.links.new(glow.node("NodeReroute").outputs[0], sum_of.inputs[0])
     glow.feed(sum_of.outputs[0])
-
-
-def _passes_on(tree, given, made):
-    tree.links.new(given.outputs[0], made.inputs[0])
 
 
 @nothing

@@ -29,10 +29,12 @@ from .graph import (
     SHADER_FOR_VALUE,
     Place,
     closes_circle,
+    conversions,
     gets_a_shader,
     kind_of,
     socket_named,
     source,
+    trail,
 )
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant
 from .varying import Ior, Roughness
@@ -300,17 +302,16 @@ class Evaluator:
         return Term(tuple(float(x) for x in value))
 
     def _read(self, place: Place) -> tuple[Sum, str]:
-        found = source(place)
-        self._note_circle(found)
-        found = place if found is None else found
-        if not found.socket.is_output:
-            return self._default(found.socket), found.socket.type
-        value = self._value(found)
-        return (
-            (self._default(place.socket), place.socket.type)
-            if value is None
-            else (self.limited(value), found.socket.type)
-        )
+        passed = trail(place)
+        self._note_circle(passed[-1] if passed is not None else None)
+        found = passed[-1] if passed is not None else place
+        value = self._value(found) if found.socket.is_output else self._default(found.socket)
+        if value is None:
+            return self._default(place.socket), place.socket.type
+        between = conversions(passed, is_constant(value))[:-1] if passed is not None else []
+        if any(kind != found.socket.type for kind in between):
+            return self.converted(place), place.socket.type
+        return self.limited(value), found.socket.type
 
     def _value(self, found: Place) -> Sum | None:
         """What a node's output is; None where it is not understood."""

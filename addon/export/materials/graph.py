@@ -205,6 +205,21 @@ def trail(place: Place) -> list[Place] | None:
     return known[place.key]
 
 
+def conversions(passed: list[Place], is_constant: bool) -> list[str]:
+    """Types of sockets to which the value at the end of a trail is converted one after the other,
+    the last that of where it is wanted.
+
+    Blender 5.0 and later convert constants alone on the way, of which it says RGB nodes are none.
+    """
+    import bpy
+
+    kinds = [place.socket.type for place in reversed(passed[:-1])]
+    if bpy.app.version >= (5, 0, 0):
+        is_constant = is_constant and passed[-1].node.bl_idname != "ShaderNodeRGB"
+        return kinds if is_constant else kinds[-1:]
+    return kinds
+
+
 def _trail(place: Place) -> list[Place] | None:
     passed = [place]
     for _ in range(LONGEST):

@@ -149,13 +149,26 @@ def image_texture(node: Any, images: Images, note: Callable[[str], None], tile: 
     """Index of an Image Texture node's texture; of a tiled image that of a tile. note: of its
     material.
 
-    Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
+    Where nothing reads the image's alpha, of this node or of one like it, its colour is times
+    alpha, as in Cycles.
     """
     if node.image is None:
         note(NO_IMAGE)
-    alone = not node.outputs["Alpha"].is_linked
+    alone = not any(
+        other.outputs["Alpha"].is_linked and _shows(other) == _shows(node)
+        for other in node.id_data.nodes
+        if other.bl_idname == node.bl_idname
+    )
     how = node.extension, node.interpolation
     return images.texture(node.image, node.image_user, *how, alone, tile)
+
+
+def _shows(node: Any) -> tuple[Any, ...]:
+    """What an Image Texture node shows: Cycles takes nodes of which it is the same for one."""
+    links = node.inputs["Vector"].links
+    source = links[0].from_socket if links else None
+    how = (node.extension, node.interpolation, node.projection, node.projection_blend)
+    return (node.image, source, *how)
 
 
 def _image(view: NodeInputs) -> Outputs:
