@@ -39,6 +39,7 @@ from .displacing import Displacement, compile_displacement, method_of, wanted_ob
 from .evaluator import NOT_FINITE, Evaluator, is_finite
 from .expressions import Expressions
 from .graph import end_of, images_behind, node_tree, read_tree
+from .multiscatter import GRAZING, share_of
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import STEP, VOLUMES, default_volume, medium_of, medium_of_closure
@@ -356,11 +357,10 @@ def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
     if not is_finite((*material.diffuse_color, material.metallic, material.roughness)):
         evaluator.note(NOT_FINITE)
     color, metallic = constant(tuple(material.diffuse_color)[:3]), constant(material.metallic)
+    roughness = Roughness(material.roughness)
+    again = share_of(constant_value(color), roughness, GRAZING)
     closures = (
-        scale_closure(
-            glossy_closure(color, constant_value(color), Roughness(material.roughness), True),
-            metallic,
-        ),
+        scale_closure(glossy_closure(color, again, roughness), metallic),
         scale_closure(diffuse_closure(color), complement(metallic)),
     )
     return add_closures(*closures)

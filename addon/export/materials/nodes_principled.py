@@ -12,6 +12,7 @@ from ....engine.program.operations_vector import VectorMeasure
 from .anisotropy import Brush
 from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
+from .multiscatter import share_of
 from .nodes_metal import metal_closure
 from .nodes_shader import (
     below_coat,
@@ -28,7 +29,7 @@ from .nodes_sheen import Fibres
 from .rough_diffuse import roughened
 from .roughness import layer_loss
 from .subsurface import WALKS_IOR, note_constants, subsurface
-from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
+from .terms import ONE, ZERO, Sum, complement, constant, constant_value, is_constant, mix, multiply
 from .thin_film import film_of
 from .varying import Ior, Roughness
 
@@ -93,7 +94,8 @@ def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     else:
         color = film.tinted(tint)
         below = diffuse_closure(multiply(base, complement(film.largest(color))))
-        coat = glossy_closure(color, film.mean, roughness, again, edge=None)
+        share = share_of(film.mean, roughness) if again else ZERO
+        coat = glossy_closure(color, share, roughness, edge=None)
     weight, names = view.factor("Subsurface Weight"), ("Subsurface Radius", "Subsurface Scale")
     below = subsurface(view, below, weight, names, base, view.node.subsurface_method)
     below = roughened(view, below, "Diffuse Roughness", base)

@@ -11,6 +11,7 @@ from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import EDGE_MEAN, dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
+from .multiscatter import share_at, share_of
 from .rough_diffuse import roughened
 from .roughness import (
     World,
@@ -22,7 +23,7 @@ from .roughness import (
     world_of,
 )
 from .subsurface import WALKS_IOR, note_constants, subsurface
-from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
+from .terms import ONE, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 from .thin_film import Film, film_of
 from .varying import Ior, Roughness
 
@@ -37,11 +38,10 @@ def diffuse_closure(color: Sum) -> Closure:
 @dataclass(frozen=True)
 class Edge:
     """How metals look at grazing angles: white (Schlick), and some 8 degrees before that by `lack`
-    darker, whose mean is given. mirrored: all of a mirror; None for the colour.
+    darker. mirrored: all of a mirror; None for the colour.
     """
 
     lack: Sum = ZERO
-    mean: RGB = (0.0, 0.0, 0.0)
     mirrored: Sum | None = None
 
 
@@ -49,12 +49,10 @@ WHITE = Edge()
 
 
 def glossy_closure(
-    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: Edge | None = WHITE
+    color: Sum, again: Sum, roughness: Roughness, edge: Edge | None = WHITE
 ) -> Closure:
-    """A metal-like lobe that reflects `color`, whose mean is given; edge: None for the same colour
-    at all angles.
-
-    What scatters more than once is the mean's: exact for constants.
+    """A metal-like lobe that reflects `color`. again: which share of it scatters more than once.
+    edge: None for the same colour at all angles.
     """
     mirrored = color if edge is None or edge.mirrored is None else edge.mirrored
     if roughness.is_mirror():
@@ -62,31 +60,16 @@ def glossy_closure(
     if roughness.varies:
         return add_closures(
             {LobeKey("MIRROR"): multiply(mirrored, roughness.mirrored())},
-            scale_closure(
-                _rough_glossy(color, mean, roughness, multiscatter, edge), roughness.rough()
-            ),
+            scale_closure(_rough_glossy(color, again, roughness, edge), roughness.rough()),
         )
-    return _rough_glossy(color, mean, roughness, multiscatter, edge)
+    return _rough_glossy(color, again, roughness, edge)
 
 
-def _rough_glossy(
-    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: Edge | None
-) -> Closure:
+def _rough_glossy(color: Sum, again: Sum, roughness: Roughness, edge: Edge | None) -> Closure:
     world, rest = WorldShares(roughness, "METAL"), ZERO if edge is None else complement(color)
-    lack, lacks = (ZERO, (0.0, 0.0, 0.0)) if edge is None else (edge.lack, edge.mean)
-
-    def again(r: float) -> RGB:
-        if not multiscatter:
-            return (0.0, 0.0, 0.0)
-        grazing = 0.0 if edge is None else 1 / 21
-        return tuple(
-            scattered(f + (1 - f) * grazing - EDGE_MEAN * less, r)
-            for f, less in zip(mean, lacks, strict=True)
-        )
-
-    brighter = roughness.color(lambda r: tuple(1 + x * scattered_narrow(r) for x in again(r)))
-    spread = multiply(color, roughness.color(again))
-    once = multiply(color, roughness.color(lambda r: tuple(1 - x for x in again(r))))
+    lack = ZERO if edge is None else edge.lack
+    brighter = add(ONE, multiply(again, roughness.number(scattered_narrow)))
+    spread, once = multiply(color, again), multiply(color, complement(again))
     always, grazing = (
         add(spread, multiply(once, world.a0), multiply(rest, world.b0)),
         add(multiply(once, world.a1), multiply(rest, world.b1)),
@@ -250,7 +233,7 @@ def filmed_glass(
     color = film.tinted(reflected)
     through = multiply(refracted, complement(film.reflected))
     return add_closures(
-        glossy_closure(color, film.mean, roughness, True, edge=None),
+        glossy_closure(color, share_of(film.mean, roughness), roughness, edge=None),
         refracting(through, roughness, ior),
     )
 
@@ -329,8 +312,8 @@ def _glossy(view: NodeView) -> Closure:
     note_microfacets(view)
     color = view.reflectance("Color")
     brush = Brush(view, view.roughness(otherwise=0.0), is_signed=True)
-    mean, again = view.evaluator.mean(color), is_multiscatter(view)
-    return brush.on(glossy_closure(color, mean, brush.roughness, again, edge=None))
+    again = share_at(view, color, brush.roughness) if is_multiscatter(view) else ZERO
+    return brush.on(glossy_closure(color, again, brush.roughness, edge=None))
 
 
 def _glass(view: NodeView) -> Closure:
