@@ -177,6 +177,15 @@ def colours_beside_their_alpha(glow: Glow):
     return glow.node("ShaderNodeMixRGB", inputs).outputs[0]
 
 
+def constant_vector_as_light(glow: Glow):
+    """By a muted Mix Shader."""
+    off = glow.node("ShaderNodeMixShader")
+    off.mute = True
+    glow.tree.links.new(constant_vector(glow), off.inputs[1])
+    (end,) = (n for n in glow.tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial")
+    glow.tree.links.new(off.outputs[0], end.inputs["Surface"])
+
+
 NOTHING = {}
 """Name -> a material in which links bring nothing."""
 
@@ -287,7 +296,8 @@ def test_colours_count_as_their_luminance_and_vectors_as_their_mean(backend):
     def fed(build):
         return lambda glow: glow.feed(build(glow))
 
-    check([fed(build) for build in NUMBERS.values()], list(NUMBERS), backend)
+    builds = [*(fed(build) for build in NUMBERS.values()), constant_vector_as_light]
+    check(builds, [*NUMBERS, "light"], backend)
 
 
 @pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="they count as 0 in Cycles before 5.0")

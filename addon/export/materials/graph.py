@@ -214,6 +214,7 @@ def conversions(passed: list[Place], is_constant: bool) -> list[str]:
     import bpy
 
     kinds = [place.socket.type for place in reversed(passed[:-1])]
+    kinds = [kind for kind in kinds if kind != "SHADER"]  # which takes colours as they are
     if bpy.app.version >= (5, 0, 0):
         is_constant = is_constant and passed[-1].node.bl_idname != "ShaderNodeRGB"
         return kinds if is_constant else kinds[-1:]
