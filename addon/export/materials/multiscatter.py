@@ -7,7 +7,7 @@ from .evaluator import NodeView
 from .fresnel import EDGE_MEAN
 from .roughness import scattered, specular_albedo
 from .terms import RGB, ZERO, Sum, add, constant, is_constant, scale
-from .varying import Roughness
+from .varying import Of, Roughness
 
 MEANT = 0.4
 """Up to this roughness the share of a colour's mean is right within 2 % of what is sent out."""
@@ -23,6 +23,10 @@ def share_of(mean: RGB, roughness: Roughness, grazing: float = 0.0, lack: RGB = 
     return roughness.color(lambda r: tuple(scattered(f, r) for f in reflected))
 
 
+def _lost_albedo(roughness: float) -> float:
+    return specular_albedo(roughness) - 1
+
+
 def share_at(
     view: NodeView, color: Sum, roughness: Roughness, grazing: float = 0.0, lack: Sum = ZERO
 ) -> Sum:
@@ -33,8 +37,8 @@ def share_at(
         return share_of(evaluator.mean(color), roughness, grazing, evaluator.mean(lack))
     do, value_of, number = expressions.apply, expressions.value_of, expressions.constant
     reflected = value_of(add(scale(color, 1 - grazing), constant(grazing), scale(lack, -EDGE_MEAN)))
-    first = do("product", reflected, value_of(roughness.number(specular_albedo)))
-    lost = value_of(roughness.number(lambda r: specular_albedo(r) - 1))
+    first = do("product", reflected, value_of(roughness.number(Of(specular_albedo))))
+    lost = value_of(roughness.number(Of(_lost_albedo)))
     kept = do("product", expressions.bounded(reflected, -1e30, 1.0), lost)
     rest = do("scaled_sum", kept, number(1.0), number((1.0, 1.0, 1.0)))
     operation = VectorOperation.DIVIDE

@@ -31,7 +31,7 @@ from .roughness import layer_loss
 from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, ZERO, Sum, complement, constant, constant_value, is_constant, mix, multiply
 from .thin_film import film_of
-from .varying import Ior, Roughness
+from .varying import Ior, Of, Roughness
 
 
 def _principled(view: NodeView) -> Closure:
@@ -127,10 +127,14 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     ior = view.ior("Coat IOR", least=1.0)
     tint = _absorbed(view, view.reflectance("Coat Tint", 1.0), ior)
     roughness = view.roughness("Coat Roughness", 0.03)
-    lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior.number)))
+    lost = multiply(weight, roughness.number(Of(_layer_loss, (ior.number,))))
     through = multiply(rest(lost), mix(view.factor("Coat Weight"), ONE, tint))
     coat = _turned(view, coat_closure(weight, roughness, ior))
     return add_closures(scale_closure(surface, through), coat)
+
+
+def _layer_loss(ior: float, roughness: float) -> float:
+    return layer_loss(roughness, ior)
 
 
 def _absorbed(view: NodeView, tint: Sum, ior: Ior) -> Sum:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +24,7 @@ from .roughness import (
 from .subsurface import WALKS_IOR, note_constants, subsurface
 from .terms import ONE, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 from .thin_film import Film, film_of
-from .varying import Ior, Roughness
+from .varying import Ior, Of, Roughness
 
 
 def diffuse_closure(color: Sum) -> Closure:
@@ -68,7 +67,7 @@ def glossy_closure(
 def _rough_glossy(color: Sum, again: Sum, roughness: Roughness, edge: Edge | None) -> Closure:
     world, rest = WorldShares(roughness, "METAL"), ZERO if edge is None else complement(color)
     lack = ZERO if edge is None else edge.lack
-    brighter = add(ONE, multiply(again, roughness.number(scattered_narrow)))
+    brighter = add(ONE, multiply(again, roughness.number(Of(scattered_narrow))))
     spread, once = multiply(color, again), multiply(color, complement(again))
     always, grazing = (
         add(spread, multiply(once, world.a0), multiply(rest, world.b0)),
@@ -78,7 +77,7 @@ def _rough_glossy(color: Sum, again: Sum, roughness: Roughness, edge: Edge | Non
         _highlights(multiply(color, brighter), roughness),
         _highlights(multiply(rest, brighter), roughness, schlick=True),
         _highlights(scale(multiply(lack, brighter), -1.0), roughness, edge=True),
-        _matt(multiply(spread, roughness.number(scattered_wide)), world),
+        _matt(multiply(spread, roughness.number(Of(scattered_wide))), world),
         _seen("AMBIENT", add(always, scale(lack, -EDGE_MEAN)), grazing, world),
     )
 
@@ -89,15 +88,26 @@ class WorldShares:
     """
 
     def __init__(self, roughness: Roughness, kind: str, ior: float = Ior.NOMINAL) -> None:
-        def of(name: str) -> Callable[[float], float]:
-            return lambda r: getattr(_world(r, kind, ior), name)
+        a0, a1, b0, b1, q = (Of(_share_of_world, (kind, ior, name)) for name in _SHARES)
+        self.a0, self.a1, self.b0, self.b1 = map(roughness.number, (a0, a1, b0, b1))
+        self.less_a0 = roughness.number(Of(_rest, (a0,)))
+        self.minus_a1 = roughness.number(Of(_minus, (a1,)))
+        self.exponent = roughness.exponent(q)
 
-        self.a0, self.a1, self.b0, self.b1 = (
-            roughness.number(of(name)) for name in ("a0", "a1", "b0", "b1")
-        )
-        self.less_a0 = roughness.number(lambda r: 1 - of("a0")(r))
-        self.minus_a1 = roughness.number(lambda r: -of("a1")(r))
-        self.exponent = roughness.exponent(of("q"))
+
+_SHARES = ("a0", "a1", "b0", "b1", "q")
+
+
+def _share_of_world(kind: str, ior: float, name: str, roughness: float) -> float:
+    return getattr(_world(roughness, kind, ior), name)
+
+
+def _rest(of: Of, roughness: float) -> float:
+    return 1 - of(roughness)
+
+
+def _minus(of: Of, roughness: float) -> float:
+    return -of(roughness)
 
 
 def _world(roughness: float, kind: str, ior: float) -> World:
@@ -148,9 +158,9 @@ def _rough_coat(roughness: Roughness, ior: Ior, multiscatter: bool, tint: Sum) -
     again = _scattered_again(ior, multiscatter)
     tinted = multiply(tint, ior.f0)
     highlight = _dielectric_highlights(
-        tint, roughness, ior, roughness.number(lambda r: 1 + again(r) * scattered_narrow(r))
+        tint, roughness, ior, roughness.number(Of(_brighter, (again,)))
     )
-    wide = roughness.number(lambda r: again(r) * scattered_wide(r))
+    wide = roughness.number(Of(_spread, (again,)))
     return add_closures(
         highlight,
         _matt(multiply(tinted, wide), world),
@@ -158,10 +168,18 @@ def _rough_coat(roughness: Roughness, ior: Ior, multiscatter: bool, tint: Sum) -
     )
 
 
-def _scattered_again(ior: Ior, multiscatter: bool) -> Callable[[float], float]:
+def _scattered_again(ior: Ior, multiscatter: bool) -> Of:
     """Of roughness: what comes back of the light that is not sent out at once."""
     f0 = normal_reflectance(ior.number)
-    return lambda r: scattered(f0 + (1 - f0) / 21, r) if multiscatter else 0.0
+    return Of(scattered, (f0 + (1 - f0) / 21 if multiscatter else 0.0,))
+
+
+def _brighter(again: Of, roughness: float) -> float:
+    return 1 + again(roughness) * scattered_narrow(roughness)
+
+
+def _spread(again: Of, roughness: float) -> float:
+    return again(roughness) * scattered_wide(roughness)
 
 
 def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: Ior, brighter: Sum) -> Closure:
@@ -185,13 +203,11 @@ def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: Ior, brighter: 
     )
 
 
-def _reflected(
-    kind: str, f0: Sum, world: WorldShares, roughness: Roughness, again: Callable[[float], float]
-) -> Closure:
+def _reflected(kind: str, f0: Sum, world: WorldShares, roughness: Roughness, again: Of) -> Closure:
     """What of a uniform world a dielectric layer reflects; again: the share of what is not sent out
     at once.
     """
-    rest, once = complement(f0), multiply(f0, roughness.number(lambda r: 1 - again(r)))
+    rest, once = complement(f0), multiply(f0, roughness.number(Of(_rest, (again,))))
     more = multiply(f0, roughness.number(again))
     always = add(more, multiply(once, world.a0), multiply(rest, world.b0))
     grazing = add(multiply(once, world.a1), multiply(rest, world.b1))
@@ -243,7 +259,7 @@ def refracting(color: Sum, roughness: Roughness, ior: Ior, fresnel: bool = False
     kind = {"fresnel": fresnel, **ior.key}
     if roughness.is_mirror():
         return {LobeKey("REFRACTION", **kind): color}
-    blurred = LobeKey("REFRACTION", **roughness.exponent(glass_exponent), **kind)
+    blurred = LobeKey("REFRACTION", **roughness.exponent(Of(glass_exponent)), **kind)
     if not roughness.varies:
         return {blurred: color}
     return add_closures(
