@@ -338,11 +338,13 @@ def test_mixed_shaders_keep_their_normals(bent) -> None:
 
 
 @pytest.mark.parametrize("shader", ["BsdfDiffuse", "BsdfPrincipled"])
-@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.6, -1.4, 0.8), (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.36, -0.8, 0.48), (0.0, 0.0, 0.0)])
 def test_constant_normals_count(shader, normal) -> None:
     """Under a sun; one of no length is the mesh's. What is matt alone: highlights of normals that
     face away from the viewer are not lit.
     """
+    if bpy.app.version < (4, 5, 0) and normal[0]:
+        pytest.skip("Cycles hides light by bent normals in another way before Blender 4.5")
     scene = cycles.empty_scene(48, 48)
     material, tree, output = new_material("flat")
     node, given = (tree.nodes.new(f"ShaderNode{kind}") for kind in (shader, "CombineXYZ"))

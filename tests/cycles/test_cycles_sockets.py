@@ -144,7 +144,7 @@ def moved_place(glow: Glow):
 @number
 def inverted_beyond(glow: Glow):
     much = glow.node("ShaderNodeValue").outputs[0]
-    much.default_value = 1.4
+    much.default_value = 1.1
     inputs = {"Fac": much, "Factor": much, "Color": glow.picture()}
     return glow.node("ShaderNodeInvert", inputs).outputs[0]
 

@@ -194,6 +194,12 @@ def source(place: Place) -> Place | None:
     return passed[-1] if passed is not None else None
 
 
+def is_fed(place: Place) -> bool:
+    """Whether something comes in at an input."""
+    found = source(place)
+    return found is not None and found.socket.is_output
+
+
 def trail(place: Place) -> list[Place] | None:
     """All sockets that a value passes, from where it is wanted back to its `source`.
 

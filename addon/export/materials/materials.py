@@ -38,7 +38,7 @@ from .compiled import Compiled, MaterialKey
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
 from .evaluator import NOT_FINITE, Evaluator, is_finite
 from .expressions import Expressions
-from .graph import end_of, images_behind, node_tree, read_tree
+from .graph import end_of, images_behind, is_fed, node_tree, read_tree
 from .multiscatter import GRAZING, share_of
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
@@ -289,7 +289,7 @@ def _opaque_to_light(closure: Closure, evaluator: Evaluator) -> Closure:
 def _is_bounds(tree: Any) -> bool:
     """Whether a surface is but where a volume ends."""
     end = end_of(tree, "Surface")
-    return end is not None and not end.socket.is_linked
+    return end is not None and not is_fed(end)
 
 
 def _passing(key: LobeKey, expressions: Expressions) -> Value:
@@ -335,9 +335,9 @@ def _surface(tree: Any, evaluator: Evaluator, method: str) -> Closure:
         evaluator.displace(displacement)
     else:
         evaluator.displace_vertices(displacement, bumps=method == "BOTH")
-    if volume.socket.is_linked and not surface.socket.is_linked:
+    if is_fed(volume) and not is_fed(surface):
         return {LobeKey("TRANSPARENT"): constant(1.0)}
-    if not surface.socket.is_linked:
+    if not is_fed(surface):
         evaluator.note(
             "Materials without a surface are black: {}; link a shader to Surface of the output, or "
             "choose the node group that is missing"
