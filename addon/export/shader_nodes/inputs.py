@@ -154,21 +154,24 @@ def image_texture(node: Any, images: Images, note: Callable[[str], None], tile: 
     """
     if node.image is None:
         note(NO_IMAGE)
-    alone = not any(
-        other.outputs["Alpha"].is_linked and _shows(other) == _shows(node)
+    others = (
+        other
         for other in node.id_data.nodes
-        if other.bl_idname == node.bl_idname
+        if other.bl_idname == node.bl_idname and other.image == node.image
     )
+    alone = not any(x.outputs["Alpha"].is_linked and _is_alike(node, x) for x in others)
     how = node.extension, node.interpolation
     return images.texture(node.image, node.image_user, *how, alone, tile)
 
 
-def _shows(node: Any) -> tuple[Any, ...]:
-    """What an Image Texture node shows: Cycles takes nodes of which it is the same for one."""
-    links = node.inputs["Vector"].links
-    source = links[0].from_socket if links else None
-    how = (node.extension, node.interpolation, node.projection, node.projection_blend)
-    return (node.image, source, *how)
+def _is_alike(node: Any, other: Any) -> bool:
+    """Whether Cycles takes two Image Texture nodes of one image for one."""
+    one, two = (
+        [(x.extension, x.interpolation, x.projection, x.projection_blend)]
+        + [link.from_socket for link in x.inputs["Vector"].links]
+        for x in (node, other)
+    )
+    return one == two
 
 
 def _image(view: NodeInputs) -> Outputs:
