@@ -9,7 +9,7 @@ microseconds an object.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -21,10 +21,12 @@ from ..cache import ExportCache, WorldKey
 from ..collector import Collector
 from ..culling import Culling, culls
 from ..export import world_of
+from ..geometry.displacing import Displaced
 from ..images import moving
 from ..images.images import Images
 from ..instances import VisitedObjects, walk
 from ..light_groups import NO_MEMBERS, LightGroups, Members
+from ..materials.aovs import Aov, note_world
 from ..materials.materials import Materials
 from ..materials.nodes_volume import with_step_rate
 from ..materials.required import RequiredAttributes
@@ -54,9 +56,13 @@ class Asked(NamedTuple):
 
 
 class LiveExport:
-    """The scene of one depsgraph, kept up to date. Nothing of Blender's is held between calls."""
+    """The scene of one depsgraph, kept up to date. Nothing of Blender's is held between calls.
 
-    def __init__(self) -> None:
+    aovs, keeps_collapsed: as for `export_scene`.
+    """
+
+    def __init__(self, aovs: tuple[Aov, ...] = (), keeps_collapsed: bool = False) -> None:
+        self._aovs, self._keeps_collapsed = aovs, keeps_collapsed
         self._cache = ExportCache()
         self._frame: tuple[int, float] | None = None
         self._indices: dict[Asked, SceneIndex] = {}
@@ -111,7 +117,7 @@ class LiveExport:
         """Takes edited materials, by session uid, into an index; False where they read other
         things of meshes than before.
         """
-        materials = Materials(self._cache)
+        materials = Materials(self._cache, aovs=self._aovs)
         for key, before in index.sources:
             now = materials.numbered(key, edited.get(key.uid) if key.volume is None else None)
             if now is None or not now.asks_as(before):
@@ -176,6 +182,18 @@ class LiveExport:
             report.add(part)
         return report.notes()
 
+    def displaced(
+        self,
+        passes: frozenset[str] = frozenset(),
+        space: Any = None,
+        groups: Members = NO_MEMBERS,
+        culling: Culling | None = None,
+    ) -> Mapping[int, Displaced]:
+        """How meshes of the scene that `scene` gave last for the same view were displaced, by their
+        numbers.
+        """
+        return self._indices[_asked(passes, space, groups, culling)].displaced
+
     def _walked(
         self, depsgraph: Any, asked: Asked, space: Any, required: RequiredAttributes
     ) -> SceneIndex:
@@ -183,7 +201,7 @@ class LiveExport:
         report, visited = Report(), VisitedObjects()
         self._cache.work["walks"] += 1
         groups = LightGroups(asked.groups.names)
-        collector = Collector(depsgraph, required, report, self._cache, groups)
+        collector = Collector(depsgraph, required, report, self._cache, groups, aovs=self._aovs)
         things = walk(
             depsgraph,
             collector.meet,
@@ -205,9 +223,11 @@ class LiveExport:
             )
         note_missing(depsgraph, report)
         world = world_of(depsgraph, depsgraph.scene_eval)
+        note_world(world, self._aovs, report)
         sky = with_light_group(self._sky(depsgraph, report), groups.number(world))
-        scene = collector.scene(NO_CAMERA, things, sky)
-        index = SceneIndex(scene, visited, collector.materials.sources, report)
+        scene = collector.scene(NO_CAMERA, things, sky, keeps_collapsed=self._keeps_collapsed)
+        displaced = collector.displaced
+        index = SceneIndex(scene, visited, collector.materials.sources, report, displaced)
         for thing, number in collector.groups:
             index.place_instances(thing, number)
         for thing, number in collector.lamps:
