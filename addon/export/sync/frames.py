@@ -10,6 +10,7 @@ import bpy
 from ..culling import Culling
 from ..export import Export, counts, seen_through, world_of
 from ..light_groups import LightGroups
+from ..materials.aovs import Aov
 from ..panorama import Looker
 from ..placing import note_placed
 from ..report import Report
@@ -23,7 +24,9 @@ def export_frame(
     width: int,
     height: int,
     passes: frozenset[str] = frozenset(),
+    aovs: tuple[Aov, ...] = (),
     looker: Looker | None = None,
+    keeps_collapsed: bool = False,
 ) -> Export:
     """As `export_scene` with light groups, of a depsgraph whose updates are all that changed since
     the last call with the same `live`; only that is read. Its stats tell how much was read anew.
@@ -34,6 +37,7 @@ def export_frame(
     world, known = world_of(depsgraph, scene), LightGroups.of(depsgraph.view_layer, report)
     groups = known.members(world and world.original, bpy.data.objects if known.names else ())
     asked = {"passes": passes, "groups": groups, "culling": Culling.of(scene, camera)}
+    asked |= {"aovs": aovs, "keeps_collapsed": keeps_collapsed}
     live.apply_updates(depsgraph)
     found = live.scene(depsgraph, camera, **asked)
     note_placed(found, through.name, report)
