@@ -179,9 +179,8 @@ class _Exported(bpy.types.RenderEngine):
         pass
 
 
-def test_a_furry_ball_covers_the_same_pixels():
-    """In a final render, whose children are more than the viewport's."""
-    scene = furry_ball()
+def check_final_cover(scene) -> None:
+    """A final render sees the same things at the same depths as Cycles."""
     truth = cycles.render_cycles(scene)["Depth"]
     bpy.utils.register_class(_Exported)
     try:
@@ -189,7 +188,6 @@ def test_a_furry_ball_covers_the_same_pixels():
         bpy.ops.render.render()
     finally:
         bpy.utils.unregister_class(_Exported)
-    assert _Exported.segments > 150 * 8 * 4
     mine = _Exported.depth
     covered, seen = truth < 1e5, mine < 1e5
     other = (covered != seen) | (covered & seen & (np.abs(truth - mine) > 0.02))
@@ -197,6 +195,49 @@ def test_a_furry_ball_covers_the_same_pixels():
     assert 0.1 < covered.mean() < 0.9
     assert (other & clear).mean() <= 0.01
     assert (covered != seen).mean() <= 0.015
+
+
+def test_a_furry_ball_covers_the_same_pixels():
+    """With the render's children, which are more than the viewport's."""
+    check_final_cover(furry_ball())
+    assert _Exported.segments > 150 * 8 * 4
+
+
+def carried_by_collections(thing) -> None:
+    """Three turned instances of a collection, one of them mirrored and flattened."""
+    scene, inside = bpy.context.scene, bpy.data.collections.new("Inside")
+    inside.objects.link(thing)
+    for k in range(3):
+        carrier = bpy.data.objects.new("Carrier", None)
+        carrier.instance_type, carrier.instance_collection = "COLLECTION", inside
+        carrier.location, carrier.rotation_euler = (1.3 * k - 1.3, 0, 0.2 * k), (0, 0, k)
+        carrier.scale = (1, 1, 1) if k < 2 else (-1, 1, 0.7)
+        scene.collection.objects.link(carrier)
+
+
+def carried_by_vertices(thing) -> None:
+    """At the vertices of a mesh."""
+    data = bpy.data.meshes.new("Carrier")
+    data.from_pydata([(-1.2, 0, 0), (0, 0, 0.3), (1.2, 0, 0)], [], [])
+    carrier = bpy.data.objects.new("Carrier", data)
+    bpy.context.scene.collection.objects.link(carrier)
+    bpy.context.scene.collection.objects.link(thing)
+    thing.parent, carrier.instance_type = carrier, "VERTS"
+
+
+@pytest.mark.parametrize("carry", [carried_by_collections, carried_by_vertices])
+@pytest.mark.parametrize("kind", ["curves", "particles"])
+def test_instances_carry_their_hair(kind, carry):
+    if kind == "curves":
+        scene, thing = strand_field(60, 6, 0.02, spread=0.3)
+    else:
+        scene = furry_ball()
+        (thing,) = (one for one in scene.objects if one.type == "MESH")
+        thing.scale, thing.particle_systems[0].settings.count = (0.3, 0.36, 0.27), 40
+    for collection in thing.users_collection:
+        collection.objects.unlink(thing)
+    carry(thing)
+    check_final_cover(scene)
 
 
 def ball_of_fur(count=6000, radius=0.006):
