@@ -67,14 +67,14 @@ class Materials:
         """Index of an evaluated Blender material; of Blender's default surface for None."""
         address = material.as_pointer() if material is not None else 0
         if address not in self._at:
-            self._at[address] = self._number(MaterialKey(_uid(material)), material)
+            self._at[address] = self._number(MaterialKey(_uid(material), aovs=self.aovs), material)
         return self._at[address]
 
     def volume(self, material: Any, volume: Volume) -> tuple[int, MeshSource | None]:
         """Index of an evaluated Blender material, None for none, as a Volume object wears it, and
         what surrounds all that is in it.
         """
-        number = self._number(MaterialKey(_uid(material), volume.key), material, volume)
+        number = self._number(MaterialKey(_uid(material), volume.key, self.aovs), material, volume)
         return number, self._used[number].surface
 
     def numbered(self, key: MaterialKey, material: Any) -> Compiled | None:
@@ -120,12 +120,12 @@ class Materials:
         if key not in self._numbers:
             known = self._cache.materials.compiled
             if key not in known:
-                known[key] = self._compiled(material, volume)
+                known[key] = self._compiled(material, volume, key.aovs)
             self._numbers[key] = len(self._used)
             self._used.append(known[key])
         return self._numbers[key]
 
-    def _compiled(self, material: Any, volume: Volume | None) -> Compiled:
+    def _compiled(self, material: Any, volume: Volume | None, aovs: tuple[Aov, ...]) -> Compiled:
         self._cache.work["materials"] += 1
         report, surface, moves = Report(), None, None
         images = Images(report, self._decoded, self._cache.images)
@@ -135,8 +135,8 @@ class Materials:
             result = default_material()
         else:
             result = compile_material(material, images, report)
-            if self.aovs:
-                result = replace(result, aovs=aov_material(material, self.aovs, images, report))
+            if aovs:
+                result = replace(result, aovs=aov_material(material, aovs, images, report))
             moves = compile_displacement(material, images, report)
         tree = node_tree(material.original) if material is not None else None
         return Compiled(
