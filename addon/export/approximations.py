@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .materials.graph import is_blinn_phong, node_tree, output_of, reached
+from .materials.graph import end_of, is_blinn_phong, node_tree, reached
 
 LOBES = "GGX is drawn as Blinn-Phong lobes"
 FILM = f"{LOBES}; thin film by the angle of view"
@@ -68,8 +68,8 @@ def approximated_nodes(block: Any) -> dict[str, str]:
     and that are drawn nearly, not exactly, as in Cycles.
     """
     tree = node_tree(block)
-    output = output_of(tree) if tree is not None else None
-    found = _behind(output) if output is not None else ()
+    end = end_of(tree, "Surface")
+    found = _behind(end.node) if end is not None else ()
     return {
         node.bl_label: APPROXIMATED[node.bl_idname]
         for node in found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -48,7 +48,7 @@ class Export:
     notes: tuple[str, ...] = ()
     stats: dict[str, float] = field(default_factory=dict)
     region: tuple[int, int, int, int] | None = None
-    displaced: dict[int, Displaced] = field(default_factory=dict)
+    displaced: Mapping[int, Displaced] = field(default_factory=dict)
     delta: SceneDelta | None = None
 
 

@@ -13,7 +13,7 @@ MOST = 64
 
 class Members(NamedTuple):
     """names: of the groups. inside: names of things with their group's. world: the group's of the
-    scene's world.
+    world.
     """
 
     names: tuple[str, ...] = ()
@@ -44,12 +44,12 @@ class LightGroups:
                 )
         return cls(tuple(names[:MOST]))
 
-    def members(self, scene: Any, things: Iterable[Any]) -> Members:
-        """Equal as long as the same things, and the scene's world, are in the same groups; no
-        update tells of these.
+    def members(self, world: Any, things: Iterable[Any]) -> Members:
+        """Equal as long as the same things, and the world (None for none), are in the same groups;
+        no update tells of these.
         """
         inside = [(thing.name_full, thing.lightgroup) for thing in things if thing.lightgroup]
-        return Members(self.names, tuple(inside), scene.world.lightgroup if scene.world else "")
+        return Members(self.names, tuple(inside), world.lightgroup if world is not None else "")
 
     def number(self, thing: Any) -> int:
         """Of the group that an object's or a world's own light is in; -1 for none, and for one that

@@ -17,7 +17,7 @@ from .images.images import Images
 from .instances import Flags
 from .materials.closures import LobeKey
 from .materials.evaluator import Evaluator
-from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
+from .materials.graph import end_of, images_behind, read_tree
 from .materials.terms import RGB
 from .report import Report
 from .shader_nodes.lamp import Lamp, LampReader
@@ -138,8 +138,8 @@ class Lights:
         tree = read.tree
         if tree is None:
             return Emission()
-        output = output_of(tree)
-        if output is None:
+        surface = end_of(tree, "Surface")
+        if surface is None:
             self.report.note(
                 "Lights without an output node shed no light ({}): add a Light Output", name
             )
@@ -151,7 +151,6 @@ class Lights:
             return readers[-1]
 
         evaluator = Evaluator(name, self.images, self.report, reader)
-        surface = Place(socket_named(output.inputs, "Surface"))
         self.images.expect(images_behind(surface))
         terms = evaluator.closure(surface).get(LobeKey("EMISSION"), ())
         value = evaluator.expressions.value_of(terms)

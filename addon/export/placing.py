@@ -213,7 +213,11 @@ def note_empty_view(
     )
     seen = ((geometry, matrices) for geometry, matrices in seen if len(_points(geometry)))
     first = list(islice(seen, _FIRST))
-    if any(shows_a_point(geometry, matrices[0], camera) for geometry, matrices in first):
+    if any(
+        shows_a_point(geometry, matrix, camera)
+        for geometry, matrices in first
+        for matrix in matrices[[0, len(matrices) // 2] if len(matrices) > 1 else [0]]
+    ):
         return
     seen = [*first, *seen]
     # Where the box round a few vertices reaches the frame, the box round all of them does.

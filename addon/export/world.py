@@ -22,7 +22,7 @@ from .images.images import Images
 from .materials.closures import LobeKey
 from .materials.evaluator import Evaluator
 from .materials.expressions import Expressions
-from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
+from .materials.graph import end_of, images_behind, read_tree
 from .materials.nodes_volume import medium_of
 from .report import Report
 from .shader_nodes.sky import SkyReader, Sun
@@ -228,11 +228,10 @@ def _radiance(
     expressions, tree = evaluator.expressions, read.tree
     if tree is None:
         return expressions, expressions.constant(tuple(float(x) for x in world.color))
-    output = output_of(tree)
-    if output is None:
+    surface = end_of(tree, "Surface")
+    if surface is None:
         evaluator.note("Worlds without an output node are black: {}; add a World Output")
         return expressions, expressions.constant(BLACK)
-    surface = Place(socket_named(output.inputs, "Surface"))
     images.expect(images_behind(surface))
     closure = evaluator.closure(surface)
     return expressions, expressions.value_of(closure.get(LobeKey("EMISSION"), ()))
@@ -241,15 +240,13 @@ def _radiance(
 def _medium(world: Any, images: Images, report: Report) -> Medium | None:
     """What is everywhere."""
     read = read_tree(world)
-    tree = read.tree
-    output = output_of(tree) if tree is not None else None
-    socket = socket_named(output.inputs, "Volume") if output else None
-    if socket is None or not socket.is_linked:
+    place = end_of(read.tree, "Volume")
+    if place is None or not place.socket.is_linked:
         return None
-    images.expect(images_behind(Place(socket)))
+    images.expect(images_behind(place))
     evaluator = Evaluator(world.name, images, report, partial(VolumeReader, is_world=True))
     step = getattr(getattr(world, "cycles", None), "volume_step_size", 1.0)
-    return medium_of(Place(socket), evaluator, max(step, 1e-3))
+    return medium_of(place, evaluator, max(step, 1e-3))
 
 
 def _visibility(world: Any, report: Report) -> _Visibility:

@@ -115,8 +115,8 @@ def prepare(
     names = ("",) if render_engine.is_preview else view_names(depsgraph.scene.render)
     lookers = [looker_of(render_engine, name, depsgraph) for name in names]
     options = {"width": width, "height": height, "passes": passes, "looker": lookers[0]}
+    options |= {"aovs": aovs_of(layer), "keeps_collapsed": opens(render_engine, depsgraph)}
     if kept is None:
-        options |= {"aovs": aovs_of(layer), "keeps_collapsed": opens(render_engine, depsgraph)}
         export = export_scene(depsgraph, decoded=_decoded, has_light_groups=True, **options)
     else:
         export = kept.export(depsgraph, **options)

@@ -9,10 +9,10 @@ from typing import Any
 import bpy
 
 from ... import engine
-from ..export import Export, aovs_of
-from ..export.culling import culls
+from ..export import Export
 from ..export.sync.frames import export_frame
 from ..export.sync.incremental import LiveExport
+from .motion import blurs
 
 
 class Kept:
@@ -31,21 +31,20 @@ class Kept:
 
 
 def keeps(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Whether the depsgraph's updates will tell all that changes: Blender keeps one for all view
-    layers, and motion blur and the pass Vector take it to other frames. AOVs and light groups are
-    read by whole exports alone, and what Simplify culls changes as the camera moves.
+    """Whether the depsgraph's updates will tell all that changes. Motion blur and the pass Vector
+    take it to other frames and back, of which no update tells: that changes nothing for good but
+    where scripts hear of each frame.
     """
-    scene, layer = depsgraph.scene, depsgraph.view_layer
-    render = scene.render
-    layers = 1 if render.use_single_layer else sum(some.use for some in scene.view_layers)
-    blurs = render.use_motion_blur and layer.use_motion_blur
+    goes = blurs(depsgraph) or depsgraph.view_layer.use_pass_vector
     return (
-        render.use_persistent_data
+        depsgraph.scene.render.use_persistent_data
         and not render_engine.is_preview
-        and layers == 1
-        and not blurs
-        and not layer.use_pass_vector
-        and not aovs_of(layer)
-        and not layer.lightgroups
-        and not culls(scene)
+        and not (goes and _scripts_hear_of_frames())
     )
+
+
+def _scripts_hear_of_frames() -> bool:
+    """Whether others than Glint do."""
+    handlers = bpy.app.handlers.frame_change_pre[:] + bpy.app.handlers.frame_change_post[:]
+    own = __name__.rpartition(".addon.")[0]
+    return not all(getattr(one, "__module__", "").startswith(own) for one in handlers)

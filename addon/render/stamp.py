@@ -7,7 +7,6 @@ Fields stand in the file as `glint.<view layer>.<field>`.
 from __future__ import annotations
 
 import functools
-import os
 import tomllib
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -40,8 +39,7 @@ class Stamping:
     """
 
     def __init__(self, scene: engine.Scene) -> None:
-        # one waits for the others
-        self._threads = ThreadPoolExecutor(1 + min(os.cpu_count() or 1, 8))
+        self._threads = ThreadPoolExecutor(2)
         self._geometry = self._threads.submit(value_fingerprint, scene)
         self._pixels: Future[str] | None = None
 
@@ -53,7 +51,7 @@ class Stamping:
 
     def begin_pixels(self, film: engine.Film) -> None:
         """The picture is there; nobody may change its arrays before `fields` is called."""
-        self._pixels = self._threads.submit(picture_fingerprint, film.passes, self._threads.map)
+        self._pixels = self._threads.submit(picture_fingerprint, film.passes)
 
     def fields(self, settings: engine.Settings, frame: int) -> dict[str, str]:
         """Field → text, after `begin_pixels`."""

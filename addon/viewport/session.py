@@ -80,7 +80,7 @@ class _ViewOptions:
         if shown_pass.startswith(engine.LIGHT_GROUP):
             known = LightGroups.of(depsgraph.view_layer)
             if shown_pass.removeprefix(engine.LIGHT_GROUP) in known.names:
-                groups = known.members(depsgraph.scene, bpy.data.objects)
+                groups = known.members(depsgraph.scene.world, bpy.data.objects)
             else:
                 shown_pass = "Combined"
         return cls(

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from itertools import chain, islice
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -16,45 +16,23 @@ import numpy as np
 from ..film import EFFORTS
 from ..native.core_types import ABI_VERSION
 from ..settings import Settings
+from .universal_hash import condensed
 
 _WITHOUT_EFFECT = ("threads",)
 """Settings that never change a bit of a picture."""
 
 
-_BLOCK = 1 << 20
-"""Bytes of a picture that are hashed in one piece."""
-
-
-def picture_fingerprint(
-    passes: Mapping[str, np.ndarray], each: Callable[..., Iterable[bytes]] = map
-) -> str:
-    """SHA-256 in hexadecimal of every pass's name, shape and the SHA-256 of each MiB of its float32
+def picture_fingerprint(passes: Mapping[str, np.ndarray]) -> str:
+    """SHA-256 in hexadecimal of every pass's name, shape and the `condensed` bytes of its float32
     bits, in the order of their names, but for `film.EFFORTS`. -0 differs from 0, and NaNs by their
     bits: the same fingerprint means the same bits.
-
-    each: `map`, or that of an executor, whose threads then hash side by side.
     """
-    pictures = {
-        name: np.ascontiguousarray(passes[name], np.float32)
-        for name in sorted(passes.keys() - set(EFFORTS))
-    }
-    blocks = {name: _blocks(picture) for name, picture in pictures.items()}
-    hashes = each(_sha256, chain.from_iterable(blocks.values()))
     digest = hashlib.sha256()
-    for name, picture in pictures.items():
+    for name in sorted(passes.keys() - set(EFFORTS)):
+        picture = np.asarray(passes[name], np.float32)
         digest.update(f"{name} {picture.shape}".encode())
-        for block in islice(hashes, len(blocks[name])):
-            digest.update(block)
+        digest.update(condensed(picture))
     return digest.hexdigest()
-
-
-def _blocks(picture: np.ndarray) -> list[memoryview]:
-    whole = picture.data.cast("B")
-    return [whole[first : first + _BLOCK] for first in range(0, len(whole), _BLOCK)]
-
-
-def _sha256(block: memoryview) -> bytes:
-    return hashlib.sha256(block).digest()
 
 
 def value_fingerprint(value: Any) -> str:
@@ -97,7 +75,7 @@ def _pieces(value: Any) -> Iterator[bytes | memoryview]:
     """
     if isinstance(value, np.ndarray):
         yield f"array {value.dtype.str} {value.shape}".encode()
-        yield np.ascontiguousarray(value).data
+        yield condensed(value)
     elif is_dataclass(value):
         yield from _columns([value])
     elif isinstance(value, (tuple, list)):

@@ -93,6 +93,7 @@ _SIGNATURES = {
         for question, answer in (("closest", POINTER(HitsData)), ("occluded", c_void_p))
         for precision in ("f32", "f64")
     },
+    "glint_universal_hash": (None, [c_void_p, c_uint64, c_void_p]),
     "glint_function": (
         c_int32,
         [c_char_p, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64],

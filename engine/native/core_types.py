@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 66
+ABI_VERSION = 67
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -257,6 +257,11 @@ class MathFunction(IntEnum):
     COS = 2
     SIN = 3
     COSINE_POWER = 4
+
+
+class Hash(IntEnum):
+    BLOCK = 1024
+    SUMS = 4
 
 
 class AttributeData(Structure):

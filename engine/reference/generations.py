@@ -29,7 +29,7 @@ from .paths import (
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
-from .reflections import Mixing, reflected, reflected_in_blocks
+from .reflections import Mixing, reflected, reflected_in_blocks, shown
 from .scattering import scattered
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -68,7 +68,10 @@ class Generations:
         self._blocks: Array | None = blocks
         self._shares: Shares | None = None
         self._mixing: Mixing | None = None
-        self._brought = Tile(len(places), frozenset(), 0, len(stage.scene.light_groups))
+        self._gloss, self._shared = (
+            Tile(len(places), frozenset(), 0, len(stage.scene.light_groups)) for _ in range(2)
+        )
+        self._thrown = np.zeros(len(places))
         self._seen = SeenPasses(stage, tile, sample, self._queries)
         stage.media.moment.sample = sample
 
@@ -85,15 +88,17 @@ class Generations:
                     here = self._follow(here, strips, deeper)
                     strips = None
             generation = list(_alike(deeper))
+        every = np.arange(len(self._places))
         if self._mixing is not None:
-            every = np.arange(len(self._places))
-            self._tile.take(self._brought, every, *self._mixing.shares())
+            self._gloss.take(self._shared, every, *self._mixing.shares())
+        part = shown(self._tile, self._gloss, self._thrown, self._sample)
+        self._tile.take(self._gloss, every, every, every, part)
 
     def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
-        """A step of the paths; what mixed ones bring is kept apart."""
-        if not paths.mixed:
+        """A step of the paths; what rough surfaces reflect is kept apart."""
+        if paths.gathers or not paths.reflections:
             return self._step(paths, strips, deeper)
-        tile, self._tile = self._tile, self._brought
+        tile, self._tile = self._tile, self._shared if paths.mixed else self._gloss
         passed = self._step(paths, strips, deeper)
         self._tile = tile
         return passed
@@ -180,8 +185,12 @@ class Generations:
         if blocks is None:
             reflections = reflected(stage, at, self._sample)
         else:
-            reflections, self._mixing = reflected_in_blocks(stage, at, self._sample, blocks)
+            reflections, mixing = reflected_in_blocks(stage, at, self._sample, blocks)
+            if mixing is not None:
+                self._thrown = np.where(mixing.group < 0, 0.0, np.abs(mixing.given).max(0))
+            self._mixing = mixing
         for some in reflections:
+            np.maximum.at(self._thrown, some.pixel, np.abs(some.weight).max(0))
             self._tile.soft_light[some.pixel] = True
         return deeper + reflections
 

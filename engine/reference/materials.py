@@ -18,6 +18,7 @@ from .coefficients import Coefficients, Term
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
+from .program.colors import rgb_to_bw
 from .scene_queries import SceneQueries
 from .stretching import stretched
 from .surface import Spot, Surface
@@ -374,7 +375,7 @@ class Shader:
             color = self._attributes.color(factor.attribute).at(
                 spot.geometry[index], spot.local[index], pick(spot.weights, index)
             )
-            value = value * (color[3:4] if factor.attribute_channel == "ALPHA" else color[:3])
+            value = value * _channel(color, factor.attribute_channel)
         if factor.output >= 0:
             value = value * outputs[factor.output]
             value = np.where(np.isfinite(value), value, 0.0)
@@ -390,9 +391,14 @@ class Shader:
         )
         (a, b, c), (d, e, f) = factor.uv_transform
         rgba = self.images[factor.texture].read(a * u + b * v + c, d * u + e * v + f)
-        if factor.channel == "COLOR":
-            return rgba[:3]
-        return rgba[3:4] if factor.channel == "ALPHA" else (rgba[:1] + rgba[1:2] + rgba[2:3]) / 3
+        return _channel(rgba, factor.channel)
+
+
+def _channel(rgba: Array, channel: str) -> Array:
+    """(3, m) or (1, m) of a colour (4, m)."""
+    if channel == "COLOR":
+        return rgba[:3]
+    return rgba[3:4] if channel == "ALPHA" else rgb_to_bw(rgba)[None]
 
 
 def _tangents(lobe: Lobe, outputs: list[Array], count: int) -> Array:

@@ -40,7 +40,9 @@ class Tile:
     n) what shadows on catchers take away. open: (3, n) what is open over what is seen. aovs: (4
     each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels whose ray has
     met nothing that hides what is behind. groups: (3 each, n) light of light groups. met: of each
-    Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was met.
+    Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was met. brought: (2,
+    n) the largest channel of what rough surfaces reflect, and of the rest; before: the sums of
+    these over earlier samples.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0, groups: int = 0):
@@ -53,6 +55,7 @@ class Tile:
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
         self.groups = np.zeros((3 * groups, count))
         self.clear, self.caught = np.zeros(count), np.zeros((3, count))
+        self.brought, self.before = np.zeros((2, 2, count))
         self.open = np.zeros((3, count))
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
@@ -161,6 +164,7 @@ class Picture:
         self._aovs, self._aov_names = np.zeros((4 * len(aovs), count)), aovs
         self._groups, self._group_names = np.zeros((3 * len(light_groups), count)), light_groups
         self._clear, self._crypto_ids = np.zeros(count), crypto_ids
+        self.brought = np.zeros((2, count))
         self._caught = np.zeros((3, count if CATCHER in passes else 0))
         self._open = np.zeros((3, count if OCCLUSION in passes else 0))
         self._denoising = {
@@ -175,6 +179,7 @@ class Picture:
         self._cost[here] += tile.cost
         self.samples[here] += 1
         self._clear[here] += tile.clear
+        self.brought[:, here] += tile.brought
         if CATCHER in self._passes:
             self._caught[:, here] += tile.caught
         if OCCLUSION in self._passes:

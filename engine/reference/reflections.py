@@ -20,12 +20,21 @@ from .surface import Surface
 from .vectors import dot, pick
 
 if TYPE_CHECKING:
+    from .picture import Tile
     from .stage import Stage
 
 Array = np.ndarray
 
 LEAST_UNMIXED = 128.0
 """Exponent of the narrowest lobe of a point: what that reflects is seen too sharply to be mixed."""
+TIMES_REST, TIMES_BEFORE, OWN, STRONG = 2.0, 16.0, 4.0, 0.1
+"""What rough surfaces reflect in a sample is no more than so often the mean of the rest of the
+pixel's light and of what they reflected in earlier samples, and so much of itself over the square
+of the samples: of the first two all. The latter two are the more the more than STRONG the surface
+gives back: metals show little else.
+"""
+SETTLED = 64
+"""Samples from which on these limits grow with their number, so that many have none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +101,21 @@ def reflected_in_blocks(
             found = _leaving(stage, at, terms, narrow, here, turn == one)
             result.append(replace(found, mixed=one >= 0))
     return [found for found in result if len(found)], mixing
+
+
+def shown(tile: Tile, found: Tile, thrown: Array, sample: int) -> Array:
+    """(3, n) how much of what rough surfaces reflect in a sample is shown: what few of a pixel's
+    rays find would be a dot. found: that.  thrown: (n,) the most that rough surfaces give back of
+    what such rays meet.  tile: the rest, which keeps how much both are.
+    """
+    tile.brought[:] = [np.abs(part.color()).max(0) for part in (found, tile)]
+    gloss, rest = tile.brought
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        own = OWN * gloss / (sample + 1) + TIMES_BEFORE * tile.before[0]
+        most = TIMES_REST * (tile.before[1] + rest) + np.maximum(1.0, (thrown / STRONG) ** 2) * own
+        most /= min(sample + 1, SETTLED)
+        part = np.where(gloss > most, most / gloss, 1.0)
+    return np.tile(part, (3, 1))
 
 
 def _given(at: Interaction, terms: list[Term], narrow: Narrow) -> Array:

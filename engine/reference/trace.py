@@ -170,6 +170,7 @@ class Tracer:
                 len(self._scene.aovs),
                 len(self._scene.light_groups),
             )
+            tile.before = self.picture.brought[:, here]
             if len(rays):
                 Generations(stage, tile, sample, places, blocks).run(rays, strips)
             self.picture.keep(here, tile)

@@ -45,10 +45,10 @@ class Input:
     kept between low and high, or one minus that.
 
     value: RGB.  texture: index into `Scene.textures`, -1 for none.  channel: COLOR, or ALPHA (the
-    texture's alpha on all three), or LUMINANCE (the mean of the three as grey).  uv: name of the UV
+    texture's alpha on all three), or LUMINANCE (Rec. 709's, as grey).  uv: name of the UV
     attribute, "" for the active one. uv_transform: ((a, b, c), (d, e, f)) with u' = a u + b v + c
     and v' = d u + e v + f. attribute: name of a colour attribute, "" for none; a name the mesh
-    lacks reads as 0. attribute_channel: COLOR or ALPHA.  output: which output of the material's
+    lacks reads as 0. attribute_channel: as channel.  output: which output of the material's
     program, a vector; -1 for none.  offset: RGB.  low, high: bounds of each channel.  complement:
     the result is 1 - all that.
     """

@@ -124,7 +124,7 @@ def _input(factor: Input, textures: int, outputs: int) -> Found:
     yield from numbers("value", factor.value, 3)
     yield from handle("texture", factor.texture, textures, "textures", none=True)
     yield from one_of("channel", factor.channel, CHANNELS)
-    yield from one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
+    yield from one_of("attribute_channel", factor.attribute_channel, CHANNELS)
     yield from numbers("offset", factor.offset, 3)
     if not (is_real(factor.low) and is_real(factor.high) and factor.low <= factor.high):
         yield f"low is {factor.low!r} and high {factor.high!r}: use numbers, low at most high"

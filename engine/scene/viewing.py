@@ -49,18 +49,22 @@ def project_to_pixels(points_world: Array, camera: Camera) -> Array:
     clipped: under PERSPECTIVE points behind the eye have depth < 0 and mirrored pixels, points in
     the eye's plane are not finite. Raises ValueError for a singular camera.
     """
-    in_camera = _in_camera(points_world, camera)
+    in_camera = _in_camera(points_world, camera, _axes_from_world(camera))
     pixels = transform_points(pixel_from_camera(camera), in_camera)
     return np.concatenate([pixels[:, :2], -in_camera[:, 2:]], 1)
 
 
-def _in_camera(points_world: Array, camera: Camera) -> Array:
+def _axes_from_world(camera: Camera) -> Array:
+    """(3, 3)."""
+    return inverse(np.asarray(camera.world_from_camera, np.float64)[:, :3])
+
+
+def _in_camera(points_world: Array, camera: Camera, axes_from_world: Array) -> Array:
     """World -> camera, (k, 3). The eye is taken off first: at 1e7 from the origin that keeps what
     the points' own rounding has left.
     """
-    world_from_camera = np.asarray(camera.world_from_camera, np.float64)
-    offsets = np.asarray(points_world, np.float64) - world_from_camera[:, 3]
-    return offsets @ inverse(world_from_camera[:, :3]).T
+    eye = np.asarray(camera.world_from_camera, np.float64)[:, 3]
+    return (np.asarray(points_world, np.float64) - eye) @ axes_from_world.T
 
 
 def pixel_bounds_of_box(
@@ -82,7 +86,9 @@ def pixel_bounds_of_box(
     corners, terms = _placed_corners(low, high, world_from_object)
     if not np.all(np.isfinite(corners)):
         return (0, 0, *camera.resolution)
-    points, slack = _in_camera(corners, camera), _rounding_bound(terms, corners, camera)
+    axes = _axes_from_world(camera)
+    points = _in_camera(corners, camera, axes)
+    slack = _rounding_bound(terms, corners, camera, axes)
     points = _clip_edges(
         points,
         max(camera.clip_start, 0.0) if camera.kind == "PERSPECTIVE" else camera.clip_start,
@@ -109,19 +115,16 @@ def _placed_corners(
     )
 
 
-def _rounding_bound(terms: Array, corners: Array, camera: Camera) -> Array:
+def _rounding_bound(terms: Array, corners: Array, camera: Camera, axes_from_world: Array) -> Array:
     """(3,): how far the camera coordinates of the corners may be off, for a camera of rotation ×
     scale.
 
     Placing a corner and taking the eye off it round 5 times by half an ulp of the terms; the
     inverse, its product and the edge crossings fewer than 32 times by half an ulp of what is left.
     """
-    eye, axes = (
-        np.asarray(camera.world_from_camera, np.float64)[:, 3],
-        np.asarray(camera.world_from_camera, np.float64)[:, :3],
-    )
+    eye = np.asarray(camera.world_from_camera, np.float64)[:, 3]
     error = 3 * (terms + np.abs(eye)) + 16 * np.max(np.abs(corners - eye), 0)
-    return _EPSILON * (np.abs(inverse(axes)) @ error)
+    return _EPSILON * (np.abs(axes_from_world) @ error)
 
 
 def _clip_edges(points: Array, near: float, slack: float) -> Array:

@@ -12,6 +12,7 @@ import pytest
 from glint.addon.export import Export, export_scene
 from glint.addon.export.materials.fresnel import normal_reflectance
 from glint.addon.export.materials.roughness import dielectric_world, scattered
+from glint.addon.export.materials.terms import luminance
 from glint.engine.reference.program import run
 from glint.engine.scene import Input, Lobe
 
@@ -172,9 +173,11 @@ def _factor(factor: Input, textures, colors) -> np.ndarray:
     value = np.array(factor.value)
     if factor.texture >= 0:
         rgb, alpha = first_texel(textures[factor.texture])
-        value = value * {"COLOR": rgb, "ALPHA": alpha, "LUMINANCE": np.mean(rgb)}[factor.channel]
+        value = value * {"COLOR": rgb, "ALPHA": alpha, "LUMINANCE": luminance(rgb)}[factor.channel]
     if factor.attribute:
-        value = value * np.array(colors[factor.attribute])
+        shown = colors[factor.attribute]
+        is_grey = factor.attribute_channel == "LUMINANCE"
+        value = value * (luminance(shown) if is_grey else np.array(shown))
     value = np.clip(value + np.array(factor.offset), factor.low, factor.high)
     return 1 - value if factor.complement else value
 

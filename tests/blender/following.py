@@ -37,7 +37,7 @@ class Follower:
         known = self.scene
         self.scene = self.live.update(depsgraph, CAMERA, passes=self.passes)
         if known is not None:
-            delta = self.live.delta(self.passes)
+            delta = self.live.delta(passes=self.passes)
             assert delta == SceneDelta.between(known, self.scene, delta)
             named_alone(delta, before, self.scene)
 
@@ -45,7 +45,7 @@ class Follower:
         bpy.context.view_layer.update()
         full = export_scene(bpy.context.evaluated_depsgraph_get(), passes=self.passes)
         assert same(self.scene, dataclasses.replace(full.scene, camera=CAMERA), "scene")
-        assert set(self.live.notes(self.passes)) == {
+        assert set(self.live.notes(passes=self.passes)) == {
             note for note in full.notes if "camera" not in note
         }
 

@@ -105,8 +105,10 @@ def test_two_uses_of_a_group_are_told_apart(scene):  # noqa: F811
 
 def test_muted_nodes_pass_their_first_input(scene):  # noqa: F811
     shader = Shader()
-    gamma = shader.node("ShaderNodeGamma", mute=True)
-    set_inputs(gamma, Color=RED, Gamma=3.0)
+    gamma, red = shader.node("ShaderNodeGamma", mute=True), shader.node("ShaderNodeRGB")
+    red.outputs[0].default_value = RED
+    set_inputs(gamma, Gamma=3.0)
+    shader.link(red, 0, gamma, "Color")
     shader.link(gamma, 0, shader.shader, "Color")
     np.testing.assert_allclose(total(shader.export()[1], "DIFFUSE"), RED[:3])
 

@@ -24,6 +24,22 @@ def medium(kind: str, **inputs):
     return result.notes, found
 
 
+@pytest.mark.parametrize("how", ["nothing", "muted", "reroute"])
+def test_what_has_but_a_volume_is_clear(scene, how):  # noqa: F811
+    """Nothing is linked to its surface, or what is linked brings nothing."""
+    shader = Shader()
+    shader.link(shader.node("ShaderNodeVolumeScatter"), 0, shader.output, "Volume")
+    (surface,) = shader.output.inputs["Surface"].links
+    if how == "muted":
+        surface.is_muted = True
+    else:
+        shader.tree.links.remove(surface)
+    if how == "reroute":
+        shader.link(shader.node("NodeReroute"), 0, shader.output, "Surface")
+    result, lobes = shader.export()
+    assert not result.notes and [lobe.kind for lobe in lobes] == ["TRANSPARENT"]
+
+
 def test_absorption(scene):  # noqa: F811
     notes, found = medium("ShaderNodeVolumeAbsorption", Color=(0.9, 0.5, 0.2, 1), Density=2.0)
     assert not notes and found.scattering == found.emission == (0, 0, 0)

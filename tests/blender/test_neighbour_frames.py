@@ -134,12 +134,22 @@ def test_with_motion_blur_the_pass_is_empty_and_told(scene):  # noqa: F811
     assert len(notes) == 1 and "Vector" in notes[0] and "Motion Blur" in notes[0]
 
 
-def test_frames_are_not_kept(scene):  # noqa: F811
+def test_frames_are_kept_but_where_scripts_hear_of_neighbours(scene):  # noqa: F811
     scene.render.use_persistent_data = True
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    engine = SimpleNamespace(is_preview=False)
-    layer = bpy.context.view_layer
-    assert keeps(engine, depsgraph)
-    layer.use_pass_vector = True
-    bpy.context.view_layer.update()
-    assert not keeps(engine, bpy.context.evaluated_depsgraph_get())
+    engine, layer = SimpleNamespace(is_preview=False), bpy.context.view_layer
+
+    def is_kept() -> bool:
+        bpy.context.view_layer.update()
+        return keeps(engine, bpy.context.evaluated_depsgraph_get())
+
+    def script(*_):
+        """May change anything at a frame that no update tells of."""
+
+    bpy.app.handlers.frame_change_post.append(script)
+    try:
+        assert is_kept()
+        layer.use_pass_vector = True
+        assert not is_kept()
+    finally:
+        bpy.app.handlers.frame_change_post.remove(script)
+    assert is_kept()

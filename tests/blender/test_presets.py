@@ -72,6 +72,7 @@ def got(tmp_path_factory):
     return run.answer
 
 
+@pytest.mark.slow
 def test_a_preset_leaves_nothing_of_before(got):
     for name, told in got["told"].items():
         assert told["ended"] == ["FINISHED"] and told["problems"] == [], name

@@ -87,6 +87,7 @@ def pair(scene, bounces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
     return film.passes["Combined"][..., :3], reference["Combined"][..., :3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounces", [1, 4])
 @pytest.mark.parametrize("make", [box, yard, spotted, smoky])
 def test_rooms_are_as_bright_as_in_cycles(make: Callable, bounces: int) -> None:

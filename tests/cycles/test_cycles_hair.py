@@ -142,63 +142,6 @@ def test_ribbons_which_new_scenes_have_are_lit_as_round_strands(turn):
     np.testing.assert_allclose(mine, truth, rtol=0.05)
 
 
-def furry_ball():
-    """Particle hair with children on a ball, which hides what is behind."""
-    scene = cycles.empty_scene(*SIZE)
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24)
-    ball = bpy.context.object
-    ball.scale, ball.rotation_euler = (1.0, 1.2, 0.9), (0.3, 0.2, 0.1)
-    bpy.ops.object.particle_system_add()
-    hair = ball.particle_systems[0].settings
-    hair.type, hair.count, hair.hair_length, hair.render_type = "HAIR", 150, 0.6, "PATH"
-    hair.child_type, hair.rendered_child_count, hair.child_percent = "INTERPOLATED", 8, 3
-    hair.radius_scale, hair.roughness_2 = 0.03, 0.08
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.location, camera.rotation_euler = (0, -5, 1.2), (1.34, 0, 0)
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    scene.cycles_curves.shape = "THICK"
-    return scene
-
-
-class _Exported(bpy.types.RenderEngine):
-    """Keeps the film that Glint traces of what a final render is given: its count of children."""
-
-    bl_idname, bl_label, bl_use_preview = "GLINT_TEST_HAIR", "Hair", False
-
-    def update(self, data, depsgraph):
-        from glint.addon.export import export_scene
-        from glint.engine import Settings, render
-
-        scene = export_scene(depsgraph).scene
-        settings = Settings(samples=1, passes=frozenset({"Depth"}))
-        type(self).segments = sum(len(getattr(g, "starts", ())) for g in scene.geometries)
-        type(self).depth = render(scene, settings).passes["Depth"][..., 0]
-
-    def render(self, depsgraph):
-        pass
-
-
-def test_a_furry_ball_covers_the_same_pixels():
-    """In a final render, whose children are more than the viewport's."""
-    scene = furry_ball()
-    truth = cycles.render_cycles(scene)["Depth"]
-    bpy.utils.register_class(_Exported)
-    try:
-        scene.render.engine = _Exported.bl_idname
-        bpy.ops.render.render()
-    finally:
-        bpy.utils.unregister_class(_Exported)
-    assert _Exported.segments > 150 * 8 * 4
-    mine = _Exported.depth
-    covered, seen = truth < 1e5, mine < 1e5
-    other = (covered != seen) | (covered & seen & (np.abs(truth - mine) > 0.02))
-    clear = ~(near_edges(np.where(covered, truth, 1e5)) | near_edges(np.where(seen, mine, 1e5)))
-    assert 0.1 < covered.mean() < 0.9
-    assert (other & clear).mean() <= 0.01
-    assert (covered != seen).mean() <= 0.015
-
-
 def ball_of_fur(count=6000, radius=0.006):
     """Strands that stand out of a dark ball, before a camera that looks along y."""
     scene = cycles.empty_scene(64, 64)
@@ -314,6 +257,7 @@ def kinds(*quick: tuple[str, str, str]) -> list:
 BOUNCED = ("ball", "CHIANG", "brown"), ("field", "HUANG", "black"), ("few", "HUANG", "brown")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stand", "model", "color"), kinds(*BOUNCED, ("few", "CHIANG", "black")))
 def test_principled_hair_beside_light_from_strand_to_strand(stand, model, color):
     """Beside Cycles with 8 bounces from four sides, from few strands to dense ones: within a fifth

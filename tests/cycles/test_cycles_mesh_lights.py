@@ -131,6 +131,7 @@ def compared(scene, cycles_samples: int) -> tuple[np.ndarray, np.ndarray, np.nda
     return film.passes["Combined"][..., :3], passes["Combined"][..., :3], dark
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LIT)
 def test_the_light_of_what_glows_is_cycles(name):
     scene = furnished(lambda: lambert((0.7, 0.3, 0.2)))

@@ -46,6 +46,7 @@ def rings(picture: np.ndarray) -> np.ndarray:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("roughness", [0.0, 0.3, 0.6])
 @pytest.mark.parametrize("kind", ["Principled", "Metallic", "Metallic conductor"])

@@ -181,6 +181,7 @@ def test_a_lamp_that_moves():
     assert np.sqrt(((still - truth) ** 2).mean()) / truth.mean() > 0.04
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sizes", "axes"),
     [((0, 0, 1), 3), ((1, 0, 1), 3), ((-1, 0, 1), 3), ((1, 0, 1), 2), ((0, 0, 0), 3)],

@@ -335,3 +335,29 @@ def test_mixed_shaders_keep_their_normals(bent) -> None:
     wanted, found = render_pair(scene, "NATIVE", "mixed").colors()
     assert abs(found.mean() / wanted.mean() - 1) <= 0.01
     assert np.sqrt(((found - wanted) ** 2).mean()) <= 0.01 * wanted.max()
+
+
+@pytest.mark.parametrize("shader", ["BsdfDiffuse", "BsdfPrincipled"])
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.36, -0.8, 0.48), (0.0, 0.0, 0.0)])
+def test_constant_normals_count(shader, normal) -> None:
+    """Under a sun; one of no length is the mesh's. What is matt alone: highlights of normals that
+    face away from the viewer are not lit.
+    """
+    if bpy.app.version < (4, 5, 0) and normal[0]:
+        pytest.skip("Cycles hides light by bent normals in another way before Blender 4.5")
+    scene = cycles.empty_scene(48, 48)
+    material, tree, output = new_material("flat")
+    node, given = (tree.nodes.new(f"ShaderNode{kind}") for kind in (shader, "CombineXYZ"))
+    for socket, value in zip(given.inputs, normal, strict=True):
+        socket.default_value = value
+    for name in ("Roughness", "Specular IOR Level"):
+        if name in node.inputs:
+            node.inputs[name].default_value = 0.0
+    tree.links.new(given.outputs[0], node.inputs["Normal"])
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    add(scene, "ball", ball(48, 32, material=material))
+    add_camera(scene, (0, -3, 0), (0, 0, 0))
+    add_light(scene, "SUN", (1, -3, 2), energy=3.0)
+    wanted, found = render_pair(scene, "NATIVE", "flat").colors()
+    assert abs(found.mean() / wanted.mean() - 1) <= 0.02
+    assert np.sqrt(((found - wanted) ** 2).mean()) <= 0.02 * wanted.max()

@@ -63,6 +63,7 @@ def test_hard_lights(kind: str, roughness: float, lit_by: str, backend: str) -> 
     np.testing.assert_allclose(ours.mean((0, 1)), theirs.mean((0, 1)), rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("lit_by", ["AREA", "SPHERE", "MESH", "WORLD"])
 @pytest.mark.parametrize("kind", KINDS)

@@ -286,6 +286,7 @@ BEVELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BEVELS)
 def test_cycles_has_the_same_bevel(name: str) -> None:
     """With many samples a point. Samples of a pixel whose centre is on a silhouette show the one

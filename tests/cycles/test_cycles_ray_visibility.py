@@ -77,6 +77,7 @@ METAL, ROUGHER, PLASTIC = (0.15, 1.0, 0.8), (0.4, 1.0, 0.8), (0.2, 0.0, 0.05)
 PAINT, MATT = (0.5, 0.0, 0.5), (1.0, 0.0, 0.8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flag", ["visible_glossy", "visible_shadow"])
 @pytest.mark.parametrize("lit", ["world", "sky", "lamp"])
 @pytest.mark.parametrize("paint", [METAL, ROUGHER, PLASTIC])

@@ -97,6 +97,7 @@ def test_on_a_surface_is_cycles(kind, backend):
     assert_alike(pair, pair.cycles["Combined"][..., 3] == 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.0095, 0.1])
 @pytest.mark.parametrize("kind", KINDS[1:])
 def test_the_light_of_the_sky_and_its_sun_is_cycles(kind, size):

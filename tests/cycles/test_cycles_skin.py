@@ -46,6 +46,7 @@ def both_means(scene, samples: int) -> tuple[np.ndarray, np.ndarray]:
     return tuple(f[..., :3].mean((0, 1)) for f in (truth, film.combined))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "color", "light"),
     [

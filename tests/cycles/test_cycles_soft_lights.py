@@ -141,6 +141,7 @@ def larger(scene, factor: float):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", SOFT_LIGHTS)
 def test_size_of_the_light(light):
     """The size that Cycles' penumbra shows, by least squares along Glint's derivative with respect

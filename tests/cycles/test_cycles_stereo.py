@@ -202,6 +202,7 @@ def pair_of(folder: Path, name: str, layer: str) -> tuple[np.ndarray, np.ndarray
     return one, other
 
 
+@pytest.mark.slow
 def test_an_eye_has_cycles_vectors(seen):
     cycles, glint = pair_of(seen, "vector", "Vector")
     same = np.abs(cycles - glint).max(-1) < 2e-3

@@ -50,6 +50,7 @@ def pair(scene, samples: int, of_cycles: int) -> tuple[np.ndarray, np.ndarray]:
     return film.combined[..., :3], cycles.render_passes(scene)["Combined"][..., :3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_the_edge_of_sunlight_on_a_thick_slab(method: str) -> None:
     """How bright it is at each distance from the edge, over what the light is far from it."""

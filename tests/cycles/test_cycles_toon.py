@@ -59,6 +59,7 @@ def test_hard_lights(component: str, shape: tuple, kind: str, backend: str) -> N
     np.testing.assert_allclose(ours.mean((0, 1)), theirs.mean((0, 1)), rtol=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("kind", ["AREA", "SPHERE", "MESH", "WORLD"])
 @pytest.mark.parametrize("shape", SHAPES[1:3])

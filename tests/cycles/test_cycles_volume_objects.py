@@ -113,6 +113,7 @@ def test_glow_that_a_grid_drives_in_closed_form(tmp_path):
     assert mine.mean() == pytest.approx(truth.mean(), rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [12, 24])
 def test_black_bodies_of_a_grid_are_mixed_as_in_cycles(tmp_path, count):
     """What voxels glow is straight between them, not their temperature, which goes by its fourth

@@ -218,6 +218,7 @@ def test_what_is_seen_is_cycles(name):
     assert np.percentile(error[~sky], 95) <= 5e-3, np.sort(error[~sky])[-80:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SKIES)
 def test_the_light_of_an_image_is_cycles(name):
     scene = cycles.empty_scene(32, 21)

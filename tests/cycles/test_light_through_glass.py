@@ -123,6 +123,7 @@ def basin(lit_by: str, gap: bool):
     return scene
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("gap", [False, True])
 @pytest.mark.parametrize("lit_by", ["SUN", "WORLD"])

@@ -1,15 +1,16 @@
 """Fingerprints: equal values give equal ones, and every change gives another."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import engine_scenes as scenes
-from glint.engine import Scene, Settings
+from glint.engine import Scene, Settings, native
 from glint.engine.analysis.fingerprint import picture_fingerprint, settings_text, value_fingerprint
+from glint.engine.analysis.universal_hash import block_sums, condensed
+from native_tools import needs_core
 
 
 def make_scene() -> Scene:
@@ -87,18 +88,63 @@ def test_a_picture_is_known_by_its_bits():
     )
 
 
-def test_a_large_picture_is_known_however_many_threads_look_at_it():
-    passes = {
-        "Combined": np.arange(600_000, dtype=np.float32).reshape(300, 500, 4),
-        "Depth": np.ones((300, 500, 1), np.float32),
-    }
-    known = picture_fingerprint(passes)
-    with ThreadPoolExecutor(3) as threads:
-        assert picture_fingerprint(passes, threads.map) == known
-    for place in (0, 300_000, 599_999):
-        other = passes["Combined"].copy()
-        other.flat[place] += 1
-        assert picture_fingerprint({**passes, "Combined": other}) != known
+def test_a_large_picture_is_known_by_each_of_its_bits():
+    combined = np.arange(600_001, dtype=np.float32).reshape(1, -1, 1)
+    known = {picture_fingerprint({"Combined": combined})}
+    for place in (0, 1023, 1024, 300_000, 599_999, 600_000):
+        for change in (np.nextafter(combined.flat[place], np.float32(np.inf)), -1 - place):
+            other = combined.copy()
+            other.flat[place] = change
+            known.add(picture_fingerprint({"Combined": other}))
+    swapped, turned = combined.copy(), combined.copy()
+    swapped.flat[[7, 519]] = combined.flat[[519, 7]]  # the two of one product
+    turned.flat[[5, 6]] *= -1  # signs: the uppermost bits, which sums alone would lose
+    known |= {picture_fingerprint({"Combined": picture}) for picture in (swapped, turned)}
+    assert len(known) == 1 + 12 + 2
+
+
+def exact_sums(words):
+    """NH by its formula, in whole numbers."""
+
+    def key(number):
+        z = (number + 1) * 0x9E3779B97F4A7C15 % 2**64
+        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 % 2**64
+        z = (z ^ z >> 27) * 0x94D049BB133111EB % 2**64
+        return (z ^ z >> 31) >> 32
+
+    keys = [key(number) for number in range(1024 + 4)]
+    words = [int(word) for word in words] + [0] * (-len(words) % 1024)
+    blocks = [words[first : first + 1024] for first in range(0, len(words), 1024)]
+    return [
+        [
+            sum(
+                (block[k] + keys[k + shift])
+                % 2**32
+                * ((block[512 + k] + keys[512 + k + shift]) % 2**32)
+                for k in range(512)
+            )
+            % 2**64
+            for shift in range(4)
+        ]
+        for block in blocks
+    ]
+
+
+@needs_core
+@pytest.mark.parametrize("count", [1, 1023, 1024, 1025, 4096 + 512])
+def test_sums_of_blocks_are_those_of_whole_numbers(count):
+    words = np.random.default_rng(count).integers(0, 2**32, count, dtype=np.uint32)
+    words[::5] = 2**32 - 1
+    sums = np.empty((-(-count // 1024), 4), np.uint64)
+    native.library().glint_universal_hash(words.ctypes.data, count, sums.ctypes.data)
+    assert sums.tolist() == block_sums(words).tolist() == exact_sums(words)
+
+
+def test_bytes_after_the_last_word_count():
+    values = np.zeros(5003, np.uint8)
+    other = values.copy()
+    other[-1] = 1
+    assert condensed(values) != condensed(other) and len(condensed(values)) < 100
 
 
 def test_settings_without_threads():

@@ -341,6 +341,7 @@ def test_instruction_sets_change_nothing(isa):
     assert hashes_with("test_glowing_media", isa) == hashes()
 
 
+@pytest.mark.slow
 def test_pixels_that_may_stop_take_as_many_samples_in_both_tracers():
     wanted = scene((UNIT, at((0.5, 0.6, 0.2), 0.3)), floor=PAINT, camera=side_view(12))
     settings = {"samples": 64, "error_threshold": 8.0, "light_samples": 1}

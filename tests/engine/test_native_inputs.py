@@ -16,6 +16,7 @@ from surface_scenes import ROUNDING, P, agree, plane
 pytestmark = needs_core
 
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 TEXELS = np.array(
     [[[10, 20, 30, 255], [200, 100, 50, 0]], [[0, 255, 128, 51], [90, 91, 92, 102]]], np.uint8
 )
@@ -77,7 +78,7 @@ def test_texture(encoding: str, extension: str, interpolation: str, channel: str
     rgb = {
         "COLOR": rgba[..., :3],
         "ALPHA": rgba[..., 3:],
-        "LUMINANCE": rgba[..., :3].mean(-1, keepdims=True),
+        "LUMINANCE": rgba[..., :3] @ LUMINANCE[:, None],
     }[channel]
     # The float32 UVs of the corners are exact here; uv is then good to 1e-15 of a texel.
     assert np.abs(picture - rgb * [2.0, 1.0, 0.5]).max() <= 2 * ROUNDING
@@ -125,6 +126,9 @@ def test_attributes(domain: str) -> None:
         )
     )
     agree(alpha, np.repeat(truth[..., 3:], 3, -1), 2 * ROUNDING)
+    grey = s.Lobe("EMISSION", (s.Input(attribute="paint", attribute_channel="LUMINANCE"),))
+    told = np.repeat(truth[..., :3] @ LUMINANCE[:, None], 3, -1)
+    agree(color(plane(grey, lights=(), mesh=mesh)), told, 2 * ROUNDING)
     assert (
         color(plane(s.Lobe("EMISSION", (s.Input(attribute="none"),)), lights=(), mesh=mesh)).max()
         == 0

@@ -311,6 +311,7 @@ def test_the_gil_is_free_while_the_core_works() -> None:
     assert count[0] > 20
 
 
+@pytest.mark.slow
 def test_mean_of_a_million_samples_is_exact() -> None:
     """N16: 1e6 samples of 0.1 + 0.3 average to their value to 1e-6 (here: to the last bit of
     float32).

@@ -21,6 +21,7 @@ from test_reference_support import ROUNDING, color, floor, geometry_of, material
 DOWN = s.Camera("ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (8, 8))
 GLOW = s.Lobe("EMISSION", constant(1.0))
 FLOATS = st.floats(-3, 3)
+LUMINANCE = np.array([[0.2126], [0.7152], [0.0722]])
 
 
 def texel(texture: s.Texture, i: int, j: int) -> np.ndarray:
@@ -106,7 +107,7 @@ def test_channels_transform_complement_and_second_map() -> None:
         (s.Input(texture=0), rgba[..., :3]),
         (s.Input((0.5, 1.0, 2.0), texture=0), rgba[..., :3] * (0.5, 1.0, 2.0)),
         (s.Input(texture=0, channel="ALPHA"), rgba[..., 3:]),
-        (s.Input(texture=0, channel="LUMINANCE"), rgba[..., :3].mean(-1, keepdims=True)),
+        (s.Input(texture=0, channel="LUMINANCE"), rgba[..., :3] @ LUMINANCE),
         (s.Input(texture=0, complement=True), 1 - rgba[..., :3]),
         (
             s.Input((3.0, 3.0, 3.0), texture=0, offset=(-1.0, -1.2, 0.1), low=0.1, high=0.9),
@@ -166,6 +167,8 @@ def test_attributes_on_points_corners_and_faces() -> None:
         )
         alpha = s.Input(attribute=attribute.name, attribute_channel="ALPHA", complement=True)
         assert np.allclose(seen(alpha, mesh), 1 - expected[..., 3:], rtol=1e-12)
+        grey = s.Input(attribute=attribute.name, attribute_channel="LUMINANCE")
+        assert np.allclose(seen(grey, mesh), expected[..., :3] @ LUMINANCE, rtol=1e-12)
     assert seen(s.Input(attribute="none such"), mesh).max() == 0
 
 

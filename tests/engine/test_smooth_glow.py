@@ -63,6 +63,7 @@ def test_what_glows_lights_itself_alike(seed, twice):
     assert off(scene, diffuse_bounces=0) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("twice", [False, True])
 @pytest.mark.parametrize("seed", range(8))
 def test_what_is_lit_lights_itself_alike(seed, twice):

@@ -217,6 +217,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Iterator[_Story]:
 KEPT = ["GLINT", 3, 2, 7]
 
 
+@pytest.mark.slow
 def test_the_repository_is_added_and_installed_from(story):
     answer = story.install.answer
     assert (answer["version"], answer["enabled"]) == ("0.1.0", True), story.install.output

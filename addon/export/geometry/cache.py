@@ -79,6 +79,11 @@ class ShapeCache:
         """Drop the shapes of views that are gone."""
         self._met = {key: self._met[key] for key in asked}
 
+    def keep_about(self, there: set[int]) -> None:
+        """Drop what is about anything else: its addresses may be those of others now."""
+        for asked, met in self._met.items():
+            self._met[asked] = {key: shape for key, shape in met.items() if shape.about <= there}
+
     def forget(self, changed: set[int]) -> None:
         """Drop what is about these objects."""
         for asked, met in self._met.items():

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ....engine.scene import Input, Texture
+from ..materials.terms import LUMA
 from ..report import Report
 from . import colorspace, moving, pixels
 from .cache import ImageCache, ImageKey, TextureKey
@@ -235,13 +236,15 @@ def _range_of(values: np.ndarray) -> tuple[float, float]:
 
 
 def texels(texture: Texture, channel: str) -> np.ndarray:
-    """(h w, 3) float32 scene-linear colours of a texture, or its alpha or mean channel as grey."""
+    """(h w, 3) float32 scene-linear colours of a texture, or its alpha or luminance as grey."""
     rgba = texture.pixels.reshape(-1, 4)
     if channel == "ALPHA":
         return np.repeat(colorspace.as_float(rgba[:, 3:]), 3, 1)
     rgb = rgba[:, :3]
     colors = colorspace.SRGB_BYTE[rgb] if texture.encoding == "SRGB" else colorspace.as_float(rgb)
-    return np.repeat(colors.mean(1, keepdims=True), 3, 1) if channel == "LUMINANCE" else colors
+    if channel == "COLOR":
+        return colors
+    return np.repeat(colors @ np.array(LUMA, np.float32)[:, None], 3, 1)
 
 
 def mean_color(texture: Texture, channel: str) -> np.ndarray:
@@ -259,7 +262,9 @@ def mean_color(texture: Texture, channel: str) -> np.ndarray:
         means = stored.sum(0, dtype=np.uint32).sum(0, dtype=np.uint64)[columns] / (
             255.0 * stored.shape[0] * stored.shape[1]
         )
-    return means if channel == "COLOR" else np.full(3, means.mean())
+    if channel == "LUMINANCE":
+        means = means @ np.array(LUMA)
+    return means if channel == "COLOR" else np.full(3, means)
 
 
 def _source(image: Any, path: str) -> pixels.Source | None:

@@ -10,17 +10,19 @@ from ....engine.scene import Lobe, Material, Texture
 from ..geometry.meshes import MeshSource
 from ..images.cache import TextureKey
 from ..report import Report
+from .aovs import Aov
 from .displacing import Displacement
 from .required import RequiredAttributes
 
 
 class MaterialKey(NamedTuple):
     """Of a material, or of none. uid: its session uid, 0 for none.  volume: `Volume.key` of the
-    Volume object that uses it.
+    Volume object that uses it.  aovs: that it is compiled for.
     """
 
     uid: int = 0
     volume: tuple | None = None
+    aovs: tuple[Aov, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class Compiled:
 
 
 class MaterialCache:
-    """Materials as they were compiled last. For exports that want the same AOVs."""
+    """Materials as they were compiled last."""
 
     def __init__(self) -> None:
         self.compiled: dict[MaterialKey, Compiled] = {}

@@ -12,7 +12,7 @@ from ....engine.program.program import compile_program
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes.displacing import DisplacementReader
-from .graph import Place, images_behind, output_of, read_tree, socket_named
+from .graph import end_of, images_behind, read_tree
 from .required import RequiredAttributes, read_by
 
 
@@ -26,8 +26,7 @@ def compile_displacement(material: Any, images: Images, report: Report) -> Displ
     if material is None or method_of(material) == "BUMP":
         return None
     read = read_tree(material)
-    output = output_of(read.tree) if read.tree is not None else None
-    place = Place(socket_named(output.inputs, "Displacement")) if output is not None else None
+    place = end_of(read.tree, "Displacement")
     if place is None or not place.socket.is_linked:
         return None
     note = functools.partial(_note, report, material.name)

@@ -20,7 +20,7 @@ from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.displacing import UndisplacedReader
-from ..shader_nodes.reader import NodeInputs
+from ..shader_nodes.reader import NUMBER_TYPES, NodeInputs
 from ..shader_nodes.tangents import radial_tangent
 from .clamps import clamped
 from .closures import MATT, TURNED, Closure, LobeKey, add_closures, with_normal
@@ -29,10 +29,12 @@ from .graph import (
     SHADER_FOR_VALUE,
     Place,
     closes_circle,
+    conversions,
     gets_a_shader,
     kind_of,
     socket_named,
     source,
+    trail,
 )
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant
 from .varying import Ior, Roughness
@@ -105,13 +107,15 @@ class Evaluator:
     def number(self, place: Place) -> Sum:
         """The same as a number, grey."""
         value, kind = self._read(place)
-        if kind in ("VALUE", "INT", "BOOLEAN"):
+        if kind in NUMBER_TYPES:
             return value
-        if has_output(value):
-            return self.expressions.sum_of(
-                self.expressions.number(self.expressions.value_of(value))
-            )
-        return grey(value)
+        found = grey(value) if kind != "VECTOR" else None
+        if found is not None:
+            return found
+        how = "vector_average" if kind == "VECTOR" else "rgb_to_bw"
+        return self.expressions.sum_of(
+            self.expressions.apply(how, self.expressions.value_of(value))
+        )
 
     def converted(self, place: Place) -> Sum:
         """What a socket gets, of the socket's own type as Blender converts it."""
@@ -165,7 +169,7 @@ class Evaluator:
         if bumps and self._trees.is_moved:
             reader = UndisplacedReader(self.expressions.graph, self.images, self.note)
             reader.material_index = self._trees.material_index
-            self._trees.normal_below = reader.bent(reader.value(Place(place.socket)))
+            self._trees.normal_below = reader.bent(reader.value(Place(place.socket, place.path)))
 
     def bend(self, place: Place | None) -> Value:
         """The same as `normal_at`, which is that of the shader's lobes from here on."""
@@ -173,10 +177,15 @@ class Evaluator:
         return self._bent
 
     def normal_at(self, place: Place | None) -> Value:
-        """The shading normal that a socket gets, the mesh's where it gets none, or a constant."""
+        """The shading normal that a socket gets, the mesh's where it gets none, or 0."""
         fed = place is not None and self._trees.is_fed(place)
         value = self._trees.value(place) if fed else self._trees.normal()
-        return value if value.constant is None else self.expressions.apply("normal")
+        if value.constant is None:
+            return value
+        own, nothing = self.expressions.apply("normal"), self.expressions.constant(0.0)
+        if not any(value.constant):
+            return own
+        return self.expressions.apply("scaled_sum", own, nothing, value)  # outputs are computed
 
     def tangent_at(self, place: Place | None) -> Value:
         """The tangent that a socket gets, where it gets none that round the object's Z."""
@@ -293,17 +302,16 @@ class Evaluator:
         return Term(tuple(float(x) for x in value))
 
     def _read(self, place: Place) -> tuple[Sum, str]:
-        found = source(place)
-        self._note_circle(found)
-        found = place if found is None else found
-        if not found.socket.is_output:
-            return self._default(found.socket), found.socket.type
-        value = self._value(found)
-        return (
-            (self._default(place.socket), place.socket.type)
-            if value is None
-            else (self.limited(value), found.socket.type)
-        )
+        passed = trail(place)
+        self._note_circle(passed[-1] if passed is not None else None)
+        found = passed[-1] if passed is not None else place
+        value = self._value(found) if found.socket.is_output else self._default(found.socket)
+        if value is None:
+            return self._default(place.socket), place.socket.type
+        between = conversions(passed, is_constant(value))[:-1] if passed is not None else []
+        if any(kind != found.socket.type for kind in between):
+            return self.converted(place), place.socket.type
+        return self.limited(value), found.socket.type
 
     def _value(self, found: Place) -> Sum | None:
         """What a node's output is; None where it is not understood."""
@@ -413,15 +421,15 @@ class NodeView:
         value = expressions.apply("separate_xyz", expressions.value_of(terms))
         return Roughness(value, expressions)
 
-    def ior(self, name: str = "IOR", otherwise: float = 1.5) -> Ior:
+    def ior(self, name: str = "IOR", otherwise: float = 1.5, least: float = SMALLEST_IOR) -> Ior:
         """An index of refraction, kept within bounds, which may vary over the surface."""
         terms = self.number(name, otherwise)
         if is_constant(terms):
-            number = min(max(constant_value(terms)[0], SMALLEST_IOR), LARGEST_IOR)
+            number = min(max(constant_value(terms)[0], least), LARGEST_IOR)
             return Ior(number, self.evaluator.expressions)
         expressions = self.evaluator.expressions
         value = expressions.apply("separate_xyz", expressions.value_of(terms))
-        above = expressions.math("MAXIMUM", value, SMALLEST_IOR)
+        above = expressions.math("MAXIMUM", value, least)
         return Ior(expressions.math("MINIMUM", above, LARGEST_IOR), expressions)
 
     def factor(self, name: str, otherwise: float = 0.0) -> Sum:

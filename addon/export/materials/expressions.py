@@ -122,8 +122,7 @@ class Expressions:
             color, alpha = self.graph.apply(
                 BY_NAME["attribute"], attribute=factor.attribute, shift=0
             )
-            wanted = self.vector(alpha) if factor.attribute_channel == "ALPHA" else color
-            value = self._times(value, wanted)
+            value = self._times(value, self._channel(factor.attribute_channel, color, alpha))
         if factor.output >= 0:
             value = self._times(value, list(self._outputs)[factor.output])
         if not factor.is_plain:
@@ -138,11 +137,12 @@ class Expressions:
         color, alpha = self.graph.apply(
             BY_NAME["image"], self._transformed(uv, factor.uv_transform), texture=factor.texture
         )
-        if factor.channel == "ALPHA":
-            return self.vector(alpha)
-        if factor.channel == "LUMINANCE":
-            return self.vector(self.apply("vector_average", color))
-        return color
+        return self._channel(factor.channel, color, alpha)
+
+    def _channel(self, channel: str, color: Value, alpha: Value) -> Value:
+        if channel == "COLOR":
+            return color
+        return self.vector(alpha if channel == "ALPHA" else self.number(color))
 
     def _transformed(self, uv: Value, transform: tuple[RGB, RGB]) -> Value:
         """(u', v', 0) of a 2 × 3 matrix over u, v, 1."""

@@ -194,6 +194,12 @@ def source(place: Place) -> Place | None:
     return passed[-1] if passed is not None else None
 
 
+def is_fed(place: Place) -> bool:
+    """Whether something comes in at an input."""
+    found = source(place)
+    return found is not None and found.socket.is_output
+
+
 def trail(place: Place) -> list[Place] | None:
     """All sockets that a value passes, from where it is wanted back to its `source`.
 
@@ -205,23 +211,72 @@ def trail(place: Place) -> list[Place] | None:
     return known[place.key]
 
 
+def conversions(passed: list[Place], is_constant: bool) -> list[str]:
+    """Types of sockets to which the value at the end of a trail is converted one after the other,
+    the last that of where it is wanted.
+
+    Blender 5.0 and later convert constants alone on the way, of which it says RGB nodes are none.
+    """
+    import bpy
+
+    kinds = [place.socket.type for place in reversed(passed[:-1])]
+    kinds = [kind for kind in kinds if kind != "SHADER"]  # which takes colours as they are
+    if bpy.app.version >= (5, 0, 0):
+        is_constant = is_constant and passed[-1].node.bl_idname != "ShaderNodeRGB"
+        return kinds if is_constant else kinds[-1:]
+    return kinds
+
+
 def _trail(place: Place) -> list[Place] | None:
     passed = [place]
     for _ in range(LONGEST):
         if not place.socket.is_output:
             link = _link(place)
             if link is None:
-                return passed
+                return _cut_back(passed)
             place = place.beside(link.from_socket)
             passed.append(place)
         step = _through(place)
-        if step is None and place.node.mute and len(passed) > 1:
-            return passed[:-1]  # as if nothing were linked there
         if step is None:
-            return passed
+            return _cut_back(passed) if place.node.mute else passed
         place = step
         passed.append(place)
     return None
+
+
+def end_of(tree: Any, name: str) -> Place | None:
+    """The input of this name of the output node that a tree shows, or, where it has none, that one
+    of its groups shows, as in Cycles; None without one. tree: None for none.
+    """
+    waiting = [(tree, ())] if tree is not None else []
+    for here, path in waiting:
+        output = output_of(here)
+        if output is not None:
+            return Place(socket_named(output.inputs, name), path)
+        waiting += [
+            (node.node_tree, (*path, node))
+            for node in here.nodes
+            if node.type == "GROUP" and node.node_tree is not None and not node.mute
+        ]
+    return None
+
+
+def _cut_back(passed: list[Place]) -> list[Place]:
+    """A trail that ends where nothing comes in, up to the last input of a node with a value of its
+    own.
+    """
+    while len(passed) > 1 and (passed[-1].socket.is_output or not _has_values(passed[-1].node)):
+        passed.pop()
+    return passed
+
+
+def _has_values(node: Any) -> bool:
+    """Whether unlinked inputs of a node count: those of muted nodes do not, nor, from Blender 5.0
+    on, those of reroutes, which are 0 before.
+    """
+    import bpy
+
+    return not node.mute and (node.type != "REROUTE" or bpy.app.version < (5, 0, 0))
 
 
 _GEOMETRIC = ("Coat Normal", "Tangent")

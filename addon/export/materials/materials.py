@@ -38,7 +38,8 @@ from .compiled import Compiled, MaterialKey
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
 from .evaluator import NOT_FINITE, Evaluator, is_finite
 from .expressions import Expressions
-from .graph import Place, images_behind, node_tree, output_of, read_tree, socket_named
+from .graph import end_of, images_behind, is_fed, node_tree, read_tree
+from .multiscatter import GRAZING, share_of
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import STEP, VOLUMES, default_volume, medium_of, medium_of_closure
@@ -66,14 +67,14 @@ class Materials:
         """Index of an evaluated Blender material; of Blender's default surface for None."""
         address = material.as_pointer() if material is not None else 0
         if address not in self._at:
-            self._at[address] = self._number(MaterialKey(_uid(material)), material)
+            self._at[address] = self._number(MaterialKey(_uid(material), aovs=self.aovs), material)
         return self._at[address]
 
     def volume(self, material: Any, volume: Volume) -> tuple[int, MeshSource | None]:
         """Index of an evaluated Blender material, None for none, as a Volume object wears it, and
         what surrounds all that is in it.
         """
-        number = self._number(MaterialKey(_uid(material), volume.key), material, volume)
+        number = self._number(MaterialKey(_uid(material), volume.key, self.aovs), material, volume)
         return number, self._used[number].surface
 
     def numbered(self, key: MaterialKey, material: Any) -> Compiled | None:
@@ -119,12 +120,12 @@ class Materials:
         if key not in self._numbers:
             known = self._cache.materials.compiled
             if key not in known:
-                known[key] = self._compiled(material, volume)
+                known[key] = self._compiled(material, volume, key.aovs)
             self._numbers[key] = len(self._used)
             self._used.append(known[key])
         return self._numbers[key]
 
-    def _compiled(self, material: Any, volume: Volume | None) -> Compiled:
+    def _compiled(self, material: Any, volume: Volume | None, aovs: tuple[Aov, ...]) -> Compiled:
         self._cache.work["materials"] += 1
         report, surface, moves = Report(), None, None
         images = Images(report, self._decoded, self._cache.images)
@@ -134,8 +135,8 @@ class Materials:
             result = default_material()
         else:
             result = compile_material(material, images, report)
-            if self.aovs:
-                result = replace(result, aovs=aov_material(material, self.aovs, images, report))
+            if aovs:
+                result = replace(result, aovs=aov_material(material, aovs, images, report))
             moves = compile_displacement(material, images, report)
         tree = node_tree(material.original) if material is not None else None
         return Compiled(
@@ -229,10 +230,8 @@ def compile_volume(
     if material is None:
         closure = default_volume(evaluator)
     else:
-        tree = read_tree(material).tree
-        output = output_of(tree) if tree is not None else None
-        place = Place(socket_named(output.inputs, "Volume")) if output is not None else None
-        closure = {}
+        read = read_tree(material)
+        place, closure = end_of(read.tree, "Volume"), {}
         if place is not None and place.socket.is_linked:
             images.expect(images_behind(place))
             closure = evaluator.closure(place)
@@ -289,8 +288,8 @@ def _opaque_to_light(closure: Closure, evaluator: Evaluator) -> Closure:
 
 def _is_bounds(tree: Any) -> bool:
     """Whether a surface is but where a volume ends."""
-    output = output_of(tree) if tree is not None else None
-    return output is not None and not socket_named(output.inputs, "Surface").is_linked
+    end = end_of(tree, "Surface")
+    return end is not None and not is_fed(end)
 
 
 def _passing(key: LobeKey, expressions: Expressions) -> Value:
@@ -314,8 +313,7 @@ def _passing(key: LobeKey, expressions: Expressions) -> Value:
 
 def _inside(tree: Any, material: Any, images: Images, report: Report) -> Medium | None:
     """What its volume is."""
-    output = output_of(tree) if tree is not None else None
-    place = Place(socket_named(output.inputs, "Volume")) if output is not None else None
+    place = end_of(tree, "Volume")
     if place is None or not place.socket.is_linked:
         return None
     images.expect(images_behind(place))
@@ -328,25 +326,23 @@ def _surface(tree: Any, evaluator: Evaluator, method: str) -> Closure:
     """What the active output shows, as in Cycles: black without one; what is but the bounds of a
     volume lets everything through. method: of its displacement.
     """
-    output = output_of(tree)
-    if output is None:
+    ends = (end_of(tree, name) for name in ("Surface", "Volume", "Displacement"))
+    surface, volume, displacement = ends
+    if surface is None:
         evaluator.note("Materials without an output node are black: {}; add a Material Output")
         return {}
-    socket, volume = (socket_named(output.inputs, name) for name in ("Surface", "Volume"))
-    displacement = Place(socket_named(output.inputs, "Displacement"))
     if method == "BUMP":
         evaluator.displace(displacement)
     else:
         evaluator.displace_vertices(displacement, bumps=method == "BOTH")
-    if volume.is_linked and not socket.is_linked:
+    if is_fed(volume) and not is_fed(surface):
         return {LobeKey("TRANSPARENT"): constant(1.0)}
-    if not socket.is_linked:
+    if not is_fed(surface):
         evaluator.note(
             "Materials without a surface are black: {}; link a shader to Surface of the output, or "
             "choose the node group that is missing"
         )
         return {}
-    surface = Place(socket)
     evaluator.images.expect(images_behind(surface))
     closure = evaluator.closure(surface)
     if any(key.kind in VOLUMES for key in closure):
@@ -361,11 +357,10 @@ def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
     if not is_finite((*material.diffuse_color, material.metallic, material.roughness)):
         evaluator.note(NOT_FINITE)
     color, metallic = constant(tuple(material.diffuse_color)[:3]), constant(material.metallic)
+    roughness = Roughness(material.roughness)
+    again = share_of(constant_value(color), roughness, GRAZING)
     closures = (
-        scale_closure(
-            glossy_closure(color, constant_value(color), Roughness(material.roughness), True),
-            metallic,
-        ),
+        scale_closure(glossy_closure(color, again, roughness), metallic),
         scale_closure(diffuse_closure(color), complement(metallic)),
     )
     return add_closures(*closures)

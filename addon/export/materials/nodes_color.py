@@ -102,7 +102,7 @@ def _blend(view: NodeView, kind: str, a: Sum, b: Sum) -> Sum | None:
 
 def _invert(view: NodeView, output: Any) -> Sum:
     color = view.color("Color")
-    return mix(view.factor("Fac", 1.0), color, complement(color))
+    return mix(view.number("Fac", 1.0), color, complement(color))
 
 
 def _map_range(view: NodeView, output: Any) -> Sum | None:

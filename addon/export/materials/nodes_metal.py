@@ -7,13 +7,25 @@ from .anisotropy import Brush
 from .closures import Closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import EDGE_COSINE, conductor_reflectance, schlick
+from .multiscatter import GRAZING, share_at, share_of
 from .nodes_shader import (
     Edge,
     glossy_closure,
     is_multiscatter,
     note_microfacets,
 )
-from .terms import ONE, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
+from .terms import (
+    ONE,
+    ZERO,
+    Sum,
+    add,
+    complement,
+    constant,
+    constant_value,
+    is_constant,
+    multiply,
+    scale,
+)
 from .thin_film import Metal, film_on_metal
 from .varying import Roughness
 
@@ -32,9 +44,8 @@ def metal_closure(
     color, edge_tint = (view.evaluator.clamped(x, 0.0, 1.0) for x in (color, edge_tint))
     film = film_on_metal(view, conductor or _metal(color, edge_tint))
     if film is not None:
-        return glossy_closure(
-            film.reflected, film.mean, roughness, is_multiscatter(view), edge=None
-        )
+        again = share_of(film.mean, roughness) if is_multiscatter(view) else ZERO
+        return glossy_closure(film.reflected, again, roughness, edge=None)
     lack = complement(edge_tint)
     if not lack:
         edge = Edge()
@@ -43,9 +54,9 @@ def metal_closure(
             scale(color, 1 - schlick(0.0, EDGE_COSINE)), constant(schlick(0.0, EDGE_COSINE))
         )
         lack = multiply(lack, at_edge)
-        edge = Edge(lack, view.evaluator.mean(lack), _mirrored(view, color, lack, roughness))
-    mean = view.evaluator.mean(color)
-    return glossy_closure(color, mean, roughness, is_multiscatter(view), edge)
+        edge = Edge(lack, _mirrored(view, color, lack, roughness))
+    again = share_at(view, color, roughness, GRAZING, lack) if is_multiscatter(view) else ZERO
+    return glossy_closure(color, again, roughness, edge)
 
 
 def _metal(color: Sum, tint: Sum) -> Metal | None:

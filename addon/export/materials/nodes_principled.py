@@ -8,9 +8,11 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+from ....engine.program.operations_vector import VectorMeasure
 from .anisotropy import Brush
 from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
+from .multiscatter import share_of
 from .nodes_metal import metal_closure
 from .nodes_shader import (
     below_coat,
@@ -27,9 +29,9 @@ from .nodes_sheen import Fibres
 from .rough_diffuse import roughened
 from .roughness import layer_loss
 from .subsurface import WALKS_IOR, note_constants, subsurface
-from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
+from .terms import ONE, ZERO, Sum, complement, constant, constant_value, is_constant, mix, multiply
 from .thin_film import film_of
-from .varying import Ior, Roughness
+from .varying import Ior, Of, Roughness
 
 
 def _principled(view: NodeView) -> Closure:
@@ -92,7 +94,8 @@ def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     else:
         color = film.tinted(tint)
         below = diffuse_closure(multiply(base, complement(film.largest(color))))
-        coat = glossy_closure(color, film.mean, roughness, again, edge=None)
+        share = share_of(film.mean, roughness) if again else ZERO
+        coat = glossy_closure(color, share, roughness, edge=None)
     weight, names = view.factor("Subsurface Weight"), ("Subsurface Radius", "Subsurface Scale")
     below = subsurface(view, below, weight, names, base, view.node.subsurface_method)
     below = roughened(view, below, "Diffuse Roughness", base)
@@ -121,13 +124,33 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     weight, rest = _layer(view, "Coat Weight")
     if not weight:
         return surface
-    ior = view.ior("Coat IOR")
-    tint = view.reflectance("Coat Tint", 1.0)
+    ior = view.ior("Coat IOR", least=1.0)
+    tint = _absorbed(view, view.reflectance("Coat Tint", 1.0), ior)
     roughness = view.roughness("Coat Roughness", 0.03)
-    lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior.number)))
+    lost = multiply(weight, roughness.number(Of(_layer_loss, (ior.number,))))
     through = multiply(rest(lost), mix(view.factor("Coat Weight"), ONE, tint))
     coat = _turned(view, coat_closure(weight, roughness, ior))
     return add_closures(scale_closure(surface, through), coat)
+
+
+def _layer_loss(ior: float, roughness: float) -> float:
+    return layer_loss(roughness, ior)
+
+
+def _absorbed(view: NodeView, tint: Sum, ior: Ior) -> Sum:
+    """The tint of a coat by the way of light from the viewer, which the coat bends; tint is that
+    seen straight. As Cycles has it: to the power 1 / √(1 - sin² / ior²).
+    """
+    if tint == ONE:
+        return ONE
+    expressions = view.evaluator.expressions
+    do, math = expressions.apply, expressions.math
+    normal = view.evaluator.normal_at(view.input("Coat Normal"))
+    cosine = do("vector_measure", do("incoming"), normal, measure=VectorMeasure.DOT_PRODUCT)
+    square = math("MINIMUM", math("MULTIPLY", cosine, cosine), 1.0)
+    bent = math("DIVIDE", math("SUBTRACT", 1.0, square), math("MULTIPLY", ior.value, ior.value))
+    depth = math("INVERSE_SQRT", math("SUBTRACT", 1.0, bent))
+    return expressions.sum_of(do("gamma", expressions.value_of(tint), depth))
 
 
 def _turned(view: NodeView, coat: Closure) -> Closure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +10,7 @@ from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import EDGE_MEAN, dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
+from .multiscatter import share_at, share_of
 from .rough_diffuse import roughened
 from .roughness import (
     World,
@@ -22,9 +22,9 @@ from .roughness import (
     world_of,
 )
 from .subsurface import WALKS_IOR, note_constants, subsurface
-from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
+from .terms import ONE, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 from .thin_film import Film, film_of
-from .varying import Ior, Roughness
+from .varying import Ior, Of, Roughness
 
 
 def diffuse_closure(color: Sum) -> Closure:
@@ -37,11 +37,10 @@ def diffuse_closure(color: Sum) -> Closure:
 @dataclass(frozen=True)
 class Edge:
     """How metals look at grazing angles: white (Schlick), and some 8 degrees before that by `lack`
-    darker, whose mean is given. mirrored: all of a mirror; None for the colour.
+    darker. mirrored: all of a mirror; None for the colour.
     """
 
     lack: Sum = ZERO
-    mean: RGB = (0.0, 0.0, 0.0)
     mirrored: Sum | None = None
 
 
@@ -49,12 +48,10 @@ WHITE = Edge()
 
 
 def glossy_closure(
-    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: Edge | None = WHITE
+    color: Sum, again: Sum, roughness: Roughness, edge: Edge | None = WHITE
 ) -> Closure:
-    """A metal-like lobe that reflects `color`, whose mean is given; edge: None for the same colour
-    at all angles.
-
-    What scatters more than once is the mean's: exact for constants.
+    """A metal-like lobe that reflects `color`. again: which share of it scatters more than once.
+    edge: None for the same colour at all angles.
     """
     mirrored = color if edge is None or edge.mirrored is None else edge.mirrored
     if roughness.is_mirror():
@@ -62,31 +59,16 @@ def glossy_closure(
     if roughness.varies:
         return add_closures(
             {LobeKey("MIRROR"): multiply(mirrored, roughness.mirrored())},
-            scale_closure(
-                _rough_glossy(color, mean, roughness, multiscatter, edge), roughness.rough()
-            ),
+            scale_closure(_rough_glossy(color, again, roughness, edge), roughness.rough()),
         )
-    return _rough_glossy(color, mean, roughness, multiscatter, edge)
+    return _rough_glossy(color, again, roughness, edge)
 
 
-def _rough_glossy(
-    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: Edge | None
-) -> Closure:
+def _rough_glossy(color: Sum, again: Sum, roughness: Roughness, edge: Edge | None) -> Closure:
     world, rest = WorldShares(roughness, "METAL"), ZERO if edge is None else complement(color)
-    lack, lacks = (ZERO, (0.0, 0.0, 0.0)) if edge is None else (edge.lack, edge.mean)
-
-    def again(r: float) -> RGB:
-        if not multiscatter:
-            return (0.0, 0.0, 0.0)
-        grazing = 0.0 if edge is None else 1 / 21
-        return tuple(
-            scattered(f + (1 - f) * grazing - EDGE_MEAN * less, r)
-            for f, less in zip(mean, lacks, strict=True)
-        )
-
-    brighter = roughness.color(lambda r: tuple(1 + x * scattered_narrow(r) for x in again(r)))
-    spread = multiply(color, roughness.color(again))
-    once = multiply(color, roughness.color(lambda r: tuple(1 - x for x in again(r))))
+    lack = ZERO if edge is None else edge.lack
+    brighter = add(ONE, multiply(again, roughness.number(Of(scattered_narrow))))
+    spread, once = multiply(color, again), multiply(color, complement(again))
     always, grazing = (
         add(spread, multiply(once, world.a0), multiply(rest, world.b0)),
         add(multiply(once, world.a1), multiply(rest, world.b1)),
@@ -95,7 +77,7 @@ def _rough_glossy(
         _highlights(multiply(color, brighter), roughness),
         _highlights(multiply(rest, brighter), roughness, schlick=True),
         _highlights(scale(multiply(lack, brighter), -1.0), roughness, edge=True),
-        _matt(multiply(spread, roughness.number(scattered_wide)), world),
+        _matt(multiply(spread, roughness.number(Of(scattered_wide))), world),
         _seen("AMBIENT", add(always, scale(lack, -EDGE_MEAN)), grazing, world),
     )
 
@@ -106,15 +88,26 @@ class WorldShares:
     """
 
     def __init__(self, roughness: Roughness, kind: str, ior: float = Ior.NOMINAL) -> None:
-        def of(name: str) -> Callable[[float], float]:
-            return lambda r: getattr(_world(r, kind, ior), name)
+        a0, a1, b0, b1, q = (Of(_share_of_world, (kind, ior, name)) for name in _SHARES)
+        self.a0, self.a1, self.b0, self.b1 = map(roughness.number, (a0, a1, b0, b1))
+        self.less_a0 = roughness.number(Of(_rest, (a0,)))
+        self.minus_a1 = roughness.number(Of(_minus, (a1,)))
+        self.exponent = roughness.exponent(q)
 
-        self.a0, self.a1, self.b0, self.b1 = (
-            roughness.number(of(name)) for name in ("a0", "a1", "b0", "b1")
-        )
-        self.less_a0 = roughness.number(lambda r: 1 - of("a0")(r))
-        self.minus_a1 = roughness.number(lambda r: -of("a1")(r))
-        self.exponent = roughness.exponent(of("q"))
+
+_SHARES = ("a0", "a1", "b0", "b1", "q")
+
+
+def _share_of_world(kind: str, ior: float, name: str, roughness: float) -> float:
+    return getattr(_world(roughness, kind, ior), name)
+
+
+def _rest(of: Of, roughness: float) -> float:
+    return 1 - of(roughness)
+
+
+def _minus(of: Of, roughness: float) -> float:
+    return -of(roughness)
 
 
 def _world(roughness: float, kind: str, ior: float) -> World:
@@ -165,9 +158,9 @@ def _rough_coat(roughness: Roughness, ior: Ior, multiscatter: bool, tint: Sum) -
     again = _scattered_again(ior, multiscatter)
     tinted = multiply(tint, ior.f0)
     highlight = _dielectric_highlights(
-        tint, roughness, ior, roughness.number(lambda r: 1 + again(r) * scattered_narrow(r))
+        tint, roughness, ior, roughness.number(Of(_brighter, (again,)))
     )
-    wide = roughness.number(lambda r: again(r) * scattered_wide(r))
+    wide = roughness.number(Of(_spread, (again,)))
     return add_closures(
         highlight,
         _matt(multiply(tinted, wide), world),
@@ -175,10 +168,18 @@ def _rough_coat(roughness: Roughness, ior: Ior, multiscatter: bool, tint: Sum) -
     )
 
 
-def _scattered_again(ior: Ior, multiscatter: bool) -> Callable[[float], float]:
+def _scattered_again(ior: Ior, multiscatter: bool) -> Of:
     """Of roughness: what comes back of the light that is not sent out at once."""
     f0 = normal_reflectance(ior.number)
-    return lambda r: scattered(f0 + (1 - f0) / 21, r) if multiscatter else 0.0
+    return Of(scattered, (f0 + (1 - f0) / 21 if multiscatter else 0.0,))
+
+
+def _brighter(again: Of, roughness: float) -> float:
+    return 1 + again(roughness) * scattered_narrow(roughness)
+
+
+def _spread(again: Of, roughness: float) -> float:
+    return again(roughness) * scattered_wide(roughness)
 
 
 def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: Ior, brighter: Sum) -> Closure:
@@ -202,13 +203,11 @@ def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: Ior, brighter: 
     )
 
 
-def _reflected(
-    kind: str, f0: Sum, world: WorldShares, roughness: Roughness, again: Callable[[float], float]
-) -> Closure:
+def _reflected(kind: str, f0: Sum, world: WorldShares, roughness: Roughness, again: Of) -> Closure:
     """What of a uniform world a dielectric layer reflects; again: the share of what is not sent out
     at once.
     """
-    rest, once = complement(f0), multiply(f0, roughness.number(lambda r: 1 - again(r)))
+    rest, once = complement(f0), multiply(f0, roughness.number(Of(_rest, (again,))))
     more = multiply(f0, roughness.number(again))
     always = add(more, multiply(once, world.a0), multiply(rest, world.b0))
     grazing = add(multiply(once, world.a1), multiply(rest, world.b1))
@@ -250,7 +249,7 @@ def filmed_glass(
     color = film.tinted(reflected)
     through = multiply(refracted, complement(film.reflected))
     return add_closures(
-        glossy_closure(color, film.mean, roughness, True, edge=None),
+        glossy_closure(color, share_of(film.mean, roughness), roughness, edge=None),
         refracting(through, roughness, ior),
     )
 
@@ -260,7 +259,7 @@ def refracting(color: Sum, roughness: Roughness, ior: Ior, fresnel: bool = False
     kind = {"fresnel": fresnel, **ior.key}
     if roughness.is_mirror():
         return {LobeKey("REFRACTION", **kind): color}
-    blurred = LobeKey("REFRACTION", **roughness.exponent(glass_exponent), **kind)
+    blurred = LobeKey("REFRACTION", **roughness.exponent(Of(glass_exponent)), **kind)
     if not roughness.varies:
         return {blurred: color}
     return add_closures(
@@ -329,8 +328,8 @@ def _glossy(view: NodeView) -> Closure:
     note_microfacets(view)
     color = view.reflectance("Color")
     brush = Brush(view, view.roughness(otherwise=0.0), is_signed=True)
-    mean, again = view.evaluator.mean(color), is_multiscatter(view)
-    return brush.on(glossy_closure(color, mean, brush.roughness, again, edge=None))
+    again = share_at(view, color, brush.roughness) if is_multiscatter(view) else ZERO
+    return brush.on(glossy_closure(color, again, brush.roughness, edge=None))
 
 
 def _glass(view: NodeView) -> Closure:

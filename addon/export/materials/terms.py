@@ -128,32 +128,61 @@ def mix(factor: Sum, a: Sum, b: Sum) -> Sum:
     return add(multiply(complement(factor), a), multiply(factor, b))
 
 
-def grey(terms: Sum) -> Sum:
-    """The sum as a number on all three channels: constants by Rec. 709 luminance, textures by their
-    mean channel.
+def grey(terms: Sum) -> Sum | None:
+    """The sum as a number on all three channels, its Rec. 709 luminance; None where that is no sum:
+    of products of colours, of colours within bounds and of what programs compute.
     """
-    return add(*((_grey(term),) for term in terms))
+    greys = [_grey(term) for term in terms]
+    return None if None in greys else add(*((term,) for term in greys))
 
 
-def _grey(term: Term) -> Term:
-    value = luminance(term.value)
-    return Term((value,) * 3, tuple(_grey_input(factor) for factor in term.factors))
+def _grey(term: Term) -> Term | None:
+    colored = [factor for factor in term.factors if not _is_grey_input(factor)]
+    if not colored:
+        return Term((luminance(term.value),) * 3, term.factors)
+    if len(colored) > 1 or not (_is_grey(term.value) and _has_luminance(colored[0])):
+        return None
+    return Term(term.value, tuple(map(_grey_input, term.factors)))
+
+
+def _is_grey(rgb: RGB) -> bool:
+    return rgb[0] == rgb[1] == rgb[2]
+
+
+def _is_grey_input(source: Input) -> bool:
+    """Whether its three channels are the same everywhere."""
+    return (
+        _is_grey(source.value)
+        and _is_grey(source.offset)
+        and not _colored(source)
+        and source.output < 0
+    )
+
+
+def _has_luminance(source: Input) -> bool:
+    """Whether the luminance of an input that is not grey is another input."""
+    return (
+        source.is_plain
+        and _is_grey(source.value)
+        and len(_colored(source)) == 1
+        and source.output < 0
+    )
+
+
+def _colored(source: Input) -> dict[str, str]:
+    """Channels that are colours, with what stands for their luminance."""
+    found = {}
+    if source.texture >= 0 and source.channel == "COLOR":
+        found["channel"] = "LUMINANCE"
+    is_colour = source.attribute and not source.attribute.startswith(GREY)
+    if is_colour and source.attribute_channel == "COLOR":
+        found["attribute_channel"] = "LUMINANCE"
+    return found
 
 
 def _grey_input(source: Input) -> Input:
-    """A texture's colour becomes its luminance, an attribute's the mean of its channels
-    (`GREY`).
-    """
-    value, changes = luminance(source.value), {"offset": (luminance(source.offset),) * 3}
-    if source.texture >= 0 and source.channel == "COLOR":
-        changes["channel"] = "LUMINANCE"
-    if (
-        source.attribute
-        and source.attribute_channel == "COLOR"
-        and not source.attribute.startswith(GREY)
-    ):
-        changes["attribute"] = GREY + source.attribute
-    return replace(source, value=(value,) * 3, **changes)
+    """A colour becomes its luminance."""
+    return replace(source, **_colored(source))
 
 
 def factors_of(term: Term) -> tuple[Input, ...]:

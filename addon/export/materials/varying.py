@@ -5,6 +5,8 @@ sums and as lobes' numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from ....engine.program.graph import Value
@@ -23,6 +25,17 @@ ROWS = 512
 """Of tables over roughness: linear in between, exponents are then right to 0.4 %."""
 
 
+@dataclass(frozen=True)
+class Of:
+    """A function of roughness that many materials share: `what` of its arguments and that."""
+
+    what: Callable[..., float]
+    arguments: tuple[Any, ...] = ()
+
+    def __call__(self, roughness: float) -> float:
+        return self.what(*self.arguments, roughness)
+
+
 class Roughness:
     """One number from 0 to 1, or a program's value.
 
@@ -38,11 +51,11 @@ class Roughness:
 
     def mirrored(self) -> Sum:
         """1 where the surface is a mirror, else 0."""
-        return self.number(lambda r: float(r <= MIRROR_ROUGHNESS))
+        return self.number(Of(_is_mirror))
 
     def rough(self) -> Sum:
         """1 where the surface is no mirror, else 0."""
-        return self.number(lambda r: float(r > MIRROR_ROUGHNESS))
+        return self.number(Of(_is_rough))
 
     def is_mirror(self) -> bool:
         """Whether the surface is known to be a mirror everywhere."""
@@ -66,37 +79,58 @@ class Roughness:
 
     def highlights(self) -> list[tuple[dict[str, Any], Sum]]:
         """Exponent and masking of the lobes that stand for GGX, and what each is times."""
-        masking = self._key("masking", width)
+        masking = self._key("masking", Of(width))
         if not self.varies:
             return [({"exponent": p, **masking}, constant(s)) for p, s in highlights(self.value)]
 
-        def part(k: int, which: int) -> Callable[[float], float]:
-            def of(r: float) -> float:
-                lobes = highlights(max(r, MIRROR_ROUGHNESS))
-                return lobes[k][which] if k < len(lobes) else 0.0
-
-            return of
-
-        return [
-            ({**self.exponent(part(k, 0)), **masking}, self.number(part(k, 1)))
+        shapes = [
+            (self.exponent(Of(_highlight, (k, 0))), self.number(Of(_highlight, (k, 1))))
             for k in range(MOST_HIGHLIGHTS)
         ]
+        return [({**exponent, **masking}, size) for exponent, size in shapes]
 
     def _key(self, name: str, of: Callable[[float], float]) -> dict[str, Any]:
         if not self.varies:
             return {name: of(self.value)}
-        column = [of(r) for r in _PLACES]
-        output = self._expressions.output(self._interpolated(column))
-        return {name: max(column), f"{name}_output": output}
+        table = _table_of(of)
+        output = self._expressions.output(self._expressions.looked_up(self.value, table))
+        return {name: max(table[3::4]), f"{name}_output": output}
 
     def _looked_up(self, of: Callable[[float], float]) -> Value:
-        return self._interpolated(map(of, _PLACES))
+        return self._expressions.looked_up(self.value, _table_of(of))
 
     def _interpolated(self, column: Iterable[float]) -> Value:
         """Between a function's values at `_PLACES`."""
-        table = [0.0] * (4 * ROWS)
-        table[3::4] = map(float, column)
-        return self._expressions.looked_up(self.value, tuple(table))
+        return self._expressions.looked_up(self.value, _table(column))
+
+
+def _is_mirror(roughness: float) -> float:
+    return float(roughness <= MIRROR_ROUGHNESS)
+
+
+def _is_rough(roughness: float) -> float:
+    return float(roughness > MIRROR_ROUGHNESS)
+
+
+def _highlight(k: int, which: int, roughness: float) -> float:
+    lobes = highlights(max(roughness, MIRROR_ROUGHNESS))
+    return lobes[k][which] if k < len(lobes) else 0.0
+
+
+def _table(column: Iterable[float]) -> tuple[float, ...]:
+    """A ramp's table whose alpha is a function's values at `_PLACES`."""
+    table = [0.0] * (4 * ROWS)
+    table[3::4] = map(float, column)
+    return tuple(table)
+
+
+def _table_of(of: Callable[[float], float]) -> tuple[float, ...]:
+    return _shared_table(of) if isinstance(of, Of) else _table(map(of, _PLACES))
+
+
+@lru_cache(maxsize=256)
+def _shared_table(of: Of) -> tuple[float, ...]:
+    return _table(map(of, _PLACES))
 
 
 class Ior:
@@ -112,6 +146,11 @@ class Ior:
         self.varies = isinstance(value, Value)
         self.number = self.NOMINAL if isinstance(value, Value) else value
         self._value, self._expressions = value, expressions
+
+    @property
+    def value(self) -> Value:
+        """The index, of which something is worked out."""
+        return self._value if self.varies else self._expressions.constant(self.number)
 
     @property
     def key(self) -> dict[str, Any]:

@@ -149,13 +149,29 @@ def image_texture(node: Any, images: Images, note: Callable[[str], None], tile: 
     """Index of an Image Texture node's texture; of a tiled image that of a tile. note: of its
     material.
 
-    Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
+    Where nothing reads the image's alpha, of this node or of one like it, its colour is times
+    alpha, as in Cycles.
     """
     if node.image is None:
         note(NO_IMAGE)
-    alone = not node.outputs["Alpha"].is_linked
+    others = (
+        other
+        for other in node.id_data.nodes
+        if other.bl_idname == node.bl_idname and other.image == node.image
+    )
+    alone = not any(x.outputs["Alpha"].is_linked and _is_alike(node, x) for x in others)
     how = node.extension, node.interpolation
     return images.texture(node.image, node.image_user, *how, alone, tile)
+
+
+def _is_alike(node: Any, other: Any) -> bool:
+    """Whether Cycles takes two Image Texture nodes of one image for one."""
+    one, two = (
+        [(x.extension, x.interpolation, x.projection, x.projection_blend)]
+        + [link.from_socket for link in x.inputs["Vector"].links]
+        for x in (node, other)
+    )
+    return one == two
 
 
 def _image(view: NodeInputs) -> Outputs:

@@ -25,6 +25,7 @@ from ..materials.graph import (
     Key,
     Place,
     closes_circle,
+    conversions,
     gets_a_shader,
     kind_of,
     socket_named,
@@ -253,14 +254,14 @@ class TreeReader:
         return passed is not None and passed[-1].socket.is_output
 
     def passed_on(self, wanted: Place) -> Value:
-        """The value at the end of a socket's trail, converted at each socket on its way."""
+        """The value at the end of a socket's trail, converted on its way."""
         passed = self._trail(wanted)
         made = self._made(passed[-1]) if passed is not None else None
         if made is None:
             return self.default(wanted.socket)
         kind = passed[-1].socket.type
-        for place in reversed(passed[:-1]):
-            made, kind = self._converted(made, kind, place.socket.type), place.socket.type
+        for wanted_kind in conversions(passed, made.constant is not None):
+            made, kind = self._converted(made, kind, wanted_kind), wanted_kind
         return made
 
     def _made(self, end: Place) -> Value | None:
@@ -284,11 +285,15 @@ class TreeReader:
         return self.graph.constant(numbers + [0.0] * (_width(socket.type) - len(numbers)))
 
     def _converted(self, value: Value, kind: str, wanted: str) -> Value:
-        if _width(kind) == _width(wanted):
+        if _width(wanted) == 3:
+            return value if _width(kind) == 3 else self.apply("combine_xyz", value, value, value)[0]
+        if _width(kind) == 3:
+            value = self.apply("rgb_to_bw" if kind == "RGBA" else "vector_average", value)[0]
+        if wanted == kind or wanted == "VALUE" or kind == "BOOLEAN":
             return value
-        if _width(kind) == 1:
-            return self.apply("combine_xyz", value, value, value)[0]
-        return self.apply("rgb_to_bw" if kind == "RGBA" else "vector_average", value)[0]
+        if wanted == "INT":
+            return self.arithmetic()("TRUNC", value)
+        return self.arithmetic()("GREATER_THAN", value, 0.0)
 
 
 class NodeInputs:

@@ -9,7 +9,7 @@ microseconds an object.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -21,10 +21,12 @@ from ..cache import ExportCache, WorldKey
 from ..collector import Collector
 from ..culling import Culling, culls
 from ..export import world_of
+from ..geometry.displacing import Displaced
 from ..images import moving
 from ..images.images import Images
 from ..instances import VisitedObjects, walk
 from ..light_groups import NO_MEMBERS, LightGroups, Members
+from ..materials.aovs import Aov, note_world
 from ..materials.materials import Materials
 from ..materials.nodes_volume import with_step_rate
 from ..materials.required import RequiredAttributes
@@ -43,14 +45,16 @@ NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
 
 
 class Asked(NamedTuple):
-    """What a view wants of meshes, what it shows (`shown_in`), light groups, and what Simplify
-    leaves out of it.
+    """What a view wants of meshes, what it shows (`shown_in`), light groups, what Simplify leaves
+    out of it; the rest as for `export_scene`.
     """
 
     required: RequiredAttributes
     shown: tuple
     groups: Members
     culling: Culling | None
+    aovs: tuple[Aov, ...]
+    keeps_collapsed: bool
 
 
 class LiveExport:
@@ -58,6 +62,7 @@ class LiveExport:
 
     def __init__(self) -> None:
         self._cache = ExportCache()
+        self._layer = ""
         self._frame: tuple[int, float] | None = None
         self._indices: dict[Asked, SceneIndex] = {}
         self._given: dict[Asked, Scene] = {}
@@ -83,6 +88,7 @@ class LiveExport:
         self._cache.shapes.keep_views(self._indices)
         self._given = {a: given for a, given in self._given.items() if a in self._indices}
         self._deltas = {}
+        self._take_layer(depsgraph)
         # What moves may come into view.
         self._indices = {a: index for a, index in self._indices.items() if a.culling is None}
         turns = self._turns_images(depsgraph.scene_eval)
@@ -103,6 +109,15 @@ class LiveExport:
         if turns:
             self._cache.forget_moving_images()
         self._frame = _frame_of(depsgraph.scene_eval)
+
+    def _take_layer(self, depsgraph: Any) -> None:
+        """Of another view layer than before Blender tells all that it evaluates anew; what only the
+        other layers have is gone.
+        """
+        if depsgraph.view_layer.name == self._layer:
+            return
+        self._layer, self._indices = depsgraph.view_layer.name, {}
+        self._cache.shapes.keep_about({block.original.session_uid for block in depsgraph.ids})
 
     def _keep(self, is_wanted: Callable[[SceneIndex], bool]) -> None:
         self._indices = {asked: index for asked, index in self._indices.items() if is_wanted(index)}
@@ -132,15 +147,17 @@ class LiveExport:
         space: Any = None,
         groups: Members = NO_MEMBERS,
         culling: Culling | None = None,
+        aovs: tuple[Aov, ...] = (),
+        keeps_collapsed: bool = False,
     ) -> Scene:
         """The scene as of the updates that were applied. What several views ask for is walked over
         once for all that see the same.
 
         space: the 3D view whose local view and visibility count, None for none.  passes: as for
         `export_scene`.  groups: `LightGroups.members` where light groups are shown.  culling: what
-        is left out of the view.
+        is left out of the view.  aovs, keeps_collapsed: as for `export_scene`.
         """
-        asked = _asked(passes, space, groups, culling)
+        asked = _asked(passes, space, groups, culling, aovs, keeps_collapsed)
         if asked not in self._indices:
             self._indices[asked] = self._walked(depsgraph, asked, space, asked.required)
         index, before = self._indices[asked], self._given.get(asked)
@@ -149,32 +166,26 @@ class LiveExport:
         self._given[asked] = index.scene
         return replace(index.scene, camera=camera)
 
-    def delta(
-        self,
-        passes: frozenset[str] = frozenset(),
-        space: Any = None,
-        groups: Members = NO_MEMBERS,
-        culling: Culling | None = None,
-    ) -> SceneDelta | None:
+    def delta(self, **view: Any) -> SceneDelta | None:
         """How the scene that `scene` gave last for the same view differs from the one that it gave
-        before what was heard last; None where there is none.
+        before what was heard last; None where there is none.  view: as for `scene`.
         """
-        return self._deltas.get(_asked(passes, space, groups, culling))
+        return self._deltas.get(_asked(**view))
 
-    def notes(
-        self,
-        passes: frozenset[str] = frozenset(),
-        space: Any = None,
-        groups: Members = NO_MEMBERS,
-        culling: Culling | None = None,
-    ) -> tuple[str, ...]:
+    def notes(self, **view: Any) -> tuple[str, ...]:
         """What could not be exported as it is, of the scene that `scene` gave last for the same
         view.
         """
-        index, report = self._indices[_asked(passes, space, groups, culling)], Report()
+        index, report = self._indices[_asked(**view)], Report()
         for part in (index.report, *(compiled.report for _, compiled in index.sources)):
             report.add(part)
         return report.notes()
+
+    def displaced(self, **view: Any) -> Mapping[int, Displaced]:
+        """How meshes of the scene that `scene` gave last for the same view were displaced, by their
+        numbers.
+        """
+        return self._indices[_asked(**view)].displaced
 
     def _walked(
         self, depsgraph: Any, asked: Asked, space: Any, required: RequiredAttributes
@@ -183,7 +194,7 @@ class LiveExport:
         report, visited = Report(), VisitedObjects()
         self._cache.work["walks"] += 1
         groups = LightGroups(asked.groups.names)
-        collector = Collector(depsgraph, required, report, self._cache, groups)
+        collector = Collector(depsgraph, required, report, self._cache, groups, aovs=asked.aovs)
         things = walk(
             depsgraph,
             collector.meet,
@@ -205,9 +216,11 @@ class LiveExport:
             )
         note_missing(depsgraph, report)
         world = world_of(depsgraph, depsgraph.scene_eval)
+        note_world(world, asked.aovs, report)
         sky = with_light_group(self._sky(depsgraph, report), groups.number(world))
-        scene = collector.scene(NO_CAMERA, things, sky)
-        index = SceneIndex(scene, visited, collector.materials.sources, report)
+        scene = collector.scene(NO_CAMERA, things, sky, keeps_collapsed=asked.keeps_collapsed)
+        displaced = collector.displaced
+        index = SceneIndex(scene, visited, collector.materials.sources, report, displaced)
         for thing, number in collector.groups:
             index.place_instances(thing, number)
         for thing, number in collector.lamps:
@@ -244,12 +257,21 @@ class LiveExport:
         return sky
 
 
-def _asked(passes: frozenset[str], space: Any, groups: Members, culling: Culling | None) -> Asked:
+def _asked(
+    passes: frozenset[str] = frozenset(),
+    space: Any = None,
+    groups: Members = NO_MEMBERS,
+    culling: Culling | None = None,
+    aovs: tuple[Aov, ...] = (),
+    keeps_collapsed: bool = False,
+) -> Asked:
     return Asked(
         RequiredAttributes(frozenset({""}) if "UV" in passes else frozenset()),
         shown_in(space),
         groups,
         culling,
+        aovs,
+        keeps_collapsed,
     )
 
 

@@ -7,12 +7,15 @@ parenting or constraints as well.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from ....engine.scene import EVERYTHING, Instances, Light, Scene
+from ..geometry.displacing import Displaced
 from ..instances import ExportedObject, VisitedObjects, flags_of
 from ..light_links import blockers_of, receivers_of
 from ..lights import Lights
@@ -40,9 +43,10 @@ class SceneIndex:
         visited: VisitedObjects,
         sources: tuple = (),
         report: Report | None = None,
+        displaced: Mapping[int, Displaced] = MappingProxyType({}),
     ) -> None:
         """sources: what the scene's materials were made from, for whoever makes them anew.  report:
-        of all but them.
+        of all but them.  displaced: as `Export` has it.
         """
         self.scene, self.sources, self.report, self._visited = (
             scene,
@@ -50,6 +54,7 @@ class SceneIndex:
             report or Report(),
             visited,
         )
+        self.displaced = displaced
         self._places: dict[int, _Place | None] = {}
         self._links_glow = any(
             block.receivers & block.blockers != EVERYTHING for block in scene.instances

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 66
+#define GLINT_ABI_VERSION 67
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -732,6 +732,13 @@ enum GlintMathFunction { GLINT_EXP, GLINT_LOG, GLINT_COS, GLINT_SIN, GLINT_COSIN
  * x of the angle. */
 GLINT_API void glint_math(int32_t function, const double* x, const double* y, double* out,
                           uint64_t count);
+
+/* Words of a block of `glint_universal_hash`, and its sums. */
+enum GlintHash { GLINT_HASH_BLOCK = 1024, GLINT_HASH_SUMS = 4 };
+
+/* words: (count,). sums: (ceil(count / GLINT_HASH_BLOCK), GLINT_HASH_SUMS), the last block as if
+ * zeros followed. Of two blocks that differ a sum is the same by a chance of 2^-32. */
+GLINT_API void glint_universal_hash(const uint32_t* words, uint64_t count, uint64_t* sums);
 
 /* Runs a program whose operations read no points, for tests. code, constants, tables: as those of
  * GlintProgram. columns: (slots, count), what the slots hold before and afterwards. Returns 0, or

@@ -7,7 +7,9 @@ as float32.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from itertools import product
+from operator import add, mul
 
 import numpy as np
 
@@ -65,19 +67,28 @@ def _gradient(word: np.ndarray, to_point: list[np.ndarray]) -> np.ndarray:
     )
 
 
+_CORNERS = {
+    d: np.array(list(product((0, 1), repeat=d)), np.float64)[..., None] for d in range(1, 5)
+}
+"""(2^d, d, 1): the corners of a cell."""
+_CHUNK = 4096
+"""Points that are worked on at a time, all corners together: few operations, in the cache."""
+
+
 def perlin(p: np.ndarray) -> np.ndarray:
     """Perlin's gradient noise (n,) at the points (d, n), not scaled."""
-    cell = np.floor(p)
+    chunks = range(0, p.shape[1], _CHUNK)
+    return np.concatenate([np.zeros(0), *(_perlin(p[:, k : k + _CHUNK]) for k in chunks)])
+
+
+def _perlin(p: np.ndarray) -> np.ndarray:
+    far, cell = _CORNERS[len(p)], np.floor(p)
     local = p - cell
     weight = local**3 * (local * (local * 6.0 - 15.0) + 10.0)
-    total = np.zeros(p.shape[1])
-    for corner in product((0, 1), repeat=len(p)):
-        share = np.ones(p.shape[1])
-        for axis, far in enumerate(corner):
-            share = share * (weight[axis] if far else 1.0 - weight[axis])
-        word = hash_integers(*(cell[axis] + far for axis, far in enumerate(corner)))
-        total += share * _gradient(word, [local[axis] - far for axis, far in enumerate(corner)])
-    return total
+    shares = np.where(far, weight, 1.0 - weight).swapaxes(0, 1)
+    words = hash_integers(*(cell + far).swapaxes(0, 1))
+    parts = reduce(mul, shares) * _gradient(words, list((local - far).swapaxes(0, 1)))
+    return reduce(add, parts, np.zeros(p.shape[1]))  # corner by corner, whatever their number
 
 
 def signed_noise(p: np.ndarray) -> np.ndarray:
@@ -195,16 +206,19 @@ def noise_texture(
     """
     p = coordinates(vector, w, dimensions) * scale
     detail, roughness = np.clip(detail, 0.0, 15.0), np.maximum(roughness, 0.0)
-    moves = [
-        signed_noise(p + _seed_offset(axis, dimensions)) * distortion for axis in range(dimensions)
-    ]
-    p = p + np.stack(moves)
-
-    def fractal(point: np.ndarray) -> np.ndarray:
-        if noise_type == NoiseType.FBM:
-            return fbm(point, detail, roughness, lacunarity, bool(normalize))
-        return _FRACTALS[NoiseType(noise_type)](point, detail, roughness, lacunarity, offset, gain)
-
-    factor = fractal(p)
-    others = [fractal(p + _seed_offset(dimensions + extra, dimensions)) for extra in range(2)]
-    return factor, np.stack([factor, *others])
+    if np.any(distortion):
+        moves = [
+            signed_noise(p + _seed_offset(axis, dimensions)) * distortion
+            for axis in range(dimensions)
+        ]
+        p = p + np.stack(moves)
+    seeds = [_seed_offset(dimensions + extra, dimensions) for extra in range(2)]
+    p = np.concatenate([p, *(p + seed for seed in seeds)], 1)  # all three at once
+    octaves = [np.tile(x, 3) for x in (detail, roughness, lacunarity)]
+    if noise_type == NoiseType.FBM:
+        found = fbm(p, octaves[0], octaves[1], octaves[2], bool(normalize))
+    else:
+        shifts = (np.tile(x, 3) for x in (offset, gain))
+        found = _FRACTALS[NoiseType(noise_type)](p, *octaves, *shifts)
+    color = found.reshape(3, -1)
+    return color[0], color

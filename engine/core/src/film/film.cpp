@@ -55,7 +55,8 @@ void SlotTable::set(uint32_t width, uint32_t height) {
 }
 
 Film::Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
-           uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count, uint32_t light_groups)
+           uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count, uint32_t light_groups,
+           bool gloss)
     : region_(region),
       shown_(shown),
       passes_(passes | pass_bit(GLINT_PASS_COMBINED)),
@@ -78,6 +79,10 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   for (int pass = kFirstLighting; wants_lighting() && pass <= kLastLighting; ++pass) {
     at_[pass] = int(columns_);  // light is told over its colour: all are known or none
     columns_ += 3;
+  }
+  if (gloss) {
+    gloss_ = int(columns_);
+    columns_ += 2;
   }
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {

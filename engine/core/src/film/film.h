@@ -88,12 +88,15 @@ class Film {
   /// of the scene.
   Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
        uint32_t light_samples, uint32_t crypto_ids = 0, uint32_t aov_count = 0,
-       uint32_t light_groups = 0);
+       uint32_t light_groups = 0, bool gloss = false);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
   /// Columns of sums, and the first of a part's, of Cost's or of Fallbacks'; -1 where nobody asked.
   size_t columns() const { return columns_; }
+  /// The last two columns of sums, where rough surfaces reflect others: the largest channel of what
+  /// they bring, and of the rest. Else -1.
+  int gloss_column() const { return gloss_; }
   int column_of(int pass) const { return at_[pass]; }
   /// Rows of a column over all tiles.
   size_t rows() const { return sums_.size() / columns_; }
@@ -176,6 +179,7 @@ class Film {
   uint32_t aov_count_, light_groups_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
+  int gloss_ = -1;
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
   ZeroedBuffer<double> sums_;
   Refinement refinement_;

@@ -59,6 +59,10 @@ class Batch {
   }
   /// Notes what of a soft light point k has met: Refinement::SoftLight.
   void mark_soft_light(size_t k, uint8_t met) const { soft_light[queue->slot(k)] |= met; }
+  /// Notes that a rough surface gives back that much of what its ray meets.
+  void mark_thrown(uint32_t slot, Vec3d given) const {
+    if (thrown) thrown[slot] = std::max(thrown[slot], max_abs(given));
+  }
   /// Whether light is told apart by groups of lights.
   bool has_groups() const { return !groups_.empty(); }
   size_t group_count() const { return given_.size(); }
@@ -130,6 +134,7 @@ class Batch {
       *cost = nullptr,
       *fallbacks =
           nullptr;  // rays traced for each slot, and float64 tests of them; null when nobody asks
+  double* thrown = nullptr;  // as Paths has it; null where nobody asks
   uint8_t* soft_light =
       nullptr;  // of each path, as Refinement has it of slots; null when nobody asks
   FirstHitCache* first_hits =

@@ -66,8 +66,6 @@ class DirectLight {
   /// `batch`, of which `spans` are. clear: their weights before media dim them.
   void scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear, uint32_t sample,
                RayCounts& counts);
-  /// Whether rough surfaces may reflect others.
-  bool reflects() const;
   /// Whether lamps are so many that they share the shadow rays of a sample.
   bool shares() const { return lamps_.on; }
   /// What nothing hides within reach of an even sky over each of these points that `illuminate` was

@@ -1,10 +1,20 @@
 #include "integrator/paths.h"
 
+#include <algorithm>
+#include <cmath>
 #include <type_traits>
 
 namespace glint {
 
 namespace {
+
+/// What rough surfaces reflect in a sample is no more than so often the mean of the rest of the
+/// pixel's light and of what they reflected in earlier samples, and so much of itself over the
+/// square of the samples: of the first two all. The latter two are the more the more the surface
+/// gives back: metals show little else.
+constexpr double kTimesRest = 2, kTimesBefore = 16, kOwn = 4, kStrong = 0.1;
+/// Samples from which on these limits grow with their number, so that many have none.
+constexpr uint32_t kSettled = 64;
 
 /// body(N) for the power of two that `count` is, as a constant: loops over a pixel's samples are
 /// short.
@@ -14,6 +24,7 @@ void with_constant(uint32_t count, Body body) {
     case 1: return body(std::integral_constant<size_t, 1>());
     case 2: return body(std::integral_constant<size_t, 2>());
     case 4: return body(std::integral_constant<size_t, 4>());
+    case 8: return body(std::integral_constant<size_t, 8>());
     default: return body(std::integral_constant<size_t, WindowPoints::kMaxPacketSamples>());
   }
 }
@@ -67,10 +78,16 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   sums_.reserve(kMost);
   soft_light_.assign(size(), 0);
   for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
-  if (!points.plan().mixes_gloss) return;
-  if (shared_.stride() != sums_.stride()) shared_ = Columns(columns_);
-  shared_.reserve(kMost);
-  for (size_t c = 0; c < columns_; ++c) std::fill_n(shared_[c], size(), 0.0);
+  const auto clear = [&](Columns& sums) {
+    if (sums.stride() != sums_.stride()) sums = Columns(columns_);
+    sums.reserve(kMost);
+    for (size_t c = 0; c < columns_; ++c) std::fill_n(sums[c], size(), 0.0);
+  };
+  if (points.plan().reflects_gloss) {
+    clear(gloss_);
+    thrown_.assign(size(), 0);
+  }
+  if (points.plan().mixes_gloss) clear(shared_);
 }
 
 void Paths::mix(const Film& film, const BlockShares& shares) {
@@ -80,7 +97,27 @@ void Paths::mix(const Film& film, const BlockShares& shares) {
     const size_t first = size_t(film.column_of(pass)),
                  count = pass == GLINT_PASS_COMBINED ? 3 : film.channels_of(pass);
     for (size_t c = 0; c < count; ++c)
-      shares.mix(c % 3, first_, shared_[first + c], sums_[first + c]);
+      shares.mix(c % 3, first_, shared_[first + c], gloss_[first + c]);
+  }
+}
+
+void Paths::add_gloss(Film& film, const Tile& tile) {
+  const size_t number = size_t(film.gloss_column());
+  const double* const gloss_before = film.sums(tile, GLINT_PASS_COMBINED) + number * tile.stride();
+  const double* const rest_before = gloss_before + tile.stride();
+  const auto largest = [](const Columns& sums, size_t k) {
+    return std::max({std::fabs(sums[0][k]), std::fabs(sums[1][k]), std::fabs(sums[2][k])});
+  };
+  for (size_t k = 0; k < size(); ++k) {
+    const double gloss = largest(gloss_, k), rest = largest(sums_, k);
+    sums_[number][k] = gloss;
+    sums_[number + 1][k] = rest;
+    const double times = thrown_[k] / kStrong, strong = std::max(1.0, times * times),
+                 own = kOwn * gloss / (first_ + 1.0) + kTimesBefore * gloss_before[slot(k)],
+                 sum = kTimesRest * (rest_before[slot(k)] + rest) + strong * own,
+                 most = sum / std::min(first_ + 1, kSettled);
+    const double part = gloss > most ? most / gloss : 1;
+    for (size_t c = 0; c < number; ++c) sums_[c][k] += part * gloss_[c][k];
   }
 }
 

@@ -14,7 +14,7 @@ namespace glint {
 /// after the other.
 class WindowPoints {
  public:
-  static constexpr uint32_t kMaxPacketSamples = 8;
+  static constexpr uint32_t kMaxPacketSamples = 16;
 
   /// Samples [first, first + count), a power of two up to kMaxPacketSamples.
   void set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile, uint32_t first,
@@ -68,12 +68,17 @@ class Paths {
   double* sums(const Film& film, int pass) {
     return film.column_of(pass) < 0 ? nullptr : sums_[size_t(film.column_of(pass))];
   }
-  /// Until it is called again sums are those of what pixels share, which begin with nothing.
-  void swap() { std::swap(sums_, shared_); }
-  /// Adds these to the paths', as the shares have it.
+  /// Until it is called again sums are those of what rough surfaces reflect, which begin with
+  /// nothing: mixed, of what pixels share.
+  void swap(bool mixed) { std::swap(sums_, mixed ? shared_ : gloss_); }
+  /// Adds what pixels share to what rough surfaces reflect, as the shares have it.
   void mix(const Film& film, const BlockShares& shares);
+  /// Adds that to the paths' sums: no more of it than a sample should bring.
+  void add_gloss(Film& film, const Tile& tile);
   double* lost_alpha() { return sums_[3]; }
   size_t stride() const { return sums_.stride(); }
+  /// The most that rough surfaces give back of what each path's rays from them meet.
+  double* thrown() { return thrown_.data(); }
   /// Whether a soft light reached each path's camera ray: as Refinement::soft_light has it of
   /// slots.
   uint8_t* soft_light() { return soft_light_.data(); }
@@ -101,9 +106,9 @@ class Paths {
     return v.empty() ? nullptr : v.data();
   }
 
-  std::vector<double> u_, v_, lens_[2], frame_[12];
+  std::vector<double> u_, v_, lens_[2], frame_[12], thrown_;
   std::vector<uint8_t> soft_light_;
-  Columns sums_, shared_;
+  Columns sums_, shared_, gloss_;
   size_t columns_ = 0;
 };
 

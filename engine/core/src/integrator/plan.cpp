@@ -66,7 +66,11 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
   const bool shares = gather_block > 1 && gather_block <= kMostSharing && divides &&
                       !scene.media.varies;  // which are traced with few pixels at once
   shares_gathers = g.gather_reach > 0 && shares && gather_places.each <= kMostShared;
-  mixes_gloss = g.gloss_points && shares && scene.materials.least_gloss_exponent < kLeastUnmixed;
+  reflects_gloss =
+      max_bounces > 0 && ((reflections == GLINT_REFLECT_METALS && scene.materials.has_metals) ||
+                          (reflections == GLINT_REFLECT_ALL && scene.materials.has_gloss));
+  mixes_gloss = reflects_gloss && g.gloss_points && shares &&
+                scene.materials.least_gloss_exponent < kLeastUnmixed;
   const uint32_t side = shares_gathers || mixes_gloss ? gather_block : 1;
   traced = region = whole_blocks(shown, side, scene.camera);
   const bool refines = error_threshold > 0 || passes >> GLINT_PASS_ERROR & 1;

@@ -61,7 +61,8 @@ struct RenderPlan : GlintRenderSettings {
   /// are looked at.
   Region region{}, traced{}, shown{};
   bool shares_gathers = false;  // pixels of a block of gather_block
-  bool mixes_gloss = false;     // they share what wide lobes reflect
+  bool reflects_gloss = false;  // rough surfaces send rays towards others
+  bool mixes_gloss = false;     // pixels share what wide lobes reflect
   int thread_count = 1;
   SampleTable dome_directions, bounced_points, occlusion_directions, gather_places, gloss_places;
   SampleTable subsurface_places;

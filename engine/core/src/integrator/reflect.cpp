@@ -7,16 +7,6 @@
 
 namespace glint {
 
-bool DirectLight::reflects() const {
-  const MaterialTable& materials = scene_.materials;
-  if (plan_.max_bounces == 0) return false;
-  switch (plan_.reflections) {
-    case GLINT_REFLECT_METALS: return materials.has_metals;
-    case GLINT_REFLECT_ALL: return materials.has_gloss;
-    default: return false;
-  }
-}
-
 void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {
   const double* const place = plan_.lobe_point(sample, batch.queue->reflections);
   set_place(stage_, place[0], place[1]);
@@ -33,6 +23,7 @@ void DirectLight::reflect_in_blocks(const Batch& batch, const std::vector<uint32
     const Vec3d given = row(stage_.diffuse_out, k);
     if (stage_.t_max[k] < RenderPlan::kLeastUnmixed && finite(given)) given_[point_[k]] = given;
   }
+  for (size_t k = 0; k < batch.size(); ++k) batch.mark_thrown(batch.queue->slot(k), given_[k]);
   shares.set(plan_, batch, pixels, given_);
   place_.resize(batch.size());
   constexpr uint8_t kUnmixed = 0xff;
@@ -70,6 +61,7 @@ void DirectLight::push_reflected(const Batch& batch, Queue& glossy, RayCounts& c
     path.skyless = true;
     path.widest = std::min(path.widest, stage_.t_max[k]);
     ++path.depth;
+    batch.mark_thrown(path.slot, path.T);
     if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);
     glossy.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kMirror}, path);
     ++counts.mirror;

@@ -37,7 +37,6 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       ahead_(scene, scratch_),
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
-      mixes_gloss_(plan.mixes_gloss && direct_.reflects()),
       catches_(scene.features & (GLINT_FEATURE_SHADOW_CATCHER | GLINT_FEATURE_HOLDOUT)),
       glass_differs_(scene.features & GLINT_FEATURE_REFRACTION &&
                      (scene.instances.glass_differs ||
@@ -103,7 +102,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
   if (scene_.features & (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT |
                          GLINT_FEATURE_BOUNCED_LIGHT | GLINT_FEATURE_MEDIUM_LIGHT))
     return 1;
-  if (direct_.reflects() || direct_.shares() || subsurface_.on()) return 1;
+  if (plan_.reflects_gloss || direct_.shares() || subsurface_.on()) return 1;
   if (scene_.materials.has_rough_glass || scene_.media.scatters || scene_.media.varies ||
       scene_.programs.asks_rays)
     return 1;
@@ -136,6 +135,7 @@ void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t fi
   paths_.choose(film_, slots_, begin, end, points_);
   batch_.cost = paths_.sums(film_, GLINT_PASS_COST);
   batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
+  batch_.thrown = plan_.reflects_gloss ? paths_.thrown() : nullptr;
   batch_.soft_light = film_.refinement().soft_light(*tile_, first) ? paths_.soft_light() : nullptr;
   follow(first);
 }
@@ -148,7 +148,8 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
   for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
     const uint32_t* const begin = active_.data() + k;
     follow_some(begin, begin + std::min(step, active_.size() - k), first);
-    if (mixes_gloss_) paths_.mix(film_, gloss_shares_);
+    if (plan_.mixes_gloss) paths_.mix(film_, gloss_shares_);
+    if (plan_.reflects_gloss) paths_.add_gloss(film_, *tile_);
     paths_.add_to(film_, *tile_, stages_);
     keep_meetings();
   }
@@ -238,7 +239,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   }
   direct_.illuminate(batch_, sample, counts_, in_blocks ? &shares_ : nullptr);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
-  if (direct_.reflects() && !queue.gathers) reflect(queue, sample, next);
+  if (plan_.reflects_gloss && !queue.gathers) reflect(queue, sample, next);
   if (direct_.gathers(queue)) gather(queue, sample, next.gathering);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
@@ -255,7 +256,7 @@ void Tracer::find_pixels(const Queue& queue) {
 }
 
 void Tracer::reflect(const Queue& queue, uint32_t sample, NextRays& next) {
-  if (&queue != &first_ || !mixes_gloss_)
+  if (&queue != &first_ || !plan_.mixes_gloss)
     return direct_.reflect(batch_, sample, next.glossy, counts_);
   find_pixels(queue);
   direct_.reflect_in_blocks(batch_, pixels_, sample, next.glossy, next.mixed, gloss_shares_,
@@ -284,11 +285,12 @@ void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
   turn();
 }
 
-/// The batch's sums to those of the paths, or of what their blocks share.
+/// The batch's sums to those of the paths, or to those of what rough surfaces reflect.
 void Tracer::keep(const Queue& queue) {
-  if (queue.mixed) paths_.swap();
+  const bool gloss = queue.reflections > 0 && !queue.gathers;
+  if (gloss) paths_.swap(queue.mixed);
   keep_parts(queue);
-  if (queue.mixed) paths_.swap();
+  if (gloss) paths_.swap(queue.mixed);
 }
 
 void Tracer::keep_parts(const Queue& queue) {

@@ -166,7 +166,6 @@ class Tracer {
   LayersAhead ahead_;
   Batch batch_;
   const WindowReach reach_;   // of all samples
-  const bool mixes_gloss_;    // pixels share what wide lobes reflect
   const bool catches_;        // there are catchers of shadows, or holdouts
   const bool glass_differs_;  // refracted rays see other things than mirrored ones
   const Tile* tile_ = nullptr;

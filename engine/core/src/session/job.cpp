@@ -32,7 +32,8 @@ Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
       plan_(settings, scene),
       film_(plan_.region, plan_.traced, plan_.shown, plan_.passes, plan_.error_threshold,
-            plan_.light_samples, plan_.crypto_ids, scene.aov_count, scene.light_group_count),
+            plan_.light_samples, plan_.crypto_ids, scene.aov_count, scene.light_group_count,
+            plan_.reflects_gloss),
       thread_([this] { work(); }) {}
 
 Job::~Job() {

@@ -29,10 +29,10 @@ inline void find_primitives(const InputTables& s, Instance instance, Primitive p
   p.different = one ? 1 : kLanes;
 }
 
-/// A colour as one of its channels.
+/// A colour, or its Rec. 709 luminance as grey.
 inline Three channel_of(const Three& color, int channel) {
   if (channel != GLINT_LUMINANCE) return color;
-  const Doubles grey = (color.x + color.y + color.z) / 3;
+  const Doubles grey = 0.2126 * color.x + 0.7152 * color.y + 0.0722 * color.z;
   return {grey, grey, grey};
 }
 
