@@ -216,7 +216,7 @@ def note_empty_view(
     if any(
         shows_a_point(geometry, matrix, camera)
         for geometry, matrices in first
-        for matrix in matrices[[0, len(matrices) // 2] if len(matrices) > 1 else [0]]
+        for matrix in _some(matrices, 2)
     ):
         return
     seen = [*first, *seen]
@@ -254,7 +254,7 @@ def shows_a_point(geometry: Geometry, world_from_object: np.ndarray, camera: Cam
 
 
 def _some(points: np.ndarray, count: int) -> np.ndarray:
-    """About `count` of (k, 3) points, evenly picked."""
+    """About `count` of (k, …) points or placements, evenly picked."""
     return points[:: max(1, len(points) // count)]
 
 

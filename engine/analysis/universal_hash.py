@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 
 import numpy as np
 
 from .. import native
 from ..native.core_types import Hash
+from ..native.packer import address
 
 Array = np.ndarray
 
@@ -25,11 +27,19 @@ def condensed(values: Array) -> bytes:
 
 
 def _sums(words: Array) -> Array:
-    if native.load_error():
+    """As `block_sums`, by the core where it loads."""
+    core = _core_function()
+    if core is None:
         return block_sums(words)
     sums = np.empty((-(-words.size // Hash.BLOCK), Hash.SUMS), np.uint64)
-    native.library().glint_universal_hash(words.ctypes.data, words.size, sums.ctypes.data)
+    core(address(words), words.size, address(sums))
     return sums
+
+
+@functools.cache
+def _core_function() -> Callable[..., None] | None:
+    """Looked for once: finding the core takes longer than hashing a small mesh."""
+    return None if native.load_error() else native.library().glint_universal_hash
 
 
 def block_sums(words: Array) -> Array:

@@ -84,10 +84,10 @@ def number(value: str, names: type[IntEnum], what: str) -> int:
 
 def table_of(structure: type, rows: Sequence[tuple]) -> np.ndarray:
     """Rows as an array of the core's structure."""
-    return np.array(rows, dtype_of(structure)) if rows else np.empty(0, dtype_of(structure))
+    return np.array(rows, _dtype_of(structure)) if rows else np.empty(0, _dtype_of(structure))
 
 
 @functools.cache
-def dtype_of(structure: type) -> np.dtype:
+def _dtype_of(structure: type) -> np.dtype:
     """Of the core's structure."""
     return np.dtype(structure)

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 REC709 = "Linear Rec.709"
+LUMA = (0.2126, 0.7152, 0.0722)
+"""Rec. 709 luminance: how a colour becomes a number where sockets of the two kinds are joined."""
 
 
 def working_space() -> str:

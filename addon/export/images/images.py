@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from ....engine.scene import Input, Texture
-from ..materials.terms import LUMA
 from ..report import Report
 from . import colorspace, moving, pixels
 from .cache import ImageCache, ImageKey, TextureKey
@@ -244,7 +243,7 @@ def texels(texture: Texture, channel: str) -> np.ndarray:
     colors = colorspace.SRGB_BYTE[rgb] if texture.encoding == "SRGB" else colorspace.as_float(rgb)
     if channel == "COLOR":
         return colors
-    return np.repeat(colors @ np.array(LUMA, np.float32)[:, None], 3, 1)
+    return np.repeat(colors @ np.array(colorspace.LUMA, np.float32)[:, None], 3, 1)
 
 
 def mean_color(texture: Texture, channel: str) -> np.ndarray:
@@ -263,7 +262,7 @@ def mean_color(texture: Texture, channel: str) -> np.ndarray:
             255.0 * stored.shape[0] * stored.shape[1]
         )
     if channel == "LUMINANCE":
-        means = means @ np.array(LUMA)
+        means = means @ np.array(colorspace.LUMA)
     return means if channel == "COLOR" else np.full(3, means)
 
 

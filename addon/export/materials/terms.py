@@ -11,13 +11,12 @@ import math
 from dataclasses import dataclass, replace
 
 from ....engine.scene import Input
+from ..images.colorspace import LUMA
 
 RGB = tuple[float, float, float]
 
 GREY = "(grey) "
 """Prefix of attribute names whose mean channel is wanted."""
-LUMA = (0.2126, 0.7152, 0.0722)
-"""Rec. 709 luminance: how a colour becomes a number where sockets of the two kinds are joined."""
 
 
 @dataclass(frozen=True)

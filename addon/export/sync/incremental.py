@@ -138,27 +138,13 @@ class LiveExport:
         )
         return True
 
-    def scene(
-        self,
-        depsgraph: Any,
-        camera: Camera,
-        *,
-        passes: frozenset[str] = frozenset(),
-        space: Any = None,
-        groups: Members = NO_MEMBERS,
-        culling: Culling | None = None,
-        aovs: tuple[Aov, ...] = (),
-        keeps_collapsed: bool = False,
-    ) -> Scene:
+    def scene(self, depsgraph: Any, camera: Camera, **view: Any) -> Scene:
         """The scene as of the updates that were applied. What several views ask for is walked over
-        once for all that see the same.
-
-        space: the 3D view whose local view and visibility count, None for none.  passes: as for
-        `export_scene`.  groups: `LightGroups.members` where light groups are shown.  culling: what
-        is left out of the view.  aovs, keeps_collapsed: as for `export_scene`.
+        once for all that see the same.  view: as for `_asked`.
         """
-        asked = _asked(passes, space, groups, culling, aovs, keeps_collapsed)
+        asked = _asked(**view)
         if asked not in self._indices:
+            space = view.get("space")
             self._indices[asked] = self._walked(depsgraph, asked, space, asked.required)
         index, before = self._indices[asked], self._given.get(asked)
         if before is not None and asked not in self._deltas:
@@ -265,6 +251,10 @@ def _asked(
     aovs: tuple[Aov, ...] = (),
     keeps_collapsed: bool = False,
 ) -> Asked:
+    """space: the 3D view whose local view and visibility count, None for none.  passes, aovs,
+    keeps_collapsed: as for `export_scene`.  groups: `LightGroups.members` where light groups are
+    shown.  culling: what is left out of the view.
+    """
     return Asked(
         RequiredAttributes(frozenset({""}) if "UV" in passes else frozenset()),
         shown_in(space),
