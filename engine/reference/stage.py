@@ -54,6 +54,13 @@ _DIRECTED = ("SHEEN", "TOON_DIFFUSE", "OREN_NAYAR", "FIBRE")
 """What kinds of lobes begin with that depend on where light comes from, as DIFFUSE does not."""
 
 
+def mixes_gloss(scene: Scene) -> bool:
+    """Whether something may reflect in blocks of pixels, which media that vary do not know."""
+    media = (scene.world.medium, *(material.medium for material in scene.materials))
+    is_glossy = any(lobe.is_glossy for material in scene.materials for lobe in material.lobes)
+    return is_glossy and all(x is None or x.program is None for x in media)
+
+
 class Stage:
     """A scene made ready: geometry relative to the camera, materials, lights, viewing rays.
 
@@ -199,7 +206,7 @@ class Stage:
     @property
     def mixes_gloss(self) -> bool:
         """Whether pixels of a block share what wide lobes reflect, as `shares_gathers`."""
-        return self.settings.reflecting != "OFF" and not self.media.varies
+        return self.settings.reflecting != "OFF" and mixes_gloss(self.scene)
 
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""

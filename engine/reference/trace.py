@@ -27,7 +27,7 @@ from .cancellation import Cancellation, Stopped
 from .generations import Generations
 from .picture import DATA, Picture, Tile
 from .refinement import ErrorEstimate, Refinement, widened
-from .stage import Stage
+from .stage import Stage, mixes_gloss
 
 Array = np.ndarray
 
@@ -58,7 +58,8 @@ class Tracer:
         self._shown = settings.region or (0, 0, *scene.camera.resolution)
         gathers = any(light.kind == "BOUNCED" for light in scene.lights)
         self._side = GATHER_BLOCK if gathers else 1  # of squares whose pixels share rays
-        self._side = TILE_SIDE if settings.reflecting != "OFF" else self._side
+        if settings.reflecting != "OFF" and mixes_gloss(scene):
+            self._side = TILE_SIDE
         self._region = self._traced = self._blocks_of(self._shown)
         refines = settings.error_threshold > 0 or "Error" in settings.passes
         if refines and settings.samples >= FIRST_ESTIMATE:
