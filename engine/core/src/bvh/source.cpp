@@ -5,6 +5,7 @@
 
 #include "bvh/build/builder_nodes.h"
 #include "bvh/build/builder_spatial.h"
+#include "bvh/build/turned_nodes.h"
 #include "bvh/outline.h"
 
 namespace glint {
@@ -337,6 +338,7 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, ThreadPool& p
   fill_leaves(tree, sources, pool);
   name_instances(tree.ids, sources, pool);
   tree.ball = ball_radius(tree);
+  if (tree.kind == kStrandLeaf) tree.turns = turn_nodes(tree, pool);
   return tree;
 }
 
@@ -385,7 +387,8 @@ TreeView Tree::view() const {
              0,
              nodes.root,
              kind,
-             bytes() > kLarge};
+             bytes() > kLarge,
+             turns};
   double square = 0;
   for (int k = 0; k < 3; ++k) {
     const double lo = nodes.box.lo[k], hi = nodes.box.hi[k];
