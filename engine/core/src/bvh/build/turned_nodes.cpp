@@ -6,11 +6,11 @@
 namespace glint {
 namespace {
 
-constexpr size_t kMost = 512;      // segments below a node that is turned: larger ones gain nothing
-constexpr size_t kPart = 2048;     // segments, about, of what is turned at a time
-constexpr size_t kParts = 512;     // of a tree, at most
-constexpr double kWorth = 0.6;      // share of the boxes' surface from which on turning pays
-constexpr double kUnit = 32767;     // length of the axes as they are stored
+constexpr size_t kMost = 512;    // segments below a node that is turned: larger ones gain nothing
+constexpr size_t kPart = 2048;   // segments, about, of what is turned at a time
+constexpr size_t kParts = 512;   // of a tree, at most
+constexpr double kWorth = 0.6;   // share of the boxes' surface from which on turning pays
+constexpr double kUnit = 32767;  // length of the axes as they are stored
 constexpr double kFarthest = 1e12;  // coordinates: farther ones may be infinite to rays then
 
 /// A node's own axes: rows of what turns places.
@@ -66,7 +66,8 @@ class Part {
   void visit(ChildRef child) {
     if (child & kLeaf) {
       const size_t first = child & kOrdinal, last = first + (child >> kCountShift & 7) + 1;
-      for (size_t k = first; k < last; ++k) below_.emplace_back(tree_.strands, tree_.ids[k].primitive);
+      for (size_t k = first; k < last; ++k)
+        below_.emplace_back(tree_.strands, tree_.ids[k].primitive);
       return;
     }
     Node& node = tree_.nodes.nodes[child];
@@ -97,8 +98,7 @@ class Part {
     BoxD boxes[kWidth];
     double most = 0, after = 0;
     for (int lane = 0; lane < kWidth; ++lane)
-      if (ends[lane] < ends[lane + 1])
-        most += kWorth * kUnit * kUnit * surface(box_of(node, lane));
+      if (ends[lane] < ends[lane + 1]) most += kWorth * kUnit * kUnit * surface(box_of(node, lane));
     for (int lane = 0; lane < kWidth && after < most; ++lane) {
       if (ends[lane] == ends[lane + 1]) continue;
       for (size_t k = ends[lane]; k < ends[lane + 1]; ++k) add(boxes[lane], axes, below_[k]);
