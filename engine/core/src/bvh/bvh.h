@@ -60,7 +60,8 @@ struct StrandArrays {
 /// reads
 ///   triangles: 9 n floats at 9 first: x, y, z of the first vertices, of the second, of the third,
 ///   n floats each; spheres: 4 floats each at 4 first: centre and radius;  polygons: records;
-///   instances: records; strands: nothing but their ids, the rest is where the caller has it.
+///   instances: records; strands: nothing but their ids, with the vertex where each begins in the
+///   place of the instance; the rest is where the caller has it.
 struct TreeView {
   const Node* nodes;
   const float* floats;

@@ -337,6 +337,10 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, ThreadPool& p
   refs = {};
   fill_leaves(tree, sources, pool);
   name_instances(tree.ids, sources, pool);
+  if (tree.kind == kStrandLeaf)  // a look into memory less for every segment that a ray asks
+    each_chunk(tree.count, kChunk, pool, [&](size_t k) {
+      tree.ids[k].instance = tree.strands.starts[tree.ids[k].primitive];
+    });
   tree.ball = ball_radius(tree);
   if (tree.kind == kStrandLeaf) tree.turns = turn_nodes(tree, pool);
   return tree;
