@@ -320,7 +320,7 @@ class Explainer:
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),
-            ambient=_numbers((coefficients.ambient * stage.even_light(surface))[:, 0]),
+            ambient=_numbers(stage.even_light(surface, coefficients)[:, 0]),
             emission=_numbers(coefficients.emission[:, 0]),
             lights=(
                 *self._lights(surface, coefficients, paths, asker),

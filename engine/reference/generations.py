@@ -362,7 +362,7 @@ class Generations:
                 self._add(paths, part, pixel, weight * values, group)
 
         world = stage.scene.world.light_group
-        add("Ambient", coefficients.ambient * self._stage.even_light(surface), world)
+        add("Ambient", self._stage.even_light(surface, coefficients), world)
         if not (paths.reflections and self._stage.is_lit_by_meshes):
             group = stage.per_object("light_group", surface.row)
             add("Emission", coefficients.emission, group)
@@ -422,7 +422,7 @@ class Generations:
         coefficients, weight = at.coefficients, at.weight
         mirrored, refracted = gives(at.surface, coefficients)
         below = -coefficients.diffuse if at.paths.comes_out else coefficients.below
-        ambient = coefficients.ambient * self._stage.even_light(at.surface)
+        ambient = self._stage.even_light(at.surface, coefficients)
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
             "Diffuse Indirect": light.lit_bounced,

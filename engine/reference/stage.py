@@ -29,8 +29,10 @@ from ..settings import Settings
 from .attributes import Attributes
 from .camera import CameraRays
 from .cancellation import Cancellation
+from .coefficients import Coefficients
 from .emission import Emission
 from .geometry import gather
+from .gloss import ambient_seen
 from .glowing_media import MediumSource
 from .lighting import Lighting
 from .lights import CENTER, LightPoint, Source
@@ -43,7 +45,6 @@ from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
 from .tabled_lights import FAINT, SKY_PARTS, BouncedSource, Dome, MeshSource, OpeningPoints
-from .terminator import mean_lowered
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -142,9 +143,9 @@ class Stage:
             return source.widened() if self.reach > 0 else source
         return source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
 
-    def even_light(self, surface: Surface) -> Array:
-        """(3, n) the world's radiance that AMBIENT lobes of n points give back."""
-        return self.ambient * mean_lowered(surface.lowering)
+    def even_light(self, surface: Surface, coefficients: Coefficients) -> Array:
+        """(3, n) what AMBIENT lobes of n points give back of the world's radiance."""
+        return ambient_seen(surface, coefficients) * self.ambient
 
     def background_of(self, origin: Array, along: Array, kind: str) -> Array:
         """(3, n) or (3, 1): what rays of a kind, origin and directions (3, n), see that hit

@@ -319,11 +319,8 @@ inline Three even_gloss(const LightStage& s, size_t k) {
     if (bits(toon)) sum = sum + where(toon, Toon(masking2, fresnel).albedo() * term.k);
     const Mask good = (masking2 > 0) & (fresnel > 0) & (p >= 0);
     if (!any(good & nonzero(term.k))) continue;
-    const Doubles cosine = root(seen * seen + 2 * (1 - seen * seen) / (p + 8)),
-                  size = 8 / (p + 2 + 8 / (4 + p * p));
-    Gloss gloss(cosine, cosine, cosine);
     const Doubles rest = 1 - splat(s.shown);
-    sum = sum + where(good, rest * size * cosine * gloss.factor(masking2, fresnel) * term.k);
+    sum = sum + where(good, rest * of_even_light<false>(seen, p, masking2, fresnel) * term.k);
   }
   return sum;
 }
