@@ -35,7 +35,8 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
     uint8_t kind = apart && (*apart)[k] ? kApart : 0;
     for (int c = 0; c < 3; ++c) kind |= uint8_t((std::fabs(given[k][c]) >= kLeast) << c);
     const bool shares = kind & kChannels;
-    points_[k] = {row(batch.points.x, k), row(batch.points.n, k),
+    points_[k] = {row(batch.points.x, k),
+                  row(batch.points.n, k),
                   shares ? given[k] : Vec3d{1, 1, 1},
                   exponents ? std::max(kAlike, 1 - kSharp / (*exponents)[k]) : kAlike,
                   kind,

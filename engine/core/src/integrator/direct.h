@@ -169,9 +169,9 @@ class DirectLight {
   LightStage stage_{};           // what it writes: a row for each point that a light sample reaches
   std::vector<uint8_t> place_;   // in its block, of the pixel of each point; or whose turn it is
   std::vector<double> disc_[2];  // below the direction of the gather ray of each point; in lobes
-  std::vector<double> exponents_;  // of the narrowest lobe of each point
-  std::vector<Vec3d> given_;     // of each point, as BlockShares has it
-  std::vector<uint8_t> apart_;   // the same
+  std::vector<double> exponents_;        // of the narrowest lobe of each point
+  std::vector<Vec3d> given_;             // of each point, as BlockShares has it
+  std::vector<uint8_t> apart_;           // the same
   const BlockShares* blocks_ = nullptr;  // of points that are lit
   std::vector<int64_t> asking_;          // mask: those whose turn it is
   Columns columns_;

@@ -37,8 +37,9 @@ void DirectLight::reflect_in_blocks(const Batch& batch, const std::vector<uint32
     place_[k] = any(given_[k]) ? turn : kUnmixed;
     if (place_[k] == BlockShares::kWaits) continue;
     linked_[k] = batch.lit[k];
-    place_in_lobes(k, k + 1, turn < BlockShares::kAlone ? plan_.gloss_places.row(sample, turn)
-                                                        : plan_.lobe_point(sample, 0));
+    place_in_lobes(k, k + 1,
+                   turn < BlockShares::kAlone ? plan_.gloss_places.row(sample, turn)
+                                              : plan_.lobe_point(sample, 0));
   }
   stage_.lit = linked_.data();
   count = stages_.reflect(stage_);

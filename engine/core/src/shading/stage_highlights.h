@@ -325,8 +325,8 @@ inline Three even_gloss(const LightStage& s, size_t k) {
   return sum;
 }
 
-/// The direction in which the half vector at the stage's point of the lobes, of what is reflected at
-/// each point's own, mirrors the ray, and where there is one.
+/// The direction in which the half vector at the stage's point of the lobes, of what is reflected
+/// at each point's own, mirrors the ray, and where there is one.
 struct Drawn {
   Three l;
   Mask good;
@@ -361,8 +361,7 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
   const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
   Three t1, t2;
   frame(axis, t1, t2);
-  Three h = root(cosine2) * axis +
-            root(1 - cosine2) * (across * t1 + along * t2);
+  Three h = root(cosine2) * axis + root(1 - cosine2) * (across * t1 + along * t2);
   if (Bent && s.stretches_lobes) {
     const Mask some = nonzero(stretch);
     const Doubles size2 = choose(some, dot(stretch, stretch), splat(1));
