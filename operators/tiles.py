@@ -17,7 +17,6 @@ from ..addon.render import stamp
 from ..addon.render.final import Job
 from ..addon.render.result import channel_names
 from ..engine.analysis.fingerprint import picture_fingerprint
-from ..engine.sampling import TILE_SIDE
 from .pictures import open_image_io
 
 _GRID = re.compile(r"([1-9]\d{0,3})x([1-9]\d{0,3})")
@@ -77,8 +76,10 @@ def _cut(first: int, last: int, number: int, count: int) -> int:
     one share reflections and all of it is traced.
     """
     at = first + (last - first) * number // count
-    is_large = last - first >= 2 * TILE_SIDE * count
-    return round(at / TILE_SIDE) * TILE_SIDE if is_large and 0 < number < count else at
+    is_large = last - first >= 2 * engine.TILE_SIDE * count
+    return (
+        round(at / engine.TILE_SIDE) * engine.TILE_SIDE if is_large and 0 < number < count else at
+    )
 
 
 def whole_region(job: Job) -> Region:
