@@ -24,9 +24,7 @@ ROUND = 64
 INWARD = 0.1
 """Density of the points on the inner sides of closed bodies beside those on the outer ones."""
 BEHIND = 2.0**-12
-"""Of a closed body's thickness: by how much its inner sides lie in it, so that rays meet each side
-first that they come from.
-"""
+"""Of a closed body's thickness: how far its inner sides lie in it, behind the outer ones."""
 MOST_PARTS = 32
 """To a side of a triangle whose emission varies."""
 PARTS = 1 << 14
@@ -350,8 +348,9 @@ def _pieces(emitters: Emitters) -> tuple[Array, Array, Array]:
         corners = np.concatenate([np.delete(corners, long, 0), *halves])
         index = np.concatenate([np.delete(index, long), index[long], index[long]])
         share = np.concatenate([np.delete(share, long), share[long] / 2, share[long] / 2])
-    codes = _curve_codes(corners.mean(1), emitters.normals[index])
-    order = np.argsort(codes, kind="stable")[::-1]  # the two of a square are better so
+    # backwards: the two of a square are better so; inner sides last: they leave gaps between others
+    codes = ~_curve_codes(corners.mean(1), emitters.normals[index])
+    order = np.lexsort((codes, ~emitters.front[index].any(1)))
     return corners[order], index[order], share[order]
 
 

@@ -67,3 +67,26 @@ def test_few_points_are_on_inner_sides(turned):
 def test_what_is_in_a_box_is_lit_by_its_inside(backend, turned):
     found = drawn(scene(box(150.0, 0.0, turned)), backend, samples=256, light_samples=16)
     np.testing.assert_allclose(found, 1.0, rtol=0.02)
+
+
+def test_few_points_lie_all_round_a_tube():
+    """The light below it, without shadows, beside that of many."""
+    angle = np.arange(32) * np.pi / 16
+    y, z = 0.05 * np.cos(angle), 0.05 * np.sin(angle)
+    ends = [np.stack([np.full(32, x), y, z], 1) for x in (-1.5, 1.5)]
+    faces = [(0, k, k + 1) for k in range(1, 31)] + [(32, 33 + k, 32 + k) for k in range(1, 31)]
+    for k, after in enumerate(np.roll(np.arange(32), -1)):
+        faces += [(k, k + 32, after), (after, k + 32, after + 32)]
+    points = np.concatenate(ends).astype(np.float32)
+    tube = Mesh("tube", points, np.array(faces, np.uint32)[:, ::-1])
+    (light,) = mesh_lights(scene(tube))
+    x = np.random.default_rng(1).uniform((-2, -2, -1.5), (2, 2, -1.5), (400, 3))
+
+    def lit(count: int) -> np.ndarray:
+        table = mesh_table(light, count // 8, 8)
+        to = table.point + light.world_from_light[:, 3] - x[:, None]
+        d2 = (to * to).sum(2)
+        z = -(to * table.normal).sum(2)
+        return (table.front[:, 0] * np.maximum(z, 0) * to[..., 2] / d2**2 * table.spread).mean(1)
+
+    assert np.sqrt(((lit(128) / lit(1 << 13) - 1) ** 2).mean()) < 0.035
