@@ -28,6 +28,7 @@ from .film import (
 from .kept import KeptRender
 from .linear import affine_inverse, determinant
 from .live import LiveRender, Task, Wave
+from .sampling import TILE_SIDE
 from .scene import Scene
 from .scene.viewing import pixel_bounds_of_box
 from .settings import Settings
@@ -46,6 +47,7 @@ __all__ = [
     "OCCLUSION",
     "PARTS",
     "PASSES",
+    "TILE_SIDE",
     "Accelerator",
     "Film",
     "Hits",

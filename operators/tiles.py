@@ -64,11 +64,22 @@ class Grid:
             raise ValueError(f"tiles {self}: the picture has {x1 - x0} by {y1 - y0} pixels only")
         row, column = divmod(tile - 1, self.columns)
         return (
-            x0 + (x1 - x0) * column // self.columns,
-            y0 + (y1 - y0) * row // self.rows,
-            x0 + (x1 - x0) * (column + 1) // self.columns,
-            y0 + (y1 - y0) * (row + 1) // self.rows,
+            _cut(x0, x1, column, self.columns),
+            _cut(y0, y1, row, self.rows),
+            _cut(x0, x1, column + 1, self.columns),
+            _cut(y0, y1, row + 1, self.rows),
         )
+
+
+def _cut(first: int, last: int, number: int, count: int) -> int:
+    """Where part `number` of so many begins: of large ones with a tile of the tracer, as pixels of
+    one share reflections and all of it is traced.
+    """
+    at = first + (last - first) * number // count
+    is_large = last - first >= 2 * engine.TILE_SIDE * count
+    return (
+        round(at / engine.TILE_SIDE) * engine.TILE_SIDE if is_large and 0 < number < count else at
+    )
 
 
 def whole_region(job: Job) -> Region:

@@ -83,15 +83,17 @@ def walk(
     visited: VisitedObjects | None = None,
     make_hair: Callable[[Any, Flags], Any] | None = None,
     culling: Culling | None = None,
+    has_flags: bool = True,
 ) -> list[ExportedObject]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
     make: given the first instance of each and its flags, while Blender keeps them valid; None
     leaves the thing out.  make_hair: the same of its particle hair.  shown: asked of every object
     that stands or instances in the scene itself whether its things are there. visited: takes in
-    every thing, also those that are left out.  culling: what Simplify leaves out.
+    every thing, also those that are left out.  culling: what Simplify leaves out.  has_flags: False
+    gives None for all flags, which take long where there are many objects.
     """
-    links = LightLinks(depsgraph.view_layer.objects, report)
+    links = LightLinks(depsgraph.view_layer.objects, report) if has_flags else None
     cut = collections_cut(depsgraph.view_layer.layer_collection)
     things: list[tuple[Any, str, int, int] | None] = []
     numbers: dict[tuple, int] = {}
@@ -202,18 +204,19 @@ def _meet(
     depsgraph: Any,
     make: Callable,
     report: Report,
-    links: LightLinks,
+    links: LightLinks | None,
     cut: bool,
     visible: bool = False,
 ) -> tuple[Any, str, int, int] | None:
-    """What a new thing is, or None where nothing of it is rendered. cut: as of
-    `flags_of`. visible: whether or not it shows itself.
+    """What a new thing is, or None where nothing of it is rendered. links: None for no flags.  cut:
+    as of `flags_of`. visible: whether or not it shows itself.
     """
     instancer = instance.parent if instance.is_instance else thing
     name = thing.name
     if not (visible or instance.show_self) or thing.data is None:
         return None
-    flags = flags_of(thing, instancer, depsgraph.view_layer, report, links, cut)
+    layer = depsgraph.view_layer
+    flags = flags_of(thing, instancer, layer, report, links, cut) if links is not None else None
     content = make(instance, flags)
     uids = thing.original.session_uid, instancer.original.session_uid
     return (content, name, *uids) if content is not None else None

@@ -18,7 +18,7 @@ from .geometry.shapes import marked_sphere
 from .geometry.splines import Keys, cut
 from .geometry.strand_attributes import fibre_values
 from .geometry.strands import curve_keys, hair_keys
-from .instances import ExportedObject, Flags, walk
+from .instances import ExportedObject, walk
 from .lights import light_frame
 from .placing import are_surfaces
 from .report import Report
@@ -106,7 +106,9 @@ def read_pose(depsgraph: Any, for_vectors: bool = False, culling: Culling | None
     pose = Pose([])
     reader = _Reader(depsgraph, for_vectors, pose)
     hair = reader.meet_hair
-    pose.things = walk(depsgraph, reader.meet, Report(), make_hair=hair, culling=culling)
+    pose.things = walk(
+        depsgraph, reader.meet, Report(), make_hair=hair, culling=culling, has_flags=False
+    )
     pose.ids = np.zeros((len(depsgraph.object_instances), 8), np.int32)
     if len(pose.ids):
         depsgraph.object_instances.foreach_get("persistent_id", pose.ids.reshape(-1))
@@ -128,13 +130,13 @@ class _Reader:
     for_vectors: bool
     pose: Pose
 
-    def meet_hair(self, instance: Any, flags: Flags) -> _Mover:
+    def meet_hair(self, instance: Any, _flags: None) -> _Mover:
         thing = instance.object
         owner = (instance.instance_object or thing).original.session_uid
         key, render = ("hair", owner, thing.data.as_pointer()), self.depsgraph.mode == "RENDER"
         return self._bending(instance, key, hair_keys, thing, self.depsgraph.scene_eval, render)
 
-    def meet(self, instance: Any, flags: Flags) -> _Mover | None:
+    def meet(self, instance: Any, _flags: None) -> _Mover | None:
         thing, data = instance.object, instance.object.data
         kind = type(data).__name__
         if thing.type == "LIGHT":
@@ -154,12 +156,13 @@ class _Reader:
 
     def _bending(self, instance: Any, key: tuple, read: Callable, *arguments: Any) -> _Mover:
         """Of what may change its shape, read when first met."""
-        shape_keys = _FEWEST if self.for_vectors else _shape_keys_of(instance)
+        keys = self._keys_of(instance)
+        shape_keys = keys if self.for_vectors or _bends(instance) else 1
         if shape_keys == 1:
-            return _Mover(False, None, self._keys_of(instance), 1)
+            return _Mover(False, None, keys, 1)
         if key not in self.pose.shapes:
             self.pose.shapes[key] = read(*arguments)
-        return _Mover(False, key, self._keys_of(instance), shape_keys)
+        return _Mover(False, key, keys, shape_keys)
 
 
 def _shape(mesh: Any, with_normals: bool) -> Shape | Spheres:
@@ -189,9 +192,9 @@ def _keys_of(instance: Any) -> int:
     return min(2 ** max(steps, 1) + 1, _MOST)
 
 
-def _shape_keys_of(instance: Any) -> int:
-    settings = next(_owners(instance), None)
-    return _keys_of(instance) if getattr(settings, "use_deform_motion", True) else 1
+def _bends(instance: Any) -> bool:
+    """Whether its settings let it change its shape while it blurs."""
+    return getattr(next(_owners(instance), None), "use_deform_motion", True)
 
 
 def moved(

@@ -39,6 +39,8 @@ MATT = np.sqrt(2) * np.pi
 """One over the density, a steradian, of directions as dense as their cosine: the root of the mean
 square over them.
 """
+ROUNDED = 1e-13
+"""Of the largest sum by Fourier transforms: what is less may be what rounding left of 0."""
 LARGEST = 1e30
 """Radiance saturates here, far below float32's largest."""
 
@@ -231,14 +233,19 @@ def _irradiance(same: _Same) -> Array:
         return values
     coarse = _averaged(values, MOST_IRRADIANCE_ROWS)
     rows, columns = coarse.shape[:2]
-    given = 4 * (coarse * cell_shares(rows, columns)).reshape(-1, 3)
-    normals = _unit(
-        np.pi * (np.arange(IRRADIANCE_ROWS + 1) / IRRADIANCE_ROWS - 0.5)[:, None],
-        2 * np.pi * (0.5 - np.arange(2 * IRRADIANCE_ROWS + 1) / (2 * IRRADIANCE_ROWS)),
-    )
-    towards = directions(rows, columns).astype(np.float32)
-    result = [np.maximum(row.T @ towards, 0) @ given for row in np.moveaxis(normals, 1, 0)]
-    return np.stack(result)
+    given = np.moveaxis(4 * coarse * cell_shares(rows, columns), 1, 2)
+    each = -(-2 * IRRADIANCE_ROWS // columns)
+    around = each * columns
+    # the cosine depends on how far azimuths are apart: sums over these are circular convolutions
+    apart = np.cos(2 * np.pi * (np.arange(around) - each / 2) / around)
+    normal = np.pi * (np.arange(IRRADIANCE_ROWS + 1) / IRRADIANCE_ROWS - 0.5)[:, None]
+    towards = np.pi * ((np.arange(rows) + 0.5) / rows - 0.5)
+    upright, flat = np.sin(normal) * np.sin(towards), np.cos(normal) * np.cos(towards)
+    cosine = np.maximum(upright[..., None] + flat[..., None] * apart, 0)
+    spectrum = np.tile(np.fft.fft(given), each)[..., : around // 2 + 1]
+    sums = np.fft.irfft(np.einsum("nrf,rcf->ncf", np.fft.rfft(cosine), spectrum), around)
+    sums = np.where(np.abs(sums) > ROUNDED * np.abs(sums).max(), sums, 0.0)
+    return np.moveaxis(np.concatenate([sums, sums[..., :1]], 2), 1, 2)
 
 
 def _averaged(values: Array, most: int) -> Array:

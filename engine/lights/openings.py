@@ -307,8 +307,7 @@ def _rectangles(lines: _Lines, enclosed: _Lines) -> list[tuple[Array, Array, Arr
         taken = np.zeros(len(left), bool)
         parts = [
             (row, through)
-            for row, through in _parts(lines.take(left), size, *best[1:])
-            if through.sum() >= FEWEST * len(lines)
+            for row, through in _parts(lines.take(left), size, FEWEST * len(lines), *best[1:])
         ]
         dense = [through.sum() / _area(row) for row, through in parts]
         for (row, through), each in zip(parts, dense, strict=True):
@@ -386,14 +385,14 @@ def _meeting(o: Array, d: Array, at: float, side: float) -> tuple[Array, Array]:
 
 
 def _parts(
-    lines: _Lines, size: float, frame: Array, at: float, side: float
+    lines: _Lines, size: float, fewest: float, frame: Array, at: float, side: float
 ) -> Iterator[tuple[tuple[Array, Array, Array, Array], Array]]:
-    """The rectangles of a plane that lines pass, apart by more than two cells of this size, and
-    which do, (m,) bool.
+    """The rectangles of a plane that so many lines or more pass, apart by more than two cells of
+    this size, and which do, (m,) bool.
     """
     o, d = frame @ lines.o, frame @ lines.d
     uv, index = _meeting(o, d, at, side)
-    for part in _apart(uv, np.arange(len(index)), 2 * size):
+    for part in _apart(uv, np.arange(len(index)), 2 * size, fewest):
         low, high = uv[:, part].min(1), uv[:, part].max(1)
         step = 2.0 ** np.ceil(np.log2(np.maximum((high - low).max(), 1e-300) / SNAPPED))
         low, high = np.floor(low / step) * step, np.ceil(high / step) * step
@@ -409,13 +408,15 @@ def _parts(
         yield (c, half[0] * frame[0], half[1] * frame[1], side * frame[2]), through
 
 
-def _apart(uv: Array, part: Array, gap: float) -> Iterator[Array]:
-    """Groups of points between which there is no gap along either axis."""
+def _apart(uv: Array, part: Array, gap: float, fewest: float) -> Iterator[Array]:
+    """Groups of so many points or more between which there is no gap along either axis."""
+    if len(part) < fewest:
+        return
     for axis in (0, 1):
         order = part[np.argsort(uv[axis, part], kind="stable")]
         cuts = np.flatnonzero(np.diff(uv[axis, order]) > gap) + 1
         if len(cuts):
             for some in np.split(order, cuts):
-                yield from _apart(uv, some, gap)
+                yield from _apart(uv, some, gap, fewest)
             return
     yield part

@@ -81,9 +81,9 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
         data.lobe_points = address(points)
     if settings.reflecting != "OFF":
-        pairs = gloss_points(settings.samples).reshape(-1, 2)
-        pairs = packer.lend(pairs, np.float64, (None, 2), "gloss points")
-        data.gloss_points, data.gloss_count = address(pairs), len(pairs)
+        places = gloss_points(settings.samples).reshape(-1, 2)
+        places = packer.lend(places, np.float64, (None, 2), "gloss points")
+        data.gloss_points, data.gloss_count = address(places), len(places)
         data.gather_block = GATHER_BLOCK
     _add_scattering(data, packer, scene, settings)
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)

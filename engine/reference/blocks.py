@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..sampling import GATHER_BLOCK
+from ..sampling import GATHER_BLOCK, GLOSS_PLACES
 from .surface import Surface
 from .vectors import add_at, dot, pick
 
@@ -20,10 +20,11 @@ ALIKE = 0.97
 """Least cosine between the normals of points of pixels of a block that share what rays find."""
 FLAT = 0.04
 """Of the way between these points, squared, the most along their normals."""
-WAITS, ALONE, FIRST, SECOND = range(4)
-"""Whether a pixel of a group sends a ray in a sample, and to which of its places for pairs: of four
-pixels two do, of fewer one.
-"""
+SHARP = 0.18
+"""Of 1 less `ALIKE`, over the exponent of a lobe, the most."""
+ALONE = GLOSS_PLACES
+WAITS = ALONE + 1
+"""Beside the numbers of a sample's places for rays of wide lobes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,15 +126,17 @@ def shares_of(
 
 
 def turns(members: Array, sample: int, n: int) -> Array:
-    """(n,) the turn of each pixel in a sample. members: (groups, most), as `Shares` has them."""
+    """(n,) to which of a sample's places in wide lobes each pixel sends its ray: of a group about
+    half send one, in turn, a power of two, to places that are even by themselves. members: (groups,
+    most), as `Shares` has them.
+    """
     turn, there = np.full(n, ALONE), members >= 0
     number, count = np.cumsum(there, 1) - 1, there.sum(1, keepdims=True)
-    odd = sample % 2
-    pairs = np.where(number == odd, FIRST, np.where(number == 3 - odd, SECOND, WAITS))
-    if sample % 4 >= 2:
-        pairs = np.where(pairs == WAITS, WAITS, FIRST + SECOND - pairs)
-    one = np.where(sample % np.maximum(count, 1) == number, ALONE, WAITS)
-    turn[members[there]] = np.where(count == 4, pairs, one)[there]
+    count = np.maximum(count, 1)
+    rays = np.minimum(2 ** np.ceil(np.log2(count)).astype(int) // 2, GLOSS_PLACES)
+    at = (number + sample) % count * rays
+    found = np.where(at % count < rays, (at // count + rays * sample) % GLOSS_PLACES, WAITS)
+    turn[members[there]] = np.where(count == 1, ALONE, found)[there]
     return turn
 
 
@@ -147,12 +150,22 @@ def asking(members: Array, sample: int, n: int) -> Array:
     return asks
 
 
-def groups(surface: Surface, pixel: Array, blocks: Array, kinds: Array) -> tuple[Array, Array]:
+def groups(
+    surface: Surface,
+    pixel: Array,
+    blocks: Array,
+    kinds: Array,
+    most: int = GATHER_BLOCK * GATHER_BLOCK,
+    exponents: Array | None = None,
+) -> tuple[Array, Array]:
     """`Shares.group` and `members` of points of these pixels, of tiles' pixels in these blocks: in
     their order, each joins the first group of its block whose first point is on its surface and of
-    its kind. kinds: (m,) of the points.
+    its kind. kinds: (m,) of the points.  most: pixels of a block.  exponents: (m,) of the narrowest
+    lobes, whose normals lie the closer together; None for matt ones.
     """
-    most = GATHER_BLOCK * GATHER_BLOCK
+    least = np.full(len(pixel), ALIKE)
+    if exponents is not None:
+        least = np.maximum(ALIKE, 1 - SHARP / np.maximum(exponents, 1e-300))
     group, members = np.full(len(blocks), -1), np.full((len(pixel) + 1, most), -1)
     if not len(pixel):
         return group, members
@@ -168,14 +181,15 @@ def groups(surface: Surface, pixel: Array, blocks: Array, kinds: Array) -> tuple
             other = table[leads, j]
             free = (other >= 0) & (group[pixel[other]] < 0)
             alike = kinds[lead] == kinds[other]
-            on = np.flatnonzero(free & alike & _is_one_surface(surface, lead, other))
+            on = np.flatnonzero(free & alike & _is_one_surface(surface, lead, other, least))
             group[pixel[other[on]]] = count + on
             members[count + on, j] = pixel[other[on]]
         count += len(leads)
     return group, members
 
 
-def _is_one_surface(surface: Surface, a: Array, b: Array) -> Array:
+def _is_one_surface(surface: Surface, a: Array, b: Array, least: Array) -> Array:
     n, m, way = pick(surface.n, a), pick(surface.n, b), pick(surface.x, a) - pick(surface.x, b)
     flat = FLAT * dot(way, way)
-    return (dot(n, m) >= ALIKE) & (dot(way, n) ** 2 <= flat) & (dot(way, m) ** 2 <= flat)
+    near = dot(n, m) >= np.maximum(least[a], least[b])
+    return near & (dot(way, n) ** 2 <= flat) & (dot(way, m) ** 2 <= flat)

@@ -30,7 +30,7 @@ def ratio(
     """(3, n) the light on catchers over that which they had if there were nothing else; arguments
     as of `Lighting.direct`.
     """
-    glow = coefficients.ambient * stage.even_light(surface) + coefficients.emission
+    glow = stage.even_light(surface, coefficients) + coefficients.emission
     with_all, alone = (
         weight * (glow + light.diffuse + light.specular + light.shadow)
         for light in (

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..film import OCCLUSION
-from ..sampling import GATHER_BLOCK, places_in_blocks
+from ..sampling import GATHER_BLOCK, GLOSS_BLOCK, places_in_blocks
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
@@ -42,6 +42,7 @@ from .vectors import dot, length, unit
 from .visibility import NOTHING
 
 Array = np.ndarray
+Span = tuple[int, int]
 
 
 class Explainer:
@@ -75,19 +76,31 @@ class Explainer:
         return camera_paths(rays, self.stage.camera.weights(rays))
 
     def _block_of(self, x: int, y: int) -> PixelBlock:
+        found = PixelBlock()
+        if self.stage.shares_gathers:
+            found.near = []
+            if block := self._meets(x, y, GATHER_BLOCK):
+                own, square, at = block
+                found.share_gathers(self.stage, at, own, places_in_blocks(*square, GATHER_BLOCK))
+        if self.stage.mixes_gloss:  # in squares that lie so in the first sample
+            block = self._meets(x, y, GLOSS_BLOCK)
+            found.mixed = list(found.mix(self.stage, block[2], block[0])) if block else []
+        return found
+
+    def _meets(
+        self, x: int, y: int, side: int
+    ) -> tuple[int, tuple[Span, Span], Interaction] | None:
+        """Which pixel it is of its square of the frame, `side` on a side, where that lies, and what
+        its camera rays meet; None for nothing.
+        """
         stage, (width, height) = self.stage, self.stage.scene.camera.resolution
-        x0, y0 = (at // GATHER_BLOCK * GATHER_BLOCK for at in (x, y))
-        square = (x0, min(x0 + GATHER_BLOCK, width)), (y0, min(y0 + GATHER_BLOCK, height))
-        found = PixelBlock((y - y0) * (square[0][1] - x0) + x - x0)
-        found.near = [] if stage.shares_gathers else None
-        found.mixed = [] if stage.mixes_gloss else None
-        if found.near is None and found.mixed is None:
-            return found
+        x0, y0 = (at // side * side for at in (x, y))
+        square = (x0, min(x0 + side, width)), (y0, min(y0 + side, height))
         paths = self._camera_paths(*square)
         hits = stage.visibility.closest(paths.rays, paths.visibility)
         hit = np.flatnonzero(hits.primitive != NOTHING)
         if not len(hit):
-            return found
+            return None
         if stage.media:
             spans = stage.media.spans(paths.rays, paths.visibility, hits.depth)
             passed = stage.media.passed(spans, paths.rays.near, hits.depth)
@@ -96,10 +109,8 @@ class Explainer:
         shown = np.flatnonzero(~stage.per_object("holdout", surface.row).astype(bool))
         hit, surface = hit[shown], surface.take(shown)
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
-        places = places_in_blocks(*square, GATHER_BLOCK)
         at, _ = entering(stage, Interaction(paths, hit, surface, coefficients))
-        found.meet(stage, at, places)
-        return found
+        return (y - y0) * (square[0][1] - x0) + x - x0, square, at
 
     def _surface(self, paths: Paths, hit: Array, primitive: Array, depth: Array) -> Surface:
         stage = self.stage
@@ -309,7 +320,7 @@ class Explainer:
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),
-            ambient=_numbers((coefficients.ambient * stage.even_light(surface))[:, 0]),
+            ambient=_numbers(stage.even_light(surface, coefficients)[:, 0]),
             emission=_numbers(coefficients.emission[:, 0]),
             lights=(
                 *self._lights(surface, coefficients, paths, asker),

@@ -28,9 +28,9 @@ class PixelBlock:
     reflect, one each: its own and those that pixels of its block share with it; of the latter (3,)
     what the pixel gets of what they bring. None where it has but its own.
 
-    own: which pixel of the block it is.  asker: where in the block the points of bounced light are
-    asked for the pixel, and (3,) how many times as much as is found there it gets; None where it
-    asks them itself.  turns: how many pixels take turns in that.
+    own: which pixel of the block of gather rays it is.  asker: where in that the points of bounced
+    light are asked for the pixel, and (3,) how many times as much as is found there it gets; None
+    where it asks them itself.  turns: how many pixels take turns in that.
     """
 
     own: int = 0
@@ -40,26 +40,28 @@ class PixelBlock:
     turns: int = 1
     _shares: Shares | None = field(default=None, repr=False)
 
-    def meet(self, stage: Stage, at: Interaction, places: Array) -> None:
-        """Takes in what the block's camera rays meet. places: (n,) of its pixels, as `gathering`
-        has them.
+    def share_gathers(self, stage: Stage, at: Interaction, own: int, places: Array) -> None:
+        """Takes in what the camera rays of the block of gather rays meet. places: (n,) of its
+        pixels, as `gathering` has them.
         """
-        one = np.zeros(len(places), np.intp)
-        if self.near is not None:
-            self._shares = sharing(stage, at, 0, one)
-            self.asker = self._asker_of(stage, at)
-            found = gathering(stage, at, 0, places, self._shares)
-            self.near = list(one_by_one(found, self._alike()))
-        if self.mixed is not None:
-            self.mixed = list(self._mixed_of(stage, at, one))
+        self.own = own
+        self._shares = sharing(stage, at, 0, np.zeros(len(places), np.intp))
+        self.asker = self._asker_of(stage, at)
+        found = gathering(stage, at, 0, places, self._shares)
+        self.near = list(one_by_one(found, self._alike()))
 
-    def _mixed_of(self, stage: Stage, at: Interaction, one: Array) -> Iterator[tuple[Paths, Array]]:
+    def mix(self, stage: Stage, at: Interaction, own: int) -> Iterator[tuple[Paths, Array]]:
+        """Of those of the block that mixes what wide lobes reflect, as `mixed`. own: which pixel of
+        that it is.
+        """
+        count = len(at.paths)
+        one = np.stack([np.zeros(count, np.intp), np.arange(count)])
         rays, mixing = reflected_in_blocks(stage, at, 0, one)
         if mixing is None:
             return
         sender, receiver, share = mixing.shares()
-        for k in np.flatnonzero(receiver == self.own):
-            some = [found for found in rays if found.mixed or sender[k] == self.own]
+        for k in np.flatnonzero(receiver == own):
+            some = [found for found in rays if found.mixed or sender[k] == own]
             yield from ((found, share[:, k]) for found in one_by_one(some, sender[k]))
 
     def _asker_of(

@@ -60,12 +60,14 @@ def _alike(paths: list[Paths]) -> Iterator[Paths]:
 class Generations:
     """Follows the rays of one sample of a tile and adds what they bring to it."""
 
-    def __init__(self, stage: Stage, tile: Tile, sample: int, places: Array, blocks: Array) -> None:
+    def __init__(
+        self, stage: Stage, tile: Tile, sample: int, places: Array, blocks: tuple[Array, Array]
+    ) -> None:
         """places: (pixels,) of each in its block of `gather_points`.  blocks: (pixels,) which
-        block each is in, where pixels share what rays find or bring.
+        block each is in, where pixels share what gather rays find, and (2, pixels) `gloss_blocks`.
         """
         self._stage, self._tile, self._sample, self._places = stage, tile, sample, places
-        self._blocks: Array | None = blocks
+        self._blocks: tuple[Array, Array] | None = blocks
         self._shares: Shares | None = None
         self._mixing: Mixing | None = None
         self._gloss, self._shared = (
@@ -135,7 +137,7 @@ class Generations:
         at, below = entering(stage, at)
         shares = None
         if blocks is not None and stage.shares_gathers:
-            shares = self._shares = sharing(stage, at, self._sample, blocks)
+            shares = self._shares = sharing(stage, at, self._sample, blocks[0])
         self._light(at, shares)
         deeper += gathering(stage, at, self._sample, self._places, shares)
         if below is not None and (out := self._coming_out(below)) is not None:
@@ -146,7 +148,7 @@ class Generations:
             self._light(behind)
             deeper += gathering(stage, behind, self._sample, self._places)
         if paths.depth < stage.settings.max_bounces and not paths.gathers:
-            deeper += self._bounce(at, blocks if stage.mixes_gloss else None)
+            deeper += self._bounce(at, blocks[1] if blocks and stage.mixes_gloss else None)
         return passed
 
     def _interaction(self, paths: Paths, hit: Array, hits: Hits) -> tuple[Interaction, Array]:
@@ -360,7 +362,7 @@ class Generations:
                 self._add(paths, part, pixel, weight * values, group)
 
         world = stage.scene.world.light_group
-        add("Ambient", coefficients.ambient * self._stage.even_light(surface), world)
+        add("Ambient", self._stage.even_light(surface, coefficients), world)
         if not (paths.reflections and self._stage.is_lit_by_meshes):
             group = stage.per_object("light_group", surface.row)
             add("Emission", coefficients.emission, group)
@@ -420,7 +422,7 @@ class Generations:
         coefficients, weight = at.coefficients, at.weight
         mirrored, refracted = gives(at.surface, coefficients)
         below = -coefficients.diffuse if at.paths.comes_out else coefficients.below
-        ambient = coefficients.ambient * self._stage.even_light(at.surface)
+        ambient = self._stage.even_light(at.surface, coefficients)
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
             "Diffuse Indirect": light.lit_bounced,

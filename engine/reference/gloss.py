@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from . import stretching
-from .coefficients import Term, taken
+from .coefficients import Coefficients, Term, taken
 from .lights import LightPoint, LightSample, Source
-from .optics import blinn_phong, fresnel, toon_albedo
+from .optics import blinn_phong, reflectance, toon_albedo
 from .surface import Surface
+from .terminator import mean_lowered, mean_lowered_gloss
 from .vectors import add_at, basis_around, cross, dot, length, pick, unit
 
 Array = np.ndarray
@@ -48,17 +49,45 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
         if term.lobe.kind == "TOON_SPECULAR":
             add_at(total, term.index, toon_albedo(term.exponent, term.masking) * term.k)
     for term in () if which == "ALL" else terms:
-        if not (term.lobe.is_glossy and term.lobe.fresnel):
-            continue
-        p, a2 = np.asarray(term.exponent), np.asarray(term.masking) ** 2
-        seen2 = np.clip(seen[term.index], 0.0, 1.0) ** 2
-        cosine = np.sqrt(seen2 + 2 * (1 - seen2) / (p + 8))
-        size = 8 / (p + 2 + 8 / (4 + p * p))
-        shaped = cosine / np.sqrt(a2 + (1 - a2) * cosine * cosine)
-        factor = np.where(a2 > 0, size * shaped, 0.0)
-        factor = factor * fresnel(cosine, np.broadcast_to(term.ior, cosine.shape))
-        add_at(total, term.index, factor * term.k)
+        if term.lobe.is_glossy and term.lobe.fresnel:
+            add_at(total, term.index, of_even_light(term, seen[term.index]) * term.k)
     return total
+
+
+def of_even_light(term: Term, seen: Array) -> Array:
+    """(m,) about what a highlight of GGX's masking gives back of even light for k = 1, seen at the
+    cosines (m,).
+    """
+    p, a2 = np.asarray(term.exponent), np.asarray(term.masking) ** 2
+    seen2 = np.clip(seen, 0.0, 1.0) ** 2
+    cosine = np.sqrt(seen2 + 2 * (1 - seen2) / (p + 8))
+    size = 8 / (p + 2 + 8 / (4 + p * p))
+    shaped = cosine / np.sqrt(a2 + (1 - a2) * cosine * cosine)
+    factor = np.where(a2 > 0, size * shaped, 0.0)
+    lobe = term.lobe
+    return factor * reflectance(cosine, term.ior, lobe.fresnel, lobe.schlick, lobe.edge)
+
+
+def ambient_seen(surface: Surface, coefficients: Coefficients) -> Array:
+    """(3, n) AMBIENT lobes' k, less what surfaces that see light lower do not give back: gloss sees
+    it aslant where it is seen so.
+    """
+    given, lowering = coefficients.ambient, surface.lowering
+    if not (lowering > 1).any():
+        return given
+    of_gloss, left = np.zeros_like(given), np.zeros_like(given)
+    for term in coefficients.highlights:
+        if term.lobe.is_glossy:
+            seen = dot(surface.n, surface.v)[term.index]
+            k = of_even_light(term, seen) * term.k
+            add_at(of_gloss, term.index, k)
+            low = mean_lowered_gloss(lowering[term.index], seen, np.asarray(term.masking))
+            add_at(left, term.index, low * k)
+    whole = np.maximum(given, of_gloss)
+    mean = mean_lowered(lowering)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(whole > 0, (left + mean * (whole - of_gloss)) / whole, mean)
+    return np.where(lowering > 1, share, 1.0) * given
 
 
 class Narrow:

@@ -47,10 +47,19 @@ def gloss(
         factor = np.where(masking > 0, 2 * nl / np.where(down > 0, down, 1.0), 1.0)
     if dielectric or schlick or edge:
         vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))
-        if dielectric:
-            return factor * fresnel(vh, np.broadcast_to(ior, n.shape[1:]))
-        factor = factor * (7**7 / 6**6 * vh * (1 - vh) ** 6 if edge else (1 - vh) ** 5)
+        factor = factor * reflectance(vh, ior, dielectric, schlick, edge)
     return factor
+
+
+def reflectance(
+    vh: Array, ior: Array | float, dielectric: bool, schlick: bool, edge: bool
+) -> Array | float:
+    """(m,) a highlight's Fresnel factor at the cosines `vh` (m,)."""
+    if dielectric:
+        return fresnel(vh, np.broadcast_to(ior, vh.shape))
+    if edge:
+        return 7**7 / 6**6 * vh * (1 - vh) ** 6
+    return (1 - vh) ** 5 if schlick else 1.0
 
 
 def sheen(n: Array, v: Array, l: Array, width: Array | float, lean: Array | float) -> Array:  # noqa: E741

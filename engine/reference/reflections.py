@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .blocks import ALONE, FIRST, SECOND, WAITS, groups, turns
+from ..sampling import GLOSS_BLOCK
+from .blocks import ALONE, WAITS, groups, turns
 from .coefficients import Term
 from .gloss import Narrow, Reflections, reflecting
 from .lights import CENTER, LightPoint
@@ -83,23 +84,22 @@ def reflected_in_blocks(
     stage: Stage, at: Interaction, sample: int, blocks: Array
 ) -> tuple[list[Paths], Mixing | None]:
     """The same of camera rays, and how pixels share what those rays bring that are `mixed`. blocks:
-    (n,) of the tile's pixels.
+    (2, n) `gloss_blocks` of the tile's pixels.
     """
     terms = reflecting(at.coefficients.highlights, stage.settings.reflecting)
     narrow = Narrow(at.surface, terms, at.weight, Reflections())
     if not narrow:
         return [], None
-    given = _given(at, terms, narrow)
-    mixing = _mixing(given, at, sample, blocks)
+    given, exponents = _given(at, terms, narrow)
+    mixing = _mixing(given, exponents, at, sample, blocks)
     mixed = given.any(0)
     turn = np.where(mixed, mixing.turn[at.pixel], -1)
-    disc = np.stack([stage.lobe_point(sample, 0).disc, *stage.gloss_points(sample)])
+    own, places = stage.lobe_point(sample, 0).disc, stage.gloss_points(sample)
     result = []
-    for point, of_turns in zip(disc, ((-1, ALONE), (FIRST,), (SECOND,)), strict=True):
-        for one in of_turns:
-            here = LightPoint(CENTER.square, point)
-            found = _leaving(stage, at, terms, narrow, here, turn == one)
-            result.append(replace(found, mixed=one >= 0))
+    for one, point in ((-1, own), (ALONE, own), *enumerate(places)):
+        here = LightPoint(CENTER.square, point)
+        found = _leaving(stage, at, terms, narrow, here, turn == one)
+        result.append(replace(found, mixed=one >= 0))
     return [found for found in result if len(found)], mixing
 
 
@@ -118,16 +118,16 @@ def shown(tile: Tile, found: Tile, thrown: Array, sample: int) -> Array:
     return np.tile(part, (3, 1))
 
 
-def _given(at: Interaction, terms: list[Term], narrow: Narrow) -> Array:
+def _given(at: Interaction, terms: list[Term], narrow: Narrow) -> tuple[Array, Array]:
     """(3, m) what points with wide lobes alone give back of light from where n mirrors the ray, 0
-    elsewhere.
+    elsewhere, and (m,) the exponent of their narrowest lobes.
     """
     d, drawn, exponent = narrow.draw(CENTER)
     go = np.flatnonzero(drawn & (dot(at.surface.g, d) > 0) & (exponent < LEAST_UNMIXED))
     given = np.zeros_like(at.weight)
     found = pick(at.weight, go) * _thrown(at.surface, terms, narrow, go, pick(d, go))
     given[:, go] = np.where(np.isfinite(found).all(0), found, 0.0)
-    return given
+    return given, exponent
 
 
 def _thrown(surface: Surface, terms: list[Term], narrow: Narrow, go: Array, d: Array) -> Array:
@@ -160,10 +160,18 @@ def _leaving(
     return replace(found, reflections=paths.reflections + 1, skyless=skyless)
 
 
-def _mixing(given: Array, at: Interaction, sample: int, blocks: Array) -> Mixing:
+def _mixing(given: Array, exponents: Array, at: Interaction, sample: int, blocks: Array) -> Mixing:
     some = np.flatnonzero(given.any(0))
+    some = some[np.argsort(blocks[1, at.pixel[some]])]
     channels = np.array([1, 2, 4]) @ (pick(given, some) != 0)
-    group, members = groups(at.surface.take(some), at.pixel[some], blocks, channels)
-    seen = np.ones((3, len(blocks)))
+    group, members = groups(
+        at.surface.take(some),
+        at.pixel[some],
+        blocks[0],
+        channels,
+        (GLOSS_BLOCK + 1) ** 2,
+        exponents[some],
+    )
+    seen = np.ones((3, blocks.shape[1]))
     seen[:, at.pixel[some]] = pick(given, some)
-    return Mixing(group, members, turns(members, sample, len(blocks)), seen)
+    return Mixing(group, members, turns(members, sample, blocks.shape[1]), seen)

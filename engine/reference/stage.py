@@ -29,8 +29,10 @@ from ..settings import Settings
 from .attributes import Attributes
 from .camera import CameraRays
 from .cancellation import Cancellation
+from .coefficients import Coefficients
 from .emission import Emission
 from .geometry import gather
+from .gloss import ambient_seen
 from .glowing_media import MediumSource
 from .lighting import Lighting
 from .lights import CENTER, LightPoint, Source
@@ -43,7 +45,6 @@ from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
 from .tabled_lights import FAINT, SKY_PARTS, BouncedSource, Dome, MeshSource, OpeningPoints
-from .terminator import mean_lowered
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -52,6 +53,13 @@ Array = np.ndarray
 
 _DIRECTED = ("SHEEN", "TOON_DIFFUSE", "OREN_NAYAR", "FIBRE")
 """What kinds of lobes begin with that depend on where light comes from, as DIFFUSE does not."""
+
+
+def mixes_gloss(scene: Scene) -> bool:
+    """Whether something may reflect in blocks of pixels, which media that vary do not know."""
+    media = (scene.world.medium, *(material.medium for material in scene.materials))
+    is_glossy = any(lobe.is_glossy for material in scene.materials for lobe in material.lobes)
+    return is_glossy and all(x is None or x.program is None for x in media)
 
 
 class Stage:
@@ -135,9 +143,9 @@ class Stage:
             return source.widened() if self.reach > 0 else source
         return source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
 
-    def even_light(self, surface: Surface) -> Array:
-        """(3, n) the world's radiance that AMBIENT lobes of n points give back."""
-        return self.ambient * mean_lowered(surface.lowering)
+    def even_light(self, surface: Surface, coefficients: Coefficients) -> Array:
+        """(3, n) what AMBIENT lobes of n points give back of the world's radiance."""
+        return ambient_seen(surface, coefficients) * self.ambient
 
     def background_of(self, origin: Array, along: Array, kind: str) -> Array:
         """(3, n) or (3, 1): what rays of a kind, origin and directions (3, n), see that hit
@@ -199,7 +207,7 @@ class Stage:
     @property
     def mixes_gloss(self) -> bool:
         """Whether pixels of a block share what wide lobes reflect, as `shares_gathers`."""
-        return self.settings.reflecting != "OFF" and not self.media.varies
+        return self.settings.reflecting != "OFF" and mixes_gloss(self.scene)
 
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""

@@ -313,9 +313,10 @@ class MeshSource(Source):
         light = np.where(z > 0, front, back)
         with np.errstate(over="ignore"):
             color = np.clip(light, -HUGE, HUGE)
+        share = self.parts * solid_angle / (np.pi * self._table.each)
         return LightSample(
             direction,
-            self.parts * solid_angle / (np.pi * self._table.each),
+            np.where(color.any(0), share, 0.0),  # nobody asks for what is dark on that side
             q,
             solid_angle,
             color,

@@ -44,3 +44,26 @@ def mean_lowered(lowering: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = 2 * (lowering * np.sin(np.pi / 2 / lowering) - 1) / (lowering**2 - 1)
     return np.where(lowering > 1, mean, 1.0)
+
+
+def mean_lowered_gloss(lowering: Array, cosine: Array, masking: Array | float) -> Array:
+    """(m,) its mean over the light of an even sky that gloss of GGX's width `masking` shows at the
+    cosines (m,) to the viewer: of all of it between two cosines, whose squares have the mean and
+    about the spread of those of the lobe.
+    """
+    square = np.clip(cosine, 0.0, 1.0) ** 2
+    a2 = np.square(masking)
+    middle = np.clip(square + (0.48 - square) * a2 / (a2 + 0.04), 1e-3, 1 - 1e-3)
+    half = np.minimum(0.7 * masking / (masking + 0.15), np.minimum(middle, 1 - middle))
+    half = np.maximum(half, 1e-3)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = (
+            np.minimum(np.arccos(np.sqrt(end)), np.pi / 2 / lowering)
+            for end in (middle - half, middle + half)
+        )
+        wide, narrow = (
+            (np.cos(t) * np.cos(lowering * t) + lowering * np.sin(t) * np.sin(lowering * t))
+            / (lowering**2 - 1)
+            for t in ends
+        )
+    return np.where(lowering > 1, (wide - narrow) / half, 1.0)

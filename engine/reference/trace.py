@@ -11,7 +11,14 @@ import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
 from ..lights.lamps import group_stats, sharing_stats
-from ..sampling import GATHER_BLOCK, blocks_of, pixel_offsets, places_in_blocks
+from ..sampling import (
+    GATHER_BLOCK,
+    TILE_SIDE,
+    blocks_of,
+    gloss_blocks,
+    pixel_offsets,
+    places_in_blocks,
+)
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
@@ -20,7 +27,7 @@ from .cancellation import Cancellation, Stopped
 from .generations import Generations
 from .picture import DATA, Picture, Tile
 from .refinement import ErrorEstimate, Refinement, widened
-from .stage import Stage
+from .stage import Stage, mixes_gloss
 
 Array = np.ndarray
 
@@ -49,6 +56,10 @@ class Tracer:
     def __init__(self, scene: Scene, settings: Settings, cancellation: Cancellation):
         self._scene, self._settings, self._cancellation = scene, settings, cancellation
         self._shown = settings.region or (0, 0, *scene.camera.resolution)
+        gathers = any(light.kind == "BOUNCED" for light in scene.lights)
+        self._side = GATHER_BLOCK if gathers else 1  # of squares whose pixels share rays
+        if settings.reflecting != "OFF" and mixes_gloss(scene):
+            self._side = TILE_SIDE
         self._region = self._traced = self._blocks_of(self._shown)
         refines = settings.error_threshold > 0 or "Error" in settings.passes
         if refines and settings.samples >= FIRST_ESTIMATE:
@@ -128,11 +139,8 @@ class Tracer:
 
     def _blocks_of(self, region: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
         """The region with the pixels that share rays with its own."""
-        gathers = any(light.kind == "BOUNCED" for light in self._scene.lights)
-        if not gathers and self._settings.reflecting == "OFF":
-            return region
         (x0, y0, x1, y1), (width, height) = region, self._scene.camera.resolution
-        side = GATHER_BLOCK
+        side = self._side
         end = min(-(-x1 // side) * side, width), min(-(-y1 // side) * side, height)
         return (x0 // side * side, y0 // side * side, *end)
 
@@ -151,7 +159,7 @@ class Tracer:
     def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
         """Traces one sample of every pixel tile by tile; yields the finished fraction."""
         x0, y0, x1, y1 = self._region
-        rows = max(TILE // (x1 - x0) // GATHER_BLOCK, 1) * GATHER_BLOCK
+        rows = max(TILE // (x1 - x0) // self._side, 1) * self._side
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
             rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
@@ -159,11 +167,12 @@ class Tracer:
             first = (y - y0) * (x1 - x0)
             here: slice | Array = slice(first, first + len(rays))
             places = places_in_blocks((x0, x1), (y, above), GATHER_BLOCK)
-            blocks = blocks_of((x0, x1), (y, above), GATHER_BLOCK)
+            across, up = (x0, x1), (y, above)
+            blocks = blocks_of(across, up, GATHER_BLOCK), gloss_blocks(across, up, sample)
             if self._refinement and not self._refinement.active[here].all():
                 chosen = np.flatnonzero(self._refinement.active[here])
                 here, rays, strips = first + chosen, rays.take(chosen), None
-                places, blocks = places[chosen], blocks[chosen]
+                places, blocks = places[chosen], (blocks[0][chosen], blocks[1][:, chosen])
             tile = Tile(
                 len(rays),
                 self._settings.passes.intersection(DATA) if sample == 0 else frozenset(),

@@ -22,7 +22,11 @@ _ASIDE = 0.7
 """Radians."""
 GATHER_BLOCK = 2
 """Side of the squares of pixels whose gather rays look in directions of their own."""
-MOST_GATHER_POINTS = 1 << 13
+GLOSS_BLOCK, GLOSS_PLACES = 4, 8
+"""Side of the squares of pixels that mix what wide lobes reflect; places in lobes of their rays."""
+TILE_SIDE = 32
+"""Of the squares of the frame that cut those: the core's tiles."""
+MOST_GATHER_POINTS = MOST_GLOSS_SAMPLES = 1 << 13
 MOST_SUBSURFACE_POINTS = 1 << 12
 _GOLDEN = (5**0.5 - 1) / 2
 _GATHER_LEVEL = 3
@@ -266,6 +270,26 @@ def blocks_of(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
     return ((np.arange(*y) // side)[:, None] * (x[1] // side + 1) + np.arange(*x) // side).ravel()
 
 
+def gloss_blocks(x: tuple[int, int], y: tuple[int, int], sample: int) -> np.ndarray:
+    """(2, pixels): the numbers of the squares in which the same pixels mix what wide lobes reflect
+    in a sample, and in which order they are counted there: by squares of 8 × 8, row by row. Those
+    of squares of 4 × 4 of the frame, of the pixel itself or of a neighbour, which are all nine in
+    turn so that no square is seen; those of TILE_SIDE, as far as the rows and columns go, have
+    squares of their own.
+    """
+    width = x[1] + TILE_SIDE
+    column, row = np.meshgrid(np.arange(*x), np.arange(*y))
+
+    def square(p: np.ndarray, moved: int, end: int) -> np.ndarray:
+        first = p // TILE_SIDE * TILE_SIDE
+        return np.clip(p + moved, first, np.minimum(first + TILE_SIDE, end) - 1) // GLOSS_BLOCK
+
+    left, below = (sample + 1) % 3 - 1, (sample + sample // 3 + 1) % 3 - 1
+    squares = square(row, below, y[1]) * width + square(column, left, x[1])
+    counted = (row // 8 * width + column // 8) * 64 + row % 8 * 8 + column % 8
+    return np.stack([squares.ravel(), counted.ravel()])
+
+
 @functools.lru_cache(maxsize=4)
 def gather_points(samples: int, each: int) -> np.ndarray:
     """(GATHER_BLOCK², k, 2) float64 in the unit disc, not to be written to: what lies below the
@@ -289,14 +313,14 @@ def gather_points(samples: int, each: int) -> np.ndarray:
 
 
 def gloss_points(samples: int) -> np.ndarray:
-    """(k, 2, 2) float64 in the unit disc: where in wide lobes the two pixels of a block whose turn
-    it is reflect their rays, of each sample; those beyond k = MOST_LOBE_POINTS take these again. As
-    `lobe_points` of twice as many samples, dealt out.
+    """(k, GLOSS_PLACES, 2) float64 in the unit disc: where in wide lobes the pixels of a block
+    whose turn it is reflect their rays, of each sample; those beyond k = MOST_GLOSS_SAMPLES take
+    these again. As `lobe_points` of so many times as many samples, dealt out.
     """
-    count = min(samples, MOST_LOBE_POINTS)
+    count = min(samples, MOST_GLOSS_SAMPLES)
     bits = max(count - 1, 0).bit_length()
-    disc = concentric_disc(2 * _sobol(2 << bits, _DOME) - 1).reshape(-1, 2, 2)
-    return disc[_shuffled(bits, 0)[:count]]
+    disc = concentric_disc(2 * _sobol(GLOSS_PLACES << bits, _DOME) - 1)
+    return disc.reshape(-1, GLOSS_PLACES, 2)[_shuffled(bits, 0)[:count]]
 
 
 @functools.lru_cache(maxsize=4)

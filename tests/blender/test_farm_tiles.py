@@ -95,6 +95,15 @@ def test_every_pixel_is_in_one_tile(width, height, columns, rows):
     assert (times == 1).all()
 
 
+def test_large_tiles_end_where_those_of_the_tracer_do():
+    """Of which all is traced. Small ones are as large as each other."""
+    whole, small = (10, 0, 1930, 1080), (0, 0, 180, 90)
+    regions = [Grid(3, 2).region(tile, whole) for tile in range(1, 7)]
+    cuts = {x for r in regions for x in (r[0], r[2])}, {y for r in regions for y in (r[1], r[3])}
+    assert cuts == ({10, 640, 1280, 1930}, {0, 544, 1080})
+    assert [Grid(3, 2).region(tile, small)[2] for tile in (1, 2, 3)] == [60, 120, 180]
+
+
 def test_what_is_no_grid():
     assert Grid.parse("3x2") == Grid(3, 2) and str(Grid(3, 2)) == "3x2"
     for text in ("", "2", "0x1", "2x-1", "2×2", "1x1x1", "99999x1"):

@@ -65,7 +65,7 @@ def draw():
     tell()
 """  # noqa: E501 - a script for another Blender
 )
-ANIMATED = """
+COMPARE = """
 def compare(what):
     "The frames with Persistent Data and without."
     found = []
@@ -75,6 +75,10 @@ def compare(what):
         found.append(list(told))
     results[what] = found
 
+"""
+ANIMATED = (
+    COMPARE
+    + """
 results = {}
 key(camera, "location", 7.4, 6.0, index=0)
 compare("camera")
@@ -190,6 +194,96 @@ render.use_motion_blur = True
 compare("all at once")
 answer(results)
 """
+)
+MOVING = (
+    COMPARE
+    + """
+results = {}
+scene.glint.final.diffuse_bounces = 0
+
+def thing(name, data=None, **settings):
+    made = bpy.data.objects.new(name, data)
+    scene.collection.objects.link(made)
+    for path, value in settings.items():
+        setattr(made, path, value)
+    return made
+
+leader = thing("leader", cube.data, location=(2.5, 0, 0), scale=(0.5, 0.5, 0.5))
+child = thing("child", cube.data, location=(0, 0, 2.5), parent=leader)
+follower = thing("follower", cube.data, scale=(0.4, 0.4, 0.4))
+empty = thing("empty", location=(-2.5, 0, 0))
+follower.constraints.new("COPY_LOCATION").target = empty
+bones = thing("bones", bpy.data.armatures.new("bones"), location=(0, -2.5, 0))
+bpy.context.view_layer.objects.active = bones
+bpy.ops.object.mode_set(mode="EDIT")
+bones.data.edit_bones.new("bone").tail = (0, 0, 1)
+bpy.ops.object.mode_set(mode="OBJECT")
+carried = thing("carried", cube.data, scale=(0.3, 0.3, 0.3), parent=bones, parent_type="BONE")
+carried.parent_bone = "bone"
+for moved, path in ((leader, "location"), (empty, "location"), (bones.pose.bones[0], "location")):
+    key(moved, path, 0.5, 1.5, index=1)
+key(leader, "rotation_euler", 0.0, 1.0, index=2)
+compare("followers")
+paint, color = colored("paint", 0.8, 0.2, 0.1)
+nodes, links = paint.node_tree.nodes, paint.node_tree.links
+info, tint, place, sums = (nodes.new(f"ShaderNode{kind}")
+                           for kind in ("ObjectInfo", "Attribute", "Attribute", "MixRGB"))
+tint.attribute_type = place.attribute_type = "OBJECT"
+tint.attribute_name, place.attribute_name = "tint", "location"
+links.new(info.outputs["Color"], sums.inputs[1])
+links.new(tint.outputs["Color"], sums.inputs[2])
+links.new(sums.outputs[0], color)
+links.new(place.outputs["Vector"], next(n for n in nodes if n.type == "BSDF_PRINCIPLED").inputs[
+    "Emission Color"])
+painted = thing("painted", cube.data.copy(), location=(0, 2.5, 0))
+painted.data.materials.clear()
+painted.data.materials.append(paint)
+painted["tint"] = 0.1
+for frame, value in ((1, 0.1), (3, 0.9)):
+    painted["tint"] = value
+    painted.keyframe_insert('["tint"]', frame=frame)
+key(painted, "color", 0.2, 1.0, index=1)
+key(painted, "location", 2.5, 3.0, index=1)
+compare("properties")
+inner = bpy.data.collections.new("inner")
+inner.objects.link(bpy.data.objects.new("inside", cube.data))
+placer = thing("placer", instance_type="COLLECTION", instance_collection=inner, location=(3, 3, 0))
+compare("beside instances")
+key(placer, "location", 3.0, 2.0, index=0)
+compare("instances")
+placer.animation_data_clear()
+key(child, "pass_index", 0, 0, 1)
+key(carried, "visible_shadow", True, False)
+scene.view_layers[0].use_pass_object_index = True
+compare("switches")
+carried.animation_data_clear()
+key(child, "hide_render", False, True)
+compare("hidden")
+child.animation_data_clear()
+child.hide_render = False
+key(lamp, "hide_render", False, True)
+compare("hidden lamp")
+still, shade = colored("still", 0.1, 0.2, 0.8)
+follower.data = follower.data.copy()
+follower.data.materials.clear()
+follower.data.materials.append(still)
+for moved in (leader, empty, bones, painted, lamp):
+    moved.animation_data_clear()
+lamp.hide_render = False
+key(shade, "default_value", 0.1, 0.9, index=1)
+key(follower, "hide_render", False, True)
+compare("hidden and another material")
+follower.animation_data_clear()
+shade.id_data.animation_data_clear()
+follower.hide_render = False
+key(camera, "location", 7.4, 6.0, index=0)
+for kind, frame in (("NONE", 1), ("COLLECTION", 3)):
+    placer.instance_type = kind
+    placer.keyframe_insert("instance_type", frame=frame)
+compare("beginning instances")
+answer(results)
+"""
+)
 WORK = ("walks", "meshes", "materials", "worlds")
 BENT = [
     "meshes",
@@ -296,6 +390,12 @@ def animated(tmp_path_factory) -> dict[str, list]:
     return frames(tmp_path_factory.mktemp("animated"), ANIMATED, False)
 
 
+@pytest.fixture(scope="module")
+def moving(tmp_path_factory) -> dict[str, list]:
+    """The same of what moves and follows."""
+    return frames(tmp_path_factory.mktemp("moving"), MOVING, False)
+
+
 @pytest.mark.slow
 def test_a_frame_in_which_but_the_camera_moves_reads_nothing(animated):
     first, *others = alike(*animated["camera"])
@@ -309,7 +409,7 @@ def test_a_frame_in_which_but_the_camera_moves_reads_nothing(animated):
 @pytest.mark.parametrize(
     ("what", "read"),
     [
-        ("objects", {"anew: walks"}),
+        ("objects", set()),
         ("materials", {"anew: walks", "anew: materials", "anew: worlds"}),
         ("stereo", {"anew: walks", "anew: materials", "anew: worlds"}),
         ("vanishing", {"anew: walks", "anew: materials", "anew: worlds"}),
@@ -320,6 +420,21 @@ def test_only_what_changes_is_read(animated, what, read):
     _, *others = alike(*animated[what])
     assert {name for frame in others for name, count in frame.items() if count} <= read
     assert sum(frame["anew: meshes"] for frame in others) <= MESHES.get(what, 0)
+
+
+@pytest.mark.parametrize("what", ["followers", "properties", "beside instances"])
+def test_what_moves_alone_is_read(moving, what):
+    _, *others = alike(*moving[what])
+    assert not any(count for frame in others for count in frame.values())
+
+
+COMING = ["instances", "switches", "hidden", "hidden lamp", "hidden and another material"]
+
+
+@pytest.mark.parametrize("what", [*COMING, "beginning instances"])
+def test_what_comes_and_goes_is_walked_over(moving, what):
+    _, *others = alike(*moving[what])
+    assert any(frame["anew: walks"] for frame in others)
 
 
 def test_shapes_of_what_another_layer_alone_has_are_forgotten():

@@ -143,6 +143,36 @@ def test_shading_offset_of_a_constant_world(kind):
     assert ours[1] / ours[0] == pytest.approx(theirs[1] / theirs[0], rel=0.02)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("roughness", [0.3, 0.5, 0.8])
+def test_shading_offset_of_metal_aslant(backend, roughness):
+    """What it leaves of a constant world, by how aslant metal is seen: it mirrors light that stands
+    as low.
+    """
+    eye = np.array([36.0, -48.0, 26.0])
+    theirs, ours = [], []
+    for offset in (0.0, 0.5):
+        scene = cycles.empty_scene(40, 40)
+        build.add_camera(scene, tuple(eye), (0, 0, 0), lens=700)
+        cycles.set_world(scene, (1.0, 1.0, 1.0))
+        ball = build.ball(48, 32, True, build.metal(roughness, (0.8, 0.8, 0.8)))
+        thing = build.add(scene, "Ball", ball, build.moved(0, 0, 0, 1.2, 1.2, 1.2))
+        set_offset(thing, "shading", offset)
+        film = render_glint(scene, backend, world_light="CONSTANT")
+        reference = cycles.render_cycles(scene, 128, bounces=1)
+        theirs.append(reference["Combined"][..., 0])
+        ours.append(film.passes["Combined"][..., 0])
+    place = np.nan_to_num(reference["Position"], posinf=0, neginf=0)
+    cosine = place @ eye / np.linalg.norm(eye) / 1.2
+    bins = [(cosine > low) & (cosine <= low + 0.2) for low in (0.3, 0.5, 0.7, 0.85)]
+    left, found = (
+        np.array([low[some].mean() / full[some].mean() for some in bins])
+        for full, low in (theirs, ours)
+    )
+    assert np.ptp(left) > (0.5 if roughness < 0.4 else 0.04)
+    np.testing.assert_allclose(found, left, atol=0.04)
+
+
 def test_shading_offset_of_what_is_thrown_on():
     """A ball lights the floor round it by less."""
     theirs, ours = [], []

@@ -11,6 +11,9 @@ from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.lights.bounced_light import bounced_light
 from glint.engine.program.table import BY_NAME
+from glint.engine.reference.coefficients import Term
+from glint.engine.reference.gloss import of_even_light
+from glint.engine.reference.terminator import mean_lowered_gloss
 from glint.engine.scene import Input, Instances, Light, Lobe, Material, Scene
 from test_lens import BACKENDS, card, scene, seen
 from test_program_render import new_graph, shown
@@ -37,6 +40,8 @@ MATERIALS = {
     "grazing": Material("grazing", (Lobe("AMBIENT", (COLOR,), exponent=2.0), GLOW)),
     "varying": varying(),
 }
+ROUGH = [0.05, 0.1, 0.25, 0.5, 1.0]
+METAL = Lobe("SPECULAR", (COLOR,), exponent=30.0, masking=0.25)
 
 
 def lit(material: Material) -> Scene:
@@ -67,6 +72,58 @@ def test_ambient_light_is_the_mean_over_an_even_sky(name, backend):
     glow = full["Combined"][..., :3] - full["Ambient"]
     rest = less["Combined"][..., :3] - less["Ambient"]
     np.testing.assert_allclose(rest, glow, atol=2e-7)
+
+
+def even_share_of_gloss(masking: float, seen: float) -> float:
+    """The same of what GGX shows, by a sum over half vectors that are seen (Dupuy and Benyoub 2023,
+    Sampling visible GGX normals with spherical caps).
+    """
+    u, turn = np.meshgrid(*(2 * [(np.arange(400) + 0.5) / 400]))
+    v = np.array([np.sqrt(1 - seen**2), 0.0, seen])
+    x, _, z = (masking, 1, 1) * v / np.hypot(masking * v[0], v[2])
+    height = (1 - u) * (1 + z) - z
+    across = np.sqrt(np.maximum(1 - height**2, 0.0))
+    angle = 2 * np.pi * turn
+    h = masking * (across * np.cos(angle) + x), masking * across * np.sin(angle), height + z
+    size = np.linalg.norm(h, axis=0)
+    cosine = 2 * (h[0] * v[0] + h[2] * v[2]) / size * h[2] / size - v[2]
+    cosine = np.where(cosine > 0, cosine, 1e-9)
+    slope, slope_v = (np.sqrt(masking**2 / c**2 + 1 - masking**2) for c in (cosine, seen))
+    weight = np.where(cosine > 1e-9, 1 / (slope + slope_v), 0.0)
+    kept = np.maximum(np.cos(np.minimum(F * np.arccos(cosine), np.pi / 2)), 0.0) / cosine
+    return (weight * kept).sum() / weight.sum()
+
+
+@pytest.mark.parametrize("masking", ROUGH)
+def test_gloss_sees_even_light_where_it_mirrors(masking):
+    seen = np.array([0.2, 0.4, 0.6, 0.8, 0.97])
+    true = [even_share_of_gloss(masking, c) for c in seen]
+    found = mean_lowered_gloss(np.full(5, F), seen, masking)
+    np.testing.assert_allclose(found, true, atol=0.09)
+    assert masking > 0.3 or np.ptp(true) > 0.3
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("varies", [False, True])
+def test_ambient_light_of_gloss_is_less_by_what_it_sees(backend, varies):
+    """What is more than the gloss gives back is matt; both as constants and by programs."""
+    given = Lobe("AMBIENT", (Input((9.0, 9.0, 9.0)),))
+    lobes = (given, METAL, *((GLOW,) if not varies else (varying().lobes[0],)))
+    material = Material("metal", lobes, program=varying().program if varies else None)
+    passes = frozenset({"Ambient"})
+    settings = Settings(samples=1, backend=backend, passes=passes)
+    plain = replace(material, lobes=tuple(lobe for lobe in lobes if lobe is not METAL))
+    full, less, matt = (
+        render(made, settings).passes["Ambient"]
+        for made in (lit(material), low(lit(material)), low(lit(plain)))
+    )
+    term = Term(np.zeros(1, int), np.ones((3, 1)), METAL, METAL.exponent, METAL.masking, 1.0)
+    here = np.array([1.0])
+    gloss = of_even_light(term, here) * np.array(COLOR.value) * LIGHT
+    low_gloss = mean_lowered_gloss(np.array([F]), here, METAL.masking)
+    middle = full.shape[0] // 2
+    rest = gloss * (low_gloss - even_share())
+    np.testing.assert_allclose(less[middle, middle] - matt[middle, middle], rest, rtol=0.02)
 
 
 @pytest.mark.parametrize("name", MATERIALS)

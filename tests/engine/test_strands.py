@@ -109,6 +109,95 @@ def test_a_segment_of_no_length_is_a_ball(backend):
     assert (hits.instance >= 0).sum() > 500
 
 
+def combed(size: float, lean, away: float = 0.0) -> s.Strands:
+    """1500 thin strands of one, two or five segments that all lean about as much: their boxes lie
+    along them.
+    """
+    rng = np.random.default_rng(8)
+    lean = np.asarray(lean) / np.linalg.norm(lean)
+    vertices, radii, starts, count = [], [], [], 0
+    for strand in range(1500):
+        keys = (2, 3, 6)[strand % 3]
+        root = np.append(rng.uniform(-1, 1, 2), 0.0)
+        tip = root + 0.7 * lean + rng.normal(0, 0.03, 3)
+        share = np.linspace(0, 1, keys)[:, None]
+        vertices.append(root + share * (tip - root) + rng.normal(0, 1e-3, (keys, 3)))
+        radii.append(np.linspace(3e-3, 1e-3, keys))
+        starts.append(count + np.arange(keys - 1))
+        count += keys
+    places = size * (np.concatenate(vertices) + away * np.array([1.0, -2.0, 0.5]))
+    return strands(places, size * np.concatenate(radii), np.concatenate(starts))
+
+
+def rays_at(hair: s.Strands, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """To the edges of its segments, from all sides, along their axes and from far away."""
+    rng = np.random.default_rng(seed)
+    first = rng.choice(hair.starts, count).astype(np.int64)
+    a, b = (hair.vertices[first + k].astype(float) for k in (0, 1))
+    size = np.ptp(hair.vertices.astype(float), axis=0).max()
+    d = rng.normal(0, 1, (count, 3))
+    d[::5] = (b - a)[::5] + 1e-3 * size * d[::5]
+    d[1::5, rng.integers(0, 3)] = 0.0
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    edge = np.cross(d, b - a)
+    edge /= np.linalg.norm(edge, axis=1, keepdims=True)
+    reach = hair.radii[first][:, None] * rng.choice([0.0, 0.9, 0.999, 1.001], (count, 1))
+    target = a + rng.random((count, 1)) * (b - a) + reach * edge
+    return target - size * rng.choice([0.01, 1.0, 1e4], (count, 1)) * d, d
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("away", [0.0, 30.0])
+@pytest.mark.parametrize("lean", [(1, 1, 1), (-1, 0.2, 0.7), (0, 0, 1)])
+def test_rays_meet_what_the_reference_does_where_hair_is_combed(lean, away, size):
+    hair = combed(size, lean, away)
+    o, d = rays_at(hair, 3000, 9)
+    found = []
+    for backend in ("NATIVE", "NUMPY"):
+        with accelerator(hair, backend) as tree:
+            found.append((tree.closest(o, d), tree.occluded(o, d)))
+    (ours, blocked), (theirs, shaded) = found
+    np.testing.assert_array_equal(blocked, ours.instance >= 0)
+    other = ours.primitive != theirs.primitive
+    assert other.mean() < 0.002 and (ours.instance >= 0).mean() > 0.6
+    np.testing.assert_allclose(ours.t[~other], theirs.t[~other], rtol=1e-6)
+    assert (blocked != shaded).mean() < 0.002
+
+
+@pytest.mark.parametrize("away", [0.0, 1000.0])
+@pytest.mark.parametrize("lean", [(1, 1, 1), (0.3, -1, 0.7)])
+def test_rays_that_graze_boxes_along_parallel_hair_meet_it(lean, away):
+    """Across their sides as the core chooses them: at any other axis there is room."""
+    rng = np.random.default_rng(6)
+    lean = np.asarray(lean) / np.linalg.norm(lean)
+    root = np.column_stack([rng.uniform(-1, 1, (2000, 2)), np.zeros(2000)]) + away
+    both_ends = np.stack([root, root + 0.5 * lean], 1).astype(np.float32)
+    hair = strands(both_ends.reshape(-1, 3), np.full(4000, 1e-3), 2 * np.arange(2000))
+    a, b = both_ends[:, 0].astype(float), both_ends[:, 1].astype(float)
+    side = np.cross([1.0, 0, 0] if abs(lean[0]) < 0.5 else [0, 1.0, 0], lean)
+    side /= np.linalg.norm(side)
+    edges = [(side, np.cross(lean, side)), (np.cross(lean, side), side)]
+    with accelerator(hair, "NATIVE") as tree:
+        for sign in (-0.9999, 0.9999):
+            for across, along in edges:
+                middle = (a + b) / 2 + sign * float(hair.radii[0]) * across
+                assert tree.occluded(middle - 0.01 * along, np.tile(along, (2000, 1))).all()
+
+
+def test_packets_of_rays_meet_what_single_ones_do_where_hair_is_combed():
+    hair = combed(1.0, (1, 1, 1))
+    x, z = np.meshgrid(np.linspace(-0.5, 0.9, 160), np.linspace(0, 0.5, 80))
+    target = np.stack([x, np.full_like(x, 0.3), z], -1).reshape(-1, 3)
+    eye = np.array([0.4, -5.0, 1.5])
+    with accelerator(hair, "NATIVE") as tree:
+        whole = tree.closest(eye, target - eye)
+        order = np.random.default_rng(1).permutation(len(target))
+        mixed = tree.closest(eye, (target - eye)[order])
+    assert (whole.instance >= 0).mean() > 0.2
+    for name in ("t", "primitive", "u"):
+        np.testing.assert_array_equal(getattr(whole, name)[order], getattr(mixed, name))
+
+
 @both
 def test_nothing_slips_through_a_bent_chain(backend):
     """Rays at the joints and along the axis of a chain, from all sides, all meet it."""

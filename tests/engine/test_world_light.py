@@ -143,6 +143,22 @@ def test_intensities_sum_to_the_maps_irradiance():
     np.testing.assert_allclose(found, expected, rtol=3e-3)
 
 
+@pytest.mark.parametrize("shape", [(16, 32), (20, 37), (64, 128)])
+def test_the_table_of_irradiance_has_the_sums_over_the_map(shape):
+    """At each of its normals, which it has azimuth by azimuth."""
+    values = np.random.default_rng(1).uniform(0, 1, (*shape, 3)) ** 8 * 50
+    light = replace(even(), radiance=values.astype(np.float32))
+    table = dome_table(light, 1, 8).irradiance
+    rows, columns = (size - 1 for size in table.shape[:2])
+    elevation = np.pi * (np.arange(rows + 1) / rows - 0.5)[:, None]
+    azimuth = 2 * np.pi * (0.5 - np.arange(columns + 1) / columns)
+    flat, up = np.cos(elevation), np.sin(elevation) * np.ones_like(azimuth)
+    normals = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up], -1)
+    given = (4 * values * cell_shares(*shape)).reshape(-1, 3)
+    expected = np.maximum(normals @ directions(*shape), 0) @ given
+    np.testing.assert_allclose(table, expected, atol=1e-6 * expected.max())
+
+
 def test_directions_follow_the_radiance():
     """Nine in ten go where all the light is, the others everywhere; each lies in the cell that it
     takes its radiance from.

@@ -96,7 +96,7 @@ class LiveExport:
             self._indices = {}
         edited = edited_materials(updates)
         if edited:
-            self._keep(lambda index: index.stands(updates, depsgraph.view_layer))
+            self._keep(lambda index: index.stands(updates, depsgraph))
             shading = [u for u in updates if u.id.id_type in ("MATERIAL", "NODETREE")]
             self._cache.forget(Changes.of(shading))
             self._keep(lambda index: self._update_materials(index, edited, depsgraph.scene_eval))
@@ -104,7 +104,7 @@ class LiveExport:
             if not updates:  # as Blender 4.2 does where an image of a lamp was painted
                 self._cache.images.forget_memory()
             images = Images(Report(), cache=self._cache.images)
-            self._keep(lambda index: index.follow(updates, depsgraph.view_layer, images))
+            self._keep(lambda index: index.follow(updates, depsgraph, images))
             self._cache.forget(Changes.of(updates))
         if turns:
             self._cache.forget_moving_images()

@@ -2,7 +2,8 @@
 walked over.
 
 Blender lists every object whose transform was evaluated anew, those that follow another by
-parenting or constraints as well.
+parenting or constraints as well. What is animated it lists as shaded anew in every frame, since any
+of an object's settings may be.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,10 +21,13 @@ from ..instances import ExportedObject, VisitedObjects, flags_of
 from ..light_links import blockers_of, receivers_of
 from ..lights import Lights
 from ..placing import without_collapsed
+from ..properties import sound, value_of
 from ..report import Report
 
 _SAY_NOTHING = ("ACTION", "CAMERA")
 """What these do to things is told as updates of the things; a scene's camera is read by itself."""
+_BARE = {"EMPTY", "ARMATURE", "CAMERA", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
+"""Kinds of objects that show nothing unless they instance."""
 
 
 @dataclass
@@ -79,7 +83,7 @@ class SceneIndex:
         else:
             numbers(place).append(number)
 
-    def follow(self, updates: list[Any], view_layer: Any, images: Any) -> bool:
+    def follow(self, updates: list[Any], depsgraph: Any, images: Any) -> bool:
         """Takes `depsgraph.updates` into the scene; False, with the scene as it was, where more
         changed than these numbers tell, or nothing at all is said.
 
@@ -98,7 +102,7 @@ class SceneIndex:
         told = heard
         if not told or self._is_linked(told):
             return False
-        if not all(self._apply(update, instances, lights, view_layer, images) for update in told):
+        if not all(self._apply(update, instances, lights, depsgraph, images) for update in told):
             return False
         self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))
         return True
@@ -117,31 +121,44 @@ class SceneIndex:
             for of in (receivers_of, blockers_of)
         )
 
-    def stands(self, updates: list[Any], view_layer: Any) -> bool:
+    def stands(self, updates: list[Any], depsgraph: Any) -> bool:
         """Whether objects of which these updates say only that they are shaded anew are seen as
         before.
         """
+        things = [update.id for update in updates if update.id.id_type == "OBJECT"]
         return not self._is_linked(updates) and all(
-            self._is_seen_as_before(update.id, view_layer)
-            for update in updates
-            if update.id.id_type == "OBJECT"
+            self._stands(thing, depsgraph) for thing in things
         )
 
-    def _is_seen_as_before(self, thing: Any, view_layer: Any) -> bool:
+    def _stands(self, thing: Any, depsgraph: Any) -> bool:
         uid = thing.original.session_uid
         if uid not in self._places:
-            return not self._is_met(uid)
+            return self._shows_nothing(thing, depsgraph)
         place = self._places[uid]
         if place is None or place.lights:
             return False
+        groups = [self.scene.instances[number] for number in place.instances]
+        # Materials may read what an edit of the object changed.
+        return not any(g.values for g in groups) and self._is_seen_as(groups, thing, depsgraph)
+
+    def _shows_nothing(self, thing: Any, depsgraph: Any) -> bool:
+        """Whether something that has no number is not seen, as before."""
+        uid = thing.original.session_uid
+        if uid in self._visited.instancing:
+            return False
+        if _is_hidden(thing, depsgraph):
+            return uid not in self._visited.rendering
+        return thing.type in _BARE and thing.instance_type == "NONE"
+
+    def _is_seen_as(self, groups: list[Instances], thing: Any, depsgraph: Any) -> bool:
+        """Whether a thing is seen as these, which are it."""
+        if _is_hidden(thing, depsgraph) or thing.instance_type != "NONE":
+            return False
         report = Report()
-        flags = flags_of(thing, thing, view_layer, report)
+        flags = flags_of(thing, thing, depsgraph.view_layer, report)
         if report.mentions(thing.name) or self.report.mentions(thing.name):
             return False  # what is said of it may be another thing now
         now = (thing.pass_index, *flags[:4], *flags[7:])
-        groups = [self.scene.instances[number] for number in place.instances]
-        if any(group.values for group in groups):
-            return False  # materials read what an edit of the object may have changed
         return all(
             now
             == (
@@ -163,41 +180,81 @@ class SceneIndex:
         uid = camera.original.session_uid
         return uid not in self._places and uid not in self._visited.instancing
 
-    def _is_met(self, uid: int) -> bool:
-        return uid in self._visited.rendering or uid in self._visited.instancing
-
     def _apply(
         self,
         update: Any,
         instances: list[Instances],
         lights: list[Light],
-        view_layer: Any,
+        depsgraph: Any,
         images: Any,
     ) -> bool:
         """Whether all that the update tells is in the lists now."""
         changed = update.id
-        if changed.id_type == "OBJECT" and changed.type == "CAMERA":
-            return self._is_only_looked_through(changed)
-        if changed.id_type != "OBJECT" or (
-            not update.is_updated_transform and not _is_lamp(update)
-        ):
-            return False
-        if (update.is_updated_geometry or update.is_updated_shading) and not _is_lamp(update):
+        if changed.id_type != "OBJECT":
             return False
         uid = changed.original.session_uid
+        if changed.type == "CAMERA":
+            return self._is_only_looked_through(changed)
         if uid not in self._places:
-            return not self._is_met(uid)  # a camera, an empty, something hidden
+            return self._shows_nothing(changed, depsgraph)
         place = self._places[uid]
         if place is None:
             return False
+        if _is_lamp(update):
+            if _is_hidden(changed, depsgraph):
+                return False
+        elif update.is_updated_geometry or not (
+            update.is_updated_transform or update.is_updated_shading
+        ):
+            return False
+        groups = [instances[number] for number in place.instances]
+        if update.is_updated_shading and not (
+            _is_lamp(update) or self._is_seen_as(groups, changed, depsgraph)
+        ):
+            return False
         matrix = np.array(changed.matrix_world, np.float64)[None, :3]
-        return _move(place.instances, matrix, instances) and _relight(
-            place.lights, changed, matrix, lights, view_layer, images, self.report
+        return (
+            _revalue(place.instances, changed, instances, depsgraph)
+            and _move(place.instances, matrix, instances)
+            and _relight(
+                place.lights, changed, matrix, lights, depsgraph.view_layer, images, self.report
+            )
         )
+
+
+class _Standing(NamedTuple):
+    """As an instance of the depsgraph that stands by itself."""
+
+    object: Any
+    instance_object: Any = None
+    parent: Any = None
+    is_instance: bool = False
+    particle_system: Any = None
+
+
+def _is_hidden(thing: Any, depsgraph: Any) -> bool:
+    """Whether its own switch hides it, of which Blender says only that it is shaded anew."""
+    return thing.hide_render if depsgraph.mode == "RENDER" else thing.hide_viewport
 
 
 def _is_lamp(update: Any) -> bool:
     return update.id.id_type == "OBJECT" and update.id.type == "LIGHT"
+
+
+def _revalue(numbers: list[int], thing: Any, instances: list[Instances], depsgraph: Any) -> bool:
+    """What materials read of a thing; False where that is not finite, or not of its own."""
+    for number in numbers:
+        names = instances[number].values
+        if names and thing.type != "MESH":
+            return False  # curves are met as meshes that are gone by now
+        layer, scene = depsgraph.view_layer_eval, depsgraph.scene_eval
+        values = {name: value_of(name, _Standing(thing), layer, scene) for name in names}
+        if any(value != sound(value) for value in values.values()):
+            return False
+        if names:
+            rows = {name: np.array([value], np.float32) for name, value in values.items()}
+            instances[number] = replace(instances[number], values=rows)
+    return True
 
 
 def _move(numbers: list[int], matrix: np.ndarray, instances: list[Instances]) -> bool:

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 67
+#define GLINT_ABI_VERSION 68
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -463,8 +463,8 @@ typedef struct GlintNeighbour {
  * after which they begin again; row by row for the pixels of squares of the frame, gather_block, 1
  * to 8, on a side. Those on one surface share what they find, and one of them asks for the points,
  * for all. Null only where gather_reach is 0. gloss_points: null, or (gloss_count, 2) of the unit
- * disc, two for each of as many samples as divide it, after which they begin again: where in wide
- * lobes the rays of two pixels of such a square are reflected; all four share what these bring.
+ * disc, eight for each of as many samples as divide it, after which they begin again: where in wide
+ * lobes the rays of some pixels of squares of 4 x 4 are reflected; all share what these bring.
  * neighbours: null where nothing moves, else two, of the frame before and of the one after.
  * occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after

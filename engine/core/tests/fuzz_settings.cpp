@@ -94,10 +94,10 @@ void set_reflections(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.lobe_points = arena.fill<double>(2 * s.lobe_count, [&] { return 0.5 * dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.lobe_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.lobe_points = nullptr;
-  s.gloss_count = 2 + dice.below(6);
+  s.gloss_count = 8 + dice.below(24);
   if (dice.chance(0.5))
     s.gloss_points = arena.fill<double>(2 * s.gloss_count, [&] { return 0.5 * dice.number(); });
-  if (dice.chance(0.05 * dice.wildness)) s.gloss_count = dice.below(2);
+  if (dice.chance(0.05 * dice.wildness)) s.gloss_count = dice.below(8);
 }
 
 GlintNeighbour neighbour(Dice& dice, Arena& arena, const GlintSceneData& scene) {

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "brute.h"
+#include "bvh/tlas.h"
 #include "check.h"
 #include "shapes.h"
 
@@ -307,4 +308,40 @@ TEST(shapes, strands_are_the_same_to_tiles_and_to_single_rays) {
     }
   }
   CHECK(met > 500);
+}
+
+TEST(shapes, boxes_lie_along_hair_that_is_combed) {
+  Random rng(12);
+  std::vector<float> vertices, radii;
+  std::vector<uint32_t> starts;
+  for (uint32_t strand = 0; strand < 4000; ++strand) {
+    const Vec3d root{rng.uniform(-1, 1), rng.uniform(-1, 1), 0};
+    for (uint32_t k = 0; k < 3; ++k) {
+      const Vec3d bend{rng.uniform(-0.01, 0.01), rng.uniform(-0.01, 0.01), 0},
+          p = root + 0.2 * double(k) * Vec3d(1, 1, 1) + bend;
+      for (int axis = 0; axis < 3; ++axis) vertices.push_back(float(p[axis]));
+      radii.push_back(2e-3f);
+      if (k < 2) starts.push_back(3 * strand + k);
+    }
+  }
+  GeometryView hair;
+  hair.kind = GeometryView::kStrands;
+  hair.vertices = vertices.data();
+  hair.vertex_count = radii.size();
+  hair.radii = radii.data();
+  hair.indices = starts.data();
+  hair.primitive_count = starts.size();
+  InstanceView here;
+  const auto accel = build({hair}, {here});
+  CHECK(accel->validate().empty());
+  CHECK(static_cast<const TopLevelBvh&>(*accel).object(0)->turns);
+  size_t met = 0;
+  for (size_t k = 0; k < starts.size(); k += 7) {
+    const float* p = &vertices[3 * starts[k]];
+    const Vec3d middle{0.5 * (double(p[0]) + double(p[3])), 0.5 * (double(p[1]) + double(p[4])),
+                       0.5 * (double(p[2]) + double(p[5]))};
+    const Vec3d d{rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1)};
+    met += closest(*accel, ray(middle - d, d)).instance != Hit::kNone;
+  }
+  CHECK(met == (starts.size() + 6) / 7);
 }

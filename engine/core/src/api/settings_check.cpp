@@ -159,7 +159,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
           (g.reflections == GLINT_REFLECT_OFF ||
            (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");
-  add(!g.gloss_points || g.gloss_count >= 2, "settings: no pair of gloss points");
+  add(!g.gloss_points || g.gloss_count >= RenderPlan::kGlossPlaces,
+      "settings: gloss points of no sample");
   add(sound_subsurface(g),
       "settings: no points for subsurface scattering, or points that are none");
   add(!scene.materials.has_rough_glass ||

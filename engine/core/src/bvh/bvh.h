@@ -22,9 +22,13 @@ constexpr ChildRef kOrdinal = (1u << kCountShift) - 1;
 
 /// Boxes of eight children, plane by plane: lower x, upper x, lower y, upper y, lower z, upper z.
 /// The planes of an absent child are +inf below and -inf above, so that no ray enters it.
+/// A turned node has its boxes along axes of its own: a place x, y, z is at x turn[0] + y turn[1] +
+/// z turn[2] there, lane by lane; the fourth is 0. So it is in trees of strands alone.
 struct alignas(64) Node {
   float planes[6][kWidth];
   ChildRef child[kWidth];
+  int16_t turn[3][4];
+  uint32_t turned;  // 0 or 1
 };
 
 enum LeafKind : uint32_t { kTriangleLeaf, kSphereLeaf, kPolygonLeaf, kInstanceLeaf, kStrandLeaf };
@@ -56,7 +60,8 @@ struct StrandArrays {
 /// reads
 ///   triangles: 9 n floats at 9 first: x, y, z of the first vertices, of the second, of the third,
 ///   n floats each; spheres: 4 floats each at 4 first: centre and radius;  polygons: records;
-///   instances: records; strands: nothing but their ids, the rest is where the caller has it.
+///   instances: records; strands: nothing but their ids, with the vertex where each begins in the
+///   place of the instance; the rest is where the caller has it.
 struct TreeView {
   const Node* nodes;
   const float* floats;
@@ -69,6 +74,7 @@ struct TreeView {
   ChildRef root;
   LeafKind kind;
   bool large;  // more than the caches next to a processor hold beside other things
+  bool turns;  // some nodes are turned
 };
 
 /// What each of the rays that go one by one has yet to visit, in a tree over instances and in

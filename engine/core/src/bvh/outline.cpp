@@ -22,7 +22,7 @@ class Farthest {
  private:
   /// `most`: the value of the child's box.
   void visit(ChildRef child, float most) {
-    if (child & kLeaf || nodes_left_-- <= 0) {
+    if (child & kLeaf || nodes_left_-- <= 0 || tree_.nodes.nodes[child].turned) {
       best_ = std::max(best_, child & kLeaf ? std::min(most, of_leaf(child)) : most);
       return;
     }

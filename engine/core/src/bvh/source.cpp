@@ -5,6 +5,7 @@
 
 #include "bvh/build/builder_nodes.h"
 #include "bvh/build/builder_spatial.h"
+#include "bvh/build/turned_nodes.h"
 #include "bvh/outline.h"
 
 namespace glint {
@@ -336,7 +337,12 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, ThreadPool& p
   refs = {};
   fill_leaves(tree, sources, pool);
   name_instances(tree.ids, sources, pool);
+  if (tree.kind == kStrandLeaf)  // a look into memory less for every segment that a ray asks
+    each_chunk(tree.count, kChunk, pool, [&](size_t k) {
+      tree.ids[k].instance = tree.strands.starts[tree.ids[k].primitive];
+    });
   tree.ball = ball_radius(tree);
+  if (tree.kind == kStrandLeaf) tree.turns = turn_nodes(tree, pool);
   return tree;
 }
 
@@ -385,7 +391,8 @@ TreeView Tree::view() const {
              0,
              nodes.root,
              kind,
-             bytes() > kLarge};
+             bytes() > kLarge,
+             turns};
   double square = 0;
   for (int k = 0; k < 3; ++k) {
     const double lo = nodes.box.lo[k], hi = nodes.box.hi[k];

@@ -33,6 +33,7 @@ struct Tree {
   size_t primitives = 0, dropped = 0;
   double ball =
       0;  // radius of a ball round the middle of the box that holds everything, to float precision
+  bool turns = false;  // some nodes are turned
   bool parts = false;  // leaves may hold parts of triangles: then only all leaves of a triangle
                        // together hold it
 

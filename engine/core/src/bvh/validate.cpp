@@ -61,6 +61,7 @@ struct Walk {
   const std::vector<Box>& primitives;
   std::vector<uint8_t> nodes, leaves;
   std::vector<Held> parts;
+  std::vector<std::pair<const Node*, int>> turned;  // the nodes on the way that are, and where
   std::string problem;
 
   Walk(const Tree& t, const std::vector<Box>& p)
@@ -72,9 +73,28 @@ struct Walk {
     for (size_t k = first; k < std::min(last, tree.count); ++k) {
       if (leaves[k]++) problem = "primitive " + std::to_string(k) + " is in two leaves";
       if (tree.parts) parts.push_back(held(tree, c, k - first, box));
-      else if (!inside(primitives[k], box))
+      else if (!inside(primitives[k], box) || leaves_turned(k))
         problem = "primitive " + std::to_string(k) + " leaves its box";
     }
+  }
+
+  /// Whether a segment leaves a box of the turned nodes above it.
+  bool leaves_turned(size_t k) const {
+    if (turned.empty()) return false;
+    const size_t first = tree.strands.starts[tree.ids[k].primitive];
+    for (const auto& [node, lane] : turned)
+      for (size_t axis = 0; axis < 3; ++axis) {
+        const Vec3d row(node->turn[0][axis], node->turn[1][axis], node->turn[2][axis]);
+        for (size_t end = first; end < first + 2; ++end) {
+          const float* p = tree.strands.vertices + 3 * end;
+          const double at = dot(row, Vec3d(p[0], p[1], p[2])),
+                       reach = length(row) * double(tree.strands.radii[end]);
+          if (!(at - reach >= double(node->planes[2 * axis][lane]) &&
+                at + reach <= double(node->planes[2 * axis + 1][lane])))
+            return true;
+        }
+      }
+    return false;
   }
 
   void visit(ChildRef c, const Box& box, int depth) {
@@ -88,6 +108,12 @@ struct Walk {
     for (int lane = 0; lane < kWidth; ++lane) {
       const Box b = child_box(n, lane);
       if (!(b.lo[0] <= b.hi[0])) continue;
+      if (n.turned) {
+        turned.emplace_back(&n, lane);
+        visit(n.child[lane], box, depth + 1);
+        turned.pop_back();
+        continue;
+      }
       if (!inside(b, box))
         problem = "a child of node " + std::to_string(c) + " leaves its parent's box";
       visit(n.child[lane], b, depth + 1);

@@ -1,5 +1,7 @@
 #include "integrator/block_shares.h"
 
+#include <algorithm>
+
 #include "film/film.h"
 #include "math/math.h"
 
@@ -7,14 +9,23 @@ namespace glint {
 namespace {
 
 constexpr double kAlike = 0.97;  // least cosine between normals of one surface
+constexpr double kSharp = 0.18;  // of 1 less that, over the exponent of a lobe, the most
 constexpr double kFlat = 0.04;   // of the way between its points, squared, the most along these
+
+/// Along an axis, at the pixel p of a frame whose pixels until `end` are traced.
+uint32_t number_of_block(uint32_t p, int moved, uint32_t end, uint32_t side) {
+  const uint32_t first = p / Tile::kSize * Tile::kSize,
+                 last = std::min(first + Tile::kSize, end) - 1;
+  return (uint32_t(std::clamp(int64_t(p) + moved, int64_t(first), int64_t(last))) - first) / side;
+}
 
 }  // namespace
 
 void BlockShares::set(const RenderPlan& plan, const Batch& batch,
-                      const std::vector<uint32_t>& pixels, const std::vector<Vec3d>& given,
-                      const std::vector<uint8_t>* apart) {
-  const uint32_t width = plan.region.width(), across = Tile::kSize / plan.gather_block;
+                      const std::vector<uint32_t>& pixels, const BlockGrid& grid,
+                      const std::vector<Vec3d>& given, const std::vector<uint8_t>* apart,
+                      const std::vector<double>* exponents) {
+  const uint32_t width = plan.region.width(), across = Tile::kSize / grid.side;
   points_.resize(batch.size());
   group_.resize(batch.size());
   groups_.clear();
@@ -24,10 +35,15 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
     uint8_t kind = apart && (*apart)[k] ? kApart : 0;
     for (int c = 0; c < 3; ++c) kind |= uint8_t((std::fabs(given[k][c]) >= kLeast) << c);
     const bool shares = kind & kChannels;
-    points_[k] = {row(batch.points.x, k), row(batch.points.n, k),
-                  shares ? given[k] : Vec3d{1, 1, 1}, kind};
-    const uint32_t column = (plan.region.x0 + pixels[k] % width) / plan.gather_block % across,
-                   line = (plan.region.y0 + pixels[k] / width) / plan.gather_block % across;
+    points_[k] = {row(batch.points.x, k),
+                  row(batch.points.n, k),
+                  shares ? given[k] : Vec3d{1, 1, 1},
+                  exponents ? std::max(kAlike, 1 - kSharp / (*exponents)[k]) : kAlike,
+                  kind,
+                  0};
+    const uint32_t x = plan.region.x0 + pixels[k] % width, y = plan.region.y0 + pixels[k] / width,
+                   column = number_of_block(x, grid.left, plan.region.x1, grid.side),
+                   line = number_of_block(y, grid.below, plan.region.y1, grid.side);
     if (shares) join(k, line * across + column);
     else {
       group_[k] = uint32_t(groups_.size());
@@ -62,8 +78,9 @@ void BlockShares::join(uint32_t path, size_t block) {
     const Vec3d way = point.x - other.x;
     const double along = dot(way, point.n), beside = dot(way, other.n),
                  flat = kFlat * dot(way, way);
-    if (point.kind == other.kind && dot(point.n, other.n) >= kAlike && along * along <= flat &&
-        beside * beside <= flat) {
+    if (point.kind == other.kind && dot(point.n, other.n) >= std::max(point.least, other.least) &&
+        along * along <= flat && beside * beside <= flat) {
+      points_[path].place = uint8_t(group.count);
       group.paths[group.count++] = path;
       group_[path] = number;
       return;

@@ -5,6 +5,7 @@
 // tracing by re-using paths).
 #pragma once
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <vector>
 
@@ -13,15 +14,29 @@
 
 namespace glint {
 
+/// Blocks of `side` pixels on a side, so many pixels to the left of and below those from the
+/// frame's corner on; but as many of them as those have pixels in a tile, so that none are thin.
+struct BlockGrid {
+  uint32_t side = 1;
+  int left = 0, below = 0;
+  /// Those of what wide lobes reflect in a sample: in 9 samples everywhere, so that none are seen.
+  static BlockGrid of_gloss(uint32_t sample) {
+    return {RenderPlan::kGlossBlock, int((sample + 1) % 3) - 1,
+            int((sample + sample / 3 + 1) % 3) - 1};
+  }
+};
+
 /// Of the camera rays of one sample of a tile's pixels.
 class BlockShares {
  public:
   /// Of paths from the batch's points on, which are of these pixels of the region. given: what each
   /// gives back of light, of gather rays from all sides, all 0 where it shares nothing: what its
   /// own rays find is its own then, as they carry it. Those of a group give back the same channels.
-  /// apart: which share gather rays, but no points of bounced light; null for none.
+  /// apart: which share gather rays, but no points of bounced light; null for none.  exponents: of
+  /// the narrowest lobes, whose normals lie the closer together in a group; null for matt ones.
   void set(const RenderPlan& plan, const Batch& batch, const std::vector<uint32_t>& pixels,
-           const std::vector<Vec3d>& given, const std::vector<uint8_t>* apart = nullptr);
+           const BlockGrid& grid, const std::vector<Vec3d>& given,
+           const std::vector<uint8_t>* apart, const std::vector<double>* exponents);
   bool shares(uint32_t path) const { return points_[path].kind & kChannels; }
   /// add(path, share) for each path that gets something of what a ray of `path` finds at x, on a
   /// surface with the normal g: by how densely the rays of each look there (the balance heuristic).
@@ -36,21 +51,21 @@ class BlockShares {
     for (uint32_t k = 0; k < group.count; ++k)
       if (dense[k] > 0) add(group.paths[k], (dense[k] / total) * points_[group.paths[k]].given);
   }
-  /// Where in a wide lobe the path's ray of this sample is reflected. Those of a group take turns:
-  /// of four two that lie across send rays, to the sample's first and second place for pairs, of
-  /// fewer one.
-  enum Turn { kWaits, kAlone, kFirst, kSecond };
-  Turn turn(uint32_t path, uint32_t sample) const {
-    const uint32_t count = groups_[group_[path]].count, k = place(path), odd = sample & 1;
-    if (count != 4) return sample % count == k ? kAlone : kWaits;
-    if (k != odd && k != 3 - odd) return kWaits;
-    return (k == odd) == (sample % 4 < 2) ? kFirst : kSecond;
+  /// At which of the sample's kGlossPlaces in a wide lobe the path's ray is reflected: of a group
+  /// about half send a ray, in turn, a power of two, to places that are even by themselves.
+  static constexpr uint8_t kAlone = RenderPlan::kGlossPlaces, kWaits = kAlone + 1;
+  uint8_t turn(uint32_t path, uint32_t sample) const {
+    const uint32_t count = groups_[group_[path]].count,
+                   rays = std::min(std::bit_ceil(count) / 2, uint32_t(kAlone)),
+                   at = (points_[path].place + sample) % count * rays;
+    if (count == 1) return kAlone;
+    return at % count < rays ? uint8_t((at / count + rays * sample) % kAlone) : kWaits;
   }
   /// Whether the path asks the points of bounced light in this sample: one of its group does. Every
   /// fourth sample lies in the same part of its pixel, and each has its turn in all of these.
   bool asks(uint32_t path, uint32_t sample) const {
     const uint32_t turn = sample + sample / 4;
-    return !shares_points(path) || turn % groups_[group_[path]].count == place(path);
+    return !shares_points(path) || turn % groups_[group_[path]].count == points_[path].place;
   }
   /// add(path, share) for each path that gets what `path` is given by those.
   template <class Add>
@@ -69,12 +84,14 @@ class BlockShares {
   void mix(size_t c, uint32_t sample, const double* from, double* to) const;
 
  private:
-  static constexpr uint32_t kMost = RenderPlan::kMostSharing * RenderPlan::kMostSharing;
+  static constexpr uint32_t kMost = (RenderPlan::kGlossBlock + 1) * (RenderPlan::kGlossBlock + 1);
   static constexpr double kLeast = 1e-100;  // that is given of a channel: less is nothing
   static constexpr uint8_t kChannels = 7, kApart = 8;
   struct Point {
     Vec3d x, n, given;  // given: 1 where it shares nothing
+    double least;       // cosine between n and the normals of others on its surface
     uint8_t kind;       // the channels of what it gives, a bit each, and kApart
+    uint8_t place;      // among those of its group
   };
   /// Points of a block on one surface.
   struct Group {
@@ -82,11 +99,6 @@ class BlockShares {
   };
 
   bool shares_points(uint32_t path) const { return shares(path) && !(points_[path].kind & kApart); }
-  /// Of the path among those of its group.
-  uint32_t place(uint32_t path) const {
-    const Group& group = groups_[group_[path]];
-    return uint32_t(std::find(group.paths, group.paths + group.count, path) - group.paths);
-  }
   /// How densely, by area, a point's rays lie at x, times π.
   static double density(const Point& from, Vec3d x, Vec3d g) {
     const Vec3d to = x - from.x;

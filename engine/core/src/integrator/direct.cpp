@@ -54,6 +54,10 @@ void DirectLight::prepare(const Batch& batch) {
   };
   zeros_ = columns_[next++];
   stage_.t_max = columns_[next++];
+  for (size_t c = 0; c < 2; ++c) {
+    disc_[c].resize(columns_.rows());
+    stage_.disc[c] = disc_[c].data();
+  }
   stage_.point = point_.data();
   three(stage_.o, true);
   three(stage_.to, true);

@@ -96,7 +96,8 @@ class DirectLight {
   void find_matt(const Batch& batch);
   void look_around();
   bool is_apart(const Batch& batch, size_t k) const;
-  void push_reflected(const Batch& batch, Queue& glossy, RayCounts& counts);
+  void place_in_lobes(size_t first, size_t end, const double* place);
+  void push_reflected(const Batch& batch, size_t k, Queue& glossy, RayCounts& counts);
   const Opacity* opacity(const Light& light) const {
     return alone_ ? scene_.trees.opacity_of_catchers(light) : scene_.trees.opacity(light);
   }
@@ -167,9 +168,10 @@ class DirectLight {
   const bool glassy_;            // some surface lets light through
   LightStage stage_{};           // what it writes: a row for each point that a light sample reaches
   std::vector<uint8_t> place_;   // in its block, of the pixel of each point; or whose turn it is
-  std::vector<double> disc_[2];  // below the direction of the gather ray of each point
-  std::vector<Vec3d> given_;     // of each point, as BlockShares has it
-  std::vector<uint8_t> apart_;   // the same
+  std::vector<double> disc_[2];  // below the direction of the gather ray of each point; in lobes
+  std::vector<double> exponents_;        // of the narrowest lobe of each point
+  std::vector<Vec3d> given_;             // of each point, as BlockShares has it
+  std::vector<uint8_t> apart_;           // the same
   const BlockShares* blocks_ = nullptr;  // of points that are lit
   std::vector<int64_t> asking_;          // mask: those whose turn it is
   Columns columns_;

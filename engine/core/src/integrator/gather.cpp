@@ -55,10 +55,6 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
 
 /// The stage as `gather` of the stages reads it.
 void DirectLight::look_around() {
-  for (size_t c = 0; c < 2; ++c) {
-    disc_[c].resize(columns_.rows());
-    stage_.disc[c] = disc_[c].data();
-  }
   stage_.gathers_gloss = scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
 }
 
@@ -70,7 +66,7 @@ void DirectLight::find_blocks(const Batch& batch, const std::vector<uint32_t>& p
   find_matt(batch);
   apart_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k) apart_[k] = any(given_[k]) && is_apart(batch, k);
-  blocks.set(plan_, batch, pixels, given_, &apart_);
+  blocks.set(plan_, batch, pixels, {plan_.gather_block}, given_, &apart_, nullptr);
 }
 
 /// Whether what the point gets of the points of bounced light is not as what it gives back of all

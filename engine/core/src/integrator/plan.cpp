@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "film/film.h"
 #include "scene/scene.h"
 #include "session/thread_pool.h"
 
@@ -55,7 +56,7 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
       bounced_points(g.bounced_table, kPointColumns, g.bounced_samples, g.bounced_count),
       occlusion_directions(g.occlusion_points, 2, g.occlusion_samples, g.occlusion_count),
       gather_places(g.gather_points, 2, g.gather_samples, g.gather_count),
-      gloss_places(g.gloss_points, 2, 2, g.gloss_count),
+      gloss_places(g.gloss_points, 2, kGlossPlaces, g.gloss_count),
       subsurface_places(g.subsurface_points, 6, 1, g.subsurface_count),
       mesh_points(g.mesh_table, kPointColumns, g.mesh_samples, g.mesh_count),
       medium_points(g.medium_table, kPointColumns, g.medium_samples, g.medium_count),
@@ -71,7 +72,8 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
                           (reflections == GLINT_REFLECT_ALL && scene.materials.has_gloss));
   mixes_gloss = reflects_gloss && g.gloss_points && shares &&
                 scene.materials.least_gloss_exponent < kLeastUnmixed;
-  const uint32_t side = shares_gathers || mixes_gloss ? gather_block : 1;
+  // blocks of gloss move, and tiles alone cut them
+  const uint32_t side = mixes_gloss ? Tile::kSize : shares_gathers ? gather_block : 1;
   traced = region = whole_blocks(shown, side, scene.camera);
   const bool refines = error_threshold > 0 || passes >> GLINT_PASS_ERROR & 1;
   if (refines && samples >= Refinement::kFirst)

@@ -24,8 +24,7 @@ ShadeStage Tracer::shading(const Queue& queue) {
   for (size_t c = 0; c < 3; ++c) {
     stage.n[c] = batch_.points.n[c];
     stage.d[c] = queue.column(Queue::kD + c);
-  }
-  for (size_t c = 0; c < 3; ++c) {
+    stage.ambient[c] = scene_.world.ambient[int(c)];
     stage.T[c] = queue.column(Queue::kT + c);
     stage.diffuse[c] = batch_.diffuse[c];
   }

@@ -114,7 +114,8 @@ struct LightStage {
       azimuth[2];         // or more; where in a lobe: the unit disc's radius^2 and unit direction
   double most_exponent;   // of the scene
   size_t first, count;    // points; first: a multiple of kPad
-  const double* disc[2];  // of the unit disc for each point, below the direction of its gather ray
+  const double* disc[2];  // of the unit disc for each point: below the direction of its gather ray,
+                          // or where in its lobes what it reflects goes
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
   const double *unbent[3], *bump;    // as stage_bump.h reads them; null where no material has any
   const double *grazing, *lowering;  // as stage_terminator.h reads them; null: kGrazing and 1

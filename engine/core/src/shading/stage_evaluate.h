@@ -2,6 +2,7 @@
 // pixel, k coefficient of a lobe.
 #pragma once
 #include "program/run.h"
+#include "shading/stage_ambient.h"
 #include "shading/stage_bump.h"
 #include "shading/stage_inputs.h"
 #include "shading/stage_math.h"
@@ -32,6 +33,7 @@ constexpr double kMostStretch = 128;
 /// What the lobes come to without light, and what lights need of them.
 struct Lobes {
   Three glow, diffuse, translucent;
+  Three ambient = {};  // of glow, where some surfaces see light lower
   Mask lit = {}, passes = {};
   int specular_count = 0, passing_count = 0;
   int turned_row = -1, again_row = -1;  // of OREN_NAYAR and OREN_NAYAR_MULTIPLE lobes; -1: none yet
@@ -239,9 +241,9 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   if (lobe.kind == GLINT_TRANSLUCENT) return void(sum.translucent = sum.translucent + k);
   if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, p, lobe, k, sum);
   if (!ambient && s.dark) return;
-  if (ambient && s.lowering) k = mean_lowered(gather(s.lowering, at)) * k;
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
   sum.glow = sum.glow + c;
+  if (ambient && s.lowering) sum.ambient = sum.ambient + c;
   add_part(ambient ? s.sums.ambient : s.sums.emission, at, c);
 }
 
@@ -341,6 +343,22 @@ __attribute__((noinline)) void set_below(const EvaluateStage& s, size_t begin,
            first + Three{mean(spread.x, size.x), mean(spread.y, size.y), mean(spread.z, size.z)});
 }
 
+/// Takes away what ambient light does not bring to surfaces that see light lower.
+__attribute__((noinline)) void take_lowered(const EvaluateStage& s, const Chosen& at, Lobes& sum) {
+  TakenAmbient taken(gather(s.lowering, at), seen_cosine(gather3(s.n, at), gather3(s.d, at)),
+                     s.ambient);
+  for (int row = 0; s.specular_columns >= SpecularTerm::kShaped && row < sum.specular_count;
+       ++row) {
+    double* const column = s.specular + size_t(s.specular_columns * row) * s.stride;
+    const auto number = [&](int of) { return gather(column + of * s.stride, at); };
+    taken.add({number(0), number(1), number(2)}, number(SpecularTerm::kExponent),
+              number(SpecularTerm::kMasking), number(SpecularTerm::kFresnel));
+  }
+  const Three less = taken.of(sum.ambient);
+  sum.glow = sum.glow - less;
+  add_part(s.sums.ambient, at, -less);
+}
+
 /// Which lanes send rays on. slots: as OnMesh has them.
 inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const double* slots) {
   OnMesh p = on_mesh(s, at);
@@ -353,6 +371,7 @@ inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const doubl
     if (!s.lobes[i].like_last) k = coefficient(s.tables, p, s.lobes[i], reads);
     add_lobe(s, at, p, s.lobes[i], T, k, sum);
   }
+  if (s.lowering) take_lowered(s, at, sum);
   scatter3(s.sums.total, at, sum.glow);
   const Three Tk = T * sum.diffuse;
   scatter3(s.diffuse, at, Tk);

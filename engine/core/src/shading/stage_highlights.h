@@ -319,17 +319,14 @@ inline Three even_gloss(const LightStage& s, size_t k) {
     if (bits(toon)) sum = sum + where(toon, Toon(masking2, fresnel).albedo() * term.k);
     const Mask good = (masking2 > 0) & (fresnel > 0) & (p >= 0);
     if (!any(good & nonzero(term.k))) continue;
-    const Doubles cosine = root(seen * seen + 2 * (1 - seen * seen) / (p + 8)),
-                  size = 8 / (p + 2 + 8 / (4 + p * p));
-    Gloss gloss(cosine, cosine, cosine);
     const Doubles rest = 1 - splat(s.shown);
-    sum = sum + where(good, rest * size * cosine * gloss.factor(masking2, fresnel) * term.k);
+    sum = sum + where(good, rest * of_even_light<false>(seen, p, masking2, fresnel) * term.k);
   }
   return sum;
 }
 
-/// The direction in which the half vector at the stage's point of the lobes mirrors the ray, and
-/// where there is one.
+/// The direction in which the half vector at the stage's point of the lobes, of what is reflected
+/// at each point's own, mirrors the ray, and where there is one.
 struct Drawn {
   Three l;
   Mask good;
@@ -337,7 +334,16 @@ struct Drawn {
 };
 template <bool Reflecting, bool Bent>
 inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& narrow) {
-  const Doubles at = s.radius2 * narrow.total;
+  Doubles radius2 = splat(s.radius2), across = splat(s.azimuth[0]), along = splat(s.azimuth[1]);
+  if constexpr (Reflecting) {  // as disc_place has it
+    const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k);
+    radius2 = x * x + y * y;
+    const Doubles r = root(radius2);
+    const Mask some = r > 0;
+    across = choose(some, x / r, splat(1));
+    along = choose(some, y / r, splat(0));
+  }
+  const Doubles at = radius2 * narrow.total;
   Doubles before{}, rest{}, exponent{}, narrowest{};
   Three axis = n, stretch{};
   for (int number = 0; number < s.max_specular; ++number) {
@@ -355,14 +361,12 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
   const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
   Three t1, t2;
   frame(axis, t1, t2);
-  Three h = root(cosine2) * axis +
-            root(1 - cosine2) * (splat(s.azimuth[0]) * t1 + splat(s.azimuth[1]) * t2);
+  Three h = root(cosine2) * axis + root(1 - cosine2) * (across * t1 + along * t2);
   if (Bent && s.stretches_lobes) {
     const Mask some = nonzero(stretch);
     const Doubles size2 = choose(some, dot(stretch, stretch), splat(1));
-    const Three across = cross(axis, stretch),
-                along = splat(s.azimuth[0]) / size2 * stretch + splat(s.azimuth[1]) * across;
-    h = choose(some, unit(root(cosine2) * axis + root(1 - cosine2) * along), h);
+    const Three aside = across / size2 * stretch + along * cross(axis, stretch);
+    h = choose(some, unit(root(cosine2) * axis + root(1 - cosine2) * aside), h);
   }
   const Three d = load3(s.d, k);
   const Doubles c = dot(d, h);

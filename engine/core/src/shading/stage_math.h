@@ -115,6 +115,15 @@ class Gloss {
   Doubles fresnel_ = splat(0), reflectance_ = splat(1);
 };
 
+/// About what a highlight of GGX's masking gives back of even light, seen at this cosine: as it
+/// does straight from above and where it mirrors, ever less slanting the wider the lobe.
+template <bool Edged = true>
+inline Doubles of_even_light(Doubles seen, Doubles p, Doubles masking2, Doubles fresnel) {
+  const Doubles cosine = root(seen * seen + 2 * (1 - seen * seen) / (p + 8)),
+                size = 8 / (p + 2 + 8 / (4 + p * p));
+  return size * cosine * Gloss(cosine, cosine, cosine).factor<Edged>(masking2, fresnel);
+}
+
 void cosine_powers(const double* tangent2, const double* p, double* out, size_t count) {
   for (size_t k = 0; k < count; ++k) {
     const Doubles power = cosine_power(splat(tangent2[k]), splat(p[k]));

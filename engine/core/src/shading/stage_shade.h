@@ -1,7 +1,6 @@
 // Constant lobes (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
 #pragma once
-#include "shading/stage_math.h"
-#include "shading/stage_terminator.h"
+#include "shading/stage_ambient.h"
 #include "shading/stages.h"
 
 namespace glint {
@@ -118,7 +117,16 @@ __attribute__((noinline)) void take_lowered(const ShadeStage& s) {
     const Three T = load3(s.T, k);
     Three given = T * gather3(rows, &MaterialTerms::ambient);
     if (s.max_view > 0 && any_view(rows)) given = given + seen(s, k, T, rows).ambient;
-    const Three less = (1 - mean_lowered(lowering)) * given;
+    TakenAmbient taken(lowering, seen_cosine(load3(s.n, k), load3(s.d, k)), s.ambient);
+    for (int term = 0; s.specular_columns >= SpecularTerm::kShaped && term < s.max_specular;
+         ++term) {
+      const size_t at = size_t(s.specular_columns * term);
+      taken.add(T * gather3(rows, rows.specular, at),
+                gather(rows, rows.specular, at + SpecularTerm::kExponent),
+                gather(rows, rows.specular, at + SpecularTerm::kMasking),
+                gather(rows, rows.specular, at + SpecularTerm::kFresnel));
+    }
+    const Three less = taken.of(given);
     store3(s.sums.total, k, load3(s.sums.total, k) - less);
     if (s.sums.ambient[0]) store3(s.sums.ambient, k, load3(s.sums.ambient, k) - less);
   }

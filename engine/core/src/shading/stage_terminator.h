@@ -43,5 +43,21 @@ inline Doubles mean_lowered(Doubles lowering) {
   return choose(lowering > 1, mean, splat(1));
 }
 
+/// Its mean over the light of an even sky that gloss shows, masking2 the square of its masking, to
+/// who sees it at this cosine: of all of it between two cosines, whose squares have the mean and
+/// about the spread of those of the lobe. lowering: above 1.
+inline Doubles mean_lowered_gloss(Doubles lowering, Doubles cosine, Doubles masking2) {
+  const Doubles least = splat(1e-3), square = cosine * cosine, masking = root(masking2);
+  const Doubles wanted = square + (0.48 - square) * masking2 / (masking2 + 0.04),
+                middle = smaller(larger(wanted, least), 1 - least),
+                spread = smaller(0.7 * masking / (masking + 0.15), smaller(middle, 1 - middle)),
+                half = larger(spread, least);
+  const auto below = [&](Doubles end) {
+    const Doubles t = smaller(acos(root(end)), kRightHigh / lowering);
+    return cos(t) * cos(lowering * t) + lowering * sin(t) * sin(lowering * t);
+  };
+  return (below(middle - half) - below(middle + half)) / (half * (lowering * lowering - 1));
+}
+
 }  // namespace
 }  // namespace glint

@@ -63,7 +63,8 @@ struct ShadeStage {
   int max_specular, specular_columns;
   const double* view_terms;  // max_view rows a material
   int max_view;
-  const double *n[3], *d[3];  // read where max_view > 0
+  const double *n[3], *d[3];  // read where max_view > 0, and with lowering
+  double ambient[3];          // the world's, read with lowering
   SumColumns sums;
   double* diffuse[3];  // T k
   double* specular;    // columns of SpecularTerm, times T, of the first term, of the second, …

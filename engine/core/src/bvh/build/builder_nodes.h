@@ -22,6 +22,7 @@ inline void set_child(Node& node, int lane, const Box* box) {
     node.planes[2 * k + 1][lane] = box ? box->hi[k] : -inf;
   }
   node.child[lane] = 0;
+  node.turned = 0;
 }
 
 /// Copies nodes; moved(c) is where a child is there.

@@ -70,7 +70,8 @@ bool surely_empty(const TreeView& tree, const TileFrustum& frustum) {
   const double reach = frustum.reach(center) + tree.radius,
                margin = 0x1p-16 * (max_abs(center) + 5 * tree.radius) + 0x1p-40 * reach;
   if (frustum.misses(center - ball, center + ball, margin, reach)) return true;
-  if (tree.root & kLeaf) return false;
+  const auto ends = [&tree](ChildRef c) { return c & kLeaf || tree.nodes[c].turned; };
+  if (ends(tree.root)) return false;
   ChildRef waiting[kMostNodes + kWidth];
   size_t count = 0, seen = 0;
   for (waiting[count++] = tree.root; count > 0 && seen < kMostNodes; ++seen) {
@@ -78,7 +79,7 @@ bool surely_empty(const TreeView& tree, const TileFrustum& frustum) {
     for (int k = 0; k < kWidth; ++k) {
       const Span s = span_of(node, k);
       if (!(s.low.x <= s.high.x) || frustum.misses(s.low, s.high, margin, reach)) continue;
-      if (node.child[k] & kLeaf) return false;
+      if (ends(node.child[k])) return false;
       waiting[count++] = node.child[k];
     }
     if (count > kMostNodes) return false;

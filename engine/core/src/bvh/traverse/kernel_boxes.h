@@ -74,6 +74,45 @@ struct BoxHits {
               << first;
     }
   }
+  /// Of a turned node, whose boxes have the margin four times: three of it are what the ray's place
+  /// and direction are off by along an axis, which is as long as `turn` has it.
+  __attribute__((noinline)) BoxHits(const Node& n, const Tile& tile, int r) {
+    const Order& order = order_of(tile, r);
+    const auto turned = [&](float x, float y, float z) {
+      return axis(n, order.axes[0]) * x + axis(n, order.axes[1]) * y +
+             axis(n, order.axes[2]) * (order.sign * z);
+    };
+    const Four o = turned(tile.of[0][r], tile.of[1][r], tile.start[r]),
+               d = turned(tile.slope[0][r], tile.slope[1][r], 1);
+    const float outward = 4 * 32768 * tile.margin;
+    Floats from = splat(tile.begin_lo[r]), to[kWidth / kFloats];
+    for (int k = 0; k < kWidth / kFloats; ++k) {
+      near[k] = from;
+      to[k] = splat(tile.hi[r]);
+    }
+    for (int a = 0; a < 3; ++a) {
+      const float slope = magnitude(d[a]) < 0x1p-60f ? (d[a] < 0 ? -0x1p-60f : 0x1p-60f) : d[a],
+                  steep = 1 / slope, out = slope < 0 ? -outward : outward;
+      const Floats inverse = splat(steep), near_at = splat(-(o[a] + out) * steep),
+                   far_at = splat((out - o[a]) * steep);
+      const float* const low = n.planes[2 * a + (slope < 0)];
+      const float* const high = n.planes[2 * a + (slope >= 0)];
+      for (int k = 0; k < kWidth / kFloats; ++k) {
+        near[k] = larger(near[k], fused(load(low + k * kFloats), inverse, near_at));
+        to[k] = smaller(to[k], fused(load(high + k * kFloats), inverse, far_at));
+      }
+    }
+    for (int k = 0; k < kWidth / kFloats; ++k) mask |= bits(at_most(near[k], to[k])) << k * kFloats;
+  }
+
+ private:
+  typedef float Four __attribute__((vector_size(16)));
+  static Four axis(const Node& n, int of) {
+    typedef int16_t Short __attribute__((vector_size(8)));
+    Short s;
+    __builtin_memcpy(&s, n.turn[of], sizeof s);
+    return __builtin_convertvector(s, Four);
+  }
 };
 
 /// A child, and above it the bits of how far away it is: as integers, the nearer is the smaller,

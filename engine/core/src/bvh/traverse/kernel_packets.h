@@ -177,12 +177,12 @@ __attribute__((noinline)) void walk_packet(Walk<Any>& w, const Order& order, uin
       walk.leaf(child, rest);
       continue;
     }
-    if (__builtin_popcountll(rest) <= kAlone) {
+    const Node& n = tree.nodes[child];
+    if (__builtin_popcountll(rest) <= kAlone || n.turned) {
       leave(w, rest, child, distance);
       walk.look();
       continue;
     }
-    const Node& n = tree.nodes[child];
     for (int first = 0; first < kWidth; first += kFloats) {
       const Boxes boxes = boxes_of(n.planes[0] + first, order);
       uint32_t mask = whole.meet(boxes);

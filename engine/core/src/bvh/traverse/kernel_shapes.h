@@ -110,10 +110,9 @@ inline bool far_apart(const D3& o, const D3& d, const D3& axis, double reach) {
 }
 
 /// Where the ray enters the convex hull of the spheres about two ends. Spheres and cone lie in it
-/// and fill it, so that none of them has to be chosen.
+/// and fill it, so that none of them has to be chosen. first: where it begins.
 template <bool Any>
-inline void hit_strand(Walk<Any>& w, int slot, const Scaled& ray, PrimitiveId id) {
-  const size_t first = w.tree.strands.starts[id.primitive];
+inline void hit_strand(Walk<Any>& w, int slot, const Scaled& ray, PrimitiveId id, size_t first) {
   const float *s = w.tree.strands.vertices + 3 * first, *r = w.tree.strands.radii + first;
   const D3 a{double(s[0]), double(s[1]), double(s[2])};
   const D3 axis = D3{double(s[3]), double(s[4]), double(s[5])} - a, f = ray.o - a;
@@ -175,7 +174,7 @@ __attribute__((noinline)) void hit_shapes(Walk<Any>& w, int r, ChildRef leaf) {
     if (opacity && (Any || opacity->alone) && opacity->of_instance[id.instance] == Opacity::kClear)
       continue;
     if (w.tree.kind == kSphereLeaf) hit_sphere(w, slot, ray, w.tree.floats + 4 * size_t(k), id);
-    else if (w.tree.kind == kStrandLeaf) hit_strand(w, slot, ray, id);
+    else if (w.tree.kind == kStrandLeaf) hit_strand(w, slot, ray, id, w.tree.ids[k].instance);
     else hit_polygon(w, slot, ray, w.tree.polygons[k], id);
   }
   w.update(r);

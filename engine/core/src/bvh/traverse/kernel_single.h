@@ -124,10 +124,10 @@ struct SingleRay {
     return ChildRef(next);
   }
   /// To the nearest child of a node that the ray meets, or what was left for later.
-  template <bool Any>
+  template <bool Turns, bool Any>
   __attribute__((always_inline)) ChildRef descend(const Walk<Any>& w, ChildRef node) {
     const Node& n = w.tree.nodes[node];
-    const BoxHits met(n, w.boxes, w.tile, r);
+    const BoxHits met = Turns && n.turned ? BoxHits(n, w.tile, r) : BoxHits(n, w.boxes, w.tile, r);
     const Waiting below = top[-1], nearest = put_met(n, met, top);
     top += __builtin_popcount(met.mask) - 1;
     return go(met.mask ? nearest : below);
@@ -135,8 +135,8 @@ struct SingleRay {
 };
 
 /// The rays of a tile on their way, through a tree over instances or another one. A processor
-/// cannot foresee where each of them goes; so they go in step.
-template <bool Any, bool Placed>
+/// cannot foresee where each of them goes; so they go in step. Turns: some nodes are turned.
+template <bool Any, bool Placed, bool Turns = false>
 struct InterleavedRays {
   Walk<Any>& w;
   int count = 0;  // single rays, whole vectors of them
@@ -164,24 +164,25 @@ struct InterleavedRays {
   void pass_nodes(uint64_t mask) {
     for (; mask; mask &= mask - 1) {
       const int k = __builtin_ctzll(mask);
-      go(k, single[k].descend(w, at[k]));
+      go(k, single[k].template descend<Turns>(w, at[k]));
     }
   }
   void go(int k, ChildRef next) {
     at[k] = next;
     if (!slow) return;
     if constexpr (Placed) fetch(w.tree, next, w.world.instances, sizeof(InstanceRecord));
+    else if (Turns) fetch(w.tree, next, w.tree.ids, sizeof(PrimitiveId));
     else fetch(w.tree, next, w.tree.floats, 9 * sizeof(float));
   }
 };
 
 /// Rays in a tree over primitives: those at nodes take a step, or those at leaves, whichever are
 /// more.
-template <bool Any>
-struct InterleavedTraversal : InterleavedRays<Any, false> {
-  using InterleavedRays<Any, false>::w, InterleavedRays<Any, false>::at,
-      InterleavedRays<Any, false>::single;
-  using InterleavedRays<Any, false>::InterleavedRays;
+template <bool Any, bool Turns>
+struct InterleavedTraversal : InterleavedRays<Any, false, Turns> {
+  using Base = InterleavedRays<Any, false, Turns>;
+  using Base::Base;
+  using Base::w, Base::at, Base::single;
 
   void go() {
     for (uint64_t nodes, leaves;;) {
@@ -197,7 +198,7 @@ struct InterleavedTraversal : InterleavedRays<Any, false> {
       SingleRay& a = single[k];
       hit_leaf(w, a.r, at[k], order_of(w.tile, a.r));
       a.shorten(w.tile);
-      InterleavedRays<Any, false>::go(k, Any && !alive(w.tile, a.r) ? kDone : a.pop());
+      Base::go(k, Any && !alive(w.tile, a.r) ? kDone : a.pop());
     }
   }
 };
@@ -206,7 +207,8 @@ template <bool Any>
 void visit_instances(Walk<Any>& w);
 template <bool Any>
 __attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
-  InterleavedTraversal<Any>(w).go();
+  if (w.tree.turns) InterleavedTraversal<Any, true>(w).go();
+  else InterleavedTraversal<Any, false>(w).go();
 }
 
 /// The rest of the way of all rays that have left their packets. The packets do not learn of it:
