@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glint.engine import PixelExplainer, Settings, render
+from glint.engine import PixelExplainer, SceneError, Settings, render
 from glint.engine.sampling import motion as moving
 from glint.engine.sampling.motion import (
     Moments,
@@ -623,3 +623,20 @@ def test_turns_are_found_once_for_all_times(monkeypatch) -> None:
         frames = one.instances[0].world_from_object
         np.testing.assert_array_equal(frames, alone.instances[0].world_from_object)
         np.testing.assert_array_equal(one.lights[0].world_from_light, frames[0])
+
+
+def test_a_moment_that_begins_to_shine_is_refused(monkeypatch):
+    """The film has columns for what glossy things reflect from the start or not at all."""
+    slide = block(0, placed(-0.5), placed(0.5))
+    scene = Scene(seen(), (square(),), (slide,), (matt(0.5, 0.5, 0.5),))
+    gloss = Lobe("SPECULAR", (Input((0.5, 0.5, 0.5)),), exponent=50.0, masking=0.1)
+    at, times = Moments.at, []
+
+    def shiny(self: Moments, time: float) -> Scene:
+        times.append(time)
+        now = at(self, time)
+        return replace(now, materials=(Material("shiny", (gloss,)),)) if len(times) > 1 else now
+
+    monkeypatch.setattr(Moments, "at", shiny)
+    with pytest.raises(SceneError, match="gloss, AOVs or light groups"):
+        render(scene, Settings(samples=4, reflections="ALL", max_bounces=2))

@@ -274,6 +274,9 @@ std::string Job::move(Scene& scene, const GlintRenderSettings& settings) {
   if (!plan.moving || plan.samples != plan_.samples || plan.passes != plan_.passes ||
       !same(plan.region, plan_.region) || !same(plan.shown, plan_.shown))
     return "settings: more than the tables differs from those of the start";
+  if (plan.reflects_gloss != plan_.reflects_gloss || scene.aov_count != scene_->aov_count ||
+      scene.light_group_count != scene_->light_group_count)  // which the film has columns for
+    return "scene: its gloss, AOVs or light groups are others";
   scene_ = &scene;
   plan_ = plan;
   built_ = false;
