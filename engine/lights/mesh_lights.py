@@ -13,7 +13,6 @@ import numpy as np
 from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
-from .closed_bodies import closed_bodies
 from .dome import LARGEST
 from .same import Same
 
@@ -22,9 +21,7 @@ Array = np.ndarray
 ROUND = 64
 """Spheres up to which each is a polyhedron of 320 faces, above of 80."""
 INWARD = 0.1
-"""Density of the points on the inner sides of closed bodies beside those on the outer ones."""
-BEHIND = 2.0**-12
-"""Of a closed body's thickness: how far its inner sides lie in it, behind the outer ones."""
+"""Density of the points in a sphere beside those on it."""
 MOST_PARTS = 32
 """To a side of a triangle whose emission varies."""
 PARTS = 1 << 14
@@ -190,43 +187,20 @@ class _Surfaces:
             primitive = np.flatnonzero(g.material == number)
             flat = primitive[primitive < g.triangle_count]
             if len(flat):
-                yield from self._of_triangles(flat, _parts(self._materials[number], len(flat)))
+                yield self._of_triangles(flat, _parts(self._materials[number], len(flat)))
             balls = primitive[len(flat) :] - g.triangle_count
             balls = balls[balls < g.ball_count]
             if len(balls):
                 yield from self._of_balls(balls)
 
-    def _of_triangles(self, primitive: Array, parts: int) -> Iterator[Emitters]:
-        """Each cut into parts² alike. Of closed bodies the outer sides, and a little behind these
-        the inner ones, which have few points.
-        """
+    def _of_triangles(self, primitive: Array, parts: int) -> Emitters:
+        """Each cut into parts² alike."""
         sides = self._geometry.triangles
         corners = np.stack([self._geometry.points[:, side[primitive]].T for side in sides], 1)
         cells = _cells(parts)
         pieces = np.einsum("kcw,twx->tkcx", cells, corners).reshape(-1, 3, 3)
         index = np.repeat(primitive, parts * parts)
-        part = self._part(index, np.tile(cells.mean(1), (len(primitive), 1)), pieces)
-        sign, thickness = closed_bodies(corners)
-        outer = np.repeat(sign * self._mirror(primitive), parts * parts)[:, None]
-        yield replace(
-            part,
-            front=np.where(outer < 0, 0.0, part.front),
-            back=np.where(outer > 0, 0.0, part.back),
-        )
-        if outer.any():
-            behind = BEHIND * np.repeat(thickness, parts * parts)[:, None] * outer * part.normals
-            yield replace(
-                part,
-                corners=part.corners - behind[:, None],
-                front=np.where(outer < 0, part.front, 0.0),
-                back=np.where(outer > 0, part.back, 0.0),
-                weight=INWARD * part.weight,
-            )
-
-    def _mirror(self, primitive: Array) -> Array:
-        """(n,) -1 of primitives (n,) whose placement mirrors them, else 1."""
-        g = self._geometry
-        return np.where(g.placements.mirror[g.row[primitive]] < 0, -1.0, 1.0)
+        return self._part(index, np.tile(cells.mean(1), (len(primitive), 1)), pieces)
 
     def _of_balls(self, balls: Array) -> Iterator[Emitters]:
         """Spheres as polyhedra: one round them that glows outward with their power, one in them
@@ -252,7 +226,7 @@ class _Surfaces:
         (n,) at the weights (n, 3) of their corners.
         """
         g = self._geometry
-        mirrored = self._mirror(primitive) < 0
+        mirrored = g.placements.mirror[g.row[primitive]] < 0
         pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
         front, back = (self._radiance(primitive, weights, pieces, sign) for sign in (1.0, -1.0))
         blocks = g.placements.instances
@@ -337,7 +311,7 @@ def _polyhedron(level: int, outside: bool) -> tuple[Array, float]:
 def _pieces(emitters: Emitters) -> tuple[Array, Array, Array]:
     """Corners (k, 3, 3) of compact triangles, long ones cut across their longest sides, of which
     triangle each is part, and its share of the power. They lie along a curve: points even along
-    that are even in space and over where they face.
+    that are even in space.
     """
     corners, index = emitters.corners, np.arange(len(emitters.corners))
     share = emitters.areas / emitters.spreads
@@ -348,9 +322,7 @@ def _pieces(emitters: Emitters) -> tuple[Array, Array, Array]:
         corners = np.concatenate([np.delete(corners, long, 0), *halves])
         index = np.concatenate([np.delete(index, long), index[long], index[long]])
         share = np.concatenate([np.delete(share, long), share[long] / 2, share[long] / 2])
-    # backwards: the two of a square are better so; inner sides last: they leave gaps between others
-    codes = ~_curve_codes(corners.mean(1), emitters.normals[index])
-    order = np.lexsort((codes, ~emitters.front[index].any(1)))
+    order = along_a_curve(corners.mean(1))
     return corners[order], index[order], share[order]
 
 
@@ -390,33 +362,6 @@ def curve_codes(x: Array) -> Array:
         for axis in range(3):
             digit = cells[:, axis] >> np.uint64(bit) & np.uint64(1)
             code |= digit << np.uint64(3 * bit + axis)
-    return code
-
-
-def _curve_codes(x: Array, n: Array) -> Array:
-    """(k,) uint64: where along Hilbert's curve through six dimensions places and unit normals (k,
-    3) lie; all directions span as much as the places (Skilling 2004).
-    """
-    low, size = x.min(0), np.ptp(x, 0).max()
-    cells = np.concatenate([(x - low) / (size if size > 0 else 1.0), (n + 1) / 2], 1)
-    axes = list(np.minimum(cells * 1024, 1023).astype(np.uint64).T)
-    for bit in range(9, 0, -1):
-        low_bits = np.uint64((1 << bit) - 1)
-        for k, axis in enumerate(axes):
-            turned = (axis >> np.uint64(bit) & np.uint64(1)).astype(bool)
-            moved = np.where(turned, 0, (axes[0] ^ axis) & low_bits)
-            axes[k] = axis ^ moved
-            axes[0] = np.where(turned, axes[0] ^ low_bits, axes[0] ^ moved)
-    for k in range(1, 6):
-        axes[k] = axes[k] ^ axes[k - 1]
-    last = np.zeros(len(x), np.uint64)
-    for bit in range(9, 0, -1):
-        turned = (axes[5] >> np.uint64(bit) & np.uint64(1)).astype(bool)
-        last ^= np.where(turned, np.uint64((1 << bit) - 1), np.uint64(0))
-    code = np.zeros(len(x), np.uint64)
-    for bit in range(9, -1, -1):
-        for axis in axes:
-            code = code << np.uint64(1) | (axis ^ last) >> np.uint64(bit) & np.uint64(1)
     return code
 
 
