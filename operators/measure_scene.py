@@ -430,7 +430,8 @@ def tunable_text(name: str, value: Any) -> str:
     """16 samples; threshold 4; rough reflections off."""
     label = DECLARED[name].label.lower()
     if not DECLARED[name].is_whole():
-        return f"{label} {DECLARED[name].shown(value)}"
+        # "world light occluded" beside three others would be cut in an editor of 1300 pixels
+        return f"{label.replace('world light', 'world')} {DECLARED[name].shown(value)}"
     return f"{value:g} {label.removesuffix('s') if value == 1 else label}"
 
 
