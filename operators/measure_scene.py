@@ -17,7 +17,7 @@ from typing import Any
 
 import bpy
 
-from ..addon.ui.lines import draw_text
+from ..addon.ui.lines import draw_text, fits
 from ..addon.ui.panel import EnginePanel
 from ..engine import SceneError
 from ..engine.analysis.plot import png_bytes
@@ -341,7 +341,7 @@ class GLINT_RENDER_PT_trade(EnginePanel, bpy.types.Panel):
             return
         if not trade.complete or trade.repeats == 0:
             column.label(text="Measured so far:")
-        if context.region.width >= _TABLE * context.preferences.system.ui_scale:
+        if _has_room(trade, context.region.width / context.preferences.system.ui_scale):
             _draw_table(column.box().column(align=True), trade)
         else:
             _draw_list(column, trade, context.region)
@@ -351,7 +351,17 @@ class GLINT_RENDER_PT_trade(EnginePanel, bpy.types.Panel):
 _COLUMNS = (("Time", 0.1), ("Error", 0.3), ("Settings", 0.29), ("What Changes", 0.21), ("", 0.1))
 """Headings of the table, and their shares of its width."""
 _TABLE = 900
-"""Pixels on a screen of scale 1 from which on the table has room for its texts."""
+"""Pixels on a screen of scale 1 from which on the table has room for its buttons."""
+
+
+def _has_room(trade: Trade, width: float) -> bool:
+    """Whether nothing of the table is cut in an editor of so many pixels on a screen of scale 1."""
+    cells = [
+        (text, share * width)
+        for row in trade.shown
+        for (_, text), (_, share) in zip(_told(trade, row), _COLUMNS[1:], strict=False)
+    ]
+    return width >= _TABLE and all(fits(text, pixels) for text, pixels in cells)
 
 
 def _draw_table(column: bpy.types.UILayout, trade: Trade) -> None:
@@ -430,8 +440,7 @@ def tunable_text(name: str, value: Any) -> str:
     """16 samples; threshold 4; rough reflections off."""
     label = DECLARED[name].label.lower()
     if not DECLARED[name].is_whole():
-        # "world light occluded" beside three others would be cut in an editor of 1300 pixels
-        return f"{label.replace('world light', 'world')} {DECLARED[name].shown(value)}"
+        return f"{label} {DECLARED[name].shown(value)}"
     return f"{value:g} {label.removesuffix('s') if value == 1 else label}"
 
 

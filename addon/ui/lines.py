@@ -17,8 +17,15 @@ _MARGIN = 44
 """Pixels of a panel that hold no text."""
 _ICON = 20
 """Pixels of an icon."""
+_LABEL = 8
+"""Pixels of a label that hold no text."""
 _FEWEST = 16
 """Letters of a line, however narrow the panel and deep the text."""
+
+
+def fits(text: str, pixels: float) -> bool:
+    """Whether a label of so many pixels on a screen of scale 1 shows all of a text."""
+    return _LETTER * len(text) + _LABEL <= pixels
 
 
 def draw_text(

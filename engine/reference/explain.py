@@ -42,7 +42,7 @@ from .vectors import dot, length, unit
 from .visibility import NOTHING
 
 Array = np.ndarray
-Span = tuple[int, int]
+Square = tuple[tuple[int, int], tuple[int, int]]
 
 
 class Explainer:
@@ -87,12 +87,8 @@ class Explainer:
             found.mixed = list(found.mix(self.stage, block[2], block[0])) if block else []
         return found
 
-    def _meets(
-        self, x: int, y: int, side: int
-    ) -> tuple[int, tuple[Span, Span], Interaction] | None:
-        """Which pixel it is of its square of the frame, `side` on a side, where that lies, and what
-        its camera rays meet; None for nothing.
-        """
+    def _meets(self, x: int, y: int, side: int) -> tuple[int, Square, Interaction] | None:
+        """Which pixel it is of its square, `side` on a side, where that lies, what it shows."""
         stage, (width, height) = self.stage, self.stage.scene.camera.resolution
         x0, y0 = (at // side * side for at in (x, y))
         square = (x0, min(x0 + side, width)), (y0, min(y0 + side, height))

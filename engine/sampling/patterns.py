@@ -272,10 +272,10 @@ def blocks_of(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
 
 def gloss_blocks(x: tuple[int, int], y: tuple[int, int], sample: int) -> np.ndarray:
     """(2, pixels): the numbers of the squares in which the same pixels mix what wide lobes reflect
-    in a sample, and in which order they are counted there: by squares of 8 × 8, row by row. Those
-    of squares of 4 × 4 of the frame, of the pixel itself or of a neighbour, which are all nine in
-    turn so that no square is seen; those of TILE_SIDE, as far as the rows and columns go, have
-    squares of their own.
+    in a sample, and in which order they are counted there: by squares of 8 × 8, row by row. A pixel
+    takes the square of GLOSS_BLOCK a side that lies along the frame at its own place, or at that of
+    a neighbour in the same square of TILE_SIDE, in nine samples at all nine places, so that no
+    square shows.
     """
     width = x[1] + TILE_SIDE
     column, row = np.meshgrid(np.arange(*x), np.arange(*y))

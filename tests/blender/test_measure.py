@@ -65,6 +65,25 @@ def drawn_in(width):
 """  # noqa: E501 - a script for another Blender
 
 
+def test_a_table_that_would_be_cut_is_a_list(tmp_path):
+    """Whether the longest text of its cells, here the settings' of a share of 0.29, has room."""
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + """
+from types import SimpleNamespace
+from glint.operators import measure_scene
+trade, room = SimpleNamespace(shown=[None]), []
+for letters, width in ((50, 1300), (63, 1300), (63, 1400), (50, 880)):
+    texts = [("Error", "2 levels"), ("Settings", "y" * letters), ("What Changes", "")]
+    measure_scene._told = lambda trade, row: texts
+    room.append(measure_scene._has_room(trade, width))
+answer(room)
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == [True, False, True, False]
+
+
 def test_the_operator_measures_draws_and_changes_nothing(tmp_path):
     run = Blender(tmp_path).run(
         SCENE

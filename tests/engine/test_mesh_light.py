@@ -134,6 +134,19 @@ def test_balls_glow_in_colours_of_their_own(backend):
     np.testing.assert_allclose(found, wanted, rtol=0.02)
 
 
+def test_no_ray_goes_to_what_is_dark_on_that_side() -> None:
+    """A ball's far side has points as well, which glow outward alone."""
+    ball = Spheres("ball", np.array([[0, 0, 1.2]], np.float32), np.array([0.4], np.float32))
+    counts = [
+        render(scene(ball), Settings(samples=4, passes=frozenset({"Cost"}), backend=backend))
+        .passes["Cost"]
+        .astype(int)
+        for backend in BACKENDS
+    ]
+    np.testing.assert_array_equal(*counts)
+    assert 1 < counts[0].mean() < 1 + 4 * 8
+
+
 def test_a_ball_round_everything_lights_like_a_sky():
     ball = Spheres("ball", np.array([[0, 0, 0]], np.float32), np.array([150], np.float32))
     value = drawn(scene(ball), light_samples=16)

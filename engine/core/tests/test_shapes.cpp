@@ -264,6 +264,18 @@ TEST(shapes, a_tile_may_pass_by_the_tree_of_one_kind_and_meet_the_others) {
   }
 }
 
+GeometryView strands(const std::vector<float>& vertices, const std::vector<float>& radii,
+                     const std::vector<uint32_t>& starts) {
+  GeometryView v;
+  v.kind = GeometryView::kStrands;
+  v.vertices = vertices.data();
+  v.vertex_count = radii.size();
+  v.radii = radii.data();
+  v.indices = starts.data();
+  v.primitive_count = starts.size();
+  return v;
+}
+
 TEST(shapes, strands_are_the_same_to_tiles_and_to_single_rays) {
   Random rng(11);
   std::vector<float> vertices, radii;
@@ -278,13 +290,7 @@ TEST(shapes, strands_are_the_same_to_tiles_and_to_single_rays) {
     }
   }
   vertices[3 * 6 * 7] = std::nanf("");
-  GeometryView hair;
-  hair.kind = GeometryView::kStrands;
-  hair.vertices = vertices.data();
-  hair.vertex_count = radii.size();
-  hair.radii = radii.data();
-  hair.indices = starts.data();
-  hair.primitive_count = starts.size();
+  const GeometryView hair = strands(vertices, radii, starts);
   InstanceView near, far, flat;
   far.world_from_object = {{1.2, 0.3, 0}, {0, 0.7, 0.1}, {0.2, 0, 1}, {0.5, 3, 0}};
   flat.world_from_object = {{1, 0, 0}, {0, 1, 0}, {0, 0, 0}, {0, 0, -1}};
@@ -324,13 +330,7 @@ TEST(shapes, boxes_lie_along_hair_that_is_combed) {
       if (k < 2) starts.push_back(3 * strand + k);
     }
   }
-  GeometryView hair;
-  hair.kind = GeometryView::kStrands;
-  hair.vertices = vertices.data();
-  hair.vertex_count = radii.size();
-  hair.radii = radii.data();
-  hair.indices = starts.data();
-  hair.primitive_count = starts.size();
+  const GeometryView hair = strands(vertices, radii, starts);
   InstanceView here;
   const auto accel = build({hair}, {here});
   CHECK(accel->validate().empty());

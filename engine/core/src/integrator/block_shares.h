@@ -14,12 +14,14 @@
 
 namespace glint {
 
-/// Blocks of `side` pixels on a side, so many pixels to the left of and below those from the
-/// frame's corner on; but as many of them as those have pixels in a tile, so that none are thin.
+/// Which blocks pixels are in: those of `side` pixels on a side that lie along the frame, moved to
+/// the left and down by so many pixels. The first and the last of a tile take in what that leaves
+/// over at its ends, so that none are thin.
 struct BlockGrid {
   uint32_t side = 1;
-  int left = 0, below = 0;
-  /// Those of what wide lobes reflect in a sample: in 9 samples everywhere, so that none are seen.
+  int left = 0, down = 0;
+  /// Of what wide lobes reflect in a sample: in nine samples they lie in nine ways, so that no
+  /// block shows.
   static BlockGrid of_gloss(uint32_t sample) {
     return {RenderPlan::kGlossBlock, int((sample + 1) % 3) - 1,
             int((sample + sample / 3 + 1) % 3) - 1};

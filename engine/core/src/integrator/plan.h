@@ -53,7 +53,8 @@ struct RenderPlan : GlintRenderSettings {
 
   static constexpr uint32_t kMostShared = 8;   // rays of a sample: a tile's stay in one queue
   static constexpr uint32_t kMostSharing = 4;  // pixels on a block's side
-  static constexpr uint32_t kGlossBlock = 4, kGlossPlaces = 8;  // where they mix gloss; of rays
+  static constexpr uint32_t kGlossBlock = 4;   // the same where they mix gloss
+  static constexpr uint32_t kGlossPlaces = 8;  // in lobes, for the rays of such a block in a sample
   /// Of the narrowest lobe of a point: what it reflects is seen too sharply to be mixed.
   static constexpr double kLeastUnmixed = 128;
 

@@ -66,7 +66,7 @@ inline Doubles artanh_series(Doubles s2) {
 
 /// log(1 + a / b) for a >= 0 and b > 0 with full relative accuracy however small a / b is, as 2
 /// artanh of difference over sum. Below 1e-300 b is that.
-inline Doubles logarithm_of_one_and(Doubles a, Doubles b) {
+__attribute__((always_inline)) inline Doubles logarithm_of_one_and(Doubles a, Doubles b) {
   constexpr double kRoot = 1.41421356237309504880;
   b = larger(b, splat(1e-300));
   const Doubles total = a + b;

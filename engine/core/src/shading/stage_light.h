@@ -18,8 +18,9 @@ inline Doubles far_share(const LightStage& s, Doubles d2) {
 /// How far along g a ray starts that leaves to the back of its face: beyond the face, but not where
 /// the lifted start is above it already. There the face is out of its way, and beyond the face it
 /// would start within the body.
-inline Doubles below(const LightStage& s, size_t k, const Three& origin, const Three& g,
-                     Doubles offset) {
+__attribute__((always_inline)) inline Doubles below(const LightStage& s, size_t k,
+                                                    const Three& origin, const Three& g,
+                                                    Doubles offset) {
   if (s.origin[0] == s.points_x[0]) return -offset;  // no smooth faces
   return choose(dot(origin - load3(s.points_x, k), g) > 0x1p-25 * offset, splat(0), -offset);
 }
