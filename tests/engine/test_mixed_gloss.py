@@ -149,6 +149,28 @@ def test_the_bits_are_the_same_for_threads_and_regions() -> None:
         np.testing.assert_array_equal(part, whole[7:20, 5:16])
 
 
+@pytest.mark.parametrize("error_threshold", [0.0, 4.0])
+def test_a_part_that_stands_apart_takes_what_it_shows(error_threshold: float) -> None:
+    """In both tracers the same, and as right as the frame's: that a tool measures parts by."""
+    scene, plan = floor_before_wall((80, 72)), {"samples": 32, "max_bounces": 2}
+    x0, y0, x1, y1 = region = 20, 25, 63, 68
+    settings = Settings(**plan, region=region, apart=True, error_threshold=error_threshold)
+    films = [render(scene, replace(settings, backend=backend)) for backend in BACKENDS]
+    pictures = [film.combined[..., :3].astype(np.float64) for film in films]
+    wrong = np.abs(pictures[0] - pictures[1]) > 1e-4 * (1 + pictures[1])
+    assert wrong.mean() <= 0.01
+    assert films[0].stats["rays"] == pytest.approx(films[1].stats["rays"], rel=0.01)
+    whole = render(scene, replace(settings, region=None))
+    share = (x1 - x0) * (y1 - y0) / (80 * 72)
+    assert films[0].stats["rays"] < (1.2 if error_threshold else 1.05) * share * whole.stats["rays"]
+    final = replace(settings, samples=1024, error_threshold=0.0)
+    truth = render(scene, final).combined[..., :3]
+    truth_of_frame = render(scene, replace(final, region=None)).combined[..., :3]
+    of_frame = (whole.combined[..., :3] - truth_of_frame)[y0:y1, x0:x1]
+    errors = [np.sqrt((wrong**2).mean()) for wrong in (of_frame, pictures[0] - truth)]
+    assert 0.8 * errors[0] < errors[1] < 1.25 * errors[0]
+
+
 def two_metals(left: tuple[float, ...], right: tuple[float, ...]) -> Scene:
     """In one plane: 7 columns of pixels of the one, 5 of the other, so that blocks have both."""
     scene, edge = floor_before_wall((12, 12)), 0.015

@@ -12,7 +12,7 @@ constexpr double kAlike = 0.97;  // least cosine between normals of one surface
 constexpr double kSharp = 0.18;  // of 1 less that, over the exponent of a lobe, the most
 constexpr double kFlat = 0.04;   // of the way between its points, squared, the most along these
 
-/// In its tile, along an axis, of the pixel p of a frame whose pixels until `end` are traced.
+/// In its tile, along an axis, of the pixel p of a region that ends before `end`.
 uint32_t number_of_block(uint32_t p, int moved, uint32_t end, uint32_t side) {
   const uint32_t first = p / Tile::kSize * Tile::kSize,
                  last = std::min(first + Tile::kSize, end) - 1;
@@ -41,9 +41,9 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
                   exponents ? std::max(kAlike, 1 - kSharp / (*exponents)[k]) : kAlike,
                   kind,
                   0};
-    const uint32_t x = plan.region.x0 + pixels[k] % width, y = plan.region.y0 + pixels[k] / width,
-                   column = number_of_block(x, grid.left, plan.region.x1, grid.side),
-                   line = number_of_block(y, grid.down, plan.region.y1, grid.side);
+    const uint32_t x = pixels[k] % width, y = pixels[k] / width,
+                   column = number_of_block(x, grid.left, width, grid.side),
+                   line = number_of_block(y, grid.down, plan.region.height(), grid.side);
     if (shares) join(k, line * across + column);
     else {
       group_[k] = uint32_t(groups_.size());
