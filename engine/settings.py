@@ -202,8 +202,8 @@ class Settings:
     pixels (the Blackman-Harris window spans twice that); 0 samples the centre only. crypto_ids:
     how many things Cryptomatte passes tell of a pixel. passes: names from `film.PASSES` beyond
     Combined. region: (x0, y0, x1, y1) half-open pixel rectangle of the full frame, origin bottom
-    left; None for all of it. apart: whether what pixels mix in blocks ends at the region, so that no
-    more is traced than it takes, and it is not quite what the whole frame has there.
+    left; None for all of it. apart: whether what pixels mix in blocks ends at the region, so that
+    no more is traced than it takes, and it is not quite what the whole frame has there.
     """
 
     samples: int = _setting(

@@ -169,8 +169,11 @@ class Tracer:
             first = (y - y0) * (x1 - x0)
             here: slice | Array = slice(first, first + len(rays))
             places = places_in_blocks((x0, x1), (y, above), GATHER_BLOCK)
-            gloss = gloss_blocks((0, x1 - x0), (y - y0, above - y0), sample)
-            blocks = blocks_of((x0, x1), (y, above), GATHER_BLOCK), gloss
+            across, up = (x0, x1), (y, above)
+            blocks = (
+                blocks_of(across, up, GATHER_BLOCK),
+                gloss_blocks(across, up, sample, (self._traced[::2], self._traced[1::2])),
+            )
             if self._refinement and not self._refinement.active[here].all():
                 chosen = np.flatnonzero(self._refinement.active[here])
                 here, rays, strips = first + chosen, rays.take(chosen), None

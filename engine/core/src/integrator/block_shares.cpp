@@ -12,12 +12,23 @@ constexpr double kAlike = 0.97;  // least cosine between normals of one surface
 constexpr double kSharp = 0.18;  // of 1 less that, over the exponent of a lobe, the most
 constexpr double kFlat = 0.04;   // of the way between its points, squared, the most along these
 
-/// In its tile, along an axis, of the pixel p of a region that ends before `end`.
-uint32_t number_of_block(uint32_t p, int moved, uint32_t end, uint32_t side) {
-  const uint32_t first = p / Tile::kSize * Tile::kSize,
-                 last = std::min(first + Tile::kSize, end) - 1;
-  return (uint32_t(std::clamp(int64_t(p) + moved, int64_t(first), int64_t(last))) - first) / side;
-}
+/// Along an axis, a part of which has pixels of its own in each tile.
+struct Axis {
+  uint32_t begin, inner_begin, inner_end, end;  // of a region and of what it shows
+  /// In its tile, of the pixel p. Neither tiles' ends nor those of what is shown are passed.
+  uint32_t number_of_block(uint32_t p, int moved, uint32_t side) const {
+    const uint32_t tile = begin + (p - begin) / Tile::kSize * Tile::kSize;
+    const bool after_begin = p >= inner_begin, after_end = p >= inner_end;
+    const uint32_t first = std::max(tile, after_end     ? inner_end
+                                          : after_begin ? inner_begin
+                                                        : begin),
+                   stop = std::min(tile + Tile::kSize, after_end     ? end
+                                                       : after_begin ? inner_end
+                                                                     : inner_begin);
+    const int64_t at = std::clamp(int64_t(p) + moved, int64_t(first), int64_t(stop) - 1);
+    return uint32_t(at) / side - tile / side + after_begin + after_end;
+  }
+};
 
 }  // namespace
 
@@ -25,7 +36,10 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
                       const std::vector<uint32_t>& pixels, const BlockGrid& grid,
                       const std::vector<Vec3d>& given, const std::vector<uint8_t>* apart,
                       const std::vector<double>* exponents) {
-  const uint32_t width = plan.region.width(), across = Tile::kSize / grid.side;
+  const Region region = plan.region, inner = plan.traced;
+  const Axis columns{region.x0, inner.x0, inner.x1, region.x1},
+      rows{region.y0, inner.y0, inner.y1, region.y1};
+  const uint32_t width = region.width(), across = Tile::kSize / grid.side + 3;
   points_.resize(batch.size());
   group_.resize(batch.size());
   groups_.clear();
@@ -41,9 +55,9 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
                   exponents ? std::max(kAlike, 1 - kSharp / (*exponents)[k]) : kAlike,
                   kind,
                   0};
-    const uint32_t x = pixels[k] % width, y = pixels[k] / width,
-                   column = number_of_block(x, grid.left, width, grid.side),
-                   line = number_of_block(y, grid.down, plan.region.height(), grid.side);
+    const uint32_t x = region.x0 + pixels[k] % width, y = region.y0 + pixels[k] / width,
+                   column = columns.number_of_block(x, grid.left, grid.side),
+                   line = rows.number_of_block(y, grid.down, grid.side);
     if (shares) join(k, line * across + column);
     else {
       group_[k] = uint32_t(groups_.size());
