@@ -66,6 +66,20 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
   }
 }
 
+void BlockShares::pool(double* const* columns) const {
+  for (const Group& group : groups_) {
+    if (group.count == 1 || !shares_points(group.paths[0])) continue;
+    for (int c = 0; c < 3; ++c) {
+      if (std::fabs(points_[group.paths[0]].given[c]) < kLeast) continue;
+      double sum = 0;
+      for (uint32_t k = 0; k < group.count; ++k)
+        sum += columns[c][group.paths[k]] / points_[group.paths[k]].given[c];
+      for (uint32_t k = 0; k < group.count; ++k)
+        columns[c][group.paths[k]] = sum * points_[group.paths[k]].given[c];
+    }
+  }
+}
+
 void BlockShares::mix(size_t c, uint32_t sample, const double* from, double* to) const {
   for (const Group& group : groups_) {
     if (std::fabs(points_[group.paths[0]].given[int(c)]) < kLeast) continue;
