@@ -12,10 +12,10 @@ constexpr double kAlike = 0.97;  // least cosine between normals of one surface
 constexpr double kSharp = 0.18;  // of 1 less that, over the exponent of a lobe, the most
 constexpr double kFlat = 0.04;   // of the way between its points, squared, the most along these
 
-/// Along an axis, a part of which has pixels of its own in each tile.
+/// Along an axis the ends of a region, and of those of its pixels that are traced to the end.
 struct Axis {
-  uint32_t begin, inner_begin, inner_end, end;  // of a region and of what it shows
-  /// In its tile, of the pixel p. Neither tiles' ends nor those of what is shown are passed.
+  uint32_t begin, inner_begin, inner_end, end;
+  /// In its tile, of the pixel p. Blocks end where tiles do, and where those pixels do.
   uint32_t number_of_block(uint32_t p, int moved, uint32_t side) const {
     const uint32_t tile = begin + (p - begin) / Tile::kSize * Tile::kSize;
     const bool after_begin = p >= inner_begin, after_end = p >= inner_end;

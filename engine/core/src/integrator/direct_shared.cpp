@@ -262,7 +262,6 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   ShareStage stage{};
   stage.count = batch.size();
   stage.lit = shared.lit;
-  stage.turn = stage.turns = nullptr;
   if (&shared == &bounced_ && blocks_) {
     std::fill_n(shared.turn, shared.columns.rows(), 0.0);
     std::fill_n(shared.turns, shared.columns.rows(), 1.0);

@@ -183,7 +183,8 @@ struct ShareStage {
   size_t sample_count;
   double offset;
   uint32_t asked;
-  /// Of its marks each point has every so manyth from such a one on; null where it has all.
+  /// Of its marks each point has those of the numbers turn, turn + turns ...; null where it has
+  /// all.
   const double *turn, *turns;
   double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
   double* gloss[3];  // where samples have one: LightStage's, to be found; or null
