@@ -413,7 +413,8 @@ typedef struct GlintNeighbour {
 
 /* region: x0, y0, x1, y1 half open in the full frame. apart: whether what pixels mix in blocks ends
  * there. threads: 0 for one a core. waves: whether anybody looks before the end; if nobody does,
- * more samples are traced at once, to the same bits. HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
+ * more samples are traced at once, to the same bits.
+ * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
  * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
  * light has an extent; else they may be null. dome_table: (dome_count, 10), of as many samples as
  * divide it, after which they begin again, of a GLINT_DOME: the direction to it, what comes from
