@@ -202,7 +202,8 @@ class Settings:
     pixels (the Blackman-Harris window spans twice that); 0 samples the centre only. crypto_ids:
     how many things Cryptomatte passes tell of a pixel. passes: names from `film.PASSES` beyond
     Combined. region: (x0, y0, x1, y1) half-open pixel rectangle of the full frame, origin bottom
-    left; None for all of it.
+    left; None for all of it. apart: whether what pixels mix in blocks ends at the region, so that
+    no more is traced than it takes, and it is not quite what the whole frame has there.
     """
 
     samples: int = _setting(
@@ -341,6 +342,7 @@ class Settings:
     crypto_ids: int = _setting(6, low=1, high=64, remedy="1 to 64")
     passes: frozenset[str] = frozenset()
     region: tuple[int, int, int, int] | None = None
+    apart: bool = False
 
     def __post_init__(self) -> None:
         """NumPy's whole numbers become Python's, and names of passes a set."""

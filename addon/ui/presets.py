@@ -35,7 +35,7 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
         {
             "samples": 256,
             "error_threshold": 0.0,
-            "light_samples": 4,
+            "light_samples": 8,
             "lamp_shadows": 0,
             "volume_samples": 16,
             "reflections": "ALL",

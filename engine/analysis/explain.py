@@ -80,7 +80,7 @@ def _sharing(hit: Hit | None) -> list[str]:
     if hit is None:
         return []
     turns = (
-        [f"{hit.turns} pixels that show one surface take turns with points of bounced light"]
+        [f"{hit.turns} pixels that show one surface take turns with shadows of bounced light"]
         if hit.turns > 1
         else []
     )

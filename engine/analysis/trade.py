@@ -314,7 +314,12 @@ class _Work:
         start = time.perf_counter()
         self._renderer.film(
             replace(
-                settings, backend="NUMPY", samples=1, light_samples=1, region=crops[len(crops) // 2]
+                settings,
+                backend="NUMPY",
+                samples=1,
+                light_samples=1,
+                region=crops[len(crops) // 2],
+                apart=True,
             )
         )
         pilot_seconds = time.perf_counter() - start

@@ -87,6 +87,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         data.gather_block = GATHER_BLOCK
     _add_scattering(data, packer, scene, settings)
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
+    data.apart = settings.apart
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(settings.samples * settings.light_samples)
         data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))

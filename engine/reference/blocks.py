@@ -12,7 +12,7 @@ import numpy as np
 
 from ..sampling import GATHER_BLOCK, GLOSS_PLACES
 from .surface import Surface
-from .vectors import add_at, dot, pick
+from .vectors import dot, pick
 
 Array = np.ndarray
 
@@ -28,36 +28,40 @@ WAITS = ALONE + 1
 
 
 @dataclass(frozen=True, eq=False)
-class PointShares:
-    """Which of m points ask for light that others of their blocks get too. asks: (m,) bool.
-    asker, receiver: (k,) points, share: (3, k) how many times as much as the first the second get.
+class Turns:
+    """How m points share shadow rays to points of bounced light. number, count: (m,) of its rays
+    each traces every `count`-th from `number` on.  group: (m,) a number of those that share.
+    matt: (3, m) what each gives back of light from all sides.
     """
 
-    asks: Array
-    asker: Array
-    receiver: Array
-    share: Array
+    number: Array
+    count: Array
+    group: Array
+    matt: Array
 
-    def spread(self, light: Array) -> Array:
-        """(3 g, m): what all points get. light: (3 g, m) of those that ask."""
-        found = np.zeros_like(light)
-        share = np.tile(self.share, (len(light) // 3, 1))
-        add_at(found, self.receiver, share * light[:, self.asker])
-        return found
+    def of_all(self, found: Array) -> Array:
+        """What those of each group have found together, as much of it as each gives back. found:
+        (3 g, m) of each point.
+        """
+        matt = np.tile(self.matt, (len(found) // 3, 1))
+        sums = np.zeros((len(found), self.group.max(initial=-1) + 1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            each = np.where(matt != 0, found / matt, 0.0)
+        for row, values in zip(sums, each, strict=True):
+            np.add.at(row, self.group, values)
+        return np.where(matt != 0, sums[:, self.group] * matt, found)
 
 
 @dataclass(frozen=True, eq=False)
 class Shares:
     """Which of n pixels of a tile get what is found by others in a sample. group: (n,) its number,
-    -1 for none.  members: (groups, most) pixels, -1 for none.  asks: (n,) bool, whether it is the
-    one of its group that asks the points of bounced light.  apart: (n,) bool, shares gather rays,
-    but none of these. x, normal: (3, n) where they look from.  matt: (3, n) what each throws back
-    of light from all sides, 1 without group.
+    -1 for none.  members: (groups, most) pixels, -1 for none.  apart: (n,) bool, shares gather
+    rays, but no shadow rays to points of bounced light.  x, normal: (3, n) where they look from.
+    matt: (3, n) what each throws back of light from all sides, 1 without group.
     """
 
     group: Array
     members: Array
-    asks: Array
     apart: Array
     x: Array
     normal: Array
@@ -85,31 +89,23 @@ class Shares:
         receiver = members[ray, k]
         return ray, receiver, dense[ray, k] / total[ray] * pick(self.matt, receiver)
 
-    def of_points(self, pixel: Array) -> PointShares:
-        """How m points share light, of these pixels (m,)."""
-        number = np.full(len(self.group), -1)
-        number[pixel] = np.arange(len(pixel))
-        own = (self.group[pixel] < 0) | self.apart[pixel]
-        asks = own | self.asks[pixel]
-        sharing = np.flatnonzero(asks & ~own)
-        members = self.members[self.group[pixel[sharing]]]
-        row, k = np.nonzero(members >= 0)
-        asker, receiver = pixel[sharing[row]], members[row, k]
-        given = pick(self.matt, asker)
-        share = np.divide(1.0, given, out=np.zeros_like(given), where=given != 0)
-        alone = np.flatnonzero(own)
-        return PointShares(
-            asks,
-            np.concatenate([alone, number[asker]]),
-            np.concatenate([alone, number[receiver]]),
-            np.concatenate([np.ones((3, len(alone))), share * pick(self.matt, receiver)], 1),
-        )
+    def turns(self, pixel: Array, sample: int) -> Turns:
+        """Of m points, which are of these pixels (m,). Every fourth sample lies in the same part of
+        its pixel, and each has its turn in all of these.
+        """
+        there = self.members >= 0
+        place, size = np.zeros(len(self.group), int), there.sum(1)
+        place[self.members[there]] = (np.cumsum(there, 1) - 1)[there]
+        shared = (self.group[pixel] >= 0) & ~self.apart[pixel]
+        count = np.where(shared, size[self.group[pixel]], 1)
+        number = (place[pixel] + sample + sample // 4) % count
+        alone = len(size) + np.arange(len(pixel))
+        group = np.where(shared, self.group[pixel], alone)
+        return Turns(number, count, group, np.where(shared, pick(self.matt, pixel), 1.0))
 
 
-def shares_of(
-    surface: Surface, pixel: Array, given: Array, apart: Array, sample: int, blocks: Array
-) -> Shares:
-    """How pixels of a tile share light in a sample. pixel: (m,) of the points.  given: (3, m) what
+def shares_of(surface: Surface, pixel: Array, given: Array, apart: Array, blocks: Array) -> Shares:
+    """How pixels of a tile share light. pixel: (m,) of the points.  given: (3, m) what
     these give back of light from all sides, 0 where they share none.  apart: (m,) bool, as `Shares`
     has it.  blocks: (n,) which block each of the tile's pixels is in.
     """
@@ -121,8 +117,7 @@ def shares_of(
     is_apart[pixel] = apart
     kinds = np.array([1, 2, 4, 8]) @ np.vstack([given != 0, apart])
     group, members = groups(surface.take(some), pixel[some], blocks, kinds[some])
-    asks = asking(members, sample, n)
-    return Shares(group, members, asks, is_apart, x, normal, matt)
+    return Shares(group, members, is_apart, x, normal, matt)
 
 
 def turns(members: Array, sample: int, n: int) -> Array:
@@ -138,16 +133,6 @@ def turns(members: Array, sample: int, n: int) -> Array:
     found = np.where(at % count < rays, (at // count + rays * sample) % GLOSS_PLACES, WAITS)
     turn[members[there]] = np.where(count == 1, ALONE, found)[there]
     return turn
-
-
-def asking(members: Array, sample: int, n: int) -> Array:
-    """(n,) bool: the pixels that ask the points of bounced light in a sample, one of each group.
-    Every fourth sample lies in the same part of its pixel, and each has its turn in all of these.
-    """
-    asks, there, turn = np.zeros(n, bool), members >= 0, sample + sample // 4
-    number, count = np.cumsum(there, 1) - 1, there.sum(1, keepdims=True)
-    asks[members[there]] = (turn % np.maximum(count, 1) == number)[there]
-    return asks
 
 
 def groups(

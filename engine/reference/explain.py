@@ -35,7 +35,7 @@ from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .subsurface import coming_out, entering, one_by_one
 from .surface import Surface, surface_at
-from .tabled_lights import BouncedSource, Dome
+from .tabled_lights import Dome
 from .terminator import lowered, mean_lowered
 from .translucent import other_side
 from .vectors import dot, length, unit
@@ -303,7 +303,6 @@ class Explainer:
         first = int(np.flatnonzero(stage.geometry.placements.block == block)[0])
         number = int(surface.material[0])
         materials = stage.scene.materials
-        asker = self._block.asker if is_first else None
         return Hit(
             thing=instances.name,
             place=int(row) - first,
@@ -319,7 +318,7 @@ class Explainer:
             ambient=_numbers(stage.even_light(surface, coefficients)[:, 0]),
             emission=_numbers(coefficients.emission[:, 0]),
             lights=(
-                *self._lights(surface, coefficients, paths, asker),
+                *self._lights(surface, coefficients, paths),
                 *self._lights_behind(surface, coefficients, depth, paths),
             ),
             holdout=instances.holdout and paths.depth == 0,
@@ -345,14 +344,9 @@ class Explainer:
         surface: Surface,
         coefficients: Coefficients,
         paths: Paths,
-        asker: tuple[Surface, Coefficients, Array] | None = None,
     ) -> Iterator[LightTerm]:
-        """asker: as `PixelBlock` has it."""
         lighting, weight = self._lighting(surface, paths), paths.weight
         for source in lighting.sources:
-            if asker is not None and isinstance(source, BouncedSource):
-                yield from self._lights_of_asker(source, lighting, asker, weight)
-                continue
             margin, j = 0, 0
             hidden = source.hidden_counts if isinstance(source, Dome) else 1
             for j, (narrow, sample, diffuse) in enumerate(
@@ -371,21 +365,6 @@ class Explainer:
                     yield term
             if isinstance(source, Dome) and margin >= 0:
                 yield self._rest(surface, coefficients, source, j + 1)
-
-    def _lights_of_asker(
-        self,
-        source: BouncedSource,
-        lighting: Lighting,
-        asker: tuple[Surface, Coefficients, Array],
-        weight: Array,
-    ) -> Iterator[LightTerm]:
-        """What the pixel gets of the points of bounced light that another of its block asks."""
-        surface, coefficients, share = asker
-        samples = lighting.samples(surface, coefficients, weight, source, 0)
-        for j, (narrow, sample, _) in enumerate(samples):
-            term = self._light(surface, coefficients, source, narrow, sample, j, lighting)
-            diffuse, specular = (share * np.array(x) for x in (term.diffuse, term.specular))
-            yield replace(term, diffuse=_numbers(diffuse), specular=_numbers(specular))
 
     def _lighting(self, surface: Surface, paths: Paths) -> Lighting:
         kinds = self.stage.lighting_of(paths).kinds(surface, paths.weight)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .blocks import Shares
-from .coefficients import Coefficients
 from .gathering import gathering, sharing
 from .paths import Interaction, Paths, one_by_one
 from .reflections import reflected_in_blocks
@@ -28,15 +27,13 @@ class PixelBlock:
     reflect, one each: its own and those that pixels of its block share with it; of the latter (3,)
     what the pixel gets of what they bring. None where it has but its own.
 
-    own: which pixel of the block of gather rays it is.  asker: where in that the points of bounced
-    light are asked for the pixel, and (3,) how many times as much as is found there it gets; None
-    where it asks them itself.  turns: how many pixels take turns in that.
+    own: which pixel of the block of gather rays it is.  turns: how many pixels take turns with
+    shadows of the points of bounced light.
     """
 
     own: int = 0
     near: list[Paths] | None = None
     mixed: list[tuple[Paths, Array]] | None = None
-    asker: tuple[Surface, Coefficients, Array] | None = None
     turns: int = 1
     _shares: Shares | None = field(default=None, repr=False)
 
@@ -45,8 +42,8 @@ class PixelBlock:
         pixels, as `gathering` has them.
         """
         self.own = own
-        self._shares = sharing(stage, at, 0, np.zeros(len(places), np.intp))
-        self.asker = self._asker_of(stage, at)
+        self._shares = sharing(stage, at, np.zeros(len(places), np.intp))
+        self.turns = int(max(self._shares.turns(at.pixel, 0).count[at.pixel == own], default=1))
         found = gathering(stage, at, 0, places, self._shares)
         self.near = list(one_by_one(found, self._alike()))
 
@@ -63,20 +60,6 @@ class PixelBlock:
         for k in np.flatnonzero(receiver == own):
             some = [found for found in rays if found.mixed or sender[k] == own]
             yield from ((found, share[:, k]) for found in one_by_one(some, sender[k]))
-
-    def _asker_of(
-        self, stage: Stage, at: Interaction
-    ) -> tuple[Surface, Coefficients, Array] | None:
-        assert self._shares is not None
-        shares = self._shares.of_points(at.pixel)
-        own = np.flatnonzero(at.pixel[shares.receiver] == self.own)
-        asker = shares.asker[own]
-        self.turns = int((shares.asker == asker).sum()) if len(own) else 1
-        if not len(own) or at.pixel[asker[0]] == self.own:
-            return None
-        surface = at.surface.take(asker)
-        found = stage.shader.coefficients(surface, at.paths.kind, stage.queries(0))
-        return surface, found, shares.share[:, own[0]]
 
     def _alike(self) -> Array:
         """(k,) the pixels that share bounced light with the pixel, and itself."""

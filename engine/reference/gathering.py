@@ -66,7 +66,7 @@ def _gloss(stage: Stage, at: Interaction) -> Array:
     return even_gloss(cosine, at.coefficients.highlights, stage.settings.reflecting)
 
 
-def sharing(stage: Stage, at: Interaction, sample: int, blocks: Array) -> Shares:
+def sharing(stage: Stage, at: Interaction, blocks: Array) -> Shares:
     """How pixels of a tile share what bounced light camera rays' points get. blocks: (n,) of the
     pixels.
     """
@@ -76,7 +76,7 @@ def sharing(stage: Stage, at: Interaction, sample: int, blocks: Array) -> Shares
     some &= (dot(surface.n, surface.g) > 0) & (surface.lowering == 1)
     given = np.where(some, at.weight * matt, 0.0)
     apart = given.any(0) & stage.points_apart(surface)
-    return shares_of(surface, at.pixel, given, apart, sample, blocks)
+    return shares_of(surface, at.pixel, given, apart, blocks)
 
 
 def _direction(n: Array, point: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..film import CATCHER, VOLUME
 from . import catchers
-from .blocks import PointShares, Shares
+from .blocks import Shares, Turns
 from .gathering import gathering, seen_lobes, sharing
 from .lighting import DirectLight
 from .lights import Source
@@ -137,7 +137,7 @@ class Generations:
         at, below = entering(stage, at)
         shares = None
         if blocks is not None and stage.shares_gathers:
-            shares = self._shares = sharing(stage, at, self._sample, blocks[0])
+            shares = self._shares = sharing(stage, at, blocks[0])
         self._light(at, shares)
         deeper += gathering(stage, at, self._sample, self._places, shares)
         if below is not None and (out := self._coming_out(below)) is not None:
@@ -348,9 +348,9 @@ class Generations:
         if at.paths.shared:
             self._share(at)
         else:
-            self._shade(at, shares.of_points(at.pixel) if shares else None)
+            self._shade(at, shares.turns(at.pixel, self._sample) if shares else None)
 
-    def _shade(self, at: Interaction, shares: PointShares | None = None) -> None:
+    def _shade(self, at: Interaction, turns: Turns | None = None) -> None:
         """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each
         part by itself.
         """
@@ -372,7 +372,7 @@ class Generations:
             self._tile.soft_light[matt] = self._tile.bounced[matt] = True
         on_reach, on_cut = self._listeners(pixel)
         light = self._stage.lighting_of(paths).direct(
-            surface, coefficients, weight, self._sample, on_reach, on_cut, shares
+            surface, coefficients, weight, self._sample, on_reach, on_cut, turns
         )
         if paths.gathers:
             to = surface.x - paths.rays.lines(at.hit)[0]

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
-from .blocks import PointShares
+from .blocks import Turns
 from .bumps import bump_shadow
 from .cancellation import Cancellation
 from .coefficients import Coefficients
@@ -56,8 +56,8 @@ class DirectLight:
 @dataclass(frozen=True, eq=False)
 class _Receivers:
     """n points that get light in one sample of their pixels. weight: (3, n) T of the rays that see
-    them.  given: (n,) bool, those that light is for.  shares: how they share what points of bounced
-    light give.
+    them.  given: (n,) bool, those that light is for.  turns: how they share shadow rays to points
+    of bounced light; None where they do not.
     """
 
     surface: Surface
@@ -65,7 +65,7 @@ class _Receivers:
     weight: Array
     sample: int
     given: Array
-    shares: PointShares | None
+    turns: Turns | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,13 +175,13 @@ class Lighting:
         sample: int,
         on_reach: Callable[[Source, Array, bool], None],
         on_cut: Callable[[Array], None],
-        shares: PointShares | None = None,
+        turns: Turns | None = None,
     ) -> DirectLight:
         """What all lights add at the points of `surface` in sample `sample` of their pixels.
         weight: (3, n) T of the rays that see them. on_reach: told which points each sample of a
         light reaches, or which ask for its shadow, and whether its pixels take more samples before
         they may stop.  on_cut: told the points whose horizon cuts a light of more than one sample.
-        shares: how the points share what points of bounced light give; None where they do not.
+        turns: as `_Receivers` has them.
         """
         rows = (3,) * 7 + (3 * self.light_groups,)
         total = DirectLight(*(np.zeros((count, len(surface))) for count in rows))
@@ -190,7 +190,7 @@ class Lighting:
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for lighting, points in self.kinds(surface, weight):
             if (given & points).any():
-                at = _Receivers(surface, coefficients, weight, sample, given & points, shares)
+                at = _Receivers(surface, coefficients, weight, sample, given & points, turns)
                 lighting._light(at, on_reach, on_cut, total)
         return total
 
@@ -253,7 +253,7 @@ class Lighting:
         bounced = [(x, None) for x in self.sources if isinstance(x, BouncedSource)]
         if bounced:
             lit = total.lit_bounced, total.lit_glossy_bounced
-            yield Sharing(lambda: bounced, self.bounced_marks, *lit, at.shares)
+            yield Sharing(lambda: bounced, self.bounced_marks, *lit, at.turns)
         media = [(x, None) for x in self.sources if isinstance(x, MediumSource)]
         if media:
             lit = total.lit_diffuse, total.lit_specular
@@ -273,7 +273,6 @@ class Lighting:
             for source, far in group.sources():
                 current[:] = [source]
                 lit = at.given & self.lights(source, at.surface)
-                lit = lit if group.shares is None else lit & group.shares.asks
                 for each, light_sample, is_drawn in self._samples_given(at, source, lit):
                     if far is not None:
                         white = dot(at.surface.n, light_sample.direction) * light_sample.intensity
@@ -287,6 +286,7 @@ class Lighting:
             at.sample,
             lambda points: on_reach(current[0], points, True),
             self.light_groups,
+            group.turns,
         )
         for sums, light in (
             (total.diffuse, diffuse),
@@ -296,7 +296,7 @@ class Lighting:
             (group.glossy, passed * specular),
             (total.groups, groups),
         ):
-            sums += light if group.shares is None else group.shares.spread(light)
+            sums += light
 
     def _lamps(self, at: _Receivers) -> Iterator[tuple[Source, FarLight | None]]:
         """The lamps that share shadow rays, and what points get of those that they see in

@@ -51,9 +51,6 @@ from .visibility import Visibility
 
 Array = np.ndarray
 
-_DIRECTED = ("SHEEN", "TOON_DIFFUSE", "OREN_NAYAR", "FIBRE")
-"""What kinds of lobes begin with that depend on where light comes from, as DIFFUSE does not."""
-
 
 def mixes_gloss(scene: Scene) -> bool:
     """Whether something may reflect in blocks of pixels, which media that vary do not know."""
@@ -184,21 +181,14 @@ class Stage:
         return self.reach > 0 and not self.media.varies
 
     def points_apart(self, surface: Surface) -> Array:
-        """(n,) bool: whose light of the points of bounced light is not as what they give back of
-        all light: that of gloss, of lobes that depend on where it comes from, of lights that light
-        but some.
+        """(n,) bool: which ask the points of bounced light for their shadows themselves: fibres,
+        that these light from behind as well, and all where such lights light but some.
         """
         bounced = [source for source in self.sources if isinstance(source, BouncedSource)]
-        lobes = [lobe for material in self.scene.materials for lobe in material.lobes]
-        rays_show = self.settings.reflecting == "ALL"
-        shows_gloss = any(
-            lobe.kind == "TOON_SPECULAR" or (lobe.is_glossy and lobe.fresnel and not rays_show)
-            for lobe in lobes
-        )
-        if shows_gloss or any(source.light.receivers != EVERYTHING for source in bounced):
+        if any(source.light.receivers != EVERYTHING for source in bounced):
             return np.ones(len(surface), bool)
         soft = [
-            any(lobe.kind.startswith(_DIRECTED) for lobe in material.lobes)
+            any(lobe.kind.startswith("FIBRE") for lobe in material.lobes)
             for material in self.scene.materials
         ]
         is_strand = surface.primitive >= self.geometry.first_rod

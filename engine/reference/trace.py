@@ -58,8 +58,10 @@ class Tracer:
         self._shown = settings.region or (0, 0, *scene.camera.resolution)
         gathers = any(light.kind == "BOUNCED" for light in scene.lights)
         self._side = GATHER_BLOCK if gathers else 1  # of squares whose pixels share rays
-        if settings.reflecting != "OFF" and mixes_gloss(scene):
+        mixes = settings.reflecting != "OFF" and mixes_gloss(scene)
+        if mixes and not settings.apart:
             self._side = TILE_SIDE
+        self._strip = TILE_SIDE if mixes else self._side  # of rows that are traced at once
         self._region = self._traced = self._blocks_of(self._shown)
         refines = settings.error_threshold > 0 or "Error" in settings.passes
         if refines and settings.samples >= FIRST_ESTIMATE:
@@ -159,7 +161,7 @@ class Tracer:
     def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
         """Traces one sample of every pixel tile by tile; yields the finished fraction."""
         x0, y0, x1, y1 = self._region
-        rows = max(TILE // (x1 - x0) // self._side, 1) * self._side
+        rows = max(TILE // (x1 - x0) // self._strip, 1) * self._strip
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
             rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
@@ -168,7 +170,10 @@ class Tracer:
             here: slice | Array = slice(first, first + len(rays))
             places = places_in_blocks((x0, x1), (y, above), GATHER_BLOCK)
             across, up = (x0, x1), (y, above)
-            blocks = blocks_of(across, up, GATHER_BLOCK), gloss_blocks(across, up, sample)
+            blocks = (
+                blocks_of(across, up, GATHER_BLOCK),
+                gloss_blocks(across, up, sample, (self._traced[::2], self._traced[1::2])),
+            )
             if self._refinement and not self._refinement.active[here].all():
                 chosen = np.flatnonzero(self._refinement.active[here])
                 here, rays, strips = first + chosen, rays.take(chosen), None

@@ -270,24 +270,37 @@ def blocks_of(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
     return ((np.arange(*y) // side)[:, None] * (x[1] // side + 1) + np.arange(*x) // side).ravel()
 
 
-def gloss_blocks(x: tuple[int, int], y: tuple[int, int], sample: int) -> np.ndarray:
+def gloss_blocks(
+    x: tuple[int, int],
+    y: tuple[int, int],
+    sample: int,
+    inner: tuple[tuple[int, int], tuple[int, int]] | None = None,
+) -> np.ndarray:
     """(2, pixels): the numbers of the squares in which the same pixels mix what wide lobes reflect
     in a sample, and in which order they are counted there: by squares of 8 × 8, row by row. A pixel
     takes the square of GLOSS_BLOCK a side that lies along the frame at its own place, or at that of
-    a neighbour in the same square of TILE_SIDE, in nine samples at all nine places, so that no
-    square shows.
+    a neighbour in the same square of TILE_SIDE from x[0] and y[0] on, in nine samples at all nine
+    places, so that no square shows.  inner: of x and y, across whose ends nothing is mixed.
     """
-    width = x[1] + TILE_SIDE
-    column, row = np.meshgrid(np.arange(*x), np.arange(*y))
+    most = TILE_SIDE // GLOSS_BLOCK + 3
+    width = (x[1] - x[0] + TILE_SIDE) * most
 
-    def square(p: np.ndarray, moved: int, end: int) -> np.ndarray:
-        first = p // TILE_SIDE * TILE_SIDE
-        return np.clip(p + moved, first, np.minimum(first + TILE_SIDE, end) - 1) // GLOSS_BLOCK
+    def squares(ends: tuple[int, int], shown: tuple[int, int], moved: int) -> np.ndarray:
+        p = np.arange(*ends)
+        tile = (p - ends[0]) // TILE_SIDE
+        begin = ends[0] + tile * TILE_SIDE
+        after = sum((p >= end).astype(int) for end in shown)
+        first = np.maximum(begin, np.choose(after, (ends[0], *shown)))
+        last = np.minimum(begin + TILE_SIDE, np.choose(after, (*shown, ends[1]))) - 1
+        inside = np.clip(p + moved, first, last) // GLOSS_BLOCK - begin // GLOSS_BLOCK
+        return tile * most + inside + after
 
     left, below = (sample + 1) % 3 - 1, (sample + sample // 3 + 1) % 3 - 1
-    squares = square(row, below, y[1]) * width + square(column, left, x[1])
+    shown_x, shown_y = inner or (x, y)
+    square = squares(y, shown_y, below)[:, None] * width + squares(x, shown_x, left)
+    column, row = np.meshgrid(np.arange(x[1] - x[0]), np.arange(y[1] - y[0]))
     counted = (row // 8 * width + column // 8) * 64 + row % 8 * 8 + column % 8
-    return np.stack([squares.ravel(), counted.ravel()])
+    return np.stack([square.ravel(), counted.ravel()])
 
 
 @functools.lru_cache(maxsize=4)

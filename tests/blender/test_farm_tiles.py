@@ -16,6 +16,7 @@ import pytest
 
 pytest.importorskip("bpy")
 from farm_shot import COMPOSITED, MAKE, Shot
+from glint.engine import TILE_SIDE
 from glint.engine.film import Film
 from glint.operators.pictures import header_texts, read_planes
 from glint.operators.tiles import Grid, merge
@@ -57,7 +58,7 @@ image.views_format = "STEREO_3D"
 """
 REFINED = """
 scene.glint.final.samples, scene.glint.final.error_threshold = 16, 1.0
-scene.render.resolution_x, scene.render.resolution_y = 61, 47
+scene.render.resolution_x, scene.render.resolution_y = 400, 280
 scene.glint.final.backend = "NATIVE"
 """
 
@@ -76,7 +77,10 @@ for path in sorted(parts.iterdir()):
     (FOLDER / "kept" / path.name).write_bytes(path.read_bytes())
 lines += farm.merge_frames(scene, [3], parts, grid)
 lines += [line for _, line in farm.check_frames(scene, [3], parts)]
-answer([lines, sorted(path.name for path in parts.iterdir())])
+from glint.operators.scene_copy import read_job
+from glint.operators.tiles import whole_region
+region = whole_region(read_job(scene, scene.view_layers[0].name))
+answer([lines, sorted(path.name for path in parts.iterdir()), region])
 """
 
 OF_THE_RENDER = ("seconds", "RenderTime", "Date", "DateTime")
@@ -157,7 +161,7 @@ def test_tiles_are_the_whole_frame(tmp_path, more):
     shot = Shot(tmp_path)
     run = shot.blender.run(MAKE + more + BOTH)
     assert run.returncode == 0, run.output
-    lines, names = run.answer
+    lines, names, region = run.answer
     assert lines[1:] == [
         *(f"frame 3, tile {tile} of 3x2: drawn (was missing)" for tile in range(1, 7)),
         "frame 3: merged (was missing)",
@@ -172,7 +176,8 @@ def test_tiles_are_the_whole_frame(tmp_path, more):
     assert _texts(merged) == _texts(whole)
     assert any(name.endswith(".pixels") for name in _texts(whole))
     assert any(name.endswith(".scene") for name in _texts(whole))
-    assert _rays(whole) <= _rays(merged) < 1.5 * _rays(whole)
+    traced = sum(_traced(Grid(3, 2).region(tile, region)) for tile in range(1, 7))
+    assert _rays(whole) <= _rays(merged) < 1.5 * _rays(whole) * traced / _traced(region)
     if "cryptomatte" in more:
         assert sum("manifest" in name for name in _texts(whole)) == 4
 
@@ -183,6 +188,13 @@ def _texts(path: Path) -> dict[str, str]:
         for name, text in header_texts(path).items()
         if name.rpartition(".")[2] not in OF_THE_RENDER
     }
+
+
+def _traced(region: tuple[int, int, int, int]) -> int:
+    """Pixels of the squares of which the tracer takes all, where some pixel is the region's."""
+    x0, y0, x1, y1 = region
+    columns, rows = -(-x1 // TILE_SIDE) - x0 // TILE_SIDE, -(-y1 // TILE_SIDE) - y0 // TILE_SIDE
+    return columns * rows * TILE_SIDE**2
 
 
 def _rays(path: Path) -> int:

@@ -15,7 +15,7 @@ warnings.simplefilter("ignore", DeprecationWarning)
 bpy.ops.wm.read_homefile(use_factory_startup=True)
 scene = bpy.context.scene
 scene.render.engine = "GLINT"
-scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 168, 126, 100
+scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 120, 96, 100
 cube = bpy.data.objects["Cube"]
 bpy.ops.mesh.primitive_plane_add(size=30, location=(0, 0, -1))
 bpy.ops.mesh.primitive_uv_sphere_add(radius=0.7, location=(1.5, -1.8, -0.3))
@@ -71,7 +71,7 @@ bpy.context.view_layer.update()
 job = read_job(scene, bpy.context.view_layer.name)
 values = {{"samples": (1, 4, 16), "error_threshold": (8.0, 0.0), "light_samples": (1, 4)}}
 found = trade.measure(
-    job.scene, job.settings, values=values, reference_samples=64, reference_seconds=0, repeats=1
+    job.scene, job.settings, values=values, reference_samples=64, reference_seconds=0, repeats=1, squares=48
 )
 plain = replace(job.settings, passes=frozenset())
 grid = trade.settings_grid(job.scene, plain, values)

@@ -72,11 +72,11 @@ def added(scene: Scene, backend: str = "NATIVE", bounces: int = 1, **settings) -
 
 
 def each_asks(scene: Scene) -> Scene:
-    """The same, but no pixel asks the points of bounced light for others: a lobe that gives
-    nothing back of it, but not of all light alike.
+    """The same, but no pixel asks the points of bounced light for others: a fibre's lobe that gives
+    nothing back.
     """
-    soft = Lobe("SHEEN", (Input((0.0,) * 3),), 0.3, masking=0.1)
-    materials = tuple(replace(m, lobes=(*m.lobes, soft)) for m in scene.materials)
+    fibre = Lobe("FIBRE_DIFFUSE", (Input((0.0,) * 3),))
+    materials = tuple(replace(m, lobes=(*m.lobes, fibre)) for m in scene.materials)
     return replace(scene, materials=materials)
 
 

@@ -295,7 +295,7 @@ def test_shares_are_as_dense_as_rays_of_each_lie_there() -> None:
     normal = np.array([[0.0, 0, 1], [0, 0, 0], [1, 1, 0]])
     members = np.array([[0, 1, -1, -1], [-1, -1, -1, -1]])
     matt = np.array([[0.2, 0.4, 1.0]] * 3)
-    shares = Shares(np.array([0, 0, -1]), members, *np.zeros((2, 3), bool), x, normal, matt)
+    shares = Shares(np.array([0, 0, -1]), members, np.zeros(3, bool), x, normal, matt)
     over = np.array([[0.0], [0.0], [2.0]])
     for giver in (0, 1):
         ray, receiver, share = shares.given(np.array([giver]), over, np.array([[0.0], [0], [-1]]))

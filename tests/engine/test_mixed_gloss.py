@@ -149,6 +149,30 @@ def test_the_bits_are_the_same_for_threads_and_regions() -> None:
         np.testing.assert_array_equal(part, whole[7:20, 5:16])
 
 
+@pytest.mark.parametrize("error_threshold", [0.0, 4.0])
+def test_a_part_that_stands_apart_takes_what_it_shows(error_threshold: float) -> None:
+    """In both tracers the same, and as right as the frame's: that a tool measures parts by."""
+    scene, plan = floor_before_wall((40, 36)), {"samples": 32, "max_bounces": 2}
+    settings = Settings(**plan, error_threshold=error_threshold)
+    parts = [(x, y, min(x + 12, 40), y + 12) for x in range(0, 40, 12) for y in range(0, 36, 12)]
+    odd = replace(settings, region=(11, 9, 30, 26), apart=True)
+    films = [render(scene, replace(odd, backend=backend)) for backend in BACKENDS]
+    pictures = [film.combined[..., :3].astype(np.float64) for film in films]
+    wrong = np.abs(pictures[0] - pictures[1]) > 1e-4 * (1 + pictures[1])
+    assert wrong.mean() <= 0.01
+    assert films[0].stats["rays"] == pytest.approx(films[1].stats["rays"], rel=0.01)
+
+    def errors(plan: Settings) -> tuple[float, float]:
+        """And the rays."""
+        film = render(scene, plan)
+        truth = render(scene, replace(plan, samples=1024, error_threshold=0.0))
+        return ((film.combined - truth.combined) ** 2).sum(), film.stats["rays"]
+
+    whole = errors(settings)
+    apart = np.sum([errors(replace(settings, region=part, apart=True)) for part in parts], 0)
+    assert apart == pytest.approx(whole, rel=0.3)
+
+
 def two_metals(left: tuple[float, ...], right: tuple[float, ...]) -> Scene:
     """In one plane: 7 columns of pixels of the one, 5 of the other, so that blocks have both."""
     scene, edge = floor_before_wall((12, 12)), 0.015

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 68
+#define GLINT_ABI_VERSION 69
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -411,8 +411,9 @@ typedef struct GlintNeighbour {
   uint64_t row_count, shape_count;
 } GlintNeighbour;
 
-/* region: x0, y0, x1, y1 half open in the full frame. threads: 0 for one a core. waves: whether
- * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
+/* region: x0, y0, x1, y1 half open in the full frame. apart: whether what pixels mix in blocks ends
+ * there. threads: 0 for one a core. waves: whether anybody looks before the end; if nobody does,
+ * more samples are traced at once, to the same bits.
  * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
  * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
  * light has an extent; else they may be null. dome_table: (dome_count, 10), of as many samples as
@@ -510,7 +511,7 @@ typedef struct GlintRenderSettings {
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;
   uint32_t region[4];
-  int32_t illumination, waves, acceleration, remember, reflections, moving;
+  int32_t illumination, waves, acceleration, remember, reflections, moving, apart;
 } GlintRenderSettings;
 
 enum GlintState {

@@ -12,12 +12,23 @@ constexpr double kAlike = 0.97;  // least cosine between normals of one surface
 constexpr double kSharp = 0.18;  // of 1 less that, over the exponent of a lobe, the most
 constexpr double kFlat = 0.04;   // of the way between its points, squared, the most along these
 
-/// In its tile, along an axis, of the pixel p of a frame whose pixels until `end` are traced.
-uint32_t number_of_block(uint32_t p, int moved, uint32_t end, uint32_t side) {
-  const uint32_t first = p / Tile::kSize * Tile::kSize,
-                 last = std::min(first + Tile::kSize, end) - 1;
-  return (uint32_t(std::clamp(int64_t(p) + moved, int64_t(first), int64_t(last))) - first) / side;
-}
+/// Along an axis the ends of a region, and of those of its pixels that are traced to the end.
+struct Axis {
+  uint32_t begin, inner_begin, inner_end, end;
+  /// In its tile, of the pixel p. Blocks end where tiles do, and where those pixels do.
+  uint32_t number_of_block(uint32_t p, int moved, uint32_t side) const {
+    const uint32_t tile = begin + (p - begin) / Tile::kSize * Tile::kSize;
+    const bool after_begin = p >= inner_begin, after_end = p >= inner_end;
+    const uint32_t first = std::max(tile, after_end     ? inner_end
+                                          : after_begin ? inner_begin
+                                                        : begin),
+                   stop = std::min(tile + Tile::kSize, after_end     ? end
+                                                       : after_begin ? inner_end
+                                                                     : inner_begin);
+    const int64_t at = std::clamp(int64_t(p) + moved, int64_t(first), int64_t(stop) - 1);
+    return uint32_t(at) / side - tile / side + after_begin + after_end;
+  }
+};
 
 }  // namespace
 
@@ -25,7 +36,10 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
                       const std::vector<uint32_t>& pixels, const BlockGrid& grid,
                       const std::vector<Vec3d>& given, const std::vector<uint8_t>* apart,
                       const std::vector<double>* exponents) {
-  const uint32_t width = plan.region.width(), across = Tile::kSize / grid.side;
+  const Region region = plan.region, inner = plan.traced;
+  const Axis columns{region.x0, inner.x0, inner.x1, region.x1},
+      rows{region.y0, inner.y0, inner.y1, region.y1};
+  const uint32_t width = region.width(), across = Tile::kSize / grid.side + 3;
   points_.resize(batch.size());
   group_.resize(batch.size());
   groups_.clear();
@@ -41,13 +55,27 @@ void BlockShares::set(const RenderPlan& plan, const Batch& batch,
                   exponents ? std::max(kAlike, 1 - kSharp / (*exponents)[k]) : kAlike,
                   kind,
                   0};
-    const uint32_t x = plan.region.x0 + pixels[k] % width, y = plan.region.y0 + pixels[k] / width,
-                   column = number_of_block(x, grid.left, plan.region.x1, grid.side),
-                   line = number_of_block(y, grid.down, plan.region.y1, grid.side);
+    const uint32_t x = region.x0 + pixels[k] % width, y = region.y0 + pixels[k] / width,
+                   column = columns.number_of_block(x, grid.left, grid.side),
+                   line = rows.number_of_block(y, grid.down, grid.side);
     if (shares) join(k, line * across + column);
     else {
       group_[k] = uint32_t(groups_.size());
       groups_.push_back({1, {k}});
+    }
+  }
+}
+
+void BlockShares::pool(double* const* columns) const {
+  for (const Group& group : groups_) {
+    if (group.count == 1 || !shares_points(group.paths[0])) continue;
+    for (int c = 0; c < 3; ++c) {
+      if (std::fabs(points_[group.paths[0]].given[c]) < kLeast) continue;
+      double sum = 0;
+      for (uint32_t k = 0; k < group.count; ++k)
+        sum += columns[c][group.paths[k]] / points_[group.paths[k]].given[c];
+      for (uint32_t k = 0; k < group.count; ++k)
+        columns[c][group.paths[k]] = sum * points_[group.paths[k]].given[c];
     }
   }
 }

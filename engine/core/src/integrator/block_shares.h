@@ -63,24 +63,20 @@ class BlockShares {
     if (count == 1) return kAlone;
     return at % count < rays ? uint8_t((at / count + rays * sample) % kAlone) : kWaits;
   }
-  /// Whether the path asks the points of bounced light in this sample: one of its group does. Every
-  /// fourth sample lies in the same part of its pixel, and each has its turn in all of these.
-  bool asks(uint32_t path, uint32_t sample) const {
-    const uint32_t turn = sample + sample / 4;
-    return !shares_points(path) || turn % groups_[group_[path]].count == points_[path].place;
+  /// Of its shadow rays to points of bounced light the path traces every `count`-th from `number`
+  /// on in this sample, its group the others. Every fourth sample lies in the same part of its
+  /// pixel, and each has its turn in all of these.
+  struct Turn {
+    uint32_t number, count;
+  };
+  Turn turn_of_points(uint32_t path, uint32_t sample) const {
+    if (!shares_points(path)) return {0, 1};
+    const uint32_t count = groups_[group_[path]].count;
+    return {(points_[path].place + sample + sample / 4) % count, count};
   }
-  /// add(path, share) for each path that gets what `path` is given by those.
-  template <class Add>
-  void spread(uint32_t path, Add add) const {
-    if (!shares_points(path)) return add(path, Vec3d{1, 1, 1});
-    const Group& group = groups_[group_[path]];
-    const Vec3d own = points_[path].given;
-    for (uint32_t k = 0; k < group.count; ++k) {
-      Vec3d share = points_[group.paths[k]].given;
-      for (int c = 0; c < 3; ++c) share[c] = std::fabs(own[c]) >= kLeast ? share[c] / own[c] : 0;
-      add(group.paths[k], share);
-    }
-  }
+  /// Makes of what each path has of such rays what all of its group have, as much of it as the path
+  /// gives back. columns: red, green and blue.
+  void pool(double* const* columns) const;
   /// Adds to each path's sum of `to`, the channel c, what those of its group brought to `from` that
   /// sent rays, in equal parts and as much of it as it gives back itself.
   void mix(size_t c, uint32_t sample, const double* from, double* to) const;

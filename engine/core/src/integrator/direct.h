@@ -30,10 +30,10 @@ struct SharedLight {
   std::vector<double> color_sums;              // as ShareStage has them
   std::vector<int64_t> near;                   // mask of points
   std::vector<std::vector<int64_t>> receives;  // masks, of lamps that light but some
-  Columns columns{17};
+  Columns columns{19};
   double *diffuse[3] = {}, *specular[3] = {}, *total = nullptr;  // as ShareStage has them
   double *asked[3] = {}, *passed[3] = {};  // of the samples asked: light, and what got through
-  double *ones = nullptr, *gloss[3] = {};
+  double *ones = nullptr, *gloss[3] = {}, *turn = nullptr, *turns = nullptr;
   std::vector<double> given;
   std::vector<uint32_t> reaching;
   std::vector<AskedLamp> chosen, sorted;  // sorted: by sample
@@ -148,8 +148,7 @@ class DirectLight {
            const AskedLamp* end, RayCounts& counts);
   void mark_matt(const Batch& batch) const;
   void add_shared(const SharedLight& shared, const Batch& batch) const;
-  void share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open, size_t to,
-                    Vec3d share) const;
+  void share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -173,7 +172,6 @@ class DirectLight {
   std::vector<Vec3d> given_;             // of each point, as BlockShares has it
   std::vector<uint8_t> apart_;           // the same
   const BlockShares* blocks_ = nullptr;  // of points that are lit
-  std::vector<int64_t> asking_;          // mask: those whose turn it is
   Columns columns_;
   double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where

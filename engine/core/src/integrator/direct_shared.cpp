@@ -53,6 +53,8 @@ void place_sums(SharedLight& shared, size_t points) {
   shared.total = columns[next++];
   shared.ones = columns[next++];
   for (double*& column : shared.gloss) column = columns[next++];
+  shared.turn = columns[next++];
+  shared.turns = columns[next++];
   std::fill_n(shared.ones, columns.rows(), 1.0);
   for (size_t c = 0; c < 3; ++c) {
     std::fill_n(shared.asked[c], points, 0.0);
@@ -159,12 +161,6 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
   if (&shared == &bounced_ && batch.soft_light && !alone_) mark_matt(batch);
   const LightStage before = stage_;
   shared.lit = batch.lit.data();
-  if (&shared == &bounced_ && blocks_) {
-    asking_.assign(batch.lit.begin(), batch.lit.end());
-    for (uint32_t k = 0; k < batch.size(); ++k)
-      if (!blocks_->asks(k, sample)) asking_[k] = 0;
-    shared.lit = asking_.data();
-  }
   place_sums(shared, batch.size());
   place_groups(shared, batch.size());
   list_samples(shared, batch, sample);
@@ -174,6 +170,14 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
     const AskedLamp* const end = shared.sorted.data() + shared.ends[number];
     if (begin != end) ask(shared, batch, number, begin, end, counts);
     begin = end;
+  }
+  if (&shared == &bounced_ && blocks_) {
+    blocks_->pool(shared.asked);
+    blocks_->pool(shared.passed);
+    for (size_t group = 0; group < shared.group_count; ++group) {
+      blocks_->pool(&shared.group_asked[3 * group]);
+      blocks_->pool(&shared.group_passed[3 * group]);
+    }
   }
   add_shared(shared, batch);
   stage_ = before;
@@ -258,6 +262,17 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   ShareStage stage{};
   stage.count = batch.size();
   stage.lit = shared.lit;
+  if (&shared == &bounced_ && blocks_) {
+    std::fill_n(shared.turn, shared.columns.rows(), 0.0);
+    std::fill_n(shared.turns, shared.columns.rows(), 1.0);
+    for (uint32_t k = 0; k < batch.size(); ++k) {
+      const BlockShares::Turn turn = blocks_->turn_of_points(k, sample);
+      shared.turn[k] = turn.number;
+      shared.turns[k] = turn.count;
+    }
+    stage.turn = shared.turn;
+    stage.turns = shared.turns;
+  }
   stage.samples = shared.samples.data();
   stage.sample_count = shared.samples.size();
   stage.offset = mark_offset(sample);
@@ -335,38 +350,30 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   for (const AskedLamp* p = begin; p != end; ++p) shared.asks[p->point] = 0;
 }
 
-/// Adds what all lamps give, with the shadows of those that were asked, to the points that asked
-/// and those that share with them.
+/// Adds what all lamps give, with the shadows of those that were asked.
 void DirectLight::add_shared(const SharedLight& shared, const Batch& batch) const {
   const bool is_bounced = &shared == &bounced_;
-  for (uint32_t k = 0; k < batch.size(); ++k) {
+  const SumColumns& sums = batch.sums;
+  for (size_t k = 0; k < batch.size(); ++k) {
     if (!(shared.total[k] > 0)) continue;
     const Vec3d diffuse = row(shared.diffuse, k), specular = row(shared.specular, k),
                 full = diffuse + specular,
                 open = share_open(row(shared.asked, k), row(shared.passed, k), {1, 1, 1});
-    const SumColumns& sums = batch.sums;
-    const auto add = [&](uint32_t to, Vec3d share) {
-      Batch::add_to(sums.total, to, share * (open * full));
-      Batch::add_to(sums.diffuse, to, share * diffuse);
-      Batch::add_to(sums.specular, to, share * specular);
-      Batch::add_to(sums.shadow, to, share * (open * full - full));
-      if (batch.has_groups()) share_groups(shared, batch, k, open, to, share);
-      if (!batch.splits()) return;
-      Batch::add_to(is_bounced ? batch.lit_bounced : batch.lit_diffuse, to,
-                    share * (open * diffuse));
-      Batch::add_to(is_bounced ? batch.lit_glossy_bounced : batch.lit_specular, to,
-                    share * (open * specular));
-    };
-    if (is_bounced && blocks_) blocks_->spread(k, add);
-    else add(k, {1, 1, 1});
+    Batch::add_to(sums.total, k, open * full);
+    Batch::add_to(sums.diffuse, k, diffuse);
+    Batch::add_to(sums.specular, k, specular);
+    Batch::add_to(sums.shadow, k, open * full - full);
+    if (batch.has_groups()) share_groups(shared, batch, k, open);
+    if (!batch.splits()) continue;
+    Batch::add_to(is_bounced ? batch.lit_bounced : batch.lit_diffuse, k, open * diffuse);
+    Batch::add_to(is_bounced ? batch.lit_glossy_bounced : batch.lit_specular, k, open * specular);
   }
 }
 
 /// What each group of lights gives to point k, by what got through of those of it that were asked;
 /// and what is left between the sum of these and all is shared out, so that they are all together.
-/// Point `to` gets a share of it.
-void DirectLight::share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open,
-                               size_t to, Vec3d share) const {
+void DirectLight::share_groups(const SharedLight& shared, const Batch& batch, size_t k,
+                               Vec3d open) const {
   const auto at = [&](const std::vector<double*>& columns, size_t group) {
     return Vec3d{columns[3 * group][k], columns[3 * group + 1][k], columns[3 * group + 2][k]};
   };
@@ -385,7 +392,7 @@ void DirectLight::share_groups(const SharedLight& shared, const Batch& batch, si
     Vec3d own = lit(group);
     for (int c = 0; c < 3; ++c)
       if (size[c] > 0) own[c] += left[c] * (std::fabs(own[c]) / size[c]);
-    batch.add_to_group(int(group), to, share * own);
+    batch.add_to_group(int(group), k, own);
   }
 }
 

@@ -69,14 +69,11 @@ void DirectLight::find_blocks(const Batch& batch, const std::vector<uint32_t>& p
   blocks.set(plan_, batch, pixels, {plan_.gather_block}, given_, &apart_, nullptr);
 }
 
-/// Whether what the point gets of the points of bounced light is not as what it gives back of all
-/// light: that of gloss, of lobes that depend on where it comes from, of lights that light but
-/// some.
+/// Whether the point asks the points of bounced light for their shadows itself: those of fibres,
+/// that these light from behind as well, and of lights that light but some.
 bool DirectLight::is_apart(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
-  return stage_.gathers_gloss || bounced_linked_ || material.has(GLINT_SHEEN) ||
-         material.has(GLINT_TOON_DIFFUSE) || material.has(GLINT_OREN_NAYAR) ||
-         material.has(GLINT_OREN_NAYAR_MULTIPLE) || material.has(GLINT_FIBRE_DIFFUSE) ||
+  return bounced_linked_ || material.has(GLINT_FIBRE_DIFFUSE) ||
          material.has(GLINT_FIBRE_SPECULAR) || material.has(GLINT_FIBRE_TRANSMISSION) ||
          scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS;
 }

@@ -73,7 +73,7 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
   mixes_gloss = reflects_gloss && g.gloss_points && shares &&
                 scene.materials.least_gloss_exponent < kLeastUnmixed;
   // blocks of gloss move, and tiles alone cut them
-  const uint32_t side = mixes_gloss ? Tile::kSize : shares_gathers ? gather_block : 1;
+  const uint32_t side = mixes_gloss && !g.apart ? Tile::kSize : shares_gathers ? gather_block : 1;
   traced = region = whole_blocks(shown, side, scene.camera);
   const bool refines = error_threshold > 0 || passes >> GLINT_PASS_ERROR & 1;
   if (refines && samples >= Refinement::kFirst)

@@ -183,6 +183,9 @@ struct ShareStage {
   size_t sample_count;
   double offset;
   uint32_t asked;
+  /// Of its marks each point has those of the numbers turn, turn + turns ...; null where it has
+  /// all.
+  const double *turn, *turns;
   double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
   double* gloss[3];  // where samples have one: LightStage's, to be found; or null
   /// Those of the samples from `clustered` on; color_sums: a row of three channels before each

@@ -209,8 +209,9 @@ size_t choose_samples(const ShareStage& s, size_t k, size_t count, const double*
     const Three light = {load(given), load(given + kShareBlock), load(given + 2 * kShareBlock)};
     const Doubles all = magnitude(light.x) + magnitude(light.y) + magnitude(light.z);
     sum = sum + all;
-    const Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), marks),
-                  times = here - before, start = before;
+    Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), marks);
+    if (s.turn) here = larger(-down((load(s.turn + k) - here) / load(s.turns + k)), splat(0));
+    const Doubles times = here - before, start = before;
     before = larger(here, before);
     uint32_t lanes = bits(times > 0);
     if (!lanes) continue;
