@@ -14,15 +14,13 @@ from typing import Any
 import numpy as np
 
 from ..film import Film
+from ..sampling import TILE_SIDE
 from ..scene import Scene
 from ..settings import Settings
 
 Array = np.ndarray
 Crop = tuple[int, int, int, int]
 """x0, y0, x1, y1 of the full frame, half open."""
-
-_TILE = 32
-"""Pixels across the squares that the core gives to its threads."""
 
 
 class StoppedError(Exception):
@@ -117,7 +115,7 @@ def threads_at_work(settings: Settings, size: tuple[int, int]) -> int:
     """How many threads a picture of that size keeps busy."""
     if settings.backend != "NATIVE":
         return 1
-    tiles = math.prod(-(-side // _TILE) for side in size)
+    tiles = math.prod(-(-side // TILE_SIDE) for side in size)
     return min(settings.threads or os.cpu_count() or 1, tiles)
 
 

@@ -39,8 +39,8 @@ class Given:
 class Sharing:
     """Lights that share so many shadow rays of a point and sample. sources: gives them, the same
     each time, with what n points get of those that they see in clusters.  matt, glossy: (3, n), the
-    sums to which what such lobes throw back is added.  turns: how points share
-    these; None where they do not.
+    sums to which what such lobes throw back is added.  turns: how points share these;
+    None where they do not.
     """
 
     sources: Callable[[], Iterable[tuple[Source, FarLight | None]]]

@@ -34,7 +34,7 @@ class BlockShares {
   /// Of paths from the batch's points on, which are of these pixels of the region. given: what each
   /// gives back of light, of gather rays from all sides, all 0 where it shares nothing: what its
   /// own rays find is its own then, as they carry it. Those of a group give back the same channels.
-  /// apart: which share gather rays, but no points of bounced light; null for none.  exponents: of
+  /// apart: which share gather rays, but no shadow rays; null for none.  exponents: of
   /// the narrowest lobes, whose normals lie the closer together in a group; null for matt ones.
   void set(const RenderPlan& plan, const Batch& batch, const std::vector<uint32_t>& pixels,
            const BlockGrid& grid, const std::vector<Vec3d>& given,
