@@ -63,6 +63,14 @@ INSIDE = 0.75
 LEAST = 2.0**-40
 """Weight of what gives next to nothing beside others."""
 LARGEST = 1e100
+ASIDE, HEIGHT = 16, 16.0
+"""Taken points to each side of one along the curve, of which the nearest get its power, and how
+many times as far off they count for what they lie above or below it.
+"""
+MOST_BRIGHTER = 2.0
+"""Powers of two that a point which stands for itself gives more than one that stands for it: what
+lies in the sun outside gives nothing to what is in a room.
+"""
 GOLDEN = 0.6180339887498949
 """Apart lie the numbers of a walk's points at its steps: the golden ratio spreads them evenly."""
 
@@ -100,14 +108,15 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
     widest = np.minimum(dense.spreads, MERGED * np.pi * each * near * near)
     count = tabled(samples, each)
     u = dome_points(count)
-    index, share = _taken(b, count)
     # neighbours in the order go to samples far from each other
-    rows = np.argsort(np.argsort(u[:, 0], kind="stable"), kind="stable")
-    index, share = index[rows], share[rows]
+    index = _taken(b, count)
+    # neighbours in the order, of those that face to one side, go to samples far from each other
+    index = index[np.argsort(_facing(b)[index], kind="stable")]
+    index = index[np.argsort(np.argsort(u[:, 0], kind="stable"), kind="stable")]
     return MeshTable(
         b.points[index],
         b.normals[index],
-        b.radiance[index] * share[:, None],
+        _radiance_of(b, index),
         np.zeros((count, 3)),
         b.spreads[index],
         b.reaches[index],
@@ -151,66 +160,144 @@ def gather_reach(b: Bounces, each: int) -> float:
     return NEAR * float(radii[order[np.searchsorted(share, MOST_SMALLER * share[-1])]])
 
 
-def _taken(b: Bounces, count: int) -> tuple[Array, Array]:
-    """Which `count` points are taken, in their order, and how many times as much each gives as one
-    that was taken with its weight's chance.
+def _taken(b: Bounces, count: int) -> Array:
+    """Which `count` points are taken, in their order.
 
     Each point has a number of its own, and those are taken whose number over their weight is least
     (Duffield, Lund, Thorup 2007, Priority sampling): where an object moves, the points of walks
     that it does not meet stay.
     """
     if count >= len(b.weights):
-        u = (np.arange(count) + 0.5) / count
-        return chosen(b.weights, u)[0], np.ones(count)
+        return chosen(b.weights, (np.arange(count) + 0.5) / count)[0]
     key = b.numbers / b.weights
     least = np.partition(key, count)[count]
     index = np.flatnonzero(key < least)
     if len(index) < count:
         ties = np.flatnonzero(key == least)
         index = np.sort(np.concatenate([index, ties[: count - len(index)]]))
-    # taken with the chance min(1, least x weight)
-    share = count * np.maximum(b.weights, 1 / least) / b.weights.sum()
-    return index, share[index]
+    return index
 
 
-def _spreads(points: Array, weights: Array) -> Array:
-    """(m,) one over how densely, by area, points (m, 3) are taken near each, in the order of a
-    curve: the discs to the eighth of those beside it in the order, over the share of the weights in
-    it. Weak points among strong ones are as densely taken as these.
+def _radiance_of(b: Bounces, index: Array) -> Array:
+    """(n, 3) of the taken points index (n,): they give what all points together do. Each of these
+    goes to the taken ones beside it, so that a part of a scene throws on what it gets however few
+    points it has.
     """
-    apart = np.full((2 * BESIDE + 1, len(points)), np.inf)
-    weight = np.zeros_like(apart)
-    apart[-1], weight[-1] = 0.0, weights
-    for step in range(1, min(BESIDE, len(points) - 1) + 1):
-        square = ((points[step:] - points[:-step]) ** 2).sum(1)
-        apart[2 * step - 2, step:] = apart[2 * step - 1, :-step] = square
-        weight[2 * step - 2, step:], weight[2 * step - 1, :-step] = weights[:-step], weights[step:]
-    order = np.argsort(apart, 0, kind="stable")[: NEIGHBOURS + 1]
-    apart = np.take_along_axis(apart, order, 0)
-    weight = np.where(np.isfinite(apart), np.take_along_axis(weight, order, 0), 0.0)
+    taken, place, times = np.unique(index, return_inverse=True, return_counts=True)
+    power = b.radiance * (b.spreads * b.weights / b.weights.sum())[:, None]
+    given = np.zeros((len(taken), 3))
+    for nearest, share in zip(*_nearest_two(b, taken), strict=True):
+        np.add.at(given, nearest, power * share[:, None])
+    given *= (len(index) / (times * b.spreads[taken]))[:, None]
+    return np.clip(given, -LARGEST, LARGEST)[place]
+
+
+def _nearest_two(b: Bounces, taken: Array) -> tuple[Array, Array]:
+    """(2, m) which of the taken points (n,), ascending, are nearest to each point, and (2, m) its
+    shares for them, all for itself where it is taken (Franke, Nielson 1980). Both are of one light
+    group, and end their walk or not, if any of those that face to the point's side are, and else
+    to that side, if any do. Where all are much darker it has no shares.
+    """
+    side = _facing(b) + 6 * b.caught
+    of_group = side + 12 * b.light_group.astype(np.int64)
+    which, shares = np.zeros((2, len(b.points)), np.intp), np.zeros((2, len(b.points)))
+    left = np.arange(len(b.points))
+    for kinds in (2 * of_group + b.last, of_group, side, np.zeros_like(side)):
+        if not len(left):
+            break
+        at, share, found = _nearest_of_kind(b, kinds, left, taken)
+        which[:, left], shares[:, left] = at, share
+        left = left[~found]
+    return which, shares
+
+
+def _nearest_of_kind(
+    b: Bounces, kinds: Array, points: Array, taken: Array
+) -> tuple[Array, Array, Array]:
+    """The same of some points (k,), of the ASIDE taken ones before and behind each along the curve
+    that have its kind, and (k,) bool, which have any.
+    """
+    m, size = len(kinds), max(np.ptp(b.points, 0).max(), 1e-150)
+    codes = kinds.astype(np.int64) * m + np.arange(m)
+    among = np.argsort(codes[taken], kind="stable")
+    x, n, to = b.points[points].T / size, b.normals[points].T, b.points[taken[among]].T / size
+    of, own = kinds[taken[among]], kinds[points]
+    first = np.searchsorted(codes[taken[among]], codes[points]) - ASIDE
+    given = np.log2(np.maximum(np.abs(b.radiance).sum(1) * b.spreads, 1e-300))  # for itself
+    bright, others = given[points], given[taken[among]]
+    apart = np.full((3, len(points)), np.inf)
+    which = np.zeros((3, len(points)), np.intp)
+    for step in range(2 * ASIDE):
+        at: Array = np.clip(first + step, 0, len(among) - 1)
+        d = to[:, at] - x
+        h = HEIGHT * (d[0] * n[0] + d[1] * n[1] + d[2] * n[2])
+        square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + h * h
+        other = (of[at] != own) | (bright - others[at] > MOST_BRIGHTER)
+        square[other | (at != first + step)] = np.inf
+        for k in range(3):
+            closer = square < apart[k]
+            apart[k], square = np.where(closer, [square, apart[k]], [apart[k], square])
+            which[k], at = np.where(closer, [at, which[k]], [which[k], at])
+    near, next_one, third = np.where(np.isfinite(apart[2]), apart, 0.0)
+    shares = np.array([(third - near) * next_one, (third - next_one) * near])
+    total = shares[0] + shares[1]
+    shares[1] /= np.where(total > 0, total, 1.0)
+    shares[0] = 1 - shares[1]
+    return among[which[:2]], shares, np.isfinite(apart[0])
+
+
+def _facing(b: Bounces) -> Array:
+    """(m,) int from 0 to 5: along which axis each point's normal lies most, and to which side."""
+    axis: Array = np.abs(b.normals).argmax(1)
+    return 2 * axis + (np.take_along_axis(b.normals, axis[:, None], 1)[:, 0] < 0)
+
+
+def _beside(points: Array) -> tuple[Array, Array]:
+    """(NEIGHBOURS, m) of points (m, 3) in the order of a curve, the nearest to each of the BESIDE
+    to its either side: by how many places they lie farther on in the order, by distance, and the
+    squares of these, infinite where there are fewer.
+    """
+    x, m = points.T, len(points)
+    apart = np.full((2 * BESIDE, m), np.inf)
+    for step in range(1, min(BESIDE, m - 1) + 1):
+        to = x[:, step:] - x[:, :-step]
+        square = to[0] * to[0] + to[1] * to[1] + to[2] * to[2]
+        apart[BESIDE - step, step:] = apart[BESIDE + step - 1, :-step] = square
+    order = np.argsort(apart, 0, kind="stable")[:NEIGHBOURS]
+    on = order - BESIDE
+    return on + (on >= 0), np.take_along_axis(apart, order, 0)
+
+
+def _spreads(weights: Array, on: Array, apart: Array) -> Array:
+    """(m,) one over how densely, by area, points of `weights` (m,) are taken near each: the discs
+    to the eighth of those beside it, over the share of the weights in it. Weak points among strong
+    ones are as densely taken as these. on, apart: of `_beside`.
+    """
+    there = np.isfinite(apart)
+    near = np.where(there, weights[np.clip(np.arange(len(weights)) + on, 0, len(weights) - 1)], 0.0)
     # half of the farthest: it is on the disc's edge
-    share = weight.sum(0) - weight[-1] / 2
-    area = np.pi * np.where(np.isfinite(apart), apart, 0.0).max(0)
+    share = weights + near.sum(0) - near[-1] / 2
+    area = np.pi * np.where(there, apart, 0.0).max(0)
     # points that coincide, and a single one
     area = np.maximum(area, max(1e-9 * area.max(), 1e-150))
     return area * weights.sum() / share
 
 
-def _bends(points: Array, normals: Array) -> Array:
+def _bends(points: Array, normals: Array, on: Array, apart: Array) -> Array:
     """(m,) one over the radius in which the surface bends away from points (m, 3) in the order of a
-    curve: the median over the nearest of those beside each, 0 for one that faces elsewhere.
+    curve: the median over the nearest of those beside each, 0 for one that faces elsewhere. on,
+    apart: of `_beside`.
     """
-    apart = np.full((2 * BESIDE, len(points)), np.inf)
+    x, n = points.T, normals.T
+    m = len(points)
     bend = np.zeros_like(apart)
-    for step in range(1, min(BESIDE, len(points) - 1) + 1):
-        to, m, n = points[step:] - points[:-step], normals[:-step], normals[step:]
-        square = (to * to).sum(1)
-        share = np.where((m * n).sum(1) > 0, 2 / np.maximum(square, 1e-300), 0.0)
-        below, above = -(to * m).sum(1) * share, (to * n).sum(1) * share
-        apart[2 * step - 2, :-step] = apart[2 * step - 1, step:] = square
-        bend[2 * step - 2, :-step], bend[2 * step - 1, step:] = below, above
-    nearest = np.argsort(apart, 0, kind="stable")[:NEIGHBOURS]
-    return np.maximum(np.median(np.take_along_axis(bend, nearest, 0), 0), 0.0)
+    for k in range(len(apart)):
+        at = np.clip(np.arange(m) + on[k], 0, m - 1)
+        to, other = x[:, at] - x, n[:, at]
+        alike = n[0] * other[0] + n[1] * other[1] + n[2] * other[2] > 0
+        below = -(to[0] * n[0] + to[1] * n[1] + to[2] * n[2])
+        bend[k] = np.where(alike, 2 * below / np.maximum(apart[k], 1e-300), 0.0)
+    return np.maximum(np.median(bend, 0), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +350,8 @@ class _Walks:
         points, normals, power, reaches, numbers, caught, group, last = columns
         good = along_a_curve(points)
         points, weight = points[good], weight[good]
-        spreads = _spreads(points, weight)
+        beside = _beside(points)
+        spreads = _spreads(weight, *beside)
         radiance = power[good] * (weight.sum() / (weight * spreads))[:, None]
         radiance = np.clip(radiance, -LARGEST, LARGEST)
         return Bounces(
@@ -276,7 +364,7 @@ class _Walks:
             numbers[good],
             caught[good],
             group[good],
-            _bends(points, normals[good]),
+            _bends(points, normals[good], *beside),
             last[good],
         )
 

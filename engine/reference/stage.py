@@ -44,7 +44,15 @@ from .seen_lights import has_shape
 from .shadows import Shadows
 from .sky import radiance
 from .surface import Surface
-from .tabled_lights import FAINT, SKY_PARTS, BouncedSource, Dome, MeshSource, OpeningPoints
+from .tabled_lights import (
+    FAINT,
+    GATHERED_SHARE,
+    SKY_PARTS,
+    BouncedSource,
+    Dome,
+    MeshSource,
+    OpeningPoints,
+)
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -111,7 +119,12 @@ class Stage:
         self.reach = 0.0 if self.catches or not near else near[0]
         far = replace(self.lighting, reach=self.reach)
         blurred = tuple(self._blurred(source) for source in self.sources)
-        self._lighting_of_near = replace(self.lighting, sources=blurred, gathered=True)
+        self._lighting_of_near = replace(
+            self.lighting,
+            sources=blurred,
+            gathered=True,
+            bounced_marks=max(settings.bounced_shadows // GATHERED_SHARE, 1),
+        )
         self._lighting_of_blurred = replace(self.lighting, sources=blurred, faint=FAINT)
         # of what rays meet before they bounce, and after that
         self._lighting_of_far = (far, replace(far, faint=FAINT))

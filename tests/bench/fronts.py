@@ -28,8 +28,8 @@ from pathlib import Path
 
 import numpy as np
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent), str(HERE.parent / "cycles")]
+import stages  # noqa: F401  (makes the package importable as glint)
+
 GRID = [
     (1, 0.0),
     (4, 0.0),
@@ -119,7 +119,6 @@ def matched_scene(name: str, side: int):
 
     import contact_scene
     import glint
-    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint.operators.compare_cycles import limit_size
 
     name, _, wish = name.partition(":")
@@ -311,7 +310,6 @@ def row_of(result: dict) -> str:
 
 def write_all(results: list[dict], out: Path) -> None:
     """fronts.md and fronts.png."""
-    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint.engine.analysis import plot, trade_plot
 
     at = ", ".join(f"{error:.1%}".replace(".0%", "%") for error in LEVELS)

@@ -97,7 +97,6 @@ def rendered(scene, engine: str, samples: int):
 def choose(scene, engine: str, samples: int) -> None:
     """Through the pixels' centres, without bounces."""
     import glint
-    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from cycles_reference import bpy, make_exact
 
     make_exact(scene, samples)

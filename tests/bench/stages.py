@@ -21,6 +21,9 @@ from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TESTS), str(TESTS / "cycles")]
+
+import glint_tree  # noqa: E402, F401  (makes the package importable as glint)
+
 STAGES = ("sync", "build", "trace", "other", "write", "total")
 
 
@@ -32,7 +35,6 @@ def require_core() -> None:
     """Raise NoCoreError with the reason unless the native core is there: without it the NumPy
     tracer would be timed.
     """
-    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint import engine
 
     if "NATIVE" not in engine.available_backends():
@@ -158,7 +160,6 @@ def choose_engine(scene, engine: str, samples: int = 1) -> None:
     scene.render.image_settings.file_format = "OPEN_EXR"
     if engine != "CYCLES":
         import glint
-        import glint_tree  # noqa: F401  (makes the package importable as glint)
 
         glint.register()
         scene.render.engine = "GLINT"

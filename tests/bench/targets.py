@@ -113,7 +113,6 @@ def measure_scene(name: str, options: argparse.Namespace) -> int:
 
     import contact_scene
     import glint
-    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint.addon.render.quality_target import display_of
     from glint.operators.compare_cycles import limit_size
     from glint.operators.scene_copy import read_job

@@ -104,7 +104,9 @@ def factor(row: dict) -> float:
 
 def line_of(name: str, rows: list[dict]) -> str:
     row = max(rows, key=factor)
-    tunables = " / ".join(f"{value:g}" for value in row["tunables"].values())
+    tunables = " / ".join(
+        value if isinstance(value, str) else f"{value:g}" for value in row["tunables"].values()
+    )
     ratio = max(row["measured"], NOTHING) / max(row["true"], NOTHING)
     measured = f"< {row['bound']:.2e}" if row["bound"] else f"{row['measured']:.2e}"
     errors = f"{measured} | {row['true']:.2e} | {ratio:.2f} | {row['spread']:.2f}"
@@ -120,7 +122,6 @@ def measure_scene(options: argparse.Namespace) -> int:
 
     import contact_scene
     import glint
-    import glint_tree  # noqa: F401  (makes the package importable as glint)
     from glint import engine
     from glint.engine.analysis import metrics, trade
     from glint.operators.compare_cycles import limit_size

@@ -54,8 +54,8 @@ def reflected_of_even_light(lobe: Lobe, cosine: float) -> float:
     return 2 * given.mean() * lobe.factors[0].value[0]
 
 
-FEW = {"NATIVE": {}, "NUMPY": {"samples": 8}}
-"""The slow tracer's samples."""
+FEW = {"NATIVE": {"samples": 256}, "NUMPY": {"samples": 8}}
+"""As many as a tracer is fast enough for."""
 
 
 @functools.cache

@@ -10,7 +10,8 @@
 namespace glint {
 namespace {
 
-constexpr uint64_t kMostRays = 4096;  // that lamps share at a point in a pixel's sample
+constexpr uint64_t kMostRays = 4096;    // that lamps share at a point in a pixel's sample
+constexpr uint32_t kGatheredShare = 4;  // of rays to bounced light: pixels blur what they gather
 
 /// Where the first of a sample's marks is: of n samples each in another of n places between two
 /// marks (van der Corput's sequence), none where sums of alike lamps end.
@@ -277,6 +278,8 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   stage.sample_count = shared.samples.size();
   stage.offset = mark_offset(sample);
   stage.asked = std::max(shared.rays / shared_parts(shared), 1u);
+  if (&shared == &bounced_ && batch.queue->gathers)
+    stage.asked = std::max(stage.asked / kGatheredShare, 1u);
   for (int c = 0; c < 3; ++c) {
     stage.diffuse[c] = shared.diffuse[c];
     stage.specular[c] = shared.specular[c];
