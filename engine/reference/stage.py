@@ -46,7 +46,6 @@ from .sky import radiance
 from .surface import Surface
 from .tabled_lights import (
     FAINT,
-    GATHERED_SHARE,
     SKY_PARTS,
     BouncedSource,
     Dome,
@@ -58,6 +57,11 @@ from .vectors import unit
 from .visibility import Visibility
 
 Array = np.ndarray
+
+GATHERED_SHARE = 4
+"""One in so many of the shadow rays of bounced light are asked by what gather rays meet, which a
+block of pixels blurs.
+"""
 
 
 def mixes_gloss(scene: Scene) -> bool:

@@ -31,10 +31,6 @@ FEW_PARTS = 4
 """The same of all lights that have tables, by strands, as each sample of a pixel meets others of
 them, and by what bounced rays meet that bring less than `FAINT` of it.
 """
-GATHERED_SHARE = 4
-"""One in so many of the shadow rays of bounced light are asked by what gather rays meet, which a
-block of pixels blurs.
-"""
 FAINT = 1 / 16
 """The largest channel of T from which on it is not."""
 LEAST_WIDE = 8.0

@@ -71,7 +71,7 @@ bpy.context.view_layer.update()
 job = read_job(scene, bpy.context.view_layer.name)
 values = {{"samples": (1, 4, 16), "error_threshold": (8.0, 0.0), "light_samples": (1, 4)}}
 found = trade.measure(
-    job.scene, job.settings, values=values, reference_samples=64, reference_seconds=0, repeats=1, squares=48
+    job.scene, job.settings, values=values, reference_samples=64, reference_seconds=0, repeats=1, squares=64
 )
 plain = replace(job.settings, passes=frozenset())
 grid = trade.settings_grid(job.scene, plain, values)
