@@ -23,6 +23,7 @@ _GRID, _TEXT, _POINT = (0.22, 0.22, 0.24), (0.85, 0.85, 0.85), (0.62, 0.64, 0.67
 _FRONT, _CURRENT = (0.35, 0.75, 1.0), (1.0, 0.62, 0.2)
 _CURVES = (_FRONT, _CURRENT, (0.6, 0.9, 0.4), (0.95, 0.5, 0.75))
 _DECADE_MARGIN = 0.08
+_MEASURE = "RELATIVE RMSE"
 
 
 def draw_trade(trade: Trade, title: str = "") -> Array:
@@ -48,10 +49,13 @@ def draw_trade(trade: Trade, title: str = "") -> Array:
 
 
 def draw_curves(
-    curves: Mapping[str, Sequence[tuple[float, float]]], title: str, note: str = ""
+    curves: Mapping[str, Sequence[tuple[float, float]]],
+    title: str,
+    note: str = "",
+    measure: str = _MEASURE,
 ) -> Array:
     """(h, w, 3): several curves of (seconds of processor time, error) in one plot, each with its
-    name on top; colours by order.
+    name on top; colours by order. measure: what the error is, in words.
     """
     image = plot.canvas(WIDTH, HEIGHT)
     plot.draw_text(image, title, (_LEFT, 16), _TEXT, 2)
@@ -61,7 +65,7 @@ def draw_curves(
         _range([seconds for seconds, _ in everything]),
         _range([error for _, error in everything]),
     )
-    _draw_axes(image, x_range, y_range, "SECONDS OF PROCESSOR TIME")
+    _draw_axes(image, x_range, y_range, "SECONDS OF PROCESSOR TIME", measure)
     for number, (name, points) in enumerate(curves.items()):
         color = _CURVES[number % len(_CURVES)]
         places = [_place(seconds, error, x_range, y_range) for seconds, error in points]
@@ -101,7 +105,11 @@ def _along(value: float, ends: tuple[float, float], start: float, end: float) ->
 
 
 def _draw_axes(
-    image: Array, x_range: tuple[float, float], y_range: tuple[float, float], x_title: str
+    image: Array,
+    x_range: tuple[float, float],
+    y_range: tuple[float, float],
+    x_title: str,
+    measure: str = _MEASURE,
 ) -> None:
     bottom, right = HEIGHT - _BOTTOM, WIDTH - _RIGHT
     for value, label in _ticks(x_range):
@@ -114,7 +122,7 @@ def _draw_axes(
         plot.draw_text(image, label, (_LEFT - 8, int(y) - 3), _TEXT, 1, 1.0)
     plot.draw_text(image, x_title, ((_LEFT + right) // 2, HEIGHT - 30), _TEXT, 2, 0.5)
     plot.draw_text(image, "ERROR", (_LEFT - 8, _TOP - 18), _TEXT, 1, 1.0)
-    plot.draw_text(image, "(RELATIVE RMSE)", (_LEFT, _TOP - 18), _POINT)
+    plot.draw_text(image, f"({measure})", (_LEFT, _TOP - 18), _POINT)
 
 
 def _ticks(ends: tuple[float, float]) -> list[tuple[float, str]]:

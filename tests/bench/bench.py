@@ -2,9 +2,10 @@
 process of its own.
 
 With names, only those: rays, frames, million, hair, export, instructions, features, volumes,
-targets, farm, viewport.
-The last three are run by name only: targets takes ten minutes of a quiet machine, farm as long and
-Debian's Slurm, and the viewport needs a Blender with a window, which GLINT_BLENDER names.
+fronts, targets, farm, viewport.
+The last four are run by name only: fronts takes half an hour of a quiet machine, targets ten
+minutes, farm as long and Debian's Slurm, and the viewport needs a Blender with a window, which
+GLINT_BLENDER names.
 """
 
 import subprocess
@@ -22,7 +23,12 @@ BENCHES = {
     "volumes": [],
 }
 """Script → the options of its short form."""
-BY_NAME = {"targets": "targets.py", "farm": "farm.py", "viewport": "../viewport/measure.py"}
+BY_NAME = {
+    "fronts": "fronts.py",
+    "targets": "targets.py",
+    "farm": "farm.py",
+    "viewport": "../viewport/measure.py",
+}
 """Name → script of what takes long, or what the machine must be fit for."""
 
 

@@ -67,7 +67,7 @@ def measure(engine: str, options: argparse.Namespace) -> tuple[np.ndarray, float
     """Changes in levels, and processor seconds of a frame."""
     import rooms
     from cycles_reference import render_passes
-    from full_light import DEFAULT_BOUNCES, set_cycles, set_glint
+    from front_scenes import choose_cycles
 
     scene = rooms.cornell(options.side)
     places, axes = places_on_walls()
@@ -75,9 +75,9 @@ def measure(engine: str, options: argparse.Namespace) -> tuple[np.ndarray, float
     for frame in range(options.frames):
         rooms.place(scene, frame * rooms.OF / options.frames)
         if engine == "GLINT":
-            set_glint(scene, DEFAULT_BOUNCES)
+            scene.render.engine = "GLINT"
         else:
-            set_cycles(scene, options.cycles, frame)
+            choose_cycles(scene, options.cycles, False, frame)
         began = time.process_time()
         passes = render_passes(scene)
         seconds += time.process_time() - began

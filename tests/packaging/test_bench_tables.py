@@ -6,12 +6,15 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 BENCH = Path(__file__).resolve().parents[1] / "bench"
 sys.path.insert(0, str(BENCH))
 
 import bench  # noqa: E402
+import front_curves  # noqa: E402
+import front_truth  # noqa: E402
 import instructions  # noqa: E402
 import ray_tables  # noqa: E402
 import stages  # noqa: E402
@@ -162,3 +165,72 @@ def test_least_takes_each_number_apart():
 
 def test_every_bench_of_the_list_exists():
     assert all((BENCH / f"{name}.py").is_file() for name in bench.BENCHES)
+
+
+def points(*rows: tuple[float, float]) -> list[dict]:
+    return [
+        {"samples": k, "seconds": s, "flip": error, "shown": error, "first_ray": 0.1}
+        for k, (s, error) in enumerate(rows)
+    ]
+
+
+def front_of(default: tuple[float, float]) -> dict:
+    return {
+        "scene": "a",
+        "size": [4, 3],
+        "default": points(default)[0],
+        "glint": points(default),
+        "cycles": points((1, 0.4), (2, 0.2), (3, 0.3), (8, 0.05)),
+        "denoised": points((1.5, 0.1), (2.5, 0.08)),
+        "cycles_first_ray": 0.1,
+        "truth": {"samples": 8, "noise": 0.01},
+    }
+
+
+def test_a_front_has_what_no_other_point_beats():
+    assert front_curves.front(points((3, 0.3), (1, 0.4), (2, 0.2))) == [(1, 0.4), (2, 0.2)]
+
+
+@pytest.mark.parametrize(
+    ("error", "seconds", "sign", "kind"),
+    [
+        (0.3, 2**0.415, "", "raw"),  # the same share of the way in logarithms
+        (0.5, 1, "<", "raw"),
+        (0.1, 1.5, "", "denoised"),
+        (0.05, 8, "", "raw"),
+        (0.01, 2.5, ">", "denoised"),
+    ],
+)
+def test_the_sooner_of_raw_and_denoised_counts(error, seconds, sign, kind):
+    result = front_of((4, error))
+    found = front_curves.best_of_cycles(result)
+    assert (round(found.seconds, 3), found.sign) == (round(seconds, 3), sign)
+    assert front_curves.KINDS[found.kind] == kind
+    assert front_curves.gain(result) == pytest.approx(seconds / 4, rel=1e-3)
+    assert front_curves.row_of(result) in front_curves.table([result])
+
+
+def test_a_truth_is_drawn_on_until_it_is_enough(tmp_path):
+    seeds = []
+
+    def draw(samples: int, seed: int) -> np.ndarray:
+        seeds.append(seed)
+        return np.full((2, 2, 3), seed)
+
+    def truth(enough: bool) -> front_truth.Truth:
+        return front_truth.truth_of(tmp_path, "a_4", draw, 8, lambda _: enough)
+
+    first = truth(enough=True)
+    assert (first.samples, seeds) == (16, [1, 2])
+    assert truth(enough=True).samples == 16
+    assert len(seeds) == 2
+    whole = truth(enough=False)
+    assert whole.samples == 2 * 8 * front_truth.STEPS
+    assert len(set(seeds)) == len(seeds) == 2 * front_truth.STEPS
+    assert whole.picture[0, 0, 0] == pytest.approx(np.mean(seeds))
+    assert truth(enough=False).samples == whole.samples
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_what_runs_by_name_exists():
+    assert all((BENCH / name).is_file() for name in bench.BY_NAME.values())
