@@ -108,15 +108,17 @@ class Front:
         self.measures = measures_of(self.scene)
 
     def draw(self, kind: str, samples: int) -> None:
-        """kind: glint, cycles or denoised."""
+        """What is not drawn yet. kind: glint, cycles or denoised."""
+        if samples in self.drawn.setdefault(kind, {}):
+            return
         if kind == "glint":
             picture = front_scenes.draw_glint(self.scene, samples)
         else:
             picture = front_scenes.draw_cycles(self.scene, samples, denoised=kind == "denoised")
-        self.drawn.setdefault(kind, {})[samples] = picture
+        self.drawn[kind][samples] = picture
 
     def points(self, kind: str, truth: np.ndarray) -> list[dict]:
-        return [self.point(n, drawn, truth) for n, drawn in self.drawn[kind].items()]
+        return [self.point(n, drawn, truth) for n, drawn in sorted(self.drawn[kind].items())]
 
     def point(self, samples: int, drawn: front_scenes.Drawn, truth: np.ndarray) -> dict:
         errors = {name: error(drawn.picture, truth) for name, error in self.measures.items()}
@@ -136,6 +138,7 @@ def measure_scene(name: str, options: argparse.Namespace) -> dict:
     warm_up(front.scene)
     default = front_scenes.draw_glint(front.scene)
     samples = front.scene.glint.final.samples
+    front.drawn["glint"] = {samples: default}
     for number in ladder(options.samples, 4):
         front.draw("glint", number)
     for number in ladder(options.samples, 2):
