@@ -7,12 +7,13 @@ Eleven scenes: ten of ../shared/scenes and Glint's demo (front_scenes.py says ho
 Glint draws each with what a user has who changes nothing, and with 1, 4, 16 … samples; Cycles with
 1, 2, 4 … up to --samples, raw and through OpenImageDenoise, and with more until it reaches the
 error of Glint's defaults or takes SLOWEST times as long. Seconds are processor time of whole
-renders, export and denoising included; before the first ray they are of the wall's clock. Error is
-the mean FLIP of clipped linear colours after the sRGB curve, and once more after the file's view
-transform, against Cycles with other seeds, whose two halves of the samples are compared: they are
-drawn until they differ by a third of the error of Glint's defaults, or for --truth-seconds of
-processor time. Told is the least time in which Cycles, raw or denoised, reaches the error of
-Glint's defaults, by lines between its points in logarithms, over the time of these.
+renders, export and denoising included; before the first ray they are of the wall's clock, the least
+of all pictures. Error is the mean FLIP of clipped linear colours after the sRGB curve, and once
+more after the file's view transform, against Cycles with other seeds, whose two halves of the
+samples are compared: they are drawn until they differ by a third of the error of Glint's defaults,
+or for --truth-seconds of processor time. Told is the least time in which Cycles, raw or denoised,
+reaches the error of Glint's defaults, by lines between its points in logarithms, over the time of
+these.
 
 In --out: fronts.md, fronts.png, for each scene NAME.json and three pictures as PNG (Glint's
 defaults, Cycles where it first errs no more, the truth), and truths in truth/, which later runs of
@@ -152,7 +153,6 @@ def measure_scene(name: str, options: argparse.Namespace) -> dict:
         "size": [default.picture.shape[1], default.picture.shape[0]],
         "default": point,
         **{kind: front.points(kind, truth.picture) for kind in front.drawn},
-        "cycles_first_ray": min(drawn.first_ray for drawn in front.drawn["cycles"].values()),
         "truth": {"samples": truth.samples, "noise": truth.noise(front.measures["flip"])},
     }
     write_pictures(options.out, result, front, default, truth)

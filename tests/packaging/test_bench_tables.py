@@ -182,7 +182,6 @@ def front_of(default: tuple[float, float]) -> dict:
         "glint": points(default),
         "cycles": points((1, 0.4), (2, 0.2), (3, 0.3), (8, 0.05)),
         "denoised": points((1.5, 0.1), (2.5, 0.08)),
-        "cycles_first_ray": 0.1,
         "truth": {"samples": 8, "noise": 0.01},
     }
 
