@@ -23,7 +23,7 @@ from .motion import opens, with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
 from .quality_target import QualityTarget, quality_target_of
-from .result import Picture, crypto_ids, wanted_passes
+from .result import Picture, crypto_ids, unrendered_outputs, wanted_passes
 from .stamp import Stamping
 from .statistics import Statistics, remember
 from .unused_data import unused_data
@@ -135,6 +135,7 @@ def prepare(
     seconds = time.perf_counter() - start
     told = [*notes, *target_notes, *export.notes, *(note for _, own in others for note in own)]
     told += [*motion_notes, *_emptiness(moving[0]), *darkness(export.scene)]
+    told += unrendered_outputs(depsgraph.scene, layer)
     return tuple(
         Job(
             scene=scene,
