@@ -19,7 +19,7 @@ from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..export.darkness import darkness
 from ..ui.properties import settings_from, tracer_notes
 from .kept import Kept
-from .motion import opens, with_motion
+from .motion import frame_of, opens, with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
 from .quality_target import QualityTarget, quality_target_of
@@ -42,8 +42,8 @@ class Job:
 
     layer: the view layer's name.  view: of a stereoscopic or multi-view render, "" where there is
     but one. size: of the result in pixels.  preview: a material preview,
-    about which nothing is told. frame: of the animation.  target: the error that settings are to be
-    found for.  renderer: what draws, where it keeps the frame before.
+    about which nothing is told. frame: as `frame_of` has it.  target: the error that settings are
+    to be found for.  renderer: what draws, where it keeps the frame before.
     delta: from the scene of that frame.
     """
 
@@ -55,7 +55,7 @@ class Job:
     statistics: Statistics
     notes: list[str]
     preview: bool
-    frame: int = 1
+    frame: float = 1.0
     target: QualityTarget | None = None
     view: str = ""
     renderer: engine.KeptRender | None = None
@@ -152,7 +152,7 @@ def prepare(
             ),
             notes=told,
             preview=render_engine.is_preview,
-            frame=depsgraph.scene.frame_current,
+            frame=frame_of(depsgraph.scene),
             target=target,
             view=name,
             renderer=kept.renderer if kept is not None else None,

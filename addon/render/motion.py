@@ -46,7 +46,7 @@ def with_motion(
     Where the shutter `opens`, scenes may have placements that leave no surface: those stay that do
     at some key.
     """
-    render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
+    render, frame = depsgraph.scene.render, frame_of(depsgraph.scene)
     if not opens(render_engine, depsgraph):
         asks = blurs(depsgraph) and not render_engine.is_preview
         lasts = asks and not render.motion_blur_shutter <= _LONGEST
@@ -136,6 +136,11 @@ def opens(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
 def blurs(depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether the scene and its view layer have motion blur."""
     return depsgraph.scene.render.use_motion_blur and depsgraph.view_layer.use_motion_blur
+
+
+def frame_of(scene: bpy.types.Scene) -> float:
+    """The frame with its subframe by the clock that `go_to` sets: before Time Remapping."""
+    return scene.frame_current + scene.frame_subframe
 
 
 def go_to(time: float, render_engine: bpy.types.RenderEngine) -> None:
