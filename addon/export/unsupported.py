@@ -94,3 +94,26 @@ def note_scene(scene: Any, report: Report) -> None:
             "Transparent Glass is not rendered: glass hides what is transparent behind it; use a "
             "Transparent BSDF"
         )
+
+
+def note_blur(depsgraph: Any, report: Report) -> None:
+    """What blurs in Cycles where motion blur is on."""
+    cycles = getattr(depsgraph.scene_eval, "cycles", None)
+    if getattr(cycles, "rolling_shutter_type", "NONE") != "NONE":
+        report.note(
+            "Rolling Shutter is not rendered: all rows of the picture are taken at once; set it to "
+            "None"
+        )
+    for block in depsgraph.ids:
+        if block.id_type == "VOLUME" and _has_velocity(block):
+            report.note(
+                "Velocity grids of volumes are not read: {} do not blur; hide them in a view layer "
+                "of their own, and blur that in the compositor",
+                block.name,
+            )
+
+
+def _has_velocity(volume: Any) -> bool:
+    volume.grids.load()
+    named = (volume.velocity_grid, volume.velocity_x_grid)
+    return any(grid.name in named for grid in volume.grids)

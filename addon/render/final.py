@@ -17,9 +17,10 @@ from ... import engine
 from ...engine.scene import SceneDelta
 from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..export.darkness import darkness
+from ..export.keys import frame_of
 from ..ui.properties import settings_from, tracer_notes
 from .kept import Kept
-from .motion import frame_of, opens, with_motion
+from .motion import opens, with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
 from .quality_target import QualityTarget, quality_target_of

@@ -14,9 +14,10 @@ from ...engine.scene import Scene
 from ..export.camera import camera_frame
 from ..export.culling import Culling
 from ..export.geometry.displacing import Displaced
-from ..export.keys import Pose, moved, read_pose
+from ..export.keys import Pose, frame_of, moved, read_pose
 from ..export.placing import without_collapsed
 from ..export.report import Report
+from ..export.unsupported import note_blur
 from .views import looker_of
 
 _KEYS = 3
@@ -68,6 +69,7 @@ def with_motion(
     finally:
         go_to(frame, render_engine)
     report = Report()
+    note_blur(depsgraph, report)
     if len(zooms) > 1:
         report.note(
             "Cameras that zoom while the shutter is open blur by what moves alone ({}): move the "
@@ -136,11 +138,6 @@ def opens(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
 def blurs(depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether the scene and its view layer have motion blur."""
     return depsgraph.scene.render.use_motion_blur and depsgraph.view_layer.use_motion_blur
-
-
-def frame_of(scene: bpy.types.Scene) -> float:
-    """The frame with its subframe by the clock that `go_to` sets: before Time Remapping."""
-    return scene.frame_current + scene.frame_subframe
 
 
 def go_to(time: float, render_engine: bpy.types.RenderEngine) -> None:

@@ -12,9 +12,9 @@ from ...engine.scene import Camera, Scene
 from ..export.camera import export_camera
 from ..export.culling import Culling
 from ..export.geometry.displacing import Displaced
-from ..export.keys import FROM_FRAME_TO_FRAME, at_key, moved, read_pose
+from ..export.keys import FROM_FRAME_TO_FRAME, at_key, frame_of, moved, read_pose
 from ..export.report import Report
-from .motion import blurs, frame_of, go_to
+from .motion import blurs, go_to
 from .views import looker_of
 
 
