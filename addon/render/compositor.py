@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 
-_BLENDERS = {"Image", "Alpha", "Freestyle", "Grease Pencil"}
-"""Outputs that are no pass of the engine."""
+_BLENDERS = {"Image", "Alpha", "Freestyle", "Grease Pencil", "GreasePencil"}
+"""Outputs that are no pass of the engine; 5.0 renamed one."""
 
 
 def linked_outputs(scene: bpy.types.Scene, layer: str) -> dict[str, str]:

@@ -105,8 +105,12 @@ def test_a_sequence_shows_nothing_where_it_has_no_file(scene, tmp_path):  # noqa
     assert width(12) == 0
     (note,) = found_notes("file cannot be read")
     assert "Cloud (fog_3.vdb not found)" in note
-    data.sequence_mode = "EXTEND"
-    assert [width(frame) for frame in (5, 20)] == [1.5, 3]
+    ends = {"CLIP": [0, 0], "EXTEND": [1.5, 3], "REPEAT": [3, 0], "PING_PONG": [2, 0]}
+    modes = data.bl_rna.properties["sequence_mode"].enum_items.keys()
+    assert ends.keys() == set(modes)
+    for mode in modes:
+        data.sequence_mode = mode
+        assert [width(frame) for frame in (9, 20)] == ends[mode], mode
 
 
 @needs_module

@@ -113,6 +113,17 @@ def test_a_configuration_of_ones_own_is_blenders(tmp_path, monkeypatch):
     np.testing.assert_allclose(from_rec709, ACESCG_FROM_REC709, atol=2e-3)
 
 
+def test_every_space_that_blender_offers_is_known(tmp_path, monkeypatch):
+    monkeypatch.delenv("OCIO", raising=False)
+    offered = "[e.identifier for e in ALL.bl_rna.properties['name'].enum_items]"
+    program = READ.replace("SPACES", offered.replace("ALL", "picture.colorspace_settings"))
+    run = Blender(tmp_path).run(program)
+    assert run.returncode == 0, run.output
+    found = run.answer[0]
+    assert len(found) > 10
+    assert {name: notes for name, (_, notes) in found.items() if notes} == {}
+
+
 def test_roles_name_spaces(tmp_path, monkeypatch):
     """Of Blender's configuration, where it offers them."""
     monkeypatch.delenv("OCIO", raising=False)
