@@ -11,10 +11,11 @@ import OpenImageIO as oiio
 import pytest
 
 from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
-from glint.addon.export.images import colorspace, pixels
+from glint.addon.export.images import colorspace, pixels, tiles
 from glint.addon.export.images import images as images_module
 from glint.addon.export.images.decoded import Decoded
 from glint.addon.export.images.images import Images, mean_color, texels
+from glint.addon.export.images.tiles import can_save_copies
 from glint.addon.export.materials.graph import Place, images_behind
 from glint.addon.export.report import Report
 from glint.addon.export.sync.frames import export_frame
@@ -387,6 +388,20 @@ def _tiled(folder, suffix: str = "png", kind: str = "uint8"):
     return picture
 
 
+saves_copies = pytest.mark.skipif(not can_save_copies(), reason="of Blender 4.5 and later")
+
+
+def test_painted_tiles_that_blender_does_not_give_are_told(scene, tmp_path, monkeypatch):  # noqa: F811
+    """As in Blender 4.2."""
+    monkeypatch.setattr(tiles, "can_save_copies", lambda: False)
+    picture = _tiled(tmp_path)
+    picture.pixels = GRADIENT.ravel()
+    picture.update()
+    found, notes = _tiles(picture)
+    assert all((pixels == (255, 0, 255, 255)).all() for pixels in found)
+    assert "has tiles that are not saved" in notes[0]
+
+
 def _tiles(picture):
     """The pixels of each tile, and the notes."""
     shader = Shader()
@@ -403,6 +418,7 @@ def test_tiled_images_have_a_texture_for_each_tile(scene, tmp_path):  # noqa: F8
     assert not notes
 
 
+@saves_copies
 @pytest.mark.parametrize(("suffix", "kind"), [("png", "uint8"), ("exr", "float")])
 def test_painted_tiles_are_as_they_are_painted(scene, tmp_path, suffix, kind):  # noqa: F811
     """The first is; Blender's Python reaches no other."""
@@ -420,6 +436,7 @@ def test_painted_tiles_are_as_they_are_painted(scene, tmp_path, suffix, kind):  
     assert not notes
 
 
+@saves_copies
 def test_packed_tiles_are_found_under_another_name(scene, tmp_path):  # noqa: F811
     picture = _tiled(tmp_path)
     picture.pack()
@@ -430,6 +447,7 @@ def test_packed_tiles_are_found_under_another_name(scene, tmp_path):  # noqa: F8
     assert not notes
 
 
+@saves_copies
 def test_new_tiles_are_as_they_are_generated(scene):  # noqa: F811
     picture = bpy.data.images.new("new", 4, 4, tiled=True)
     picture.tiles[0].generated_color = (0.2, 0.4, 0.6, 1.0)

@@ -132,7 +132,8 @@ def source(
     if packed is None and (is_unsaved or not Path(path).is_file()):
         packed = unsaved()
         if packed is None:
-            raise ImageError(f"has no file at '{path}'")
+            lack = "has tiles that are not saved" if is_unsaved else f"has no file at '{path}'"
+            raise ImageError(lack)
     return Source(path, packed, image.alpha_mode)
 
 
