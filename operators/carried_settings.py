@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from ..addon.export.unsupported import ROLLING_SHUTTER, rolls
 from ..engine.settings import DECLARED, OFFERED
 
 EEVEES = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
@@ -139,6 +140,8 @@ def _unlike_cycles(scene: Any) -> Iterator[str]:
         yield "Clamp Direct is not rendered: very bright spots stay; lower their lights' power"
     if cycles.use_fast_gi:
         yield "Fast GI Approximation is not rendered: light bounces as Diffuse Bounces say"
+    if render.use_motion_blur and rolls(scene):
+        yield ROLLING_SHUTTER
     if cycles.use_denoising:
         yield "Denoise has no effect: there is no noise to take away"
 

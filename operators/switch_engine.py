@@ -15,6 +15,7 @@ import bpy
 from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
 from ..addon.export.approximations import approximated_nodes
+from ..addon.render.result import unrendered_outputs
 from ..addon.ui.lines import draw_text
 from ..addon.ui.panel import EnginePanel
 from .after_previews import AfterPreviews
@@ -137,7 +138,8 @@ def _differences(
         reason = " ".join(str(error).split()).removeprefix("Error: ")
         yield f"What will look different is not known, as the scene cannot be read: {reason}", ()
         return
-    for note in dict.fromkeys(job.notes):
+    unrendered = unrendered_outputs(scene, scene.view_layers[view_layer])
+    for note in dict.fromkeys((*job.notes, *unrendered)):
         yield str(note), getattr(note, "names", ())
     for sentence, is_meant in _MEANINGS:
         names = tuple(material.name for material in job.scene.materials if is_meant(material))

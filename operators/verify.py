@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -56,9 +57,8 @@ def verify(picture: Path, blend: Path | None = None) -> Verdict:
     scene = bpy.data.scenes.get(texts.get("Scene", "")) or bpy.context.scene
     statistics.forget(scene.name)
     with tempfile.TemporaryDirectory() as folder:
-        again = _render_again(
-            scene, picture, int(next(iter(stamps.values()))["frame"]), Path(folder)
-        )
+        frame = float(next(iter(stamps.values()))["frame"])
+        again = _render_again(scene, picture, frame, Path(folder))
         new = {name: layer.stamp for name, layer in statistics.by_layer(scene.name).items()}
         verdicts = [_compare_stamps(name, old, new.get(name, {})) for name, old in stamps.items()]
         verdicts.append(_compare_files(picture, again))
@@ -93,11 +93,12 @@ def read_stamps(texts: Mapping[str, str]) -> dict[str, dict[str, str]]:
     return {layer: fields for layer, fields in layers.items() if len(fields) == len(stamp.FIELDS)}
 
 
-def _render_again(scene: bpy.types.Scene, picture: Path, frame: int, folder: Path) -> Path:
+def _render_again(scene: bpy.types.Scene, picture: Path, frame: float, folder: Path) -> Path:
     """Into a file of the same kind; returns its path."""
     render, image = scene.render, scene.render.image_settings
     render.engine = "GLINT"
-    scene.frame_set(frame)
+    whole = math.floor(frame)
+    scene.frame_set(whole, subframe=frame - whole)
     multilayer, is_exr = is_multilayer(picture), picture.suffix.lower() == ".exr"
     if hasattr(image, "media_type"):
         image.media_type = "MULTI_LAYER_IMAGE" if multilayer else "IMAGE"

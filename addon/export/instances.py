@@ -15,7 +15,7 @@ import numpy as np
 from ...engine.scene import EVERYTHING
 from .culling import Culled, Culling
 from .geometry.hashing import as_random, random_of, word_of
-from .light_links import LightLinks
+from .light_links import LightLinks, rendered_objects
 from .report import Report
 from .unsupported import note_object
 
@@ -93,7 +93,7 @@ def walk(
     every thing, also those that are left out.  culling: what Simplify leaves out.  has_flags: False
     gives None for all flags, which take long where there are many objects.
     """
-    links = LightLinks(depsgraph.view_layer.objects, report) if has_flags else None
+    links = LightLinks(rendered_objects(depsgraph), report) if has_flags else None
     cut = collections_cut(depsgraph.view_layer.layer_collection)
     things: list[tuple[Any, str, int, int] | None] = []
     numbers: dict[tuple, int] = {}

@@ -12,7 +12,7 @@ import numpy as np
 from ...engine.scene import Geometry, Light, Mesh, Scene, Spheres, Strands
 from .culling import Culling
 from .geometry.displacing import Displaced
-from .geometry.meshes import mesh_key, normals_of, vertices_of
+from .geometry.meshes import mesh_key, normals_of, sound, values_of, vertices_of
 from .geometry.points import export_points
 from .geometry.shapes import marked_sphere
 from .geometry.splines import Keys, cut
@@ -31,8 +31,8 @@ _FEWEST, _MOST = 3, 9
 
 
 class Sentences(NamedTuple):
-    """What is told of things that stand still all the same, and of meshes that keep their shape, as
-    hair and point clouds do.
+    """What is told of things that are not there at all times, and of meshes that keep their shape,
+    as hair and point clouds do.
     """
 
     gone: str
@@ -41,16 +41,15 @@ class Sentences(NamedTuple):
 
 
 WHILE_OPEN = Sentences(
-    "Objects that are not there for all the shutter's time, or come in other numbers, "
-    "stand still: {}",
+    "Objects that are not there for all the shutter's time stand still for the rest of it: {}",
     "Meshes whose number of vertices or faces changes while the shutter is open keep "
     "their shape: {}",
     "Hair and point clouds that change their number of points while the shutter is open keep their "
     "shape: {}",
 )
 FROM_FRAME_TO_FRAME = Sentences(
-    "Objects that are not there in the frames before and after, or come in other numbers, stand "
-    "still in the pass Vector: {}",
+    "Objects that are not there in the frame before or after stand still for it in the pass "
+    "Vector: {}",
     "Meshes whose number of vertices or faces changes from frame to frame keep their shape in the "
     "pass Vector: {}",
     "Hair and point clouds that change their number of points from frame to frame keep their shape "
@@ -82,18 +81,26 @@ class _Mover(NamedTuple):
 @dataclass(eq=False)
 class Pose:
     """One time. things: in the order of the walk.  shapes: meshes, curves and true spheres by their
-    keys.  ids: (instances, 8) Blender's persistent ids.
+    keys.  velocities: (points, 3) float32 of those that know where they move, object units a
+    second.  ids: (instances, 8) Blender's persistent ids.  seconds: since frame 0.
     """
 
     things: list[ExportedObject]
     shapes: dict[tuple, Shape | Keys | Spheres | None] = field(default_factory=dict)
+    velocities: dict[tuple, Array] = field(default_factory=dict)
     ids: Array = field(default_factory=lambda: np.zeros((0, 8), np.int32))
+    seconds: float = 0.0
 
     @property
     def most_keys(self) -> int:
         """That anything here asks for."""
         movers = [thing.content for thing in self.things]
         return max((max(m.keys, m.shape_keys) for m in movers), default=_FEWEST)
+
+
+def frame_of(scene: Any) -> float:
+    """The frame with its subframe as `frame_set` takes it: before Time Remapping."""
+    return scene.frame_current + scene.frame_subframe
 
 
 def read_pose(depsgraph: Any, for_vectors: bool = False, culling: Culling | None = None) -> Pose:
@@ -103,7 +110,8 @@ def read_pose(depsgraph: Any, for_vectors: bool = False, culling: Culling | None
     for_vectors: without normals, and whatever objects say of their motion blur, as in Cycles.
     culling: of the export, at its time.
     """
-    pose = Pose([])
+    render = depsgraph.scene.render
+    pose = Pose([], seconds=frame_of(depsgraph.scene) * render.fps_base / render.fps)
     reader = _Reader(depsgraph, for_vectors, pose)
     hair = reader.meet_hair
     pose.things = walk(
@@ -143,13 +151,16 @@ class _Reader:
             return _Mover(True, None, self._keys_of(instance), 1)
         if kind not in ("Mesh", "PointCloud", "Curves", "Volume"):
             return None
-        if kind in _BENDING:
-            key, read = (kind, data.as_pointer()), _BENDING[kind]
-            return self._bending(instance, key, read, data, self.depsgraph.scene_eval)
-        if kind != "Mesh" or data.is_editmode:
+        if kind == "Volume" or (kind == "Mesh" and data.is_editmode):
             return _Mover(False, None, self._keys_of(instance), 1)
-        key = mesh_key(data)
-        return self._bending(instance, key, _shape, data, not self.for_vectors)
+        if kind == "Mesh":
+            key, how = mesh_key(data), (_shape, data, not self.for_vectors)
+        else:
+            key, how = (kind, data.as_pointer()), (_BENDING[kind], data, self.depsgraph.scene_eval)
+        mover, velocity = self._bending(instance, key, *how), _velocity(data)
+        if velocity is not None:
+            self.pose.velocities[key] = velocity
+        return mover
 
     def _keys_of(self, instance: Any) -> int:
         return _FEWEST if self.for_vectors else _keys_of(instance)
@@ -173,6 +184,22 @@ def _shape(mesh: Any, with_normals: bool) -> Shape | Spheres:
         return sphere
     normals = normals_of(mesh) if with_normals else None
     return Shape(vertices_of(mesh), (len(mesh.polygons), len(mesh.loops)), normals)
+
+
+def _velocity(data: Any) -> Array | None:
+    """(points, 3) of the attribute that simulations and caches write, as Cycles takes it."""
+    attribute = data.attributes.get("velocity")
+    if attribute is None or (attribute.domain, attribute.data_type) != ("POINT", "FLOAT_VECTOR"):
+        return None
+    return values_of(attribute)
+
+
+def _carried(shape: Shape | Keys | Spheres, way: Array) -> Shape | Keys | Spheres:
+    """A shape whose points went on by (points, 3)."""
+    if isinstance(shape, Shape):
+        return shape._replace(vertices=shape.vertices + way)
+    name = "positions" if isinstance(shape, Keys) else "centers"
+    return replace(shape, **{name: getattr(shape, name) + way})
 
 
 def _owners(instance: Any) -> Iterator[Any]:
@@ -297,30 +324,32 @@ class _Matcher:
         if thing.content.keys == 1:
             return None
         found = [self._rows(thing, k) for k in self._times(thing.content.keys)]
-        if any(one is None for one in found):
+        if not all(there[rows].all() for _, there in found):
             self._report.note(self._sentences.gone, thing.name)
-            return None
-        keys = np.stack([one[rows] for one in found])
+        keys = np.stack([matrices[rows] for matrices, _ in found])
         return None if (keys == thing.matrices[rows]).all() else keys
 
-    def _rows(self, thing: ExportedObject, k: int) -> Array | None:
-        """(k, 3, 4) of the thing's instances at a key, by their persistent ids."""
+    def _rows(self, thing: ExportedObject, k: int) -> tuple[Array, Array]:
+        """(k, 3, 4) of the thing's instances at a key, by their persistent ids, and (k,) which are
+        there; others are where they are at the frame, as in Cycles.
+        """
         there = self._there[k].get(self._names[thing])
         if there is None:
-            return None
+            return thing.matrices, np.zeros(len(thing.matrices), bool)
         now, then = self._frame.ids[thing.numbers], self._keys[k].ids[there.numbers]
         if np.array_equal(now, then):
-            return there.matrices
+            return there.matrices, np.ones(len(thing.matrices), bool)
         row_of = {one.tobytes(): row for row, one in enumerate(then)}
-        rows = [row_of.get(one.tobytes(), -1) for one in now]
-        return None if -1 in rows else there.matrices[rows]
+        rows = np.array([row_of.get(one.tobytes(), -1) for one in now])
+        known = rows >= 0
+        return np.where(known[:, None, None], there.matrices[rows], thing.matrices), known
 
     def shape(
         self, thing: ExportedObject, geometry: Geometry, how: Displaced | None = None
     ) -> Geometry:
         """A geometry with what it is at the keys, where its shape changes. how: it is displaced."""
         here = self._frame.shapes[thing.content.shape]
-        shapes = [self._shape_at(thing, k) for k in self._times(thing.content.shape_keys)]
+        shapes = [self._shape_at(thing, here, k) for k in self._times(thing.content.shape_keys)]
         if here is None or any(type(shape) is not type(here) for shape in shapes):
             return geometry
         if isinstance(here, Shape):
@@ -354,7 +383,14 @@ class _Matcher:
             normals = None if normals is None else np.stack(turned)
         return replace(mesh, motion=np.stack(vertices), normal_motion=normals)
 
-    def _shape_at(self, thing: ExportedObject, k: int) -> Shape | Keys | Spheres | None:
+    def _shape_at(
+        self, thing: ExportedObject, here: Shape | Keys | Spheres | None, k: int
+    ) -> Shape | Keys | Spheres | None:
+        velocity = self._frame.velocities.get(thing.content.shape)
+        if velocity is not None and here is not None:
+            velocity = sound(velocity, "velocity", thing.name, self._report)
+            seconds = self._keys[k].seconds - self._frame.seconds
+            return _carried(here, velocity * np.float32(seconds))
         there = self._there[k].get(self._names[thing])
         return None if there is None else self._keys[k].shapes.get(there.content.shape)
 
@@ -365,8 +401,8 @@ class _Matcher:
         thing, row = found
         frames = []
         for k in self._times(thing.content.keys) if thing.content.keys > 1 else ():
-            rows = self._rows(thing, k)
-            frames.append(None if rows is None else light_frame(rows[row])[0])
+            matrices, _ = self._rows(thing, k)
+            frames.append(light_frame(matrices[row])[0])
         if not frames or any(frame is None for frame in frames):
             return light
         keys = np.stack(frames)

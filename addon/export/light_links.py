@@ -4,7 +4,7 @@ panels of these names), as sets of objects.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ...engine.scene import EVERYTHING, MOST_SETS
@@ -23,9 +23,18 @@ def blockers_of(light: Any) -> Any:
     return linking.blocker_collection if linking is not None else None
 
 
+def rendered_objects(depsgraph: Any) -> Iterator[Any]:
+    """The original objects of a view layer and those of the scene's background sets."""
+    yield from depsgraph.view_layer.objects
+    background = depsgraph.scene.background_set
+    while background is not None:
+        yield from background.objects
+        background = background.background_set
+
+
 class LightLinks:
-    """The sets of objects of a view layer. Objects that the same lights reach, and that shade the
-    same ones, are one set.
+    """The sets of objects that a picture shows. Objects that the same lights reach, and that shade
+    the same ones, are one set.
     """
 
     def __init__(self, objects: Iterable[Any], report: Report) -> None:

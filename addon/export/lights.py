@@ -26,6 +26,8 @@ from .unsupported import note_light
 BLACK = (0.0, 0.0, 0.0)
 _SAME_LENGTH = 1e-5
 """Relative difference of axis lengths that float32 matrices have by rounding."""
+_ASLANT = 1e-3
+"""Cosine of two axes from which on they stand aslant on each other."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,12 @@ class Lights:
         if data.type == "SPOT" and not _same(sizes[0], sizes[1]):
             self.report.note(
                 "The cones of spot lights stay round ({}): give the light one scale along x and y",
+                name,
+            )
+        if data.type == "AREA" and _is_sheared(matrix, sizes):
+            self.report.note(
+                "Area lights that their parents' scale shears keep right angles ({}): clear the "
+                "parents' scale or apply it",
                 name,
             )
         strength = light_strength(data, shape)
@@ -185,6 +193,12 @@ def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
         return None, lengths
     x = x / np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z, matrix[:, 3]], -1), lengths
+
+
+def _is_sheared(matrix: np.ndarray, lengths: np.ndarray) -> bool:
+    """Whether axes of these lengths stand aslant on each other."""
+    axes = matrix[:, :3] / lengths
+    return bool(np.abs(axes.T @ axes - np.eye(3)).max() > _ASLANT)
 
 
 def _lamp(data: Any, frame: np.ndarray, matrix: np.ndarray, shape: dict[str, Any]) -> Lamp:

@@ -11,6 +11,9 @@ from .report import Report
 LEAST_BOUNCES = 4
 """Light that may bounce less than this is told: it is the default of Diffuse Bounces."""
 
+ROLLING_SHUTTER = (
+    "Rolling Shutter is not rendered: all rows of the picture are taken at once; set it to None"
+)
 _CAUSTICS = "Shadow caustics are not rendered: {} cast none; light passes glass straight on"
 
 
@@ -94,3 +97,28 @@ def note_scene(scene: Any, report: Report) -> None:
             "Transparent Glass is not rendered: glass hides what is transparent behind it; use a "
             "Transparent BSDF"
         )
+
+
+def rolls(scene: Any) -> bool:
+    """Whether Cycles takes one row of the picture after the other."""
+    cycles = getattr(scene, "cycles", None)
+    return getattr(cycles, "rolling_shutter_type", "NONE") != "NONE"
+
+
+def note_blur(depsgraph: Any, report: Report) -> None:
+    """What blurs in Cycles where motion blur is on."""
+    if rolls(depsgraph.scene_eval):
+        report.note(ROLLING_SHUTTER)
+    for block in depsgraph.ids:
+        if block.id_type == "VOLUME" and _has_velocity(block):
+            report.note(
+                "Velocity grids of volumes are not read: {} do not blur; hide them in a view layer "
+                "of their own, and blur that in the compositor",
+                block.name,
+            )
+
+
+def _has_velocity(volume: Any) -> bool:
+    volume.grids.load()
+    named = (volume.velocity_grid, volume.velocity_x_grid)
+    return any(grid.name in named for grid in volume.grids)

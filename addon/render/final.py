@@ -17,13 +17,14 @@ from ... import engine
 from ...engine.scene import SceneDelta
 from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..export.darkness import darkness
+from ..export.keys import frame_of
 from ..ui.properties import settings_from, tracer_notes
 from .kept import Kept
 from .motion import opens, with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
 from .quality_target import QualityTarget, quality_target_of
-from .result import Picture, crypto_ids, wanted_passes
+from .result import Picture, crypto_ids, unrendered_outputs, wanted_passes
 from .stamp import Stamping
 from .statistics import Statistics, remember
 from .unused_data import unused_data
@@ -42,8 +43,8 @@ class Job:
 
     layer: the view layer's name.  view: of a stereoscopic or multi-view render, "" where there is
     but one. size: of the result in pixels.  preview: a material preview,
-    about which nothing is told. frame: of the animation.  target: the error that settings are to be
-    found for.  renderer: what draws, where it keeps the frame before.
+    about which nothing is told. frame: as `frame_of` has it.  target: the error that settings are
+    to be found for.  renderer: what draws, where it keeps the frame before.
     delta: from the scene of that frame.
     """
 
@@ -55,7 +56,7 @@ class Job:
     statistics: Statistics
     notes: list[str]
     preview: bool
-    frame: int = 1
+    frame: float = 1.0
     target: QualityTarget | None = None
     view: str = ""
     renderer: engine.KeptRender | None = None
@@ -135,6 +136,7 @@ def prepare(
     seconds = time.perf_counter() - start
     told = [*notes, *target_notes, *export.notes, *(note for _, own in others for note in own)]
     told += [*motion_notes, *_emptiness(moving[0]), *darkness(export.scene)]
+    told += unrendered_outputs(depsgraph.scene, layer)
     return tuple(
         Job(
             scene=scene,
@@ -151,7 +153,7 @@ def prepare(
             ),
             notes=told,
             preview=render_engine.is_preview,
-            frame=depsgraph.scene.frame_current,
+            frame=frame_of(depsgraph.scene),
             target=target,
             view=name,
             renderer=kept.renderer if kept is not None else None,

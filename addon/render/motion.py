@@ -14,9 +14,10 @@ from ...engine.scene import Scene
 from ..export.camera import camera_frame
 from ..export.culling import Culling
 from ..export.geometry.displacing import Displaced
-from ..export.keys import Pose, moved, read_pose
+from ..export.keys import Pose, frame_of, moved, read_pose
 from ..export.placing import without_collapsed
 from ..export.report import Report
+from ..export.unsupported import note_blur
 from .views import looker_of
 
 _KEYS = 3
@@ -46,7 +47,7 @@ def with_motion(
     Where the shutter `opens`, scenes may have placements that leave no surface: those stay that do
     at some key.
     """
-    render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
+    render, frame = depsgraph.scene.render, frame_of(depsgraph.scene)
     if not opens(render_engine, depsgraph):
         asks = blurs(depsgraph) and not render_engine.is_preview
         lasts = asks and not render.motion_blur_shutter <= _LONGEST
@@ -68,6 +69,7 @@ def with_motion(
     finally:
         go_to(frame, render_engine)
     report = Report()
+    note_blur(depsgraph, report)
     if len(zooms) > 1:
         report.note(
             "Cameras that zoom while the shutter is open blur by what moves alone ({}): move the "

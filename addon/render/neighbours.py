@@ -12,7 +12,7 @@ from ...engine.scene import Camera, Scene
 from ..export.camera import export_camera
 from ..export.culling import Culling
 from ..export.geometry.displacing import Displaced
-from ..export.keys import FROM_FRAME_TO_FRAME, at_key, moved, read_pose
+from ..export.keys import FROM_FRAME_TO_FRAME, at_key, frame_of, moved, read_pose
 from ..export.report import Report
 from .motion import blurs, go_to
 from .views import looker_of
@@ -34,7 +34,7 @@ def with_neighbours(
         return tuple(scenes), (note.format(depsgraph.view_layer.name),)
     if render_engine.is_preview:
         return tuple(scenes), ()
-    camera, frame = depsgraph.scene.camera, depsgraph.scene.frame_current_final
+    camera, frame = depsgraph.scene.camera, frame_of(depsgraph.scene)
     culling = Culling.of(depsgraph.scene_eval, scenes[0].camera)
     report, here = Report(), read_pose(depsgraph, True, culling)
     poses, cameras = [], []

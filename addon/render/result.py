@@ -12,6 +12,8 @@ import numpy as np
 from ... import engine
 from ..export import aovs_of
 from ..export.light_groups import LightGroups
+from ..export.report import Note, Report
+from .compositor import linked_outputs
 
 BLENDER_SWITCHES = {
     "Depth": "use_pass_z",
@@ -104,6 +106,9 @@ _GROUP = "Combined_"
 DENOISING = "denoising_store_passes"
 """Cycles' property of view layers that switches on all of `engine.DENOISING`."""
 
+_BEFORE_DENOISING = {"Noisy Image": "Combined", "Noisy Shadow Catcher": engine.CATCHER}
+"""Cycles' passes of what it denoises, and what they are where nothing is."""
+
 
 def wanted_passes(view_layer: bpy.types.ViewLayer) -> frozenset[str]:
     """Names from `engine.PASSES` that are switched on, Combined always among them."""
@@ -143,24 +148,48 @@ def channel_names(name: str, count: int) -> list[str]:
 def register_passes(
     render_engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
 ) -> None:
-    """Tell Blender which passes this view layer will get, in the order of `engine.PASSES`."""
+    """Tell Blender which passes this view layer will get."""
+    for name, channels in _passes_of(scene, view_layer):
+        kind = _KINDS[channels.upper()]
+        render_engine.register_pass(scene, view_layer, name, len(channels), channels, kind)
+
+
+def unrendered_outputs(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple[Note, ...]:
+    """A note of the passes that a compositor takes and this view layer does not get."""
+    report, there = Report(), {name for name, _ in _passes_of(scene, layer)}
+    for name, node in linked_outputs(scene, layer.name).items():
+        if name not in there:
+            report.note(
+                "Outputs of Render Layers nodes that are linked and not rendered hold nothing: {}; "
+                "turn the pass on in View Layer properties, or unlink it",
+                f"{node}: {name}",
+            )
+    return report.notes()
+
+
+def _passes_of(
+    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
+) -> Iterator[tuple[str, str]]:
+    """Blender's names of a view layer's passes and their channels, in the order of
+    `engine.PASSES`.
+    """
     wanted = wanted_passes(view_layer)
-    for name, count in engine.PASSES.items():
+    for name in engine.PASSES:
         if name in engine.CRYPTOMATTES and name in wanted:
             for number in range(crypto_ids(view_layer) // 2):
-                render_engine.register_pass(
-                    scene, view_layer, _crypto_name(name, number), 4, "rgba", "COLOR"
-                )
+                yield _crypto_name(name, number), "rgba"
         elif name in wanted:
-            channels = _CHANNELS.get(name, "RGB")
-            render_engine.register_pass(
-                scene, view_layer, blender_name(name), count, channels, _KINDS[channels]
-            )
+            yield blender_name(name), _CHANNELS.get(name, "RGB")
+    linked = linked_outputs(scene, view_layer.name)
+    if wanted.issuperset(engine.DENOISING):
+        linked["Noisy Image"] = ""
+    for name, same in _BEFORE_DENOISING.items():
+        if name in linked and same in wanted:
+            yield name, _CHANNELS.get(same, "RGB")
     for aov in aovs_of(view_layer):
-        count, channels = (1, "X") if aov.is_value else (4, "RGBA")
-        render_engine.register_pass(scene, view_layer, aov.name, count, channels, _KINDS[channels])
+        yield aov.name, "X" if aov.is_value else "RGBA"
     for name in LightGroups.of(view_layer).names:
-        render_engine.register_pass(scene, view_layer, _GROUP + name, 3, "RGB", "COLOR")
+        yield _GROUP + name, "RGB"
 
 
 class Picture:
@@ -265,6 +294,7 @@ def _blenders(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]
         return
     if name not in engine.CRYPTOMATTES:
         yield blender_name(name), values
+        yield from ((same, values) for same, own in _BEFORE_DENOISING.items() if own == name)
         return
     for number in range(values.shape[-1] // 4):
         yield _crypto_name(name, number), values[..., 4 * number : 4 * number + 4]

@@ -53,7 +53,7 @@ class Stamping:
         """The picture is there; nobody may change its arrays before `fields` is called."""
         self._pixels = self._threads.submit(picture_fingerprint, film.passes)
 
-    def fields(self, settings: engine.Settings, frame: int) -> dict[str, str]:
+    def fields(self, settings: engine.Settings, frame: float) -> dict[str, str]:
         """Field → text, after `begin_pixels`."""
         return {
             "pixels": self._pixels.result(),
@@ -61,15 +61,15 @@ class Stamping:
         }
 
 
-def expected(scene: engine.Scene, settings: engine.Settings, frame: int) -> dict[str, str]:
+def expected(scene: engine.Scene, settings: engine.Settings, frame: float) -> dict[str, str]:
     """The fields of a picture that was not drawn yet, but for "pixels"."""
     return _made_of(value_fingerprint(scene), settings, frame)
 
 
-def _made_of(geometry: str, settings: engine.Settings, frame: int) -> dict[str, str]:
+def _made_of(geometry: str, settings: engine.Settings, frame: float) -> dict[str, str]:
     return {
         "settings": settings_text(settings),
         "geometry": geometry,
         "tracer": f"Glint {manifest()['version']}, {tracer_text(settings.backend)}",
-        "frame": str(frame),
+        "frame": f"{frame:.10g}",
     }

@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_process import REGISTER_TREE, Blender
+from blender_process import COMPOSITOR, REGISTER_TREE, Blender
 
 DRAW = (
     REGISTER_TREE
@@ -352,3 +352,73 @@ for name, how, samples in (
     for name, samples in {"use": 6, "more": 4, "less": 2, "not": 4, "none": 4}.items():
         taken = _pass(read_channels(tmp_path / f"{name}.exr"), "Samples")
         assert (taken == samples).all(), name
+
+
+TAKE_ALL = (
+    DRAW
+    + COMPOSITOR
+    + """
+layer = scene.view_layers[0]
+scene.cycles.use_denoising = True
+for owner in (layer, layer.cycles):
+    for switch in owner.bl_rna.properties.keys():
+        if switch.startswith(("use_pass_", "pass_debug_", "pass_render_", "denoising_store_")):
+            setattr(owner, switch, True)
+scene.render.engine = "CYCLES"
+layer.update_render_passes()
+layers = tree.nodes.new("CompositorNodeRLayers")
+layers.scene, layers.layer = scene, layer.name
+tree.links.new(layers.outputs["Image"], output.inputs["Image"])
+taken = [socket for socket in layers.outputs if not socket.is_unavailable]
+for socket in taken:
+    tree.links.new(socket, tree.nodes.new("CompositorNodeDenoise").inputs["Image"])
+names = [socket.name for socket in taken]
+scene.render.engine = "GLINT"
+"""
+)
+
+
+def test_what_a_compositor_takes_is_rendered_or_told(tmp_path):
+    """Every pass that Cycles has, so that those of the next Blender are told as well."""
+    run = Blender(tmp_path).run(
+        TAKE_ALL
+        + """
+from glint.addon.render import final
+scene.render.filepath = str(FOLDER / "taken.exr")
+bpy.ops.render.render(write_still=True)
+with final.reading_only() as jobs:
+    bpy.ops.render.render()
+told = [note.names for note in jobs[0].notes if "Render Layers" in note]
+from glint.operators import switch_engine
+scene.render.engine = "CYCLES"
+switch_engine.switch_to_glint(scene, layer.name)
+rows = [row for row in scene.glint_switch.rows if "Render Layers" in row.text]
+changes = [json.loads(row.names) for row in rows]
+answer([names, told, changes])
+"""
+    )
+    assert run.returncode == 0, run.output
+    taken, told, changes = run.answer
+    (told,) = told
+    written = {name.split(".")[-2] for name in read_channels(tmp_path / "taken.exr")}
+    lacking = {name.removeprefix("Render Layers: ") for name in told}
+    assert "Debug Sample Count" in lacking and "Noisy Image" not in lacking
+    blenders = {"Image", "Alpha", "Grease Pencil", "GreasePencil"}
+    assert set(taken) - blenders == (set(taken) & written) | lacking
+    assert not written & lacking
+    assert changes == [told]
+
+
+def test_the_noisy_image_is_the_picture(tmp_path):
+    run = Blender(tmp_path).run(
+        TAKE_ALL
+        + """
+scene.render.filepath = str(FOLDER / "noisy.exr")
+bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 0, run.output
+    channels = read_channels(tmp_path / "noisy.exr")
+    np.testing.assert_array_equal(
+        _pass(channels, "Noisy Image"), _pass(channels, "ViewLayer.Combined")
+    )

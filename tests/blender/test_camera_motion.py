@@ -60,6 +60,18 @@ def test_keys_are_where_the_camera_is_while_the_shutter_is_open(moving, position
     assert camera.world_from_camera[0, 3] == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize("subframe", [0.0, 0.25])
+@pytest.mark.parametrize(("old", "new"), [(100, 50), (50, 100), (100, 100)])
+def test_the_shutter_runs_by_the_frames_that_time_remapping_stretches(moving, old, new, subframe):
+    """As in Cycles, and the scene is at its frame again."""
+    moving.render.frame_map_old, moving.render.frame_map_new = old, new
+    moving.frame_step = 3
+    moving.frame_set(5, subframe=subframe)
+    frames = 5 + subframe + np.array([-0.25, 0, 0.25])
+    np.testing.assert_allclose(read(moving).camera.motion[:, 0, 3], frames * old / new, rtol=1e-6)
+    assert (moving.frame_current, moving.frame_subframe) == (5, subframe)
+
+
 def test_a_camera_that_stands_still_has_no_motion(moving):
     moving.camera.animation_data_clear()
     assert read(moving).camera.motion is None

@@ -11,10 +11,11 @@ import OpenImageIO as oiio
 import pytest
 
 from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
-from glint.addon.export.images import colorspace, pixels
+from glint.addon.export.images import colorspace, pixels, tiles
 from glint.addon.export.images import images as images_module
 from glint.addon.export.images.decoded import Decoded
 from glint.addon.export.images.images import Images, mean_color, texels
+from glint.addon.export.images.tiles import can_save_copies
 from glint.addon.export.materials.graph import Place, images_behind
 from glint.addon.export.report import Report
 from glint.addon.export.sync.frames import export_frame
@@ -376,21 +377,98 @@ def test_a_movie_that_is_gone_is_magenta_and_named(scene, tmp_path):  # noqa: F8
     assert "'gone' cannot be read" in _texture(picture)[1][0]
 
 
-def test_tiled_images_have_a_texture_for_each_tile(scene, tmp_path):  # noqa: F811
-    _file(tmp_path / "tile.1001.png", GRADIENT)
-    _file(tmp_path / "tile.1012.png", GRADIENT[::-1])
-    picture = bpy.data.images.load(str(tmp_path / "tile.1001.png"))
+def _tiled(folder, suffix: str = "png", kind: str = "uint8"):
+    """Of two tiles, 1001 and 1012."""
+    _file(folder / f"tile.1001.{suffix}", GRADIENT, kind)
+    _file(folder / f"tile.1012.{suffix}", GRADIENT[::-1], kind)
+    picture = bpy.data.images.load(str(folder / f"tile.1001.{suffix}"))
     picture.source = "TILED"
-    picture.filepath = str(tmp_path / "tile.<UDIM>.png")
+    picture.filepath = str(folder / f"tile.<UDIM>.{suffix}")
     picture.tiles.new(1012)
+    return picture
+
+
+saves_copies = pytest.mark.skipif(not can_save_copies(), reason="of Blender 4.5 and later")
+
+
+def test_painted_tiles_that_blender_does_not_give_are_told(scene, tmp_path, monkeypatch):  # noqa: F811
+    """As in Blender 4.2."""
+    monkeypatch.setattr(tiles, "can_save_copies", lambda: False)
+    picture = _tiled(tmp_path)
+    picture.pixels = GRADIENT.ravel()
+    picture.update()
+    found, notes = _tiles(picture)
+    assert all((pixels == (255, 0, 255, 255)).all() for pixels in found)
+    assert "has tiles that are not saved" in notes[0]
+
+
+def _tiles(picture):
+    """The pixels of each tile, and the notes."""
     shader = Shader()
     node = shader.node("ShaderNodeTexImage", image=picture)
     shader.link(node, "Color", shader.shader, "Color")
     result = shader.export()[0]
-    first, second = (texture.pixels for texture in result.scene.textures)
+    return [texture.pixels for texture in result.scene.textures], result.notes
+
+
+def test_tiled_images_have_a_texture_for_each_tile(scene, tmp_path):  # noqa: F811
+    (first, second), notes = _tiles(_tiled(tmp_path))
     np.testing.assert_array_equal(first, _bytes(GRADIENT))
     np.testing.assert_array_equal(second, _bytes(GRADIENT[::-1]))
-    assert not result.notes
+    assert not notes
+
+
+@saves_copies
+@pytest.mark.parametrize(("suffix", "kind"), [("png", "uint8"), ("exr", "float")])
+def test_painted_tiles_are_as_they_are_painted(scene, tmp_path, suffix, kind):  # noqa: F811
+    """The first is; Blender's Python reaches no other."""
+    picture, painted = _tiled(tmp_path, suffix, kind), GRADIENT.copy()
+    painted[0, 0] = (1.0, 0.5, 0.0, 1.0)
+    picture.pixels = painted.ravel()
+    picture.update()
+    assert picture.is_dirty
+    stored = (picture.file_format, picture.filepath)
+    (first, second), notes = _tiles(picture)
+    for found, values in ((first, painted), (second, GRADIENT[::-1])):
+        wanted = values if kind == "float" else _bytes(values)
+        np.testing.assert_allclose(found, wanted, atol=1e-6)
+    assert picture.is_dirty and (picture.file_format, picture.filepath) == stored
+    assert not notes
+
+
+@saves_copies
+def test_packed_tiles_are_found_under_another_name(scene, tmp_path):  # noqa: F811
+    picture = _tiled(tmp_path)
+    picture.pack()
+    picture.filepath = "//elsewhere.<UDIM>.png"
+    (first, second), notes = _tiles(picture)
+    np.testing.assert_array_equal(first, _bytes(GRADIENT))
+    np.testing.assert_array_equal(second, _bytes(GRADIENT[::-1]))
+    assert not notes
+
+
+@saves_copies
+def test_new_tiles_are_as_they_are_generated(scene):  # noqa: F811
+    picture = bpy.data.images.new("new", 4, 4, tiled=True)
+    picture.tiles[0].generated_color = (0.2, 0.4, 0.6, 1.0)
+    with bpy.context.temp_override(edit_image=picture):
+        bpy.ops.image.tile_add(number=1002, width=2, height=2, color=(0.8, 0.0, 0.4, 1.0))
+    (first, second), notes = _tiles(picture)
+    assert second.shape == (2, 2, 4) and (second == (204, 0, 102, 255)).all()
+    assert first.shape == (4, 4, 4) and not notes
+
+
+def test_tiles_that_are_nowhere_are_magenta_and_told(scene, tmp_path):  # noqa: F811
+    picture = _tiled(tmp_path)
+    (tmp_path / "tile.1012.png").unlink()
+    (first, second), notes = _tiles(picture)
+    np.testing.assert_array_equal(first, _bytes(GRADIENT))
+    np.testing.assert_array_equal(second, [[[255, 0, 255, 255]]])
+    assert "has no file" in notes[0]
+    (tmp_path / "tile.1012.png").write_bytes(b"no picture")
+    (_, second), notes = _tiles(picture)
+    np.testing.assert_array_equal(second, [[[255, 0, 255, 255]]])
+    assert "cannot be read" in notes[0]
 
 
 def test_an_image_is_read_once(scene, tmp_path):  # noqa: F811

@@ -112,6 +112,16 @@ def test_area_sizes_are_scaled_by_the_object(scene, shape):  # noqa: F811
     assert (light.kind, light.shape) == ("AREA", SHAPES[shape][0])
 
 
+@pytest.mark.parametrize(("turn", "is_told"), [(0.7, True), (0.0, False)])
+def test_a_sheared_area_is_told(scene, turn, is_told):  # noqa: F811
+    thing = link(bpy.data.objects.new("Panel", bpy.data.lights.new("Panel", "AREA")))
+    thing.rotation_euler = (0, 0, turn)
+    thing.parent = link(bpy.data.objects.new("Parent", None))
+    thing.parent.scale = (2, 0.5, 1)
+    told = [note.names for note in export().notes if "shears" in note]
+    assert told == ([("Panel",)] if is_told else [])
+
+
 def test_flags(scene):  # noqa: F811
     thing = _light("POINT", use_shadow=False)
     light = _only_light()

@@ -89,6 +89,31 @@ def test_what_cannot_be_read_is_told(scene, tmp_path, monkeypatch):  # noqa: F81
 
 
 @needs_module
+def test_a_sequence_shows_nothing_where_it_has_no_file(scene, tmp_path):  # noqa: F811
+    """Outside its frames by its mode, and where a file is missing, which is told."""
+    for number in (1, 2, 4):
+        write_grids(tmp_path / f"fog_{number}.vdb", 0.5, (0, 0, 0), density=fog_box(number))
+    data = volume(str(tmp_path / "fog_1.vdb"), principled()).data
+    data.is_sequence, data.frame_start, data.frame_duration = True, 10, 4
+
+    def width(frame: int) -> float:
+        scene.frame_set(frame)
+        return sum(np.ptp(g.vertices[:, 0]) for g in export().scene.geometries)
+
+    assert [width(frame) for frame in (5, 10, 11, 13, 20)] == [0, 1.5, 2, 3, 0]
+    assert not found_notes("olume")
+    assert width(12) == 0
+    (note,) = found_notes("file cannot be read")
+    assert "Cloud (fog_3.vdb not found)" in note
+    ends = {"CLIP": [0, 0], "EXTEND": [1.5, 3], "REPEAT": [3, 0], "PING_PONG": [2, 0]}
+    modes = data.bl_rna.properties["sequence_mode"].enum_items.keys()
+    assert ends.keys() == set(modes)
+    for mode in modes:
+        data.sequence_mode = mode
+        assert [width(frame) for frame in (9, 20)] == ends[mode], mode
+
+
+@needs_module
 def test_files_that_end_early_are_told(scene, tmp_path):  # noqa: F811
     """Wherever they do: all of them give a note and no picture of what is not there."""
     values = np.random.default_rng(3).random((24, 24, 24))

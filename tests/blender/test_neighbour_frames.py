@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from export_support import export, quad, scene  # noqa: F401
+from export_support import export, link, quad, scene  # noqa: F401
 from glint.addon.render.kept import keeps
 from glint.addon.render.neighbours import with_neighbours
 
@@ -52,6 +52,28 @@ def test_what_flies_and_what_stands(scene):  # noqa: F811
     assert notes == () and scene.frame_current_final == 5.0
     for other in found.neighbours:
         assert all(a is b for a, b in zip(other.geometries, found.geometries, strict=True))
+
+
+@pytest.mark.parametrize(("old", "new"), [(100, 50), (50, 100)])
+def test_neighbours_are_frames_that_time_remapping_stretches(scene, old, new):  # noqa: F811
+    """As in Cycles, and the scene is at its frame again, with the camera that a marker binds."""
+    fly(quad("Flying"))
+    scene.render.frame_map_old, scene.render.frame_map_new = old, new
+    other = link(bpy.data.objects.new("Other", bpy.data.cameras.new("Other")))
+    for frame, camera in ((1, scene.camera), (7, other)):
+        scene.timeline_markers.new(f"{frame}", frame=frame).camera = camera
+    for frame in (2, 3, 6, 10):
+        scene.frame_set(frame)
+        seen = []
+        for number in (frame - 1, frame, frame + 1):
+            scene.frame_set(number)
+            seen.append(bpy.data.objects["Flying"].matrix_world.translation.x)
+        scene.frame_set(frame)
+        bound = scene.camera
+        found, _ = read(scene)
+        assert places(found, "Flying") == pytest.approx(seen)
+        assert (scene.frame_current, scene.frame_subframe) == (frame, 0)
+        assert scene.camera == bound
 
 
 def test_motion_blur_of_objects_is_not_asked(scene):  # noqa: F811

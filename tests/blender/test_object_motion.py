@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from export_support import export, link, quad, scene  # noqa: F401
+from glint.addon.export.geometry import volumes
 from glint.addon.export.keys import moved, read_pose
 from glint.addon.export.report import Report
 from glint.addon.render.final import prepare
 from glint.addon.render.motion import with_motion
 from glint.addon.ui import properties
+from volume_files import NEEDED, fog_box, write_grids
 
 
 def engine_of(scene) -> SimpleNamespace:  # noqa: F811
@@ -187,10 +189,10 @@ def test_instances_may_come_in_another_order(blurred, gone):
     if gone:
         leaf.matrices, leaf.numbers = leaf.matrices[1:], leaf.numbers[1:]
     motion = block_of(moved(found, here, [here, here, there], report), "Leaf").motion
-    if gone:
-        assert motion is None and "Leaf" in report.notes()[0]
-    else:
-        np.testing.assert_array_equal(motion[2], motion[0] + 1.0)
+    lost = 3 if gone else 4  # the last of the four
+    np.testing.assert_array_equal(motion[2, :lost], motion[0, :lost] + 1.0)
+    np.testing.assert_array_equal(motion[2, lost:], motion[0, lost:])
+    assert [note.names for note in report.notes()] == ([("Leaf",)] if gone else [])
 
 
 def test_what_comes_or_goes_stands_still_with_a_note(blurred):
@@ -202,8 +204,62 @@ def test_what_comes_or_goes_stands_still_with_a_note(blurred):
     blurred.render.motion_blur_shutter = 2.0
     bpy.context.scene.frame_set(5)
     found, notes = read(blurred)
-    assert block_of(found, "Fading").motion is None
+    x = block_of(found, "Fading").motion[:, 0, 0, 3]
+    np.testing.assert_allclose(x, [3.0, 4.0, 4.0], rtol=1e-6)
     assert any("not there for all" in note and "Fading" in note for note in notes)
+
+
+def test_particles_move_though_others_are_born(blurred):
+    rain, drop = quad("Rain"), quad("Drop")
+    emission = rain.modifiers.new("P", "PARTICLE_SYSTEM").particle_system.settings
+    emission.count, emission.frame_start, emission.frame_end, emission.lifetime = 40, 1, 40, 100
+    emission.render_type, emission.instance_object, emission.normal_factor = "OBJECT", drop, -6
+    for frame in range(1, 6):
+        blurred.frame_set(frame)
+    motion = next(b.motion for b in read(blurred)[0].instances if len(b.world_from_object) > 1)
+    falls = np.ptp(motion[..., 2, 3], axis=0)
+    assert len(falls) >= 4 and (falls[:3] > 0.01).all()
+
+
+def test_a_velocity_stands_for_what_other_frames_lack(blurred):
+    """Of a liquid that has other vertices in each frame."""
+    thing = quad("Liquid")
+    velocity = thing.data.attributes.new("velocity", "FLOAT_VECTOR", "POINT")
+    velocity.data.foreach_set("vector", np.tile([24.0, 0, np.nan], 4).astype(np.float32))
+    array = thing.modifiers.new("Array", "ARRAY")
+    for frame, count in ((4, 1), (6, 3)):
+        array.count = count
+        array.keyframe_insert("count", frame=frame)
+    blurred.render.motion_blur_shutter = 2.0
+    blurred.frame_set(5)
+    found, notes = read(blurred)
+    mesh = found.geometries[block_of(found, "Liquid").geometry]
+    steps = mesh.motion - mesh.vertices
+    np.testing.assert_allclose(steps[:, :, 0], np.tile([[-1], [0], [1]], 8), atol=1e-6)
+    assert (steps[:, :, 1:] == 0).all()
+    assert [note.names for note in notes] == [("velocity of Liquid",)]
+
+
+def test_a_rolling_shutter_is_told(blurred):
+    quad("Still")
+    assert read(blurred)[1] == ()
+    blurred.cycles.rolling_shutter_type = "TOP"
+    blurred.update_tag()
+    (note,) = read(blurred)[1]
+    assert "Rolling Shutter" in note
+
+
+@pytest.mark.skipif(volumes.openvdb() is None, reason=NEEDED)
+@pytest.mark.parametrize("names", [("velocity",), ("velocity_x", "velocity_y", "velocity_z")])
+def test_velocity_grids_are_told(blurred, tmp_path, names):
+    data = bpy.data.volumes.new("Smoke")
+    fog = fog_box(4)
+    way = np.stack([fog] * 3, -1) if len(names) == 1 else fog
+    grids = {"density": fog} | dict.fromkeys(names, way)
+    data.filepath = write_grids(tmp_path / "smoke.vdb", 0.25, (0, 0, 0), **grids)
+    link(bpy.data.objects.new("Smoke", data))
+    (note,) = (note for note in read(blurred)[1] if "Velocity grids" in note)
+    assert note.names == ("Smoke",)
 
 
 def test_lights_move(blurred):

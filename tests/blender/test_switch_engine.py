@@ -300,3 +300,16 @@ answer([first, stale, told(), before == of_settings() and len(before[0]) > 0])
     assert not any(text.startswith(shadows) for text in again)
     assert any(text.startswith(media) for text in again)
     assert settings
+
+
+def test_a_rolling_shutter_is_in_the_list(tmp_path):
+    told = answer_of(
+        tmp_path,
+        """
+scene.render.use_motion_blur = True
+scene.cycles.rolling_shutter_type = "TOP"
+bpy.ops.glint.switch_to_glint()
+answer([text for text, _ in rows("UNLIKE")])
+""",
+    )
+    assert sum("Rolling Shutter" in text for text in told) == 1

@@ -22,11 +22,11 @@ cube.location.x = 1.0
 cube.keyframe_insert("location", frame=3)
 image = scene.render.image_settings
 
-def draw(name, kind, depth="32", frame=3):
+def draw(name, kind, depth="32", frame=3, subframe=0.0):
     if hasattr(image, "media_type"):
         image.media_type = "MULTI_LAYER_IMAGE" if "MULTI" in kind else "IMAGE"
     image.file_format, image.color_depth = kind, depth
-    scene.frame_set(frame)
+    scene.frame_set(frame, subframe=subframe)
     scene.render.filepath = str(FOLDER / name)
     bpy.ops.render.render(write_still=True)
 
@@ -80,6 +80,21 @@ def test_the_same_picture_is_the_same_and_another_is_not(verified, number):
     assert answer == [0, 1]
     assert "the settings changed: samples 1 → 2" in told and "the scene changed" in told
     assert "pixels differ, in columns" in told and told.count("other bits") == 1
+
+
+def test_a_picture_between_two_frames_is_verified(tmp_path):
+    run = Blender(tmp_path).run(
+        MAKE
+        + """
+save("a.blend")
+draw("a.exr", "OPEN_EXR", frame=1, subframe=0.3)
+scene.frame_set(1)
+save("a.blend")
+answer(verify("a.exr"))
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == 0, run.output
 
 
 def test_views_are_verified(tmp_path):

@@ -86,6 +86,26 @@ def test_a_lamp_lights_what_it_lights_in_cycles(link: Callable) -> None:
     assert reference.max() > 0
 
 
+@pytest.mark.parametrize("link", [included, excluded, shaded, both])
+@pytest.mark.parametrize("whose", ["things", "lamp"])
+def test_objects_of_a_background_set_are_linked_as_in_cycles(link: Callable, whose: str) -> None:
+    scene = cycles.empty_scene(48, 32)
+    things = blocks(scene)
+    add_camera(scene)
+    lamp = add_light(scene, "POINT", (1, -3, 3), energy=400)
+    link(scene, lamp, things)
+    nearer = scene.background_set = bpy.data.scenes.new("nearer")
+    nearer.background_set = bpy.data.scenes.new("farther")
+    for thing in things[1:] if whose == "things" else [lamp]:
+        nearer.background_set.collection.objects.link(thing)
+        scene.collection.objects.unlink(thing)
+    bpy.context.view_layer.update()
+    glint = render_glint(scene, "NATIVE").passes["Combined"][..., :3]
+    reference = cycles.render_cycles(scene)["Combined"][..., :3]
+    assert (np.abs(glint - reference).max(2) > 1e-4 * reference.max()).mean() < 0.01
+    assert reference.max() > 0
+
+
 def test_instances_are_linked_as_what_places_them() -> None:
     scene = cycles.empty_scene(48, 32)
     add(scene, "floor", plane(4, lambert((0.8, 0.8, 0.8))))

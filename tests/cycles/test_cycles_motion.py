@@ -57,6 +57,18 @@ def shape(scene):
         key(bent, "value", 0.0, 1.0)
 
 
+def give_velocity(data, *vector) -> None:
+    """Of all its points, units a second."""
+    values = np.tile(np.array(vector, np.float32), len(data.attributes["position"].data))
+    data.attributes.new("velocity", "FLOAT_VECTOR", "POINT").data.foreach_set("vector", values)
+
+
+def velocity(scene):
+    for number, thing in enumerate(o for o in scene.objects if o.type == "MESH"):
+        if number % 2 == 0:
+            give_velocity(thing.data, 12.0, -5.0, 9.0)
+
+
 def camera_and_things(scene):
     sliding_and_turning(scene)
     camera = scene.camera
@@ -75,6 +87,7 @@ MOTIONS = {
     "slide-turn": sliding_and_turning,
     "stretch": stretching,
     "shape": shape,
+    "velocity": velocity,
     "camera-too": camera_and_things,
     "lamp": lamp,
 }
@@ -144,6 +157,7 @@ def blurred_by_stills(scene, count: int, samples: int = 64) -> np.ndarray:
         ("stretch", "END", 2),
         ("shape", "CENTER", 1),
         ("shape", "START", 2),
+        ("velocity", "CENTER", 2),
         ("camera-too", "CENTER", 1),
     ],
 )

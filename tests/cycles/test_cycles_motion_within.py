@@ -5,7 +5,7 @@ import pytest
 
 import cycles_reference as cycles
 import small_scenes as build
-from test_cycles_motion import compare
+from test_cycles_motion import compare, give_velocity
 from test_cycles_vector import before_a_camera, points, pushed, strands
 
 bpy = cycles.bpy
@@ -44,7 +44,7 @@ def bent_strands(amplitude: float):
     return data
 
 
-def swept(make, first: str, position: str, steps: int):
+def swept(make, first: str, position: str, steps: int, push: float = PUSH):
     """What leans over while the shutter is open, in a sun, before a wall that it throws shadows
     on.
     """
@@ -53,7 +53,7 @@ def swept(make, first: str, position: str, steps: int):
     scene.cycles_curves.shape = "THICK"
     scene.cycles_curves.subdivisions = 5
     matt(thing, (0.8, 0.5, 0.3))
-    pushed(thing, PUSH, first)
+    pushed(thing, push, first)
     bpy.ops.mesh.primitive_plane_add(size=12, location=(0, 0.6, 0), rotation=(np.pi / 2, 0, 0))
     matt(bpy.context.object, (0.2, 0.3, 0.4))
     build.add_light(scene, "SUN", (2.0, -3.0, 3.0), energy=3.0)
@@ -78,6 +78,21 @@ def test_bent_strands(amplitude):
 
 def test_points():
     scene = swept(points, "GeometryNodeMeshToPoints", "CENTER", 1)
+    assert compare(scene)[0] <= 0.02
+
+
+@pytest.mark.parametrize(
+    ("make", "first"), [(straight_strands, ""), (points, "GeometryNodeMeshToPoints")]
+)
+def test_velocities(make, first):
+    """Of what simulations and caches bring, which no other frame is asked for."""
+
+    def flying():
+        data = make()
+        give_velocity(data, 14.0, 0.0, 5.0)
+        return data
+
+    scene = swept(flying, first, "CENTER", 1, push=0.0)
     assert compare(scene)[0] <= 0.02
 
 

@@ -54,6 +54,7 @@ CHANGES = {
     "slide-turn": ("slide-turn", lambda scene: None),
     "stretch": ("stretch", lambda scene: None),
     "shape": ("shape", lambda scene: None),
+    "velocity": ("velocity", lambda scene: None),
     "camera": ("camera-too", lambda scene: None),
     "zoom": ("camera-too", zooming),
     "parallel": ("slide-turn", parallel),  # not with a camera that moves: Cycles' is a perspective

@@ -38,6 +38,7 @@ _COLUMNS = {
     "FLOAT_VECTOR": ("vector", 3),
     "BYTE_COLOR": ("color", 4),
     "FLOAT_COLOR": ("color", 4),
+    "QUATERNION": ("value", 4),
 }
 _DTYPES = {"INT": np.int32, "INT8": np.int8, "BOOLEAN": np.bool_}
 _GATHERED = 1 << 18
@@ -440,17 +441,18 @@ def values_of(attribute: Any) -> np.ndarray | None:
 
 
 def values_as_color(values: np.ndarray, grey: bool) -> np.ndarray:
-    """(k, 4) float32 of 1 to 4 columns."""
+    """(k, 4) float32 of 1 to 4 columns. grey: by the mean of three, of two by the first, as in
+    Cycles.
+    """
     if values.shape[1] == 4 and not grey:
         return values
     color = np.ones((len(values), 4), np.float32)
-    color[:, :3] = (
-        values
-        if values.shape[1] == 1
-        else np.pad(values[:, :3], ((0, 0), (0, max(0, 3 - values.shape[1]))))
-    )
-    if grey:
-        color[:, :3] = color[:, :3].mean(1, keepdims=True)
+    if values.shape[1] <= 2 and (grey or values.shape[1] == 1):
+        color[:, :3] = values[:, :1]
+    elif grey:
+        color[:, :3] = values[:, :3].mean(1, keepdims=True)
+    else:
+        color[:, :3] = np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
     if values.shape[1] == 4:
         color[:, 3] = values[:, 3]
     return color

@@ -208,15 +208,17 @@ def read_volume(data: Any, owner: Any, report: Report) -> Volume | None:
             "OpenVDB files",
             owner.name,
         )
-    path = _frame_path(data)
-    if not path:
+    if not data.filepath:
         report.note(
             "Volume objects without a file are left out: {}; write them to OpenVDB files",
             owner.name,
         )
         return None
-    found = Volume(data, path, report)
     try:
+        path = _frame_path(data)
+        if not path:
+            return None
+        found = Volume(data, path, report)
         found.grid("")
     except _UNREADABLE as error:
         report.note(
@@ -228,11 +230,16 @@ def read_volume(data: Any, owner: Any, report: Report) -> Volume | None:
 
 
 def _frame_path(data: Any) -> str:
-    """The file of the frame; Blender tells that of a sequence once it has tried to read it."""
+    """The file of the frame, "" where a sequence shows none in it; Blender tells that of a sequence
+    once it has tried to read it. Raises FileNotFoundError where a sequence lacks the file.
+    """
     if not data.is_sequence:
         return bpy.path.abspath(data.filepath, library=data.original.library)
-    data.grids.load()
-    return data.grids.frame_filepath or data.filepath
+    is_sound = data.grids.load()
+    path = data.grids.frame_filepath
+    if not (path or is_sound):
+        raise FileNotFoundError(data.grids.error_message)
+    return path
 
 
 def _first_line(error: BaseException) -> str:

@@ -10,12 +10,14 @@ from ....engine.scene import Texture
 from ..report import Report
 from .moving import KINDS
 from .pixels import Pixels
+from .tiles import saved_tiles
 
 
 class ImageKey(NamedTuple):
     """Equal for the same pixels. address: of the image data-block, 0 for none.  path: of the file
     shown now.  file: when it was written and its size, None for what only Blender has, of which
-    `epoch` counts the changes.  settings: how it is read.  number: of a movie's picture.
+    `epoch` counts the changes.  settings: how it is read.  number: of a movie's picture
+    or of a tile.
     """
 
     address: int = 0
@@ -50,6 +52,7 @@ class ImageCache:
         self.textures: dict[TextureKey, Texture] = {}
         self.frame = 1
         self._epoch = 0
+        self._tiles: dict[int, dict[int, bytes]] = {}
 
     def key(self, image: Any, address: int, path: str) -> ImageKey:
         """Of an image, with what a change of it shows in, should Blender not tell of it: reloaded
@@ -68,13 +71,25 @@ class ImageCache:
             return ImageKey(address, path, (file.st_mtime_ns, file.st_size), 0, settings)
         return ImageKey(address, path, None, self._epoch, settings)
 
+    def saved_tile(self, image: Any, tile: int) -> bytes | None:
+        """A picture file of what Blender has of a tiled image's tile (0: its first), None where it
+        has nothing.
+        """
+        if image.source != "TILED":
+            return None
+        address = image.as_pointer()
+        if address not in self._tiles:
+            self._tiles[address] = saved_tiles(image)
+        return self._tiles[address].get(tile or image.tiles[0].number)
+
     def forget(self) -> None:
         """Read all anew."""
-        self.pixels, self.textures = {}, {}
+        self.pixels, self.textures, self._tiles = {}, {}, {}
 
     def forget_memory(self) -> None:
         """Read anew what only Blender has."""
         self._epoch += 1
+        self._tiles = {}
         self.pixels = {key: found for key, found in self.pixels.items() if not key.is_in_memory}
 
     def forget_moving(self) -> None:

@@ -1,37 +1,109 @@
-"""Colour spaces of images: which can stay bytes with the sRGB curve, and the rest to scene-linear
-by Blender's own OpenColorIO config.
+"""Colour spaces: which images can stay bytes with the sRGB curve, the rest to scene-linear by the
+OpenColorIO configuration that Blender runs with; and what the working space makes of XYZ.
 """
 
 from __future__ import annotations
 
+import os
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 
 REC709 = "Linear Rec.709"
 LUMA = (0.2126, 0.7152, 0.0722)
 """Rec. 709 luminance: how a colour becomes a number where sockets of the two kinds are joined."""
+RGB_FROM_XYZ = np.array(
+    [
+        [3.2409699419, -1.5373831776, -0.4986107603],
+        [-0.9692436363, 1.8759675015, 0.0415550574],
+        [0.0556300797, -0.2039769589, 1.0569715142],
+    ]
+    if bpy.app.version >= (5, 0, 0)
+    else [
+        [3.2404542, -1.5371385, -0.4985314],
+        [-0.9692660, 1.8760108, 0.0415560],
+        [0.0556434, -0.2040259, 1.0572252],
+    ]
+)
+"""Rec. 709's, as the Blender that runs rounds it."""
+_XYZ_FROM_ACES = np.array(
+    [
+        [0.938279849239345, -0.00445144581227847, 0.0166275235564231],
+        [0.337368890823117, 0.729521566676754, -0.066890457499083],
+        [0.00117395084939056, -0.00371070640198378, 1.09159450636463],
+    ]
+)
+"""ACES AP0 to CIE XYZ with the white of D65, as Cycles has it."""
+_ACES, _SCENE_LINEAR = "aces_interchange", "scene_linear"
+"""Roles of configurations."""
+_NEARLY = 1e-3
+"""How far a matrix may be off Rec. 709's to be it."""
+
+
+def own_configuration() -> str:
+    """The user's configuration by OpenColorIO's own variable; "" for Blender's."""
+    return os.environ.get("OCIO", "")
 
 
 def working_space() -> str:
-    """The name of Blender's scene-linear space: Rec. 709 before 5.0, a choice of the file from then
-    on.
+    """The name of Blender's scene-linear space: Rec. 709 before 5.0 but of a configuration of the
+    user's own, a choice of the file from then on.
     """
-    import bpy
-
     settings = getattr(bpy.data, "colorspace", None)
-    return settings.working_space if settings is not None else REC709
+    if settings is not None:
+        return settings.working_space
+    return _SCENE_LINEAR if own_configuration() else REC709
+
+
+def is_rec709() -> bool:
+    """Whether the working space is Rec. 709 as Blender itself has it."""
+    return working_space() == REC709 and not own_configuration()
+
+
+def rgb_from_xyz() -> np.ndarray:
+    """(3, 3): the working space's colours from CIE XYZ with the white of D65; Rec. 709's where that
+    is not known.
+    """
+    if is_rec709():
+        return RGB_FROM_XYZ
+    return _rgb_from_xyz(_configuration(), working_space())
+
+
+def from_rec709() -> np.ndarray:
+    """(3, 3): the working space's colours from Rec. 709's."""
+    found = rgb_from_xyz()
+    return np.eye(3) if found is RGB_FROM_XYZ else found @ np.linalg.inv(RGB_FROM_XYZ)
+
+
+def luma() -> tuple[float, float, float]:
+    """The luminance of the working space's red, green and blue."""
+    found = rgb_from_xyz()
+    return LUMA if found is RGB_FROM_XYZ else tuple(np.linalg.inv(found)[1].tolist())
+
+
+@lru_cache(maxsize=4)
+def _rgb_from_xyz(configuration: str, working: str) -> np.ndarray:
+    from .pixels import openimageio
+
+    oiio, unit = openimageio(), np.eye(3, dtype=np.float32)[None]
+    try:
+        columns = _between(unit, _ACES, working, configuration, oiio)[0]
+    except LookupError:
+        return RGB_FROM_XYZ
+    found = columns.T.astype(np.float64) @ np.linalg.inv(_XYZ_FROM_ACES)
+    return RGB_FROM_XYZ if np.abs(found - RGB_FROM_XYZ).max() < _NEARLY else found
 
 
 def stored_encoding(name: str, is_data: bool) -> str | None:
     """LINEAR or SRGB when values in the space `name` can be kept as they are, None when they must
     be converted.
     """
-    working = working_space()
-    if is_data or name in ("", "Non-Color", working):
+    if is_data or name in ("", "Non-Color", _SCENE_LINEAR, working_space()):
         return "LINEAR"
-    return "SRGB" if name == "sRGB" and working == REC709 else None
+    return "SRGB" if name == "sRGB" and is_rec709() else None
 
 
 def srgb_to_linear(values: np.ndarray) -> np.ndarray:
@@ -58,21 +130,27 @@ def to_scene_linear(rgba: np.ndarray, name: str, oiio: Any) -> np.ndarray:
     Raises LookupError where the space needs OpenImageIO and OpenColorIO and they cannot convert it.
     """
     values = as_float(rgba)
-    if name == "sRGB" and working_space() == REC709:
+    if name == "sRGB" and is_rec709():
         values[:, :, :3] = srgb_to_linear(values[:, :, :3])
         return values
-    if oiio is None:
-        raise LookupError(name)
-    return _converted(values, name, oiio)
-
-
-def _converted(values: np.ndarray, name: str, oiio: Any) -> np.ndarray:
-    import bpy
-
-    config = str(Path(bpy.utils.system_resource("DATAFILES")) / "colormanagement" / "config.ocio")
-    source = oiio.ImageBuf(np.ascontiguousarray(values[:, :, :3]))
-    result = oiio.ImageBufAlgo.colorconvert(source, name, working_space(), False, "", "", config)
-    if result.has_error:
-        raise LookupError(f"{name}: {result.geterror().strip()}")
-    values[:, :, :3] = result.get_pixels("float")
+    values[:, :, :3] = _between(values[:, :, :3], name, working_space(), _configuration(), oiio)
     return values
+
+
+def _configuration() -> str:
+    """The one that Blender runs with."""
+    folder = Path(bpy.utils.system_resource("DATAFILES")) / "colormanagement"
+    return own_configuration() or str(folder / "config.ocio")
+
+
+def _between(
+    values: np.ndarray, source: str, target: str, configuration: str, oiio: Any
+) -> np.ndarray:
+    """(h, w, 3) colours of one space in another. Raises LookupError where they cannot be had."""
+    if oiio is None:
+        raise LookupError(source)
+    given = oiio.ImageBuf(np.ascontiguousarray(values))
+    result = oiio.ImageBufAlgo.colorconvert(given, source, target, False, "", "", configuration)
+    if result.has_error:
+        raise LookupError(f"{source}: {result.geterror().strip()}")
+    return result.get_pixels("float")

@@ -109,7 +109,7 @@ class Images:
         for image, user in wanted:
             key = self._key(image, user, tile)
             if image is not None and key not in self._cache.pixels and key not in self._decoded:
-                sources[key] = _source(_original(image), key.path)
+                sources[key] = _source(_original(image), key.path, self._unsaved(image, tile))
         sources = {key: source for key, source in sources.items() if source is not None}
         if len(sources) > 1:
             with ThreadPoolExecutor(min(len(sources), os.cpu_count() or 1)) as threads:
@@ -127,7 +127,8 @@ class Images:
             if tile == 0 and image is not None and image.source == "TILED":
                 report.note(FIRST_TILE, image.name)
             self.expect([(image, user)], tile)
-            found = self._load(image, key, self._decoded.pop(key, None), report)
+            decoded = self._decoded.pop(key, None)
+            found = self._load(image, key, decoded, report, self._unsaved(image, tile))
             if found.repaired:
                 report.note(
                     "Images have pixels that are not finite, which count as 0 ({}): repair them",
@@ -175,7 +176,7 @@ class Images:
         number = moving.shown_number(user, self._cache.frame) if user is not None else 0
         path = _path(original, user, tile, number)
         key = self._cache.key(image, original.as_pointer(), path)
-        key = key._replace(number=number) if image.source == "MOVIE" else key
+        key = key._replace(number=number if image.source == "MOVIE" else tile)
         self.reads_memory = self.reads_memory or key.is_in_memory
         return key
 
@@ -185,6 +186,7 @@ class Images:
         key: ImageKey,
         decoded: Raw | ImageError | MemoryError | None,
         report: Report,
+        unsaved: Callable[[], bytes | None],
     ) -> Pixels:
         if image is None:
             return Pixels(pixels.MAGENTA, "SRGB")
@@ -192,17 +194,27 @@ class Images:
             with _that_fits(image.name):
                 if isinstance(decoded, MemoryError):
                     raise decoded
-                return self._read(_original(image), key, decoded)
+                return self._read(_original(image), key, decoded, unsaved)
         except ImageError as error:
             report.note(
                 f"Image '{image.name}' {error}: {IS_MAGENTA}; find or pack its file ('{key.path}')"
             )
             return Pixels(pixels.MAGENTA, "SRGB")
 
-    def _read(self, image: Any, at: ImageKey, decoded: Raw | ImageError | None) -> Pixels:
+    def _unsaved(self, image: Any, tile: int) -> Callable[[], bytes | None]:
+        """As `pixels.source` takes it."""
+        return lambda: self._cache.saved_tile(_original(image), tile)
+
+    def _read(
+        self,
+        image: Any,
+        at: ImageKey,
+        decoded: Raw | ImageError | None,
+        unsaved: Callable[[], bytes | None],
+    ) -> Pixels:
         space = image.colorspace_settings
         key = (image.alpha_mode, space.name, space.is_data, colorspace.working_space())
-        read = partial(pixels.read, image, at.path, decoded, at.number)
+        read = partial(pixels.read, image, at.path, decoded, at.number, unsaved)
         if not isinstance(decoded, Raw):
             recipe = pixels.recipe(image)
             return self._made((*recipe, *key), read) if recipe is not None else read()
@@ -266,10 +278,10 @@ def mean_color(texture: Texture, channel: str) -> np.ndarray:
     return means if channel == "COLOR" else np.full(3, means)
 
 
-def _source(image: Any, path: str) -> pixels.Source | None:
+def _source(image: Any, path: str, unsaved: Callable[[], bytes | None]) -> pixels.Source | None:
     """None where there is nothing to decode: reading the image says why."""
     try:
-        return pixels.source(image, path)
+        return pixels.source(image, path, unsaved)
     except ImageError:
         return None
 

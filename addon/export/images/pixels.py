@@ -9,6 +9,7 @@ values: bytes come back exactly.
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
@@ -82,17 +83,25 @@ def openimageio() -> Any:
     return OpenImageIO
 
 
-def read(image: Any, path: str, decoded: Raw | ImageError | None, number: int = 0) -> Pixels:
+def read(
+    image: Any,
+    path: str,
+    decoded: Raw | ImageError | None,
+    number: int = 0,
+    unsaved: Callable[[], bytes | None] = lambda: None,
+) -> Pixels:
     """Pixels of `image` (original data-block), of the file `path` where the image stands for
     several files. Raises ImageError.
 
     decoded: what `decode` gave for its `source`; None where it has none. number: of a movie's
-    picture.
+    picture. unsaved: as of `source`.
     """
     if decoded is None:
-        source(image, path)  # raises where a file is missing
+        source(image, path, unsaved)  # raises where a file is missing
     if image.source == "MOVIE":
         return _managed(_from_movie(image, path, number), image)
+    if image.source == "TILED" and not isinstance(decoded, Raw):
+        raise decoded or ImageError("is tiled, which cannot be read without OpenImageIO")
     raw = decoded if isinstance(decoded, Raw) else _from_blender(image)
     return _managed(raw, image)
 
@@ -106,17 +115,25 @@ def _from_movie(image: Any, path: str, number: int) -> Raw:
         raise ImageError(f"cannot be read: {str(error).strip()}") from error
 
 
-def source(image: Any, path: str) -> Source | None:
+def source(
+    image: Any, path: str, unsaved: Callable[[], bytes | None] = lambda: None
+) -> Source | None:
     """What there is to decode; None where only Blender knows the pixels. Raises ImageError where
     there is no file.
+
+    unsaved: gives the bytes of a file of what only Blender has of a tiled image.
     """
-    if image.source == "GENERATED" or image.is_dirty or openimageio() is None:
+    is_tiled, is_unsaved = image.source == "TILED", image.source == "GENERATED" or image.is_dirty
+    if openimageio() is None or (is_unsaved and not is_tiled):
         return None
     if image.source == "MOVIE" and Path(path).is_file():
         return None
-    packed = _packed_bytes(image, path)
-    if packed is None and not Path(path).is_file():
-        raise ImageError(f"has no file at '{path}'")
+    packed = None if is_unsaved else _packed_bytes(image, path)
+    if packed is None and (is_unsaved or not Path(path).is_file()):
+        packed = unsaved()
+        if packed is None:
+            lack = "has tiles that are not saved" if is_unsaved else f"has no file at '{path}'"
+            raise ImageError(lack)
     return Source(path, packed, image.alpha_mode)
 
 

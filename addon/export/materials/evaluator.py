@@ -20,6 +20,7 @@ from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.displacing import UndisplacedReader
+from ..shader_nodes.luminance import luminance_of
 from ..shader_nodes.reader import NUMBER_TYPES, NodeInputs
 from ..shader_nodes.tangents import radial_tangent
 from .clamps import clamped
@@ -112,10 +113,10 @@ class Evaluator:
         found = grey(value) if kind != "VECTOR" else None
         if found is not None:
             return found
-        how = "vector_average" if kind == "VECTOR" else "rgb_to_bw"
-        return self.expressions.sum_of(
-            self.expressions.apply(how, self.expressions.value_of(value))
-        )
+        held = self.expressions.value_of(value)
+        if kind == "VECTOR":
+            return self.expressions.sum_of(self.expressions.apply("vector_average", held))
+        return self.expressions.sum_of(luminance_of(self.expressions.graph, held))
 
     def converted(self, place: Place) -> Sum:
         """What a socket gets, of the socket's own type as Blender converts it."""

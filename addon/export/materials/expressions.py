@@ -9,6 +9,7 @@ from ....engine.program.operations_math import MathOperation
 from ....engine.program.program import compile_program
 from ....engine.program.table import BY_NAME
 from ....engine.scene import Input, Lobe, Material
+from ..shader_nodes.luminance import luminance_of
 from .terms import RGB, Sum, Term, constant, from_input
 
 ZERO_VECTOR = (0.0, 0.0, 0.0)
@@ -35,7 +36,7 @@ class Expressions:
 
     def number(self, value: Value) -> Value:
         """The value as a number: a colour by its luminance."""
-        return value if value.width == 1 else self.apply("rgb_to_bw", value)
+        return value if value.width == 1 else luminance_of(self.graph, value)
 
     def parts(self, vector: Value) -> tuple[Value, ...]:
         """The three numbers of a vector."""

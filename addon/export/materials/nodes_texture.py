@@ -57,13 +57,8 @@ def _texture_coordinate(view: NodeView, output: Any) -> Coordinates | None:
 
 
 def _attribute_vector(view: NodeView, output: Any) -> Coordinates | None:
-    node = view.node
-    plain = (
-        node.attribute_type == "GEOMETRY"
-        and node.attribute_name
-        and output.name in ("Vector", "Color")
-    )
-    return Coordinates(node.attribute_name) if plain else None
+    name = attribute_name(view.node)
+    return Coordinates(name) if name and output.name in ("Vector", "Color") else None
 
 
 def _mapping(view: NodeView, output: Any) -> Coordinates | None:

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 from ....engine.scene import Input
-from ..images.colorspace import LUMA
+from ..images.colorspace import LUMA, luma
 
 RGB = tuple[float, float, float]
 
@@ -40,7 +40,7 @@ def times(a: RGB, b: RGB) -> RGB:
 
 
 def luminance(rgb: RGB) -> float:
-    return sum(times(LUMA, rgb))
+    return sum(times(luma(), rgb))
 
 
 def constant(value: float | RGB) -> Sum:
@@ -128,8 +128,9 @@ def mix(factor: Sum, a: Sum, b: Sum) -> Sum:
 
 
 def grey(terms: Sum) -> Sum | None:
-    """The sum as a number on all three channels, its Rec. 709 luminance; None where that is no sum:
-    of products of colours, of colours within bounds and of what programs compute.
+    """The sum as a number on all three channels, its luminance; None where that is no sum: of
+    products of colours, of colours within bounds, of what programs compute, and of what varies
+    where the working space is not Rec. 709.
     """
     greys = [_grey(term) for term in terms]
     return None if None in greys else add(*((term,) for term in greys))
@@ -139,7 +140,8 @@ def _grey(term: Term) -> Term | None:
     colored = [factor for factor in term.factors if not _is_grey_input(factor)]
     if not colored:
         return Term((luminance(term.value),) * 3, term.factors)
-    if len(colored) > 1 or not (_is_grey(term.value) and _has_luminance(colored[0])):
+    is_one = len(colored) == 1 and luma() is LUMA
+    if not (is_one and _is_grey(term.value) and _has_luminance(colored[0])):
         return None
     return Term(term.value, tuple(map(_grey_input, term.factors)))
 

@@ -1,7 +1,8 @@
 """Films so thin that what their two sides reflect interferes: soap, oil, coated lenses.
 
 The reflectance of a film on a dielectric is Airy's sum, integrated over the visible spectrum for
-Rec. 709 (Belcour, Barla 2017), here at n·v. Letters: c1 cosine in air, c2 in the film, c3 below it.
+the working space (Belcour, Barla 2017), here at n·v. Letters: c1 cosine in air, c2 in the film, c3
+below it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 from ....engine.program.graph import Value
 from ....engine.program.operations_vector import VectorMeasure
 from ....engine.program.table import BY_NAME
-from ..shader_nodes.spectra import RGB_FROM_XYZ, WAVELENGTHS, matching
+from ..images.colorspace import rgb_from_xyz, working_space
+from ..shader_nodes.spectra import WAVELENGTHS, matching
 from .evaluator import NodeView
 from .expressions import Expressions
 from .fresnel import EDGE_COSINE, EDGE_WEIGHT, schlick
@@ -32,10 +34,14 @@ how often light goes to and fro.
 """
 
 
-@lru_cache(maxsize=1)
 def _weights() -> Array:
     """(3, m) of wavelengths in red, green and blue, whose sums are 1."""
-    rgb = RGB_FROM_XYZ @ matching().T
+    return _weights_of(working_space())
+
+
+@lru_cache(maxsize=2)
+def _weights_of(space: str) -> Array:
+    rgb = rgb_from_xyz() @ matching().T
     return rgb / rgb.sum(1, keepdims=True)
 
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from ....engine.program.graph import Value
 from ....engine.scene import Texture
+from ..images.colorspace import rgb_from_xyz, working_space
 from ..skies import Air, disc, horizon, sky
 from .hosek import over_preetham
 from .reader import READERS, NodeInputs, Outputs, texture_vector
 from .sky import SkyReader, Sun
-from .spectra import RGB_FROM_XYZ, at_least_black
+from .spectra import at_least_black
 
 _SCATTERING = {"NISHITA": False, "SINGLE_SCATTERING": False, "MULTIPLE_SCATTERING": True}
 _HIGHEST = math.pi / 2 - 0.001
@@ -65,7 +66,7 @@ def _scattered(view: NodeInputs, multiple: bool) -> Value:
     root = do("SQRT", do("MULTIPLY", do("ABSOLUTE", height), 2 / math.pi))
     v = do("MULTIPLY_ADD", do("MULTIPLY", root, do("SIGN", height)), 0.5, 0.5)
     where = do.plane(do("FRACT", u), v)
-    texture = view.reader.images.made(("SKY", air), lambda: _texture(air))
+    texture = view.reader.images.made(("SKY", air, working_space()), lambda: _texture(air))
     seen = view.apply("image", where, texture=texture)[0]
     flat = math.cos(elevation)
     to_sun = (flat * math.sin(rotation), flat * math.cos(rotation), math.sin(elevation))
@@ -89,7 +90,7 @@ def _is_shown(view: NodeInputs, direction: Value, sun: Sun) -> bool:
 
 
 def _texture(air: Air) -> Texture:
-    values = sky(air) @ RGB_FROM_XYZ.T
+    values = sky(air) @ rgb_from_xyz().T
     pixels = np.ones((*values.shape[:2], 4), np.float32)
     pixels[..., :3] = values
     return Texture("sky", pixels, extension="EXTEND")
@@ -111,7 +112,7 @@ def _with_disc(
     limb = do("SQRT", do("SUBTRACT", 1.0, do("MULTIPLY", part, part)))
     bright = do("MULTIPLY", inside, do("MULTIPLY_ADD", limb, 0.6, 0.4))
     way = do("MULTIPLY_ADD", do("SUBTRACT", height, air.elevation), 1 / node.sun_size, 0.5)
-    low, high = (node.sun_intensity * RGB_FROM_XYZ @ end for end in disc(air, node.sun_size))
+    low, high = (node.sun_intensity * rgb_from_xyz() @ end for end in disc(air, node.sun_size))
     color = view.apply("scaled_sum", constant(high - low), way, constant(low))[0]
     return view.apply("scaled_sum", color, bright, seen)[0]
 
@@ -139,7 +140,7 @@ def _preetham(view: NodeInputs, turbidity: float) -> Value:
     rest = do("SUBTRACT", do("SUBTRACT", 1.0, first), second)
     xyz = (do("MULTIPLY", first, scale), bright, do("MULTIPLY", rest, scale))
     total = view.reader.graph.constant((0.0, 0.0, 0.0))
-    for column, part in zip(RGB_FROM_XYZ.T, xyz, strict=True):
+    for column, part in zip(rgb_from_xyz().T, xyz, strict=True):
         total = view.apply("scaled_sum", view.reader.graph.constant(column), part, total)[0]
     return total
 

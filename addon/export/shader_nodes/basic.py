@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .luminance import luminance_of
 from .reader import READERS, NodeInputs, Outputs
 
 
@@ -23,7 +24,7 @@ def _separate_xyz(view: NodeInputs) -> Outputs:
 
 
 def _rgb_to_bw(view: NodeInputs) -> Outputs:
-    return {"Val": view.apply("rgb_to_bw", view.value("Color"))[0]}
+    return {"Val": luminance_of(view.reader.graph, view.value("Color"))}
 
 
 READERS.update(

@@ -14,7 +14,7 @@ from ..materials.terms import GREY
 from .mapping import texture_mapped
 from .objects import INSTANCER_GENERATED, INSTANCER_UV, property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube
-from .reader import ISLAND, POINTINESS, READERS, NodeInputs, Outputs
+from .reader import ISLAND, POINTINESS, READERS, UNDISPLACED_NORMAL, NodeInputs, Outputs
 from .tangents import radial_tangent
 
 ACTIVE_COLOR = "(active colour)"
@@ -39,6 +39,10 @@ def _texture_coordinate(view: NodeInputs) -> Outputs:
         makers["Generated"] = lambda: _of_instance(view, INSTANCER_GENERATED)
         makers["UV"] = lambda: _of_instance(view, INSTANCER_UV)
     return view.used(makers)
+
+
+def _number(view: NodeInputs, name: str) -> Value:
+    return view.apply("attribute", attribute=name, shift=0)[1]
 
 
 def _of_instance(view: NodeInputs, name: str) -> Value:
@@ -73,8 +77,8 @@ def _geometry(view: NodeInputs) -> Outputs:
             "Backfacing": lambda: view.apply("backfacing")[0],
             "Parametric": lambda: _parametric(view),
             "Tangent": lambda: radial_tangent(view, "Z"),
-            "Pointiness": lambda: view.apply("attribute", attribute=POINTINESS, shift=0)[1],
-            "Random Per Island": lambda: view.apply("attribute", attribute=ISLAND, shift=0)[1],
+            "Pointiness": lambda: _number(view, POINTINESS),
+            "Random Per Island": lambda: _number(view, ISLAND),
         }
     )
 
@@ -121,6 +125,8 @@ def attribute_name(node: Any) -> str | None:
     if getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
         return None
     name = getattr(node, "attribute_name", None)
+    if name in STANDARD:
+        return None
     return (name if name is not None else (node.layer_name or ACTIVE_COLOR)) or None
 
 
@@ -129,13 +135,46 @@ def _attribute(view: NodeInputs) -> Outputs | None:
         return property_of_object(view)
     name = attribute_name(view.node)
     if name is None:
-        return None
+        return _standard(view)
     color, alpha = view.apply("attribute", attribute=name, shift=0)
     outputs = {"Color": color, "Vector": color, "Alpha": alpha}
     if socket_named(view.node.outputs, "Fac") is not None:
         grey = view.apply("attribute", attribute=GREY + name, shift=0)[0]
         outputs["Fac"] = outputs["Factor"] = view.apply("separate_xyz", grey)[0]
     return outputs
+
+
+def _standard(view: NodeInputs) -> Outputs:
+    """Of a name in `STANDARD`, or of none, which is 0."""
+    make = STANDARD.get(view.node.attribute_name, _nothing)
+    color, grey = make(view)
+    alpha = view.reader.graph.constant(1.0)
+    return {"Color": color, "Vector": color, "Alpha": alpha, "Fac": grey, "Factor": grey}
+
+
+def _nothing(view: NodeInputs) -> tuple[Value, Value]:
+    return tuple(map(view.reader.graph.constant, ((0.0, 0.0, 0.0), 0.0)))
+
+
+def _by_mean(view: NodeInputs, color: Value) -> tuple[Value, Value]:
+    return color, view.apply("vector_average", color)[0]
+
+
+def _uv(view: NodeInputs) -> tuple[Value, Value]:
+    uv = view.apply("uv", attribute="", shift=0)[0]
+    return uv, view.apply("separate_xyz", uv)[0]
+
+
+STANDARD: dict[str, Callable[[NodeInputs], tuple[Value, Value]]] = {
+    "N": lambda v: _by_mean(v, v.apply("attribute", attribute=UNDISPLACED_NORMAL, shift=0)[0]),
+    "generated": lambda v: _by_mean(v, v.reader.generated()),
+    "uv": _uv,
+    "pointiness": lambda v: _by_mean(v, v.vector_of(_number(v, POINTINESS))),
+    "random_per_island": lambda v: _by_mean(v, v.vector_of(_number(v, ISLAND))),
+}
+"""Colour and number by names with which Attribute nodes reach what Cycles makes of every mesh,
+whatever attributes of its own have them.
+"""
 
 
 def tiles_of(node: Any) -> list[int]:

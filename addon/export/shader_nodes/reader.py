@@ -31,6 +31,7 @@ from ..materials.graph import (
     socket_named,
     trail,
 )
+from .luminance import luminance_of
 from .mapping import texture_mapped
 
 Outputs = dict[str, Value]
@@ -284,11 +285,17 @@ class TreeReader:
             numbers = [x if math.isfinite(x) else 0.0 for x in numbers]
         return self.graph.constant(numbers + [0.0] * (_width(socket.type) - len(numbers)))
 
+    def _as_number(self, value: Value, kind: str) -> Value:
+        """Of a colour its luminance, of a vector its mean."""
+        if kind == "RGBA":
+            return luminance_of(self.graph, value)
+        return self.apply("vector_average", value)[0]
+
     def _converted(self, value: Value, kind: str, wanted: str) -> Value:
         if _width(wanted) == 3:
             return value if _width(kind) == 3 else self.apply("combine_xyz", value, value, value)[0]
         if _width(kind) == 3:
-            value = self.apply("rgb_to_bw" if kind == "RGBA" else "vector_average", value)[0]
+            value = self._as_number(value, kind)
         if wanted == kind or wanted == "VALUE" or kind == "BOOLEAN":
             return value
         if wanted == "INT":

@@ -1,11 +1,12 @@
-"""Nodes that turn temperatures and wavelengths into colours, as Cycles does in Rec. 709."""
+"""Nodes that turn temperatures and wavelengths into colours of the working space, as Cycles
+does."""
 
 from __future__ import annotations
 
-import bpy
 import numpy as np
 
 from ....engine.program.graph import Value
+from ..images.colorspace import from_rec709, rgb_from_xyz
 from .reader import READERS, NodeInputs, Outputs
 
 _COLD = (5.413294490189271, -0.20319390035873933, -0.0822535242887164)
@@ -40,7 +41,9 @@ _BLUE = (
     (-7.38077418e-01, 3.86216271e-04, -1.64216008e-08, -1.61997957e-13),
     (-7.52335691e-01, 4.24098264e-04, -2.73078809e-08, 6.72650283e-13),
 )
-"""Cycles' fit of a black body's colour: a / T + b + c T of red and green, a cubic of blue."""
+"""Cycles' fit of a black body's colour in Rec. 709: a / T + b + c T of red and green, a cubic of
+blue.
+"""
 
 
 def _constant_row(color: tuple[float, ...]) -> list[float]:
@@ -53,7 +56,8 @@ def blackbody_table() -> tuple[float, ...]:
     for red, green, blue in zip(_RED, _GREEN, _BLUE, strict=True):
         rows.append([*red, 0.0, 0.0, *green, 0.0, 0.0, 0.0, *blue])
     rows.append(_constant_row(_HOT))
-    return tuple(x for start, row in zip(_STARTS, rows, strict=True) for x in (start, *row))
+    working = [(from_rec709() @ np.reshape(row, (3, 5))).ravel().tolist() for row in rows]
+    return tuple(x for start, row in zip(_STARTS, working, strict=True) for x in (start, *row))
 
 
 def blackbody_colors(kelvin: np.ndarray) -> np.ndarray:
@@ -81,20 +85,6 @@ _OBSERVER = """
 """
 """x, y, z of the CIE 1931 observer from 380 to 780 nm, every 5 nm, in ten thousandths."""
 _MATCHING = np.array([row.split() for row in _OBSERVER.split(",")], np.float64) / 1e4
-RGB_FROM_XYZ = np.array(
-    [
-        [3.2409699419, -1.5373831776, -0.4986107603],
-        [-0.9692436363, 1.8759675015, 0.0415550574],
-        [0.0556300797, -0.2039769589, 1.0569715142],
-    ]
-    if bpy.app.version >= (5, 0, 0)
-    else [
-        [3.2404542, -1.5371385, -0.4985314],
-        [-0.9692660, 1.8760108, 0.0415560],
-        [0.0556434, -0.2040259, 1.0572252],
-    ]
-)
-"""Rec. 709's, as the Blender that runs rounds it."""
 _FIRST, _LAST, _STEP = 380.0, 780.0, 5.0
 WAVELENGTHS = np.arange(_FIRST, _LAST + 1)
 """Of `matching`, nanometres."""
@@ -110,7 +100,7 @@ def matching() -> np.ndarray:
 
 def _wavelength_table() -> tuple[float, ...]:
     """What `curves` reads."""
-    colors = _MATCHING @ RGB_FROM_XYZ.T / _BRIGHTEST
+    colors = _MATCHING @ rgb_from_xyz().T / _BRIGHTEST
     return (_FIRST, _LAST, *colors.reshape(-1).tolist())
 
 
