@@ -19,6 +19,7 @@ from ..addon.export.images.images import IS_MAGENTA
 from ..addon.render import final, stamp, statistics
 from ..addon.render.interrupts import interrupts_held
 from . import tiles
+from .opened import has_strips
 from .pictures import check_whole, header_texts
 from .tiles import Grid
 from .verify import read_stamps
@@ -63,6 +64,11 @@ class Frames:
             )
         if not any(layer.use for layer in scene.view_layers):  # Blender crashes
             raise ValueError("none of its view layers is rendered: choose Use for Rendering in one")
+        if has_strips(scene):  # their scenes would be rendered, with their compositors
+            raise ValueError(
+                "strips are rendered in its place: turn off Sequencer in Post Processing, or mute "
+                "them"
+            )
         if scene.glint.target != "NONE":
             raise ValueError(
                 "a Quality Target finds settings anew for each frame, so that a stamp cannot tell "

@@ -140,21 +140,25 @@ def test_a_look_at_frames_writes_nothing(shot):
 
 @pytest.mark.slow
 def test_frames_that_blender_makes_of_strips_are_refused(shot):
-    """No stamp could tell what they were made of; one that is there is not taken for good."""
+    """No stamp could tell what they were made of, and other scenes' compositors would run; a stamp
+    that is there is not taken for good.
+    """
     strips = "getattr(scene.sequence_editor_create(), %r).new_effect(%s)\n"
     options = 'name="strip", type="COLOR", channel=1, frame_start=1, '
     ends = "frame_end=9" if bpy.app.version < (5, 0, 0) else "length=9"
     name = "sequences" if bpy.app.version < (4, 4, 0) else "strips"
     shot.make(strips % (name, options + ends))
     drawn = shot.frames("1")
-    assert drawn.returncode == 2 and "has no stamp" in drawn.output, drawn.output
+    assert drawn.returncode == 2 and "strips are rendered in its place" in drawn.output, (
+        drawn.output
+    )
     assert shot.names == []
     shot.out.mkdir(exist_ok=True)
     shot.make()
     assert shot.frames("1").returncode == 0
     shot.make(strips % (name, options + ends))
     checked = shot.frames("1", "--check")
-    assert checked.returncode == 2 and "has no stamp" in checked.output, checked.output
+    assert checked.returncode == 2 and "strips are rendered" in checked.output, checked.output
 
 
 @pytest.mark.slow
