@@ -19,6 +19,7 @@ from ..addon.render.stamp import manifest
 from ..engine.analysis.trade import SIDE, SQUARES
 from ..engine.analysis.trade_tunables import TUNABLES
 from .opened import open_blend, unrun
+from .pictures import write_whole
 from .tiles import Grid
 
 _INTERRUPTED = 130
@@ -365,7 +366,7 @@ def _job(options: argparse.Namespace) -> int:
     else:
         text = farm_jobs.flamenco_job_type(*frames, options.tiles)
         remedy = "put it into the folder scripts beside flamenco-manager and start that again"
-    place.write_text(text, encoding="utf-8")
+    write_whole(place, text.encode(errors="surrogateescape"))
     _tell([f"wrote {place}; {remedy}"])
     return 0
 

@@ -18,6 +18,7 @@ from ..engine.analysis.comparison import Difference, compare, difference_picture
 from ..engine.analysis.flip import displayed
 from ..engine.analysis.plot import png_bytes
 from .after_previews import previews_run
+from .pictures import write_whole
 from .scene_copy import copied, read_job, rendered
 
 log = logging.getLogger(__name__)
@@ -164,8 +165,8 @@ def comparison_steps(
         expected,
         _strip(scene.name, glint, direct, full, numbers),
     )
-    (folder / "compare.png").write_bytes(png_bytes(result.strip))
-    (folder / "compare.json").write_text(json.dumps(result.as_json(), indent=1))
+    write_whole(folder / "compare.png", png_bytes(result.strip))
+    write_whole(folder / "compare.json", json.dumps(result.as_json(), indent=1).encode())
     return result
 
 

@@ -25,6 +25,7 @@ from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, measure
 from ..engine.analysis.trade_plot import draw_trade
 from ..engine.analysis.trade_rows import Row, Trade, advice
 from ..engine.settings import DECLARED
+from .pictures import write_whole
 from .scene_copy import read_job
 from .show_picture import show
 
@@ -104,9 +105,9 @@ def _shown(value: Any) -> str:
 def write(trade: Trade, title: str, json_path: Path | None, plot_path: Path | None) -> None:
     """The table as JSON and the plot as PNG, where asked for."""
     if json_path:
-        json_path.write_text(json.dumps({"scene": title, **trade.as_json()}, indent=1))
+        write_whole(json_path, json.dumps({"scene": title, **trade.as_json()}, indent=1).encode())
     if plot_path:
-        plot_path.write_bytes(png_bytes(draw_trade(trade, title)))
+        write_whole(plot_path, png_bytes(draw_trade(trade, title)))
 
 
 def last_measurement(scene_name: str) -> Trade | None:

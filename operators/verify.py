@@ -16,6 +16,8 @@ from .opened import composites, has_strips, open_blend, unrun
 from .pictures import check_whole, header_texts, is_multilayer, read_planes, sample_bits
 
 _PREFIX = "glint."
+_LAST_FRAME = 1_048_574
+"""Of a scene of Blender."""
 
 
 class NoStampError(ValueError):
@@ -54,14 +56,13 @@ def verify(picture: Path, blend: Path | None = None, *, scripts: bool = False) -
             "name the .blend file"
         )
     check_whole(picture)
+    frame = _frame_of(picture, stamps)
     open_blend(source, scripts=scripts)
     scene = bpy.data.scenes.get(texts.get("Scene", "")) or bpy.context.scene
     statistics.forget(scene.name)
     added = _switch_off_additions(scene)
     with tempfile.TemporaryDirectory() as folder:
-        again = _render_again(
-            scene, picture, int(next(iter(stamps.values()))["frame"]), Path(folder)
-        )
+        again = _render_again(scene, picture, frame, Path(folder))
         new = {name: layer.stamp for name, layer in statistics.by_layer(scene.name).items()}
         verdicts = [_compare_stamps(name, old, new.get(name, {})) for name, old in stamps.items()]
         verdicts.append(_compare_files(picture, again, added))
@@ -98,6 +99,22 @@ def read_stamps(texts: Mapping[str, str]) -> dict[str, dict[str, str]]:
         if name.startswith(_PREFIX) and field in stamp.FIELDS:
             layers.setdefault(layer, {})[field] = value
     return {layer: fields for layer, fields in layers.items() if len(fields) == len(stamp.FIELDS)}
+
+
+def _frame_of(picture: Path, stamps: Mapping[str, Mapping[str, str]]) -> int:
+    """The frame that the stamps name. Raises NoStampError where their fields are not those that a
+    render writes.
+    """
+    try:
+        frame = int(next(iter(stamps.values()))["frame"])
+        readable = all(isinstance(json.loads(old["settings"]), dict) for old in stamps.values())
+    except (ValueError, RecursionError):
+        readable = False
+    if not readable or abs(frame) > _LAST_FRAME:
+        raise NoStampError(
+            f"{picture} carries a stamp that no render wrote: use the file as Blender saved it"
+        )
+    return frame
 
 
 def _switch_off_additions(scene: bpy.types.Scene) -> bool:

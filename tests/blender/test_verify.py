@@ -170,6 +170,30 @@ answer([verify(name, "a.blend") for name in ("text.exr", "cut.png", "cycles.png"
     assert "neither OpenEXR nor PNG" in run.output and "carries no stamp" in run.output
 
 
+FORGED = [
+    ("settings", "[1]"),
+    ("settings", "nothing"),
+    ("settings", "[" * 100_000),
+    ("frame", "two"),
+    ("frame", "9" * 30),
+]
+
+
+def test_a_forged_stamp_gets_a_sentence(tmp_path):
+    blender = Blender(tmp_path)
+    made = blender.run(MAKE + 'save("a.blend")\ndraw("a.exr", "OPEN_EXR")')
+    assert made.returncode == 0, made.output
+    for number, (field, text) in enumerate(FORGED):
+        buffer = oiio.ImageBuf(str(tmp_path / "a.exr"))
+        buffer.specmod().attribute(f"glint.ViewLayer.{field}", text)
+        assert buffer.write(str(tmp_path / f"forged{number}.exr"))
+    run = blender.run(
+        MAKE + f'answer([verify(f"forged{{k}}.exr", "a.blend") for k in range({len(FORGED)})])'
+    )
+    assert run.answer == [2] * len(FORGED), run.output
+    assert run.output.count("carries a stamp that no render wrote") == len(FORGED)
+
+
 HOSTILE = (
     COMPOSITOR
     + """
