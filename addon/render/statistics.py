@@ -109,6 +109,13 @@ def remember(scene_name: str, layer_name: str, statistics: Statistics) -> None:
     layers[layer_name] = statistics
 
 
+def add_note(scene_name: str, note: str) -> None:
+    """Add what was found out after a render of the scene to its last layer's notes."""
+    last = of_last_render(scene_name)
+    if last is not None:
+        last.notes = (*last.notes, note)
+
+
 def remember_view(scene_name: str, notes: tuple[str, ...]) -> None:
     """Keep what a 3D view could not show of a scene as it is."""
     _views[scene_name] = notes

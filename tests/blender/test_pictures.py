@@ -83,6 +83,34 @@ answer(command_line.run(["target", str(FOLDER / "a.blend"), "--levels", "100", "
     assert "a.exr is not whole" in run.output and "make room on its disk" in run.output
 
 
+def test_a_render_to_a_full_disk_is_told(tmp_path):
+    """Blender says FINISHED, of a still picture and of an animation; whole files get no word."""
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+from glint.addon.render import statistics
+
+def notes(name, animation):
+    scene.render.filepath, scene.frame_end = str(FOLDER / name), 1
+    bpy.ops.render.render(write_still=True, animation=animation)
+    return [note for note in statistics.of_last_render(scene.name).notes if "not whole" in note]
+
+kinds = [("PNG", False), ("PNG", True), ("OPEN_EXR", False), ("OPEN_EXR", True)]
+told = []
+for room in ("enough", "none"):
+    for kind, animation in kinds:
+        image.file_format = kind
+        told.append(notes(f"{room}_{kind}_{animation}_", animation))
+    full_disk()
+answer(told)
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert [len(notes) for notes in run.answer] == [0] * 4 + [1] * 4, run.answer
+    assert all("make room on its disk" in note for [note] in run.answer[4:])
+    assert run.output.count("not whole") >= 4, "the log has it, too"
+
+
 def test_a_cut_picture_is_not_verified(tmp_path):
     run = Blender(tmp_path).run(
         DRAW
