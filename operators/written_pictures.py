@@ -27,7 +27,7 @@ def look(scene: bpy.types.Scene, *_: object) -> None:
     try:
         check_whole(_path(scene))
     except OSError as error:
-        log.error("%s", error)  # noqa: TRY400 (the sentence says all)
+        log.error("%s", error)
         statistics.add_note(scene.name, str(error))
 
 

@@ -46,6 +46,7 @@ ENGINES_API = {
     "engine.scene.panorama",
     "engine.settings",
     "engine.film",
+    "engine.futures",
     "engine.analysis.fingerprint",
     "engine.analysis.target",
 }
