@@ -176,7 +176,9 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
         help="folder for compare.png, compare.json and the EXR pictures",
     )
     parser.add_argument("--samples", type=_count, default=64, help="of Cycles")
-    parser.add_argument("--bounces", type=int, default=0, help="of mirrors and glass, in both")
+    parser.add_argument(
+        "--bounces", type=int, help="of mirrors and glass, in both; those of the scene if left out"
+    )
     parser.add_argument(
         "--side", type=_count, default=512, help="pixels of the longer side at most"
     )

@@ -231,7 +231,8 @@ def test_a_missing_texture_ends_with_a_sentence_and_no_picture(shot):
 def test_a_full_disk_leaves_no_picture(shot):
     shot.make()
     full = (
-        "import resource, signal\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "import resource, signal, sys\nsys.dont_write_bytecode = True\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (900, resource.RLIM_INFINITY))\n"
     )
     shot.program.write_text(PROGRAM.replace("exit_code = command", full + "exit_code = command"))

@@ -7,7 +7,7 @@ from blender_process import REGISTER_TREE, Blender
 DRAW = (
     REGISTER_TREE
     + """
-import resource, signal
+import resource, signal, sys
 from glint.operators import command_line
 from glint.operators.pictures import check_whole
 bpy.ops.wm.read_homefile(use_factory_startup=True)
@@ -18,6 +18,7 @@ scene.glint.final.samples = scene.glint.final.light_samples = 1
 image = scene.render.image_settings
 
 def full_disk():
+    sys.dont_write_bytecode = True  # it would be cut off
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1500, resource.RLIM_INFINITY))
 
