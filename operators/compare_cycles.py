@@ -137,25 +137,24 @@ def compare_with_cycles(
 
 def comparison_steps(
     scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options
-) -> Generator[str, None, Comparison]:
-    """`compare_with_cycles`, a picture at a time: yields which of them comes next, in words, and
-    may be closed wherever it does.
+) -> Generator[tuple[int, str], None, Comparison]:
+    """`compare_with_cycles`, a picture at a time: yields the number of the next one and what it
+    is, and may be closed wherever it does.
     """
     if options.bounces is None:
         options = replace(options, bounces=scene.glint.final.max_bounces)
     folder.mkdir(parents=True, exist_ok=True)
     seconds: dict[str, float] = {}
-    pictures = 3 + options.full_light
-    yield f"picture 1 of {pictures}, by Glint"
+    yield 1, "by Glint"
     job = read_job(scene, view_layer)
     glint = _glint(scene, view_layer, folder, options, seconds)
     halves = []
     for seed in (0, 1):
-        yield f"picture {2 + seed} of {pictures}, by Cycles{_likely(seconds, seed)}"
+        yield 2 + seed, f"by Cycles{_likely(seconds, seed)}"
         halves.append(_cycles_direct(scene, view_layer, folder, options, seconds, seed))
     direct, noise = _mean_and_noise(*halves)
     if options.full_light:
-        yield f"picture {pictures} of {pictures}, by Cycles with all light"
+        yield 4, "all light of Cycles"
     full = _cycles_full(scene, view_layer, folder, options, seconds) if options.full_light else None
     indirect = compare(direct, full) if full is not None else None
     numbers = compare(glint, direct)
@@ -319,7 +318,7 @@ Esc stops between two pictures"""
         return context.scene is not None and hasattr(context.scene, "cycles")
 
     _with_window = False
-    _steps: Generator[str, None, Comparison] | None = None
+    _steps: Generator[tuple[int, str], None, Comparison] | None = None
     _timer: bpy.types.Timer | None = None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -370,7 +369,7 @@ Esc stops between two pictures"""
     def _advance(self, context: bpy.types.Context) -> set[str] | None:
         """One more picture; how the operator ended, if it did."""
         try:
-            coming = next(self._steps)
+            number, what = next(self._steps)
         except StopIteration as end:
             return self._finish(context, end.value)
         except Exception as error:
@@ -379,7 +378,8 @@ Esc stops between two pictures"""
             return {"CANCELLED"}
         if self._with_window:
             context.workspace.status_text_set(
-                f"Glint compares with Cycles: {coming} (Esc stops before the next)"
+                f"Glint compares with Cycles: picture {number} of {3 + self.full_light}, {what} "
+                "(Esc stops before the next)"
             )
         return None
 
