@@ -96,12 +96,12 @@ class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
 
     def draw(self, context):
         has_target = context.scene.glint.target != "NONE"
-        draw_reason(self.layout, has_target, "Quality Target finds the first three")
+        draw_reason(self.layout, has_target, "Quality Target finds the first two")
         column = self.column
         found, chosen = column.column(), column.column()
         found.active = not has_target
         for number, name in enumerate(self.names):
-            draw_wide(found if number < 3 else chosen, context.scene.glint.final, name)
+            draw_wide(found if number < 2 else chosen, context.scene.glint.final, name)
 
 
 class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):

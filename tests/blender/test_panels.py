@@ -288,7 +288,6 @@ def test_what_is_read_can_be_set(told):
         "glossy",
         "transmission",
         "scatter",
-        "Glint's volumes see what surfaces do",
     ]
 
 
@@ -325,7 +324,7 @@ def test_what_is_grey_says_why(told):
     why = told["why"]
     assert why["none"] == []
     assert "Classic illumination has none of these" in why["classic"]
-    assert "Quality Target finds the first three" in why["target"]
+    assert "Quality Target finds the first two" in why["target"]
     assert "Of the native tracer alone" in why["python"]
     assert "Rough Reflections need Bounces of Render" in why["bounces"]
     assert "Vector is empty with Motion Blur" in why["vector"]
