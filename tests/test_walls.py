@@ -19,6 +19,7 @@ BLENDER = {
     "gpu_extras",
     "bmesh",
     "blf",
+    "bl_operators",
     "bl_ui",
     "addon_utils",
     "idprop",

@@ -19,6 +19,7 @@ from ..render import statistics
 from . import data_panels, view_layer_panels
 from .lines import draw_text
 from .panel import CHOICES, ENGINE, EnginePanel, SettingPanel, draw_if_known, draw_reason, draw_wide
+from .presets import GLINT_PT_presets
 from .properties import LIGHT_GROUP, OF_RAYS, OF_SAMPLES
 
 _REPLACED_OR_WITHOUT_EFFECT = {
@@ -62,7 +63,7 @@ class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
     bl_label = "Sampling"
 
     def draw_header_preset(self, context):
-        self.layout.menu("GLINT_MT_presets", text="", icon="PRESET")
+        GLINT_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context):
         column = self.column
