@@ -73,7 +73,7 @@ class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
         physical.active = settings.final.illumination == "PHYSICAL"
         draw_reason(column, not physical.active, "Classic illumination has none of these")
         draw_wide(physical, settings.final, "world_light", pixels=CHOICES)
-        draw_wide(physical, settings.final, "mesh_light", pixels=CHOICES)
+        draw_wide(physical, settings.final, "use_mesh_light", pixels=CHOICES)
         draw_wide(column, settings, "target", pixels=CHOICES)
         if settings.target != "NONE":
             error = "target_levels" if settings.target == "LEVELS" else "target_rmse"
@@ -127,7 +127,7 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         reflections = physical.column()
         reflections.active = bounces > 0
         draw_wide(reflections, final, "reflections", pixels=CHOICES)
-        draw_wide(column, final, "subsurface", pixels=CHOICES)
+        draw_wide(column, final, "use_subsurface", pixels=CHOICES)
         reason = "Rough Reflections need Bounces of Render"
         draw_reason(column, is_physical and bounces == 0, reason)
 
