@@ -8,15 +8,14 @@ every machine; finite vertices.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
+from .futures import parallel_map
 from .native import load_error, programs
 from .program.program import Program
 from .reference.program import run as run_reference
@@ -202,8 +201,7 @@ def _offsets(
     chunks = [corners[k : k + _CHUNK] for k in range(0, len(corners), _CHUNK)]
     if len(chunks) == 1:
         return task(chunks[0])
-    with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
-        return np.concatenate(list(threads.map(task, chunks)), 1)
+    return np.concatenate(parallel_map(task, chunks), 1)
 
 
 def _some_offsets(

@@ -6,6 +6,7 @@ MODULES = (
     "measure_scene",
     "compare_cycles",
     "explain_pixel",
+    "written_pictures",
     "command_line",
 )
-"""The operators and the command line."""
+"""The operators, the command line and what looks at written files."""

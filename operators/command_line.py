@@ -18,6 +18,8 @@ from .. import engine
 from ..addon.render.stamp import manifest
 from ..engine.analysis.trade import SIDE, SQUARES
 from ..engine.analysis.trade_tunables import TUNABLES
+from .opened import open_blend, unrun
+from .pictures import write_whole
 from .tiles import Grid
 
 _INTERRUPTED = 130
@@ -91,6 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     verify.add_argument(
         "file", type=Path, nargs="?", help=".blend file; the one that the picture names if left out"
     )
+    _add_scripts(verify)
     verify.set_defaults(act=_verify)
     return parser
 
@@ -111,6 +114,14 @@ def _error(text: str) -> float:
     if not value > 0:
         raise argparse.ArgumentTypeError(f"{text}: use a number above 0")
     return value
+
+
+def _add_scripts(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scripts",
+        action="store_true",
+        help="run scripts and drivers of the .blend file, which you trust",
+    )
 
 
 def _add_measure(parser: argparse.ArgumentParser) -> None:
@@ -152,6 +163,7 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--side", type=_count, default=SIDE, metavar="PIXELS", help="across each square"
     )
+    _add_scripts(parser)
     parser.set_defaults(act=_measure)
 
 
@@ -164,13 +176,16 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
         help="folder for compare.png, compare.json and the EXR pictures",
     )
     parser.add_argument("--samples", type=_count, default=64, help="of Cycles")
-    parser.add_argument("--bounces", type=int, default=0, help="of mirrors and glass, in both")
+    parser.add_argument(
+        "--bounces", type=int, help="of mirrors and glass, in both; those of the scene if left out"
+    )
     parser.add_argument(
         "--side", type=_count, default=512, help="pixels of the longer side at most"
     )
     parser.add_argument(
         "--direct-only", action="store_true", help="do not render Cycles with all light as well"
     )
+    _add_scripts(parser)
     parser.set_defaults(act=_compare)
 
 
@@ -245,7 +260,7 @@ def _info(options: argparse.Namespace) -> int:
 def _measure(options: argparse.Namespace) -> int:
     from . import measure_scene
 
-    scene, view_layer = _open(options.file)
+    scene, view_layer = _open(options.file, scripts=options.scripts)
     values = {
         tunable.name: getattr(options, tunable.name)
         for tunable in TUNABLES
@@ -269,7 +284,7 @@ def _measure(options: argparse.Namespace) -> int:
 def _compare(options: argparse.Namespace) -> int:
     from . import compare_cycles
 
-    scene, view_layer = _open(options.file)
+    scene, view_layer = _open(options.file, scripts=options.scripts)
     settings = compare_cycles.Options(
         options.samples, options.bounces, options.side, not options.direct_only
     )
@@ -353,7 +368,7 @@ def _job(options: argparse.Namespace) -> int:
     else:
         text = farm_jobs.flamenco_job_type(*frames, options.tiles)
         remedy = "put it into the folder scripts beside flamenco-manager and start that again"
-    place.write_text(text, encoding="utf-8")
+    write_whole(place, text.encode(errors="surrogateescape"))
     _tell([f"wrote {place}; {remedy}"])
     return 0
 
@@ -363,19 +378,23 @@ def _verify(options: argparse.Namespace) -> int:
 
     if options.picture.is_dir():
         codes = []
-        for code, row in verify_all(options.picture, options.file):
+        for code, row in verify_all(options.picture, options.file, scripts=options.scripts):
             codes.append(code)
             _tell([row])
         _tell([f"{codes.count(0)} of {len(codes)} pictures are the same"])
         return max(codes)
-    verdict = verify(options.picture, options.file)
+    verdict = verify(options.picture, options.file, scripts=options.scripts)
     _tell([*verdict.lines, "same" if verdict.same else "different"])
     return 0 if verdict.same else 1
 
 
-def _open(path: Path) -> tuple[bpy.types.Scene, str]:
-    """Open a .blend file; gives its scene and the name of the active view layer."""
-    bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False)
+def _open(path: Path, *, scripts: bool | None = None) -> tuple[bpy.types.Scene, str]:
+    """Open a .blend file; gives its scene and the name of the active view layer. scripts: as
+    `open_blend` has it; where it is False, what did not run is told on the error stream.
+    """
+    open_blend(path, scripts=scripts)
+    if scripts is False:
+        sys.stderr.write("".join(f"glint: {line}\n" for line in unrun()))
     return bpy.context.scene, bpy.context.view_layer.name
 
 

@@ -8,7 +8,7 @@ import json
 import logging
 import tempfile
 from collections.abc import Generator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -18,6 +18,7 @@ from ..engine.analysis.comparison import Difference, compare, difference_picture
 from ..engine.analysis.flip import displayed
 from ..engine.analysis.plot import png_bytes
 from .after_previews import previews_run
+from .pictures import write_whole
 from .scene_copy import copied, read_job, rendered
 
 log = logging.getLogger(__name__)
@@ -33,13 +34,13 @@ _NO_BOUNCES = ("max", "diffuse", "glossy", "transmission", "volume")
 
 @dataclass(frozen=True)
 class Options:
-    """samples: of Cycles.  bounces: of mirrors and glass, in both engines.  side: pixels of the
-    longer side at most. full_light: also render Cycles with all the light that the scene's own
-    settings give it.
+    """samples: of Cycles.  bounces: of mirrors and glass, in both engines; None: the scene's.
+    side: pixels of the longer side at most. full_light: also render Cycles with all the light that
+    the scene's own settings give it.
     """
 
     samples: int = 64
-    bounces: int = 0
+    bounces: int | None = None
     side: int = 512
     full_light: bool = True
 
@@ -136,22 +137,24 @@ def compare_with_cycles(
 
 def comparison_steps(
     scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options
-) -> Generator[float, None, Comparison]:
-    """`compare_with_cycles`, a picture at a time: yields the finished fraction, and may be closed
-    wherever it does.
+) -> Generator[tuple[int, str], None, Comparison]:
+    """`compare_with_cycles`, a picture at a time: yields the number of the next one and what it
+    is, and may be closed wherever it does.
     """
+    if options.bounces is None:
+        options = replace(options, bounces=scene.glint.final.max_bounces)
     folder.mkdir(parents=True, exist_ok=True)
     seconds: dict[str, float] = {}
-    pictures = 3 + options.full_light
+    yield 1, "by Glint"
     job = read_job(scene, view_layer)
-    yield 0.0
     glint = _glint(scene, view_layer, folder, options, seconds)
     halves = []
     for seed in (0, 1):
-        yield (1 + seed) / pictures
+        yield 2 + seed, f"by Cycles{_likely(seconds, seed)}"
         halves.append(_cycles_direct(scene, view_layer, folder, options, seconds, seed))
     direct, noise = _mean_and_noise(*halves)
-    yield 3 / pictures
+    if options.full_light:
+        yield 4, "all light of Cycles"
     full = _cycles_full(scene, view_layer, folder, options, seconds) if options.full_light else None
     indirect = compare(direct, full) if full is not None else None
     numbers = compare(glint, direct)
@@ -164,9 +167,14 @@ def comparison_steps(
         expected,
         _strip(scene.name, glint, direct, full, numbers),
     )
-    (folder / "compare.png").write_bytes(png_bytes(result.strip))
-    (folder / "compare.json").write_text(json.dumps(result.as_json(), indent=1))
+    write_whole(folder / "compare.png", png_bytes(result.strip))
+    write_whole(folder / "compare.json", json.dumps(result.as_json(), indent=1).encode())
     return result
+
+
+def _likely(seconds: dict[str, float], seed: int) -> str:
+    """How long the second half of Cycles' samples takes, as the first has told."""
+    return f", about {max(1, round(seconds['cycles']))} s" if seed else ""
 
 
 def _glint(
@@ -285,10 +293,11 @@ Esc stops between two pictures"""
     )
     bounces: bpy.props.IntProperty(
         name="Bounces",
-        description="Of mirrors and glass, in both engines",
-        default=0,
+        description="Of mirrors and glass, in both engines; those of the scene, if not changed",
+        default=12,
         min=0,
         max=64,
+        options={"SKIP_SAVE"},
     )
     side: bpy.props.IntProperty(
         name="Longest Side",
@@ -309,16 +318,20 @@ Esc stops between two pictures"""
         return context.scene is not None and hasattr(context.scene, "cycles")
 
     _with_window = False
+    _steps: Generator[tuple[int, str], None, Comparison] | None = None
+    _timer: bpy.types.Timer | None = None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self._with_window = True
+        self.bounces = context.scene.glint.final.max_bounces
         return context.window_manager.invoke_props_dialog(self)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """All at once for scripts; picture by picture where there is a window, so that Esc is
         heard.
         """
-        options = Options(self.samples, self.bounces, self.side, self.full_light)
+        bounces = self.bounces if self.properties.is_property_set("bounces") else None
+        options = Options(self.samples, bounces, self.side, self.full_light)
         self._folder = chosen_folder(self.directory)
         self._steps = comparison_steps(
             context.scene, context.view_layer.name, self._folder, options
@@ -344,15 +357,19 @@ Esc stops between two pictures"""
         return ended or {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Leave no timer and no copy of the scene."""
-        self._steps.close()
-        context.window_manager.event_timer_remove(self._timer)
-        context.workspace.status_text_set(None)
+        """Leave no timer and no copy of the scene; nothing was begun where the dialog is called
+        off.
+        """
+        if self._steps is not None:
+            self._steps.close()
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            context.workspace.status_text_set(None)
 
     def _advance(self, context: bpy.types.Context) -> set[str] | None:
         """One more picture; how the operator ended, if it did."""
         try:
-            fraction = next(self._steps)
+            number, what = next(self._steps)
         except StopIteration as end:
             return self._finish(context, end.value)
         except Exception as error:
@@ -361,7 +378,8 @@ Esc stops between two pictures"""
             return {"CANCELLED"}
         if self._with_window:
             context.workspace.status_text_set(
-                f"Glint compares with Cycles: {fraction:.0%} (Esc stops)"
+                f"Glint compares with Cycles: picture {number} of {3 + self.full_light}, {what} "
+                "(Esc stops before the next)"
             )
         return None
 

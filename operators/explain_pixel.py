@@ -14,7 +14,7 @@ from ..addon import viewport
 from ..addon.ui.lines import draw_text
 from ..engine import PixelExplainer, Scene, SceneError, Settings, explanation_lines
 from ..engine.analysis.fingerprint import value_fingerprint
-from .editors import editor_of
+from .editors import in_editor
 from .scene_copy import read_job
 
 if TYPE_CHECKING:
@@ -160,11 +160,13 @@ class GLINT_OT_explanation_as_text(_OfExplanation, bpy.types.Operator):
     def execute(self, context):
         text = bpy.data.texts.get(TEXT) or bpy.data.texts.new(TEXT)
         text.from_string("\n".join([*_explained, ""]))
-        area = editor_of("TEXT_EDITOR", context)
-        if area is not None:
-            editor = area.spaces.active
-            editor.text, editor.top, editor.show_word_wrap = text, 0, True
+        in_editor("TEXT_EDITOR", context, _put_text)
         return {"FINISHED"}
+
+
+def _put_text(area: bpy.types.Area) -> None:
+    editor = area.spaces.active
+    editor.text, editor.top, editor.show_word_wrap = bpy.data.texts.get(TEXT), 0, True
 
 
 def _open_sidebar(area: bpy.types.Area) -> None:

@@ -4,9 +4,8 @@ says by its stamp whether it is the scene's.
 
 from __future__ import annotations
 
-import os
+import glob
 import re
-import socket
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +18,8 @@ from ..addon.export.images.images import IS_MAGENTA
 from ..addon.render import final, stamp, statistics
 from ..addon.render.interrupts import interrupts_held
 from . import tiles
-from .pictures import check_whole, header_texts
+from .opened import has_strips
+from .pictures import check_whole, header_texts, hidden
 from .tiles import Grid
 from .verify import read_stamps
 
@@ -63,6 +63,11 @@ class Frames:
             )
         if not any(layer.use for layer in scene.view_layers):  # Blender crashes
             raise ValueError("none of its view layers is rendered: choose Use for Rendering in one")
+        if has_strips(scene):  # their scenes would be rendered, with their compositors
+            raise ValueError(
+                "strips are rendered in its place: turn off Sequencer in Post Processing, or mute "
+                "them"
+            )
         if scene.glint.target != "NONE":
             raise ValueError(
                 "a Quality Target finds settings anew for each frame, so that a stamp cannot tell "
@@ -196,18 +201,11 @@ class Frames:
 
 @contextmanager
 def _hidden(path: Path) -> Iterator[Path]:
-    """Another name in the same folder, to write to and to look at; what is there at the end gets
-    its own.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    worker = f"{socket.gethostname()}-{os.getpid()}"
-    part = path.with_name(f".{path.stem}.{worker}{path.suffix}")
-    try:
+    """As `pictures.hidden`, and takes away what workers that were killed left of it."""
+    with hidden(path) as part:
         yield part
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
-    for left in path.parent.glob(f".{path.stem}.*{path.suffix}"):  # of workers that were killed
+    ours = f".{glob.escape(path.stem)}.*{glob.escape(path.suffix)}"
+    for left in path.parent.glob(ours):
         left.unlink(missing_ok=True)
 
 

@@ -46,7 +46,7 @@ def job_template(
     return {
         "specificationVersion": "jobtemplate-2023-09",
         "extensions": ["TASK_CHUNKING"],
-        "name": f"{blend.stem[:40]}, {len(numbers)} frames{tiles}",
+        "name": f"{_printable(blend.stem)[:40]}, {len(numbers)} frames{tiles}",
         "parameterDefinitions": [
             _path("Scene", "FILE", "IN", blend, place),
             _path("Out", "DIRECTORY", "OUT", folder, place),
@@ -56,6 +56,11 @@ def job_template(
         ],
         "steps": [*steps, _step("Check", check, after="Frames")],
     }
+
+
+def _printable(name: str) -> str:
+    """A file's name where control characters and bytes that are no text are refused."""
+    return "".join(letter if letter.isprintable() else "_" for letter in name)
 
 
 def _glint(action: str, *words: str) -> list[str]:

@@ -25,6 +25,8 @@ from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, measure
 from ..engine.analysis.trade_plot import draw_trade
 from ..engine.analysis.trade_rows import Row, Trade, advice
 from ..engine.settings import DECLARED
+from .editors import window_of
+from .pictures import write_whole
 from .scene_copy import read_job
 from .show_picture import show
 
@@ -104,9 +106,9 @@ def _shown(value: Any) -> str:
 def write(trade: Trade, title: str, json_path: Path | None, plot_path: Path | None) -> None:
     """The table as JSON and the plot as PNG, where asked for."""
     if json_path:
-        json_path.write_text(json.dumps({"scene": title, **trade.as_json()}, indent=1))
+        write_whole(json_path, json.dumps({"scene": title, **trade.as_json()}, indent=1).encode())
     if plot_path:
-        plot_path.write_bytes(png_bytes(draw_trade(trade, title)))
+        write_whole(plot_path, png_bytes(draw_trade(trade, title)))
 
 
 def last_measurement(scene_name: str) -> Trade | None:
@@ -213,6 +215,7 @@ The list sharpens while you watch; Esc stops and keeps it"""
             return self._fail(error)
         self._scene_name, self._shown = context.scene.name, None
         self._background = _Background(work)
+        _at_work.add(self._background)
         self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
         context.window_manager.progress_begin(0, 100)
         context.window_manager.modal_handler_add(self)
@@ -220,7 +223,7 @@ The list sharpens while you watch; Esc stops and keeps it"""
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
-            self._background.stop()
+            _stop_all()
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if self._background.busy:
@@ -238,7 +241,7 @@ The list sharpens while you watch; Esc stops and keeps it"""
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender itself ends the operator: a file is loaded, a window closes."""
-        self._background.stop()
+        _stop_all()
         self._leave(context)
 
     def _options(self) -> Options:
@@ -250,7 +253,8 @@ The list sharpens while you watch; Esc stops and keeps it"""
         trade = self._background.trade
         if trade is None or trade is self._shown or not trade.rows:
             return
-        show(IMAGE_NAME, draw_trade(trade, self._scene_name), context, opens=self._shown is None)
+        opens, plot = self._shown is None, draw_trade(trade, self._scene_name)
+        show(IMAGE_NAME, plot, context, opens, _hear_escape)
         self._shown = _measured[self._scene_name] = trade
         for window in context.window_manager.windows:
             for area in window.screen.areas:
@@ -258,6 +262,7 @@ The list sharpens while you watch; Esc stops and keeps it"""
                     area.tag_redraw()
 
     def _leave(self, context: bpy.types.Context) -> None:
+        _at_work.discard(self._background)
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
@@ -289,6 +294,46 @@ The list sharpens while you watch; Esc stops and keeps it"""
     def _fail(self, error: Exception) -> set[str]:
         self.report({"ERROR"}, f"Glint cannot measure this scene: {' '.join(str(error).split())}")
         return {"CANCELLED"}
+
+
+_at_work: set[_Background] = set()
+
+
+def _stop_all() -> None:
+    for background in _at_work:
+        background.stop()
+
+
+def _hear_escape(area: bpy.types.Area) -> None:
+    """Let Esc in the area's window stop measurements, too: Blender tells modal operators of their
+    own window's events alone.
+    """
+    with bpy.context.temp_override(window=window_of(area), area=area):
+        bpy.ops.glint.hear_escape("INVOKE_DEFAULT")
+
+
+class GLINT_OT_hear_escape(bpy.types.Operator):
+    """Stop Tune Settings where Esc is pressed in the window of its plot"""
+
+    bl_idname = "glint.hear_escape"
+    bl_label = "Stop Tune Settings on Esc"
+    bl_options = {"INTERNAL"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            _stop_all()
+        if _at_work:
+            return {"PASS_THROUGH"}
+        self.cancel(context)
+        return {"FINISHED", "PASS_THROUGH"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        context.window_manager.event_timer_remove(self._timer)
 
 
 class GLINT_OT_use_measured(bpy.types.Operator):
@@ -470,7 +515,12 @@ def change_text(trade: Trade, row: Row) -> str:
     return f"{speed}, {error:.2g} × the error"
 
 
-_CLASSES = (GLINT_OT_measure_scene, GLINT_OT_use_measured, GLINT_RENDER_PT_trade)
+_CLASSES = (
+    GLINT_OT_measure_scene,
+    GLINT_OT_hear_escape,
+    GLINT_OT_use_measured,
+    GLINT_RENDER_PT_trade,
+)
 
 
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import socket
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -92,6 +95,27 @@ def _find_image_io() -> ModuleType | None:
     return OpenImageIO
 
 
+@contextmanager
+def hidden(path: Path) -> Iterator[Path]:
+    """Another name in the same folder, to write to and to look at; what is there at the end gets
+    its own, and where an error leaves nothing does.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    worker = f"{socket.gethostname()}-{os.getpid()}"
+    part = path.with_name(f".{path.stem}.{worker}{path.suffix}")
+    try:
+        yield part
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file, or none: what was there before stays. Raises OSError."""
+    with hidden(path) as part:
+        part.write_bytes(data)
+
+
 # --- headers
 # --------------------------------------------------------------------------------------------------
 
@@ -143,7 +167,7 @@ def sample_bits(path: Path) -> int:
     """Bits of a colour value: 16 or 32 in an EXR file, 8 or 16 in a PNG."""
     data = path.read_bytes()
     if data.startswith(_PNG):
-        return data[24]
+        return 16 if data[24] == 16 else 8
     channels = next(value for _, kind, value in _exr_attributes(data) if kind == "chlist")
     first_kind = channels.index(b"\0") + 1
     return 16 if struct.unpack_from("<i", channels, first_kind)[0] == 1 else 32

@@ -39,6 +39,7 @@ def copied(
             layer.use = layer.name == view_layer
         yield copy
     finally:
+        statistics.forget(copy.name)
         bpy.data.scenes.remove(copy)
         for camera, data in cameras:
             bpy.data.objects.remove(camera)

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import bpy
 import numpy as np
 
-from .editors import editor_of, fit_picture
+from .editors import fit_picture, in_editor
 
 
 def show(
-    name: str, picture: np.ndarray, context: bpy.types.Context, opens: bool = True
+    name: str,
+    picture: np.ndarray,
+    context: bpy.types.Context,
+    opens: bool = True,
+    on_open: Callable[[Any], None] = lambda area: None,
 ) -> bpy.types.Image:
     """Put a canvas, (h, w, 3) of what a screen shows with row 0 on top, into the image `name`, and
-    if it `opens` that into an image editor: an open one, else one in a new window where there are
-    windows.
+    if it `opens` that into an image editor (`editors.in_editor`), whose area `on_open` gets.
     """
     height, width = picture.shape[:2]
     image = bpy.data.images.get(name)
@@ -25,8 +31,12 @@ def show(
     pixels[..., :3] = np.flipud(picture)
     image.pixels.foreach_set(pixels.ravel())
     image.update()
-    area = editor_of("IMAGE_EDITOR", context) if opens else None
-    if area is not None:
-        area.spaces.active.image = image
+
+    def put(area: Any) -> None:
+        area.spaces.active.image = bpy.data.images.get(name)
         fit_picture(area)
+        on_open(area)
+
+    if opens:
+        in_editor("IMAGE_EDITOR", context, put)
     return image

@@ -164,7 +164,10 @@ def read_tile(path: Path) -> dict[str, tuple[Region, engine.Film]]:
         pixels = source.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
         if pixels is None:
             raise OSError(f"{path}: {source.geterror()}")
-        title, film = _film(spec, np.flipud(np.asarray(pixels, np.float32)))
+        try:
+            title, film = _film(spec, np.flipud(np.asarray(pixels, np.float32)))
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            raise OSError(f"{path} is no tile that Glint wrote: draw it again") from error
         y0 = spec.full_height - spec.y - spec.height
         region = (spec.x, y0, spec.x + spec.width, y0 + spec.height)
         hashed = spec.get_string_attribute(f"glint.{title}.pixels")

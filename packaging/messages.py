@@ -42,8 +42,8 @@ GROUPS = (
 """Heading, and which modules' messages stand under it: the first that fits."""
 VERBS = re.compile(
     "add|bake|choose|clear|close|compare|compile|convert|decode|draw|enable|exclude|find|give|hide|"
-    "keep|leave|let|link|look|make|move|name|put|raise|relocate|remove|render|repair|replace|restart|"
-    "scale|set|simplify|start|subdivide|take|turn|unlink|unset|use|write"
+    "install|keep|leave|let|link|look|make|move|name|put|raise|relocate|remove|render|repair|replace|"
+    "restart|scale|set|simplify|start|subdivide|take|turn|unlink|unset|use|write"
 )
 """With which a message's own remedy begins."""
 _FEWEST, _FEWEST_TOLD = 4, 2

@@ -19,6 +19,7 @@ BLENDER = {
     "gpu_extras",
     "bmesh",
     "blf",
+    "bl_operators",
     "bl_ui",
     "addon_utils",
     "idprop",
@@ -46,6 +47,7 @@ ENGINES_API = {
     "engine.scene.panorama",
     "engine.settings",
     "engine.film",
+    "engine.futures",
     "engine.analysis.fingerprint",
     "engine.analysis.target",
 }

@@ -20,13 +20,14 @@ from ..export.darkness import darkness
 from ..export.keys import frame_of
 from ..ui.properties import settings_from, tracer_notes
 from .kept import Kept
+from .memory import process_megabytes
 from .motion import opens, with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
 from .quality_target import QualityTarget, quality_target_of
 from .result import Picture, crypto_ids, unrendered_outputs, wanted_passes
 from .stamp import Stamping
-from .statistics import Statistics, remember
+from .statistics import Statistics, remember, spent_samples
 from .unused_data import unused_data
 from .views import looker_of, view_names
 
@@ -257,11 +258,12 @@ def _trace(
         )
         film = draw(
             job.scene,
-            replace(job.settings, passes=passes | {"Error"}) if is_seen else job.settings,
+            replace(job.settings, passes=passes | _watched(job.settings, is_seen)),
             should_stop=should_stop,
             on_progress=lambda fraction: progress.trace(fraction, job.settings),
             on_wave=None if bpy.app.background else show,
         )
+    job.statistics.spent = spent_samples(film)
     film = replace(
         film,
         passes={
@@ -276,6 +278,12 @@ def _trace(
             job.scene, forecast, film, progress.watching("Checking the error", should_stop)
         )
     return film
+
+
+def _watched(settings: engine.Settings, is_seen: bool) -> frozenset[str]:
+    """Passes that statistics and progress read, whoever else does."""
+    shown = {"Error"} if is_seen else set()
+    return frozenset(shown | ({"Samples"} if settings.error_threshold > 0 else set()))
 
 
 def tell_notes(render_engine: bpy.types.RenderEngine, notes: list[str]) -> None:
@@ -362,8 +370,9 @@ def _finish(
 
 def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     statistics = job.statistics
+    statistics.memory = process_megabytes()
     render_engine.update_memory_stats(
-        memory_used=statistics.megabytes, memory_peak=statistics.megabytes
+        memory_used=statistics.memory[0], memory_peak=statistics.memory[1]
     )
     render_engine.update_stats(job.title, statistics.stages_line)
     skipped = f"; not needed: {statistics.skipped_line}" if statistics.skipped else ""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import tomllib
-from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from ...engine.analysis.fingerprint import (
     tracer_text,
     value_fingerprint,
 )
+from ...engine.futures import Future, started
 
 FIELDS = ("pixels", "settings", "geometry", "tracer", "frame")
 """pixels: `picture_fingerprint`.  settings: JSON.  geometry: hash of the exported scene.  tracer:
@@ -39,19 +40,20 @@ class Stamping:
     """
 
     def __init__(self, scene: engine.Scene) -> None:
-        self._threads = ThreadPoolExecutor(2)
-        self._geometry = self._threads.submit(value_fingerprint, scene)
+        self._geometry = started(partial(value_fingerprint, scene))
         self._pixels: Future[str] | None = None
 
     def __enter__(self) -> Stamping:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._threads.shutdown()
+        for future in (self._geometry, self._pixels):
+            if future is not None:
+                future.close()
 
     def begin_pixels(self, film: engine.Film) -> None:
         """The picture is there; nobody may change its arrays before `fields` is called."""
-        self._pixels = self._threads.submit(picture_fingerprint, film.passes)
+        self._pixels = started(partial(picture_fingerprint, film.passes))
 
     def fields(self, settings: engine.Settings, frame: float) -> dict[str, str]:
         """Field → text, after `begin_pixels`."""

@@ -8,6 +8,10 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import bpy
+
+from ... import engine
+
 STAGES = ("sync", "build", "trace", "write")
 """sync: Blender → scene; build: acceleration structures; trace: rays and shading; write: film →
 Blender's passes (→ files).
@@ -27,10 +31,12 @@ _views: dict[str, tuple[str, ...]] = {}
 
 @dataclass
 class Statistics:
-    """samples, backend: of the film.  seconds: stage → seconds, and "engine": all that the engine
-    took, with its checks. exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text,
-    of `stamp.Stamping`.  skipped: kind → names of what nothing reads.  notes: what was dropped or
-    changed, and why.  target: what was asked for, chosen, predicted and reached, if anything was.
+    """samples, backend: of the film.  spent: samples of the mean pixel and of the one that took
+    most, where these are known.  seconds: stage → seconds, and "engine": all that the engine took,
+    with its checks.  exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text, of
+    `stamp.Stamping`.  skipped: kind → names of what nothing reads.  notes: what was dropped or
+    changed, and why.  memory: of the process, now and at most, in MB.  target: what was asked for,
+    chosen, predicted and reached, if anything was.
     """
 
     samples: int
@@ -41,6 +47,8 @@ class Statistics:
     stamp: dict[str, str] = field(default_factory=dict)
     skipped: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    spent: tuple[float, int] | None = None
+    memory: tuple[float, float] = (0.0, 0.0)
     target: str = ""
 
     @property
@@ -58,7 +66,7 @@ class Statistics:
             *counts,
             f"features: {' + '.join(features) or 'none'}",
             f"{self.megabytes:.1f} MB",
-            _count(self.samples, "samples") + " per pixel",
+            self._samples_text,
         ]
         read = {name: self.exported[key] for name, key in _READ if key in self.exported}
         if read:
@@ -67,6 +75,13 @@ class Statistics:
         work = (("rays", "rays"), ("media points", "volume points"))
         parts += [_count(self.traced[key], name) for key, name in work if self.traced.get(key)]
         return ", ".join([*parts, f"traced by {_TRACERS[self.backend]}"])
+
+    @property
+    def _samples_text(self) -> str:
+        mean, most = self.spent or (self.samples, self.samples)
+        if mean == most:
+            return _count(most, "samples") + " per pixel"
+        return f"{mean:.1f} samples per pixel on average and {most} at most"
 
     @property
     def skipped_line(self) -> str:
@@ -78,6 +93,7 @@ class Statistics:
         """Title → lines, for the panel, where `notes` have a place of their own; none is empty."""
         sections = {
             "Time": [f"{name}: {self.seconds.get(name, 0.0):.3f} s" for name in STAGES],
+            "Memory of Blender": _memory_lines(*self.memory),
             "Target error": re.split(r"[;:,] ", self.target) if self.target else [],
             "Required": self.scene_line.split(", "),
             "Not needed, not read": [f"{kind}: {names}" for kind, names in self.skipped.items()],
@@ -102,11 +118,30 @@ def _count(value: float, name: str) -> str:
     return f"{int(value):,} {name}".replace(",", " ")
 
 
+def spent_samples(film: engine.Film) -> tuple[float, int] | None:
+    """Samples of the mean pixel and of the one that took most, by the pass Samples if there is
+    one.
+    """
+    samples = film.passes.get("Samples")
+    return None if samples is None else (float(samples.mean()), int(samples.max()))
+
+
+def _memory_lines(now: float, most: float) -> list[str]:
+    return [f"now: {now:.0f} MB", f"at most: {most:.0f} MB"] if now else []
+
+
 def remember(scene_name: str, layer_name: str, statistics: Statistics) -> None:
     """Keep them for the panel and the command line; nothing that a picture depends on."""
     layers = _last.setdefault(scene_name, {})
     layers.pop(layer_name, None)
     layers[layer_name] = statistics
+
+
+def add_note(scene_name: str, note: str) -> None:
+    """Add what was found out after a render of the scene to its last layer's notes."""
+    last = of_last_render(scene_name)
+    if last is not None:
+        last.notes = (*last.notes, note)
 
 
 def remember_view(scene_name: str, notes: tuple[str, ...]) -> None:
@@ -117,6 +152,13 @@ def remember_view(scene_name: str, notes: tuple[str, ...]) -> None:
 def of_views(scene_name: str) -> tuple[str, ...]:
     """What the 3D view of this scene that was read last could not show as it is."""
     return _views.get(scene_name, ())
+
+
+@bpy.app.handlers.persistent
+def forget_all(*_: object) -> None:
+    """Another file was loaded: nothing of it was rendered yet."""
+    _last.clear()
+    _views.clear()
 
 
 def forget(scene_name: str) -> None:
@@ -132,3 +174,11 @@ def by_layer(scene_name: str) -> dict[str, Statistics]:
 def of_last_render(scene_name: str) -> Statistics | None:
     """Of the view layer of this scene that was rendered last; None before the first."""
     return next(reversed(by_layer(scene_name).values()), None)
+
+
+def register() -> None:
+    bpy.app.handlers.load_post.append(forget_all)
+
+
+def unregister() -> None:
+    bpy.app.handlers.load_post.remove(forget_all)

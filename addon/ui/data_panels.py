@@ -16,6 +16,8 @@ from .node_menu import draw_button
 from .panel import EnginePanel, SettingPanel, draw_if_known, draw_reason, draw_wide
 
 _DEFORMS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+_SEEN = {*_DEFORMS, "CURVES", "POINTCLOUD", "VOLUME", "LIGHT"}
+"""Objects that rays see or that give light, beside instances of collections."""
 _MOVES = {*_DEFORMS, "EMPTY", "LIGHT", "POINTCLOUD"}
 """Objects that motion blur has settings of."""
 
@@ -85,9 +87,7 @@ class GLINT_LIGHT_PT_beam_shape(EnginePanel, bpy.types.Panel):
             column.prop(light, "spot_blend", text="Blend")
             column.prop(light, "show_cone", text="Show Cone")
             return
-        column.active = False
         column.prop(light, "spread", text="Spread")
-        draw_reason(self.layout, True, "Glint's area lights shine to all of their side")
 
 
 _PANORAMAS = {
@@ -146,7 +146,7 @@ class GLINT_VOLUME_PT_render(EnginePanel, bpy.types.Panel):
 
     def draw(self, context):
         is_read = openvdb() is not None
-        draw_reason(self.layout, not is_read, "Needs the OpenVDB module of Blender 5.0")
+        draw_reason(self.layout, not is_read, "Needs the OpenVDB module of Blender 4.5")
         column = self.column
         column.active = is_read
         for name in ("space", "step_size", "clipping"):
@@ -169,7 +169,12 @@ class _WorldPanel(EnginePanel):
 
 class GLINT_OBJECT_PT_visibility(_ObjectPanel, bpy.types.Panel):
     bl_label = "Visibility"
-    draw = OBJECT_PT_visibility.draw
+
+    def draw(self, context):
+        OBJECT_PT_visibility.draw(self, context)
+        # the end of it is the column Mask, which this goes on with
+        if context.object.type not in {"LIGHT", "CAMERA"}:
+            self.layout.column().prop(context.object, "is_shadow_catcher")
 
 
 class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
@@ -177,16 +182,18 @@ class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
     bl_context = "object"
     bl_parent_id = "GLINT_OBJECT_PT_visibility"
 
+    @classmethod
+    def poll(cls, context):
+        thing = context.object
+        is_seen = thing is not None and (thing.type in _SEEN or thing.instance_type == "COLLECTION")
+        return is_seen and super().poll(context)
+
     def draw(self, context):
         column = self.animated_column
         for kind in ("Camera", "Diffuse", "Glossy", "Transmission", "Volume Scatter", "Shadow"):
-            row = column.row()
-            row.active = kind != "Volume Scatter"
-            row.prop(context.object, f"visible_{kind.lower().replace(' ', '_')}", text=kind)
-        reason = "Volume Scatter is for what glows; volumes see the object whatever it says"
-        draw_reason(self.layout, True, reason)
-        mask = self.column.column(heading="Mask")
-        mask.prop(context.object, "is_shadow_catcher")
+            column.prop(context.object, f"visible_{kind.lower().replace(' ', '_')}", text=kind)
+        reason = "Volume Scatter is for what gives light: volumes see the object whatever it says"
+        draw_reason(self.layout, context.object.type != "LIGHT", reason)
 
 
 class GLINT_OBJECT_PT_culling(_ObjectPanel, bpy.types.Panel):
@@ -415,12 +422,8 @@ class GLINT_WORLD_PT_ray_visibility(_WorldPanel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column
-        for name in ("camera", "diffuse", "glossy", "transmission"):
+        for name in ("camera", "diffuse", "glossy", "transmission", "scatter"):
             column.prop(context.world.cycles_visibility, name)
-        scatter = column.column()
-        scatter.active = False
-        scatter.prop(context.world.cycles_visibility, "scatter")
-        draw_reason(column, True, "Glint's volumes see what surfaces do")
 
 
 def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.ViewLayer) -> None:

@@ -19,6 +19,7 @@ from ..render import statistics
 from . import data_panels, view_layer_panels
 from .lines import draw_text
 from .panel import CHOICES, ENGINE, EnginePanel, SettingPanel, draw_if_known, draw_reason, draw_wide
+from .presets import GLINT_PT_presets
 from .properties import LIGHT_GROUP, OF_RAYS, OF_SAMPLES
 
 _REPLACED_OR_WITHOUT_EFFECT = {
@@ -62,7 +63,7 @@ class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
     bl_label = "Sampling"
 
     def draw_header_preset(self, context):
-        self.layout.menu("GLINT_MT_presets", text="", icon="PRESET")
+        GLINT_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context):
         column = self.column
@@ -72,7 +73,7 @@ class GLINT_RENDER_PT_sampling(EnginePanel, bpy.types.Panel):
         physical.active = settings.final.illumination == "PHYSICAL"
         draw_reason(column, not physical.active, "Classic illumination has none of these")
         draw_wide(physical, settings.final, "world_light", pixels=CHOICES)
-        draw_wide(physical, settings.final, "mesh_light", pixels=CHOICES)
+        draw_wide(physical, settings.final, "use_mesh_light", pixels=CHOICES)
         draw_wide(column, settings, "target", pixels=CHOICES)
         if settings.target != "NONE":
             error = "target_levels" if settings.target == "LEVELS" else "target_rmse"
@@ -96,12 +97,12 @@ class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
 
     def draw(self, context):
         has_target = context.scene.glint.target != "NONE"
-        draw_reason(self.layout, has_target, "Quality Target finds the first three")
+        draw_reason(self.layout, has_target, "Quality Target finds the first two")
         column = self.column
         found, chosen = column.column(), column.column()
         found.active = not has_target
         for number, name in enumerate(self.names):
-            draw_wide(found if number < 3 else chosen, context.scene.glint.final, name)
+            draw_wide(found if number < 2 else chosen, context.scene.glint.final, name)
 
 
 class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):
@@ -126,7 +127,7 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         reflections = physical.column()
         reflections.active = bounces > 0
         draw_wide(reflections, final, "reflections", pixels=CHOICES)
-        draw_wide(column, final, "subsurface", pixels=CHOICES)
+        draw_wide(column, final, "use_subsurface", pixels=CHOICES)
         reason = "Rough Reflections need Bounces of Render"
         draw_reason(column, is_physical and bounces == 0, reason)
 

@@ -7,12 +7,17 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
 
 from ...engine.settings import OFFERED
 from .properties import OF_LIGHT, OF_RAYS, OF_SAMPLES
 
 NAMES = (*OF_LIGHT, *OF_SAMPLES, *OF_RAYS)
 """What a preset sets; what is not in its own settings is as it is to begin with."""
+_OF_TARGET = tuple(f"settings.{name}" for name in ("target", "target_levels", "target_rmse"))
+_FOLDER = "glint/sampling"
+"""Of the user's own presets, among Blender's."""
 PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "PREVIEW": (
         "Preview",
@@ -97,15 +102,35 @@ class GLINT_OT_preset(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class GLINT_MT_presets(bpy.types.Menu):
+class GLINT_OT_preset_add(AddPresetBase, bpy.types.Operator):
+    """Keep the present Sampling and Light Paths of the final render as a preset, or remove one"""
+
+    bl_idname = "glint.preset_add"
+    bl_label = "Add or Remove Preset"
+    preset_menu = "GLINT_PT_presets"
+    preset_subdir = _FOLDER
+    preset_defines = ("settings = bpy.context.scene.glint",)
+    preset_values = (*(f"settings.final.{name}" for name in NAMES), *_OF_TARGET)
+
+
+class GLINT_PT_presets(PresetPanel, bpy.types.Panel):
+    """Glint's own presets, and below them the user's."""
+
     bl_label = "Presets"
+    preset_subdir = _FOLDER
+    preset_operator = "script.execute_preset"
+    preset_add_operator = GLINT_OT_preset_add.bl_idname
+    COMPAT_ENGINES = {"GLINT"}
 
     def draw(self, context: bpy.types.Context) -> None:
+        column = self.layout.column(align=True)
+        column.emboss = "PULLDOWN_MENU"
         for name, (label, _, _) in PRESETS.items():
-            self.layout.operator(GLINT_OT_preset.bl_idname, text=label).preset = name
+            column.operator(GLINT_OT_preset.bl_idname, text=label).preset = name
+        PresetPanel.draw(self, context)
 
 
-_CLASSES = (GLINT_OT_preset, GLINT_MT_presets)
+_CLASSES = (GLINT_OT_preset, GLINT_OT_preset_add, GLINT_PT_presets)
 
 
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -65,10 +65,29 @@ OF_RAYS = ("max_bounces", "cutoff")
 """How finely to sample, and how far to follow rays: the viewport's are its own."""
 
 
+ON_OR_OFF = tuple(
+    name for name in _OWN if [choice[0] for choice in DECLARED[name].choices or ()] == ["ON", "OFF"]
+)
+"""Settings that panels show as the checkbox `use_<name>`."""
+
+
+def _checkbox(name: str) -> BoolProperty:
+    """A choice between On and Off, as Blender shows it; files and scripts keep the choice."""
+    return BoolProperty(
+        name=DECLARED[name].label,
+        description=DECLARED[name].choices[0][2],
+        get=lambda group: getattr(group, name) == "ON",
+        set=lambda group, is_on: setattr(group, name, "ON" if is_on else "OFF"),
+    )
+
+
 class GlintRenderSettings(bpy.types.PropertyGroup):
     """How to render; the same group serves the final render and the viewport."""
 
-    __annotations__ = {name: _property(name) for name in _OWN}
+    __annotations__ = {
+        **{name: _property(name) for name in _OWN},
+        **{f"use_{name}": _checkbox(name) for name in ON_OR_OFF},
+    }
 
 
 _TARGET_ITEMS = (

@@ -48,6 +48,7 @@ from .core_types import (
     State,
     StatsData,
 )
+from .intact import damage
 from .packing import pack_scene
 from .packing_settings import PASS_NUMBERS, pack_settings, passes_of
 
@@ -122,13 +123,17 @@ def library() -> ctypes.CDLL:
     """The core's library: the one that GLINT_CORE_LIBRARY names, else the installed `glint_core`
     wheel's.
 
-    Raises ImportError when there is none or its version differs, OSError when it cannot be loaded.
+    Raises ImportError when there is none, its version differs or it is damaged, OSError when it
+    cannot be loaded.
     """
     path = os.environ.get(LIBRARY_VARIABLE)
     if not path:
         import glint_core
 
-        path = str(glint_core.library_path())
+        installed = glint_core.library_path()
+        if damage(installed):
+            raise ImportError(f"{damage(installed)}: install Glint again")
+        path = str(installed)
     return _load(path)
 
 

@@ -230,10 +230,10 @@ def test_a_thread_that_does_not_start_is_told_as_what_it_is(tmp_path):
     run = Blender(tmp_path).run(
         DRAW
         + """
-import threading
-def refused(thread):
+from glint import engine
+def refused(*_, **__):
     raise RuntimeError("can't start new thread")
-threading.Thread.start = refused
+engine.render = refused
 draw("none.exr")
 """
     )

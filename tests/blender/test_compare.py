@@ -75,6 +75,32 @@ answer({"unchanged": before == state(), "strip": result.strip.shape, **result.as
     assert any("Light of more bounces" in line for line in answer["expected"])
 
 
+@pytest.mark.parametrize(("given", "taken"), [("", 3), (", bounces=0", 0), (", bounces=5", 5)])
+def test_both_bounce_as_the_scene_does_or_as_asked(tmp_path, given, taken):
+    """Mirrors that show nothing in both pictures compare nothing."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + f"""
+from glint.operators import compare_cycles
+taken = []
+def look(scene, samples, bounces, *rest, _match=compare_cycles.match_cycles):
+    taken.append(bounces)
+    _match(scene, samples, bounces, *rest)
+compare_cycles.match_cycles = look
+def draw(copy, path, _draw=compare_cycles.rendered):
+    if copy.render.engine == "GLINT":
+        taken.append(copy.glint.final.max_bounces)
+    return _draw(copy, path)
+compare_cycles.rendered = draw
+scene.glint.final.max_bounces = 3
+scene.glint.final.samples = 1
+bpy.ops.glint.compare_cycles(directory=str(FOLDER), samples=4, side=16, full_light=False{given})
+answer(taken)
+"""
+    )
+    assert _answer(run) == [taken] * 3, run.output
+
+
 def test_a_difference_is_seen(tmp_path):
     """A fault in one engine's light: Glint reads the strength number as the intensity."""
     run = Blender(tmp_path).run(
@@ -129,6 +155,8 @@ context = SimpleNamespace(scene=scene, view_layer=bpy.context.view_layer, window
     workspace=SimpleNamespace(status_text_set=said.append))
 options = {"directory": str(FOLDER / "out"), "samples": 4, "bounces": 0, "side": 16, "full_light": False}
 operator = SimpleNamespace(report=lambda kind, text: said.append(text), **options)
+operator.properties = SimpleNamespace(is_property_set=options.__contains__)
+operator._steps = operator._timer = None
 for name in ("_advance", "_finish", "cancel"):
     setattr(operator, name, getattr(cls, name).__get__(operator))
 before = state()

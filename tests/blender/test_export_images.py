@@ -686,6 +686,13 @@ def test_a_packed_jpeg_needs_no_suffix(scene, tmp_path):  # noqa: F811
     np.testing.assert_allclose(raw.rgba[:, :, :3] / 255, 0.5, atol=0.01)
 
 
+@pytest.mark.parametrize("suffix", ["." + 400 * "a", ".t:ga", ".", ".tga"])
+def test_a_packed_image_is_read_whatever_its_name_ends_with(scene, tmp_path, suffix):  # noqa: F811
+    data = Path(_file(tmp_path / "a.tga", np.full((4, 4, 3), 1.0, np.float32))).read_bytes()
+    raw = pixels.decode(pixels.Source(f"a{suffix}", data, "STRAIGHT"))
+    assert raw.rgba.shape == (4, 4, 4) and (raw.rgba == 255).all()
+
+
 @pytest.mark.parametrize("encoding", ["LINEAR", "SRGB"])
 @pytest.mark.parametrize("channel", ["COLOR", "ALPHA", "LUMINANCE"])
 def test_the_mean_of_bytes_is_that_of_their_colours(encoding, channel):

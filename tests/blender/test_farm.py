@@ -4,7 +4,9 @@ template that `openjd` itself runs.
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -17,7 +19,7 @@ pytest.importorskip("bpy")
 import bpy
 
 from farm_shot import COMPOSITED, PROGRAM, Shot
-from glint.operators import farm
+from glint.operators import command_line, farm
 
 WITHOUT_TEXTURE = """
 material = cube.data.materials[0]
@@ -56,6 +58,50 @@ def test_a_range_of_frames(text, numbers):
 def test_what_is_no_range_of_frames(text):
     with pytest.raises(ValueError, match="frames"):
         farm.frame_numbers(text)
+
+
+@pytest.mark.parametrize("stem", ["*", "a**b", "[a]", "a?"])
+def test_only_what_workers_left_of_the_frame_goes(tmp_path, stem):
+    """Names of files are no patterns."""
+    others = tmp_path / ".other_0001.host-1.png"
+    left = tmp_path / f".{stem}_0001.host-1.png"
+    for path in (others, left):
+        path.touch()
+    frame = tmp_path / f"{stem}_0001.png"
+    with farm._hidden(frame) as part:
+        part.write_bytes(b"frame")
+    assert sorted(tmp_path.iterdir()) == sorted([frame, others])
+
+
+@pytest.mark.parametrize("engine", ["openjd", "slurm", "flamenco"])
+@pytest.mark.parametrize("name", ["a\nb\x07\u2028.blend", "a\udcff.blend", "**.blend"])
+def test_a_job_for_a_file_of_any_name(tmp_path, engine, name):
+    """Open Job Description refuses control characters in names; scripts hold a path's bytes."""
+    blend, place = tmp_path / name, tmp_path / "job"
+    blend.touch()
+    words = ["--engine", engine, "--frames", "1-5", "--out", str(tmp_path / "out")]
+    assert command_line.run(["job", str(blend), *words, "--template", str(place)]) == 0
+    if engine == "openjd":
+        assert json.loads(place.read_text())["name"].isprintable()
+    elif engine == "slurm":
+        assert os.fsencode(str(blend)) in place.read_bytes()
+
+
+def test_a_full_disk_leaves_no_job_and_the_one_before(tmp_path, monkeypatch, capsys):
+    blend, place = tmp_path / "a.blend", tmp_path / "job.sh"
+    blend.touch()
+    place.write_text("before")
+    monkeypatch.setattr(Path, "write_bytes", _full_disk)
+    monkeypatch.setattr(Path, "write_text", _full_disk)
+    words = ["--engine", "slurm", "--frames", "1-5", "--out", str(tmp_path / "out")]
+    assert command_line.run(["job", str(blend), *words, "--template", str(place)]) == 2
+    assert "No space left" in capsys.readouterr().err
+    assert place.read_text() == "before" and sorted(tmp_path.iterdir()) == [blend, place]
+
+
+def _full_disk(path: Path, *_: object, **__: object) -> None:
+    path.open("w").close()
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
 @pytest.mark.slow
@@ -140,21 +186,25 @@ def test_a_look_at_frames_writes_nothing(shot):
 
 @pytest.mark.slow
 def test_frames_that_blender_makes_of_strips_are_refused(shot):
-    """No stamp could tell what they were made of; one that is there is not taken for good."""
+    """No stamp could tell what they were made of, and other scenes' compositors would run; a stamp
+    that is there is not taken for good.
+    """
     strips = "getattr(scene.sequence_editor_create(), %r).new_effect(%s)\n"
     options = 'name="strip", type="COLOR", channel=1, frame_start=1, '
     ends = "frame_end=9" if bpy.app.version < (5, 0, 0) else "length=9"
     name = "sequences" if bpy.app.version < (4, 4, 0) else "strips"
     shot.make(strips % (name, options + ends))
     drawn = shot.frames("1")
-    assert drawn.returncode == 2 and "has no stamp" in drawn.output, drawn.output
+    assert drawn.returncode == 2 and "strips are rendered in its place" in drawn.output, (
+        drawn.output
+    )
     assert shot.names == []
     shot.out.mkdir(exist_ok=True)
     shot.make()
     assert shot.frames("1").returncode == 0
     shot.make(strips % (name, options + ends))
     checked = shot.frames("1", "--check")
-    assert checked.returncode == 2 and "has no stamp" in checked.output, checked.output
+    assert checked.returncode == 2 and "strips are rendered" in checked.output, checked.output
 
 
 @pytest.mark.slow
@@ -181,7 +231,8 @@ def test_a_missing_texture_ends_with_a_sentence_and_no_picture(shot):
 def test_a_full_disk_leaves_no_picture(shot):
     shot.make()
     full = (
-        "import resource, signal\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "import resource, signal, sys\nsys.dont_write_bytecode = True\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (900, resource.RLIM_INFINITY))\n"
     )
     shot.program.write_text(PROGRAM.replace("exit_code = command", full + "exit_code = command"))

@@ -271,7 +271,8 @@ def test_a_full_disk_leaves_no_tile(tmp_path):
     shot = Shot(tmp_path)
     shot.make()
     full = (
-        "import resource, signal\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "import resource, signal, sys\nsys.dont_write_bytecode = True\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (900, resource.RLIM_INFINITY))\n"
     )
     shot.program.write_text(PROGRAM.replace("exit_code = command", full + "exit_code = command"))

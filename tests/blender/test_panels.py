@@ -193,6 +193,10 @@ answer({
     "light nodes": offered(panels.data_panels.GLINT_LIGHT_PT_nodes, context),
     "culling": offered(panels.data_panels.GLINT_OBJECT_PT_culling, context),
     "world rays": offered(panels.data_panels.GLINT_WORLD_PT_ray_visibility, context),
+    "menus of two": [[name, [item.name for item in prop.enum_items]] for name, prop in properties.items()
+                     if prop.type == "ENUM" and [item.name for item in prop.enum_items] == ["On", "Off"]],
+    "drawn names": sorted({name for panel in ours if panel.__name__ != "GLINT_LIGHT_PT_beam_shape" for name, _ in offered(panel, context)}),
+    "switched": [setattr(final, "use_subsurface", False), final.subsurface, setattr(final, "use_subsurface", True), final.subsurface],
     "names": {name: prop.name for name, prop in properties.items()},
     "tracers": {item.identifier: item.name for item in properties["backend"].enum_items},
     "descriptions": [prop.description for prop in properties.values()] + [item.description for prop in properties.values()
@@ -288,7 +292,6 @@ def test_what_is_read_can_be_set(told):
         "glossy",
         "transmission",
         "scatter",
-        "Glint's volumes see what surfaces do",
     ]
 
 
@@ -325,7 +328,7 @@ def test_what_is_grey_says_why(told):
     why = told["why"]
     assert why["none"] == []
     assert "Classic illumination has none of these" in why["classic"]
-    assert "Quality Target finds the first three" in why["target"]
+    assert "Quality Target finds the first two" in why["target"]
     assert "Of the native tracer alone" in why["python"]
     assert "Rough Reflections need Bounces of Render" in why["bounces"]
     assert "Vector is empty with Motion Blur" in why["vector"]
@@ -338,3 +341,11 @@ def test_names_and_tooltips_say_what_to_choose(told):
     assert [
         text for text in told["descriptions"] if re.search(r"[Mm]easured|\d \d{3}|: 0\.\d", text)
     ] == []
+
+
+def test_on_and_off_are_checkboxes(told):
+    menus = {name for name, _ in told["menus of two"]}
+    drawn = set(told["drawn names"])
+    assert menus and not menus & drawn
+    assert {f"use_{name}" for name in menus} <= drawn
+    assert told["switched"] == [None, "OFF", None, "ON"]

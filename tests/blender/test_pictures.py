@@ -7,7 +7,7 @@ from blender_process import REGISTER_TREE, Blender
 DRAW = (
     REGISTER_TREE
     + """
-import resource, signal
+import resource, signal, sys
 from glint.operators import command_line
 from glint.operators.pictures import check_whole
 bpy.ops.wm.read_homefile(use_factory_startup=True)
@@ -18,6 +18,7 @@ scene.glint.final.samples = scene.glint.final.light_samples = 1
 image = scene.render.image_settings
 
 def full_disk():
+    sys.dont_write_bytecode = True  # it would be cut off
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1500, resource.RLIM_INFINITY))
 
@@ -81,6 +82,34 @@ answer(command_line.run(["target", str(FOLDER / "a.blend"), "--levels", "100", "
     )
     assert run.answer == 2, run.output
     assert "a.exr is not whole" in run.output and "make room on its disk" in run.output
+
+
+def test_a_render_to_a_full_disk_is_told(tmp_path):
+    """Blender says FINISHED, of a still picture and of an animation; whole files get no word."""
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+from glint.addon.render import statistics
+
+def notes(name, animation):
+    scene.render.filepath, scene.frame_end = str(FOLDER / name), 1
+    bpy.ops.render.render(write_still=True, animation=animation)
+    return [note for note in statistics.of_last_render(scene.name).notes if "not whole" in note]
+
+kinds = [("PNG", False), ("PNG", True), ("OPEN_EXR", False), ("OPEN_EXR", True)]
+told = []
+for room in ("enough", "none"):
+    for kind, animation in kinds:
+        image.file_format = kind
+        told.append(notes(f"{room}_{kind}_{animation}_", animation))
+    full_disk()
+answer(told)
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert [len(notes) for notes in run.answer] == [0] * 4 + [1] * 4, run.answer
+    assert all("make room on its disk" in note for [note] in run.answer[4:])
+    assert run.output.count("not whole") >= 4, "the log has it, too"
 
 
 def test_a_cut_picture_is_not_verified(tmp_path):

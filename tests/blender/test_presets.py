@@ -107,3 +107,26 @@ def test_their_pictures_are_in_the_order_of_their_names(got):
 def test_the_textbook_has_a_ray_a_pixel_and_hard_shadows(got):
     settings = got["told"]["TEXTBOOK"]["settings"]
     assert (settings["samples"], settings["light_samples"], settings["max_bounces"]) == (1, 1, 1)
+
+
+def test_a_preset_of_ones_own_is_kept_and_removed(tmp_path):
+    """With + and the −, as those of Blender's engines."""
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + """
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+scene.glint.final.samples, scene.glint.final.reflections, scene.glint.target = 7, "OFF", "RMSE"
+folder = pathlib.Path(bpy.utils.user_resource("SCRIPTS", path="presets/glint/sampling"))
+bpy.ops.glint.preset_add(name="My own")
+kept = [path.name for path in folder.iterdir()]
+bpy.ops.glint.preset(preset="FINAL")
+between = [scene.glint.final.samples, scene.glint.target]
+panel = bpy.types.GLINT_PT_presets
+bpy.ops.script.execute_preset(filepath=str(folder / kept[0]), menu_idname=panel.__name__)
+again = [scene.glint.final.samples, scene.glint.final.reflections, scene.glint.target]
+bpy.ops.glint.preset_add(name="My own", remove_name=True)
+answer([kept, between, again, list(folder.iterdir())])
+"""
+    )
+    assert run.answer == [["My_own.py"], [64, "NONE"], [7, "OFF", "RMSE"], []], run.output

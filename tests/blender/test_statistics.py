@@ -106,3 +106,59 @@ answer([blurred, render()])
     first, second = run.answer
     assert len(first["notes"]) == 1 and "focused on its own place" in first["notes"][0]
     assert second["notes"] == []
+
+
+def test_a_file_that_is_loaded_has_no_statistics(tmp_path):
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "a.blend"))
+loads = {
+    "new": lambda: bpy.ops.wm.read_homefile(use_factory_startup=True),
+    "file": lambda: bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "a.blend")),
+    "revert": lambda: bpy.ops.wm.revert_mainfile(),
+}
+told = {}
+for name, load in loads.items():
+    scene = bpy.context.scene
+    scene.render.engine, scene.render.resolution_percentage = "GLINT", 10
+    bpy.ops.render.render()
+    statistics.remember_view(scene.name, ("note",))
+    before = statistics.of_last_render(scene.name) is not None
+    load()
+    name_now = bpy.context.scene.name
+    told[name] = [before, statistics.of_last_render(name_now) is None, not statistics.of_views(name_now)]
+answer(told)
+"""  # noqa: E501 - a script for another Blender
+    )
+    assert run.answer == dict.fromkeys(("new", "file", "revert"), [True] * 3), run.output
+
+
+def test_samples_and_memory_are_those_of_the_render(tmp_path):
+    """Pixels that converge stop early: how many samples they took is said, and the memory is the
+    whole process's.
+    """
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+from pathlib import Path
+final = scene.glint.final
+final.samples, final.error_threshold = 64, 0.05
+early = render()
+mean, most = statistics.of_last_render(scene.name).spent
+final.samples, final.error_threshold = 4, 0.0
+whole = render()
+status = Path("/proc/self/status")
+lines = status.read_text().splitlines() if status.exists() else []
+resident = next((int(line.split()[1]) * 1024e-6 for line in lines if "VmRSS" in line), 0)
+answer([early["sections"], mean, most, whole["sections"], resident])
+"""
+    )
+    early, mean, most, whole, resident = run.answer
+    assert 4 <= mean < most <= 64
+    assert f"{mean:.1f} samples per pixel on average and {most} at most" in early["Required"]
+    assert "4 samples per pixel" in whole["Required"]
+    now, highest = (float(line.split()[-2]) for line in whole["Memory of Blender"])
+    assert 50 < now <= highest
+    if resident:
+        assert abs(now - resident) < 0.1 * resident

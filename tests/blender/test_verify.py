@@ -6,7 +6,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_process import REGISTER_TREE, Blender
+from blender_process import COMPOSITOR, REGISTER_TREE, Blender
 
 SET_UP = """
 from glint.operators import command_line
@@ -183,3 +183,109 @@ answer([verify(name, "a.blend") for name in ("text.exr", "cut.png", "cycles.png"
     )
     assert run.answer == [2, 2, 2, 2], run.output
     assert "neither OpenEXR nor PNG" in run.output and "carries no stamp" in run.output
+
+
+FORGED = [
+    ("settings", "[1]"),
+    ("settings", "nothing"),
+    ("settings", "[" * 100_000),
+    ("frame", "two"),
+    ("frame", "9" * 30),
+]
+
+
+def test_a_forged_stamp_gets_a_sentence(tmp_path):
+    blender = Blender(tmp_path)
+    made = blender.run(MAKE + 'save("a.blend")\ndraw("a.exr", "OPEN_EXR")')
+    assert made.returncode == 0, made.output
+    for number, (field, text) in enumerate(FORGED):
+        buffer = oiio.ImageBuf(str(tmp_path / "a.exr"))
+        buffer.specmod().attribute(f"glint.ViewLayer.{field}", text)
+        assert buffer.write(str(tmp_path / f"forged{number}.exr"))
+    run = blender.run(
+        MAKE + f'answer([verify(f"forged{{k}}.exr", "a.blend") for k in range({len(FORGED)})])'
+    )
+    assert run.answer == [2] * len(FORGED), run.output
+    assert run.output.count("carries a stamp that no render wrote") == len(FORGED)
+
+
+HOSTILE = (
+    COMPOSITOR
+    + """
+scene.render.use_compositing = True
+layers = tree.nodes.new("CompositorNodeRLayers")
+tree.links.new(layers.outputs["Image"], output.inputs["Image"])
+files = tree.nodes.new("CompositorNodeOutputFile")
+if hasattr(files, "directory"):
+    files.directory, files.file_name = str(FOLDER / "written"), "delivery"
+    files.file_output_items.new("RGBA", "Image")
+else:
+    files.base_path = str(FOLDER / "written")
+tree.links.new(layers.outputs["Image"], files.inputs[0])
+text = bpy.data.texts.new("start.py")
+text.use_module = True
+text.write(f"open({str(FOLDER / 'ran')!r}, 'w').close()")
+driver = cube.driver_add("location", 2).driver
+driver.type = "SCRIPTED"
+driver.expression = f"[open({str(FOLDER / 'drove')!r}, 'w').close(), 0.25][1]"
+style = bpy.data.texts.new("style.py")
+style.write(f"open({str(FOLDER / 'styled')!r}, 'w').close()")
+freestyle = bpy.context.view_layer.freestyle_settings
+freestyle.mode = "SCRIPT"
+freestyle.modules.new().script = style
+bpy.context.preferences.filepaths.use_scripts_auto_execute = True
+
+def done():
+    names = [name for name in ("written", "ran", "drove", "styled") if (FOLDER / name).exists()]
+    for name in names:
+        path = FOLDER / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    return names
+"""
+)
+
+
+@pytest.mark.parametrize("freestyle", [False, True])
+def test_commands_that_look_run_nothing_of_a_file(tmp_path, freestyle):
+    """Compositor, scripts, drivers and Freestyle of a file that may come from anybody."""
+    run = Blender(tmp_path).run(
+        MAKE
+        + HOSTILE
+        + f"""
+import shutil
+scene.render.use_freestyle = {freestyle}
+draw("a.exr", "OPEN_EXR")
+blend = save("a.blend")
+by_render = done()
+codes = [verify("a.exr", "a.blend")]
+codes += [command_line.run(["compare", blend, "--out", str(FOLDER / "out"), "--samples", "1"])]
+by_commands = done()
+codes += [command_line.run(["verify", str(FOLDER / "a.exr"), blend, "--scripts"])]
+answer([by_render, codes, by_commands, done()])
+"""
+    )
+    by_render, codes, by_commands, by_scripts = run.answer
+    assert "written" in by_render
+    assert by_commands == []
+    assert codes == [1, 0, 0], run.output
+    assert by_scripts == ["ran", "drove"]
+    assert "start.py" in run.output and "add --scripts where you trust the file" in run.output
+
+
+def test_what_a_compositor_adds_is_told_and_not_called_a_difference(tmp_path):
+    run = Blender(tmp_path).run(
+        MAKE
+        + COMPOSITOR
+        + """
+scene.render.use_compositing = True
+layers = tree.nodes.new("CompositorNodeRLayers")
+invert = tree.nodes.new("CompositorNodeInvert")
+tree.links.new(layers.outputs["Image"], invert.inputs["Color"])
+tree.links.new(invert.outputs["Color"], output.inputs["Image"])
+draw("a.exr", "OPEN_EXR")
+save("a.blend")
+answer(verify("a.exr", "a.blend"))
+"""
+    )
+    assert run.answer == 0, run.output
+    assert "do not run here, so the hashes alone were compared" in run.output

@@ -4,6 +4,9 @@ arrays get there.
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -203,3 +206,36 @@ def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     monkeypatch.setenv(native.LIBRARY_VARIABLE, str(tmp_path / "nowhere.so"))
     assert "nowhere.so" in native.load_error()
     assert engine.available_backends() == ("NUMPY",)
+
+
+@needs_core
+@pytest.mark.parametrize("damage", ["cut", "zeros", "none"])
+def test_a_damaged_library_is_not_loaded(tmp_path: Path, damage: str) -> None:
+    """It would end the process with a bus error or a crash; the NumPy tracer draws instead."""
+    import glint_core
+
+    package = Path(glint_core.__file__).parent
+    for folder in (package, *package.parent.glob("glint_core-*.dist-info")):
+        shutil.copytree(folder, tmp_path / folder.name)
+    library = tmp_path / package.name / glint_core.library_path().name
+    data = library.read_bytes()
+    half = len(data) // 2
+    kept = {"cut": data[:half], "zeros": data[:half] + bytes(len(data) - half), "none": data}
+    library.write_bytes(kept[damage])
+    tests = Path(__file__).resolve().parent.parent
+    program = f"""
+import sys
+sys.path[:0] = [{str(tmp_path)!r}, {str(tests)!r}]
+import glint_tree
+from glint import engine
+print(engine.native_error())
+print(engine.available_backends())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    error, backends = done.stdout.splitlines()
+    if damage == "none":
+        assert error == "None" and "NATIVE" in backends
+    else:
+        assert str(library) in error and error.endswith(": install Glint again")
+        assert backends == "('NUMPY',)"

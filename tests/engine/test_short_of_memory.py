@@ -78,6 +78,32 @@ told(lambda: render.start([engine.Task(scene, settings)]))
     ]  # fmt: skip
 
 
+def test_threads_that_die_before_their_first_line() -> None:
+    """As where memory runs out when one begins; threading.Thread.start then waits for ever."""
+    program = """
+import _thread, threading
+scene = hard_lights()
+_thread.start_new_thread = threading._start_new_thread = lambda *_: 1
+from types import SimpleNamespace
+from glint.engine import futures
+from glint.engine.analysis.fingerprint import value_fingerprint
+
+def stamped():
+    from glint.addon.render.stamp import Stamping
+    with Stamping(scene) as stamping:
+        stamping.begin_pixels(SimpleNamespace(passes={"Combined": np.zeros((4, 4, 4))}))
+        fields = stamping.fields(engine.Settings(), 1)
+    return fields["geometry"] == value_fingerprint(scene)
+
+told(stamped)
+told(lambda: futures.parallel_map(abs, [-1, 2, -3]))
+told(lambda: futures.parallel_map(abs, ["x"]))
+"""
+    assert _lines(program) == [
+        "True", "[1, 2, 3]", "TypeError: bad operand type for abs(): 'str'"
+    ]  # fmt: skip
+
+
 @needs_core
 def test_a_picture_that_does_not_fit() -> None:
     """With some memory the sums cannot be had, with more the tracer's own arrays or the picture:

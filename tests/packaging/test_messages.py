@@ -1,6 +1,7 @@
 """The manual's page of messages: all that the code says is on it, each with a remedy."""
 
 import ast
+import re
 
 import pytest
 
@@ -27,6 +28,22 @@ def tell(report, name, count):
 class Panel:
     value: IntProperty(name="Value", description="This is a tooltip of some length, no message")
 '''
+
+
+def test_every_message_that_a_page_shows_is_said():
+    """Lines of a panel or a log, as pages of the manual show them, behind a bullet."""
+    patterns = [
+        re.compile(re.escape(message.text).replace("…", ".*") + ".*")
+        for message in messages.messages()
+    ]
+    shown = [
+        (page.name, line.removeprefix("• "))
+        for page in messages.PAGE.parent.glob("*.md")
+        for line in page.read_text(encoding="utf-8").splitlines()
+        if line.startswith("• ")
+    ]
+    unknown = [(page, line) for page, line in shown if not any(p.fullmatch(line) for p in patterns)]
+    assert shown and not unknown
 
 
 def texts(path):

@@ -73,6 +73,16 @@ def test_tune_settings_shows_something_soon(blender):
     assert told["processor"] <= SOON * told["render"]
 
 
+def test_long_operators_end_however_they_end(blender):
+    """Called off, stopped in either window, done and done again: none stays, and none raises."""
+    flags = ("--enable-event-simulate",)
+    told = run_in_window(blender, "stopping.py", timeout=600, flags=flags).run.answer
+    assert told["stopped"]
+    assert told["once"] == told["twice"] == [2, []]
+    assert "GLINT_OT_measure_scene" in told["measures"]
+    assert not told["whole"]
+
+
 def test_what_a_view_hides_and_brings_back(blender):
     told = run_in_window(blender, "looks.py", timeout=300).run.answer
     masks = told.pop("clip border")

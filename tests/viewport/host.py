@@ -29,10 +29,15 @@ class WindowRun:
 
 
 def run_in_window(
-    blender: Blender, script: str, *arguments: object, timeout: float, size: tuple[int, int] = _SIZE
+    blender: Blender,
+    script: str,
+    *arguments: object,
+    timeout: float,
+    size: tuple[int, int] = _SIZE,
+    flags: tuple[str, ...] = (),
 ) -> WindowRun:
     """Run a script of this folder in a window of `size` pixels, its first argument being Blender's
-    folder.
+    folder. flags: of Blender's command line.
     """
     for source in HERE.glob("*.py"):
         shutil.copy(source, blender.folder)
@@ -45,6 +50,7 @@ def run_in_window(
             "LIBGL_ALWAYS_SOFTWARE=1",
             program,
             "--factory-startup",
+            *flags,
         ]
         command += [
             "--window-geometry",

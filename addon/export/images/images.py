@@ -4,15 +4,14 @@ names its file.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ....engine.futures import parallel_map
 from ....engine.scene import Input, Texture
 from ..report import Report
 from . import colorspace, moving, pixels
@@ -112,10 +111,8 @@ class Images:
                 sources[key] = _source(_original(image), key.path, self._unsaved(image, tile))
         sources = {key: source for key, source in sources.items() if source is not None}
         if len(sources) > 1:
-            with ThreadPoolExecutor(min(len(sources), os.cpu_count() or 1)) as threads:
-                self._decoded.update(
-                    zip(sources, threads.map(self._decode, sources.values()), strict=True)
-                )
+            found = parallel_map(self._decode, list(sources.values()))
+            self._decoded.update(zip(sources, found, strict=True))
         else:
             self._decoded.update({key: self._decode(source) for key, source in sources.items()})
 

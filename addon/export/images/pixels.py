@@ -194,12 +194,15 @@ def _from_bytes(data: bytes, path: str) -> tuple[np.ndarray, bool]:
 _FIRST_BYTES = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png", b"v/1\x01": ".exr"}
 """OpenImageIO tries the format that the name says first; from another it decodes some images twice.
 """
+_LONGEST_SUFFIX = 8
+"""Letters; longer ones name no format, and systems refuse names of hundreds."""
 
 
 def _suffix(data: bytes, path: str) -> str:
     """What the name of a file with these bytes should end with."""
     known = next((suffix for first, suffix in _FIRST_BYTES.items() if data.startswith(first)), None)
-    return known or PurePath(path).suffix or ".png"
+    named = PurePath(path).suffix[1:]
+    return known or (f".{named}" if named.isalnum() and len(named) <= _LONGEST_SUFFIX else ".png")
 
 
 def _from_file(path: str) -> tuple[np.ndarray, bool]:

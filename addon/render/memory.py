@@ -1,0 +1,57 @@
+"""The memory of this process, as the system counts it: scene, trees, pictures, images and
+Blender's own.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from pathlib import Path
+
+
+def process_megabytes() -> tuple[float, float]:
+    """What is resident now, and the most that was since the process began; MB of 10^6 bytes. (0, 0)
+    where the system does not say.
+    """
+    try:
+        if sys.platform == "win32":
+            return _windows()
+        return _unix()
+    except (OSError, ValueError, ImportError, AttributeError):
+        return 0.0, 0.0
+
+
+def _unix() -> tuple[float, float]:
+    """Where there is no /proc, as on macOS, the most stands for what is resident now."""
+    import resource
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+    statm = Path("/proc/self/statm")
+    if not statm.exists():
+        return most, most
+    now = int(statm.read_text().split()[1]) * resource.getpagesize() / 1e6
+    return now, max(now, most)
+
+
+class _Counters(ctypes.Structure):
+    """PROCESS_MEMORY_COUNTERS of Windows."""
+
+    _fields_ = (
+        ("size", ctypes.c_uint32),
+        ("page_faults", ctypes.c_uint32),
+        ("most", ctypes.c_size_t),
+        ("now", ctypes.c_size_t),
+        ("pools_and_page_file", ctypes.c_size_t * 6),
+    )
+
+
+def _windows() -> tuple[float, float]:
+    kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+    kernel.GetCurrentProcess.restype = ctypes.c_void_p
+    ask = kernel.K32GetProcessMemoryInfo
+    ask.argtypes = [ctypes.c_void_p, ctypes.POINTER(_Counters), ctypes.c_uint32]
+    found = _Counters(ctypes.sizeof(_Counters))
+    if not ask(kernel.GetCurrentProcess(), ctypes.byref(found), found.size):
+        raise ctypes.WinError(ctypes.get_last_error())
+    return found.now / 1e6, found.most / 1e6

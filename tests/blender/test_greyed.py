@@ -1,0 +1,180 @@
+"""What panels grey out changes no picture, with the reason that they give; what they offer beside
+it, and in every other state, changes one.
+"""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from blender_process import REGISTER_TREE, Blender
+
+UI = Path(__file__).resolve().parents[2] / "addon" / "ui"
+PROGRAM = (
+    REGISTER_TREE
+    + """
+import math
+import numpy as np
+from glint.addon.render import statistics
+bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+scene, layer = bpy.context.scene, bpy.context.view_layer
+render, final = scene.render, scene.glint.final
+render.engine, render.resolution_x, render.resolution_y = "GLINT", 24, 24
+final.samples, final.error_threshold, final.light_samples, final.diffuse_bounces = 2, 0.0, 1, 1
+
+def put(name, data, *place):
+    thing = bpy.data.objects.new(name, data)
+    thing.location = place
+    scene.collection.objects.link(thing)
+    return thing
+
+def box(name, size, *place):
+    mesh, (x, y, z) = bpy.data.meshes.new(name), [side / 2 for side in size]
+    corners = [(i, j, k) for i in (-x, x) for j in (-y, y) for k in (-z, z)]
+    mesh.from_pydata(corners, [], [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+    return put(name, mesh, *place)
+
+def look(thing, kind, output="Surface", **values):
+    material = bpy.data.materials.new(thing.name)
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    node, end = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
+    for name, value in values.items():
+        node.inputs[name].default_value = value
+    tree.links.new(node.outputs[0], end.inputs[output])
+    thing.data.materials.append(material)
+    return thing
+
+eye = scene.camera = put("eye", bpy.data.cameras.new("eye"), 0, -9, 3)
+eye.rotation_euler = (math.radians(72), 0, 0)
+floor = look(box("floor", (9, 9, 0.1), 0, 0, -1), "ShaderNodeBsdfDiffuse")
+metal = look(box("metal", (1, 1, 1), -2, 0, 0), "ShaderNodeBsdfPrincipled", Metallic=1.0, Roughness=0.4)
+fog = look(box("fog", (2, 2, 1.8), 2, 0, 0.1), "ShaderNodeVolumeScatter", "Volume", Density=1.0)
+glow = look(box("glow", (1, 1, 0.05), 2, 0, 1.6), "ShaderNodeEmission", Strength=20.0)
+plain = look(box("plain", (0.3, 0.3, 0.3), 2.8, 0.9, 1.4), "ShaderNodeBsdfDiffuse")
+metal.keyframe_insert("location", frame=1)
+metal.location.z += 20
+metal.keyframe_insert("location", frame=2)
+scene.frame_set(1)
+area = put("area", bpy.data.lights.new("area", "AREA"), 0, 0, 4)
+area.data.energy, area.data.spread = 200, math.pi
+lamp = put("lamp", bpy.data.lights.new("lamp", "POINT"), 2, -1, 2.5)
+lamp.data.energy = 100
+scene.world = bpy.data.worlds.new("sky")
+scene.world.use_nodes = True
+
+def picture():
+    bpy.ops.render.render()
+    return statistics.of_last_render(scene.name).stamp["pixels"]
+
+def changes(owner, name, value):
+    before, old = picture(), getattr(owner, name)
+    setattr(owner, name, value)
+    after = picture()
+    setattr(owner, name, old)
+    return before != after
+
+def during(state, *settings):
+    # (owner, name, value) of the state that greys out, and of each setting: whether they change
+    free = [changes(*setting) for setting in settings]
+    owner, name, value = state
+    old = getattr(owner, name)
+    setattr(owner, name, value)
+    grey = [changes(*setting) for setting in settings]
+    setattr(owner, name, old)
+    return [free, grey]
+
+told = {
+    "Classic illumination has none of these": during(
+        (final, "illumination", "CLASSIC"), (final, "world_light", "CONSTANT"), (final, "mesh_light", "OFF"),
+        (final, "diffuse_bounces", 0), (final, "reflections", "OFF")),
+    "Rough Reflections need Bounces of Render": during((final, "max_bounces", 0), (final, "reflections", "OFF")),
+}
+blurred = [setting for setting in ((metal.cycles, "use_motion_blur", False), (layer, "use_motion_blur", False))
+           if hasattr(setting[0], setting[1])]
+render.use_motion_blur, final.samples = True, 16  # few samples lie near the middle of the shutter
+told["Motion Blur is off in Render properties"] = during((render, "use_motion_blur", False), *blurred)
+render.use_motion_blur, final.samples = False, 2
+scene.cycles.use_camera_cull, scene.cycles.camera_cull_margin = True, 0.0
+mirror = look(box("mirror", (9, 0.1, 5), 0, 4, 1), "ShaderNodeBsdfPrincipled", Metallic=1.0, Roughness=0.0)
+behind = look(box("behind", (2, 2, 2), 0, -14, 2), "ShaderNodeEmission", Strength=3.0)
+render.use_simplify = True
+told["Simplify in Render properties says whether and where objects are culled"] = during(
+    (render, "use_simplify", False), (behind.cycles, "use_camera_cull", True))
+render.use_simplify = False
+told["Of the native tracer alone"] = [[], during((final, "backend", "NUMPY"), (final, "acceleration", "FAST"), (final, "threads", 1))[1]]
+told["Volume Scatter is for what gives light: volumes see the object whatever it says"] = [
+    [changes(thing, "visible_volume_scatter", False) for thing in (lamp, glow, area)],
+    [changes(plain, "visible_volume_scatter", False)]]
+scene.glint.target_rmse, final.samples = 50.0, 16
+told["Quality Target finds the first two"] = during(
+    (scene.glint, "target", "RMSE"), (final, "samples", 9), (final, "error_threshold", 8.0))
+scene.glint.target = "RMSE"
+light_samples = changes(final, "light_samples", 2)  # 1 is a hard shadow from the lamp's centre
+scene.glint.target = "NONE"
+answer([told, {
+    "spread": changes(area.data, "spread", math.radians(20)),
+    "light samples with a target": light_samples,
+    "world": changes(scene.world.cycles_visibility, "scatter", False),
+}])
+"""  # noqa: E501 - a script for another Blender
+)
+NO_PICTURE = {
+    "The add-on of Cycles, which is off, keeps these settings",
+    "Needs the OpenVDB module of Blender 4.5",
+    "Vector is empty with Motion Blur",
+}
+"""Reasons about another Blender or its add-ons, and about a pass that has a test of its own
+(test_neighbour_frames.py).
+"""
+
+
+def _reasons() -> set[str]:
+    """Every text that `draw_reason` is given in the panels."""
+    found = set()
+    for path in UI.glob("*.py"):
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(function, ast.FunctionDef) and function.name != "draw_reason":
+                found |= _reasons_in(function)
+    return found
+
+
+def _reasons_in(function: ast.FunctionDef) -> set[str]:
+    named = {
+        target.id: node.value.value
+        for node in ast.walk(function)
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    given = [
+        node.args[2]
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "draw_reason"
+    ]
+    return {named[text.id] if isinstance(text, ast.Name) else text.value for text in given}
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    run = Blender(tmp_path_factory.mktemp("greyed")).run(PROGRAM)
+    assert run.returncode == 0, run.output
+    return run.answer
+
+
+def test_every_reason_has_its_pictures(told):
+    assert told[0].keys() | NO_PICTURE == _reasons()
+
+
+def test_what_is_grey_changes_nothing_and_else_it_does(told):
+    wrong = {
+        reason: states for reason, states in told[0].items() if not all(states[0]) or any(states[1])
+    }
+    assert wrong == {}
+
+
+def test_what_was_grey_and_acted_is_offered(told):
+    assert all(told[1].values()), told[1]
+    text = (UI / "data_panels.py").read_text(encoding="utf-8")
+    assert "active = False" not in text
