@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..sampling.motion import is_moving
-from ..scene import EVERYTHING, Camera, Material, Scene
+from ..scene import EVERYTHING, Camera, Light, Material, Scene
 from .attributes import Attributes
 from .cancellation import Cancellation
 from .geometry import gather
@@ -121,15 +121,20 @@ def uncovered(scene: Scene) -> list[str]:
         "media": any(m is not None for m in (scene.world.medium, *(x.medium for x in materials))),
         "nodes that ask for rays": scene.most_asked > 0,
         "programs of lamps": any(light.program is not None for light in lights),
-        "linked lights": any(
-            light.receivers != EVERYTHING or light.blockers != EVERYTHING for light in lights
-        ),
+        "linked lights": any(_is_linked(light) for light in lights),
+        "shadow catchers": any(block.catcher for block in scene.instances),
         "lights that tracers make": any(
             light.kind in ("MESH", "BOUNCED", "MEDIUM") for light in lights
         ),
     }
     lobes = dict.fromkeys(name for material in materials for name in _uncovered_lobes(material))
     return [name for name, is_there in found.items() if is_there] + list(lobes)
+
+
+def _is_linked(light: Light) -> bool:
+    """Whether it is for some things or lobes alone."""
+    all_lobes = light.lights_matt and light.lights_gloss
+    return not all_lobes or light.receivers != EVERYTHING or light.blockers != EVERYTHING
 
 
 def _uncovered_lobes(material: Material) -> list[str]:

@@ -19,6 +19,10 @@ MEASURES = ("flip", "shown")
 KINDS = {"cycles": "raw", "denoised": "denoised"}
 SIGNS = {"": "", "<": "≤ ", ">": "≥ "}
 
+PART_OF_ERROR = 1 / 3
+"""Of the error of Glint's defaults, that the truth's halves should differ by at most."""
+NOISY = "* more than a third of the FLIP of Glint's defaults: this truth wants more time."
+
 Curve = list[tuple[float, float]]
 
 
@@ -93,7 +97,13 @@ def table(results: list[dict]) -> str:
         "FLIP between its halves",
     )
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
-    return "\n".join([*lines, *map(row_of, results), median_row(results)])
+    lines += [*map(row_of, results), median_row(results)]
+    return "\n".join([*lines, "", NOISY] if any(map(is_noisy, results)) else lines)
+
+
+def is_noisy(result: dict) -> bool:
+    """Whether the halves of the truth differ by more than they should."""
+    return result["truth"]["noise"] > PART_OF_ERROR * result["default"]["flip"]
 
 
 def row_of(result: dict) -> str:
@@ -112,7 +122,7 @@ def row_of(result: dict) -> str:
         f"{first_ray(result, 'glint'):.2f}",
         f"{first_ray(result, 'cycles'):.2f}",
         f"{truth['samples']}",
-        f"{truth['noise']:.4f}",
+        f"{truth['noise']:.4f}" + " *" * is_noisy(result),
     )
     return "| " + " | ".join(cells) + " |"
 

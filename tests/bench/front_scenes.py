@@ -95,15 +95,19 @@ def open_file(source: str, width: int) -> None:
 
 
 def limit(scene, width: int) -> None:
-    """One view layer, without what works on pictures afterwards, at most that large."""
+    """One view layer, without what works on pictures afterwards, `width` pixels on the longer
+    side.
+    """
     import bpy
-
-    from glint.operators.compare_cycles import limit_size
 
     render = scene.render
     render.use_border = render.use_compositing = render.use_sequencer = False
     render.use_persistent_data = False
-    limit_size(scene, width)
+    factor = width / max(render.resolution_x, render.resolution_y)
+    render.resolution_x, render.resolution_y = (
+        max(1, round(side * factor)) for side in (render.resolution_x, render.resolution_y)
+    )
+    render.resolution_percentage = 100
     for layer in scene.view_layers:
         layer.use = layer == bpy.context.view_layer
 

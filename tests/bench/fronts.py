@@ -40,8 +40,6 @@ SECONDS_ALLOWED = 3600
 SLOWEST = 4.0
 """Of Glint's time, beyond which Cycles draws no more samples than asked for."""
 MOST_SAMPLES = 4096
-PART_OF_ERROR = 1 / 3
-"""Of the error of Glint's defaults, that the truth's halves may differ by."""
 
 
 def main() -> int:
@@ -191,13 +189,13 @@ def ladder(most: int, factor: int) -> list[int]:
 def truth_for(
     name: str, front: Front, default: front_scenes.Drawn, options: argparse.Namespace
 ) -> front_truth.Truth:
-    error = front.measures["flip"]
+    error, part = front.measures["flip"], front_curves.PART_OF_ERROR
     return front_truth.truth_of(
         options.out / "truth",
         f"{name}_{options.width}",
         lambda samples, seed: front_scenes.draw_once(front.scene, samples, seed),
         front_truth.rounds_within(options.truth_seconds, front.seconds_of_sample()),
-        lambda truth: truth.noise(error) <= PART_OF_ERROR * error(default.picture, truth.picture),
+        lambda truth: truth.noise(error) <= part * error(default.picture, truth.picture),
     )
 
 

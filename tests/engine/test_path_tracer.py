@@ -195,6 +195,7 @@ def test_noise_is_as_large_as_it_is_told() -> None:
     [
         (replace(room(), world=World(medium=Medium())), "media"),
         (room(replace(lamp(), receivers=1)), "linked lights"),
+        (room(replace(lamp(), lights_gloss=False)), "linked lights"),
         (room(more=(ball(),), materials=(Material("hair", (Lobe("FIBRE_DIFFUSE"),)),)), "FIBRE"),
         (
             room(more=(ball(),), materials=(Material("m", (Lobe("REFRACTION", exponent=9.0),)),)),

@@ -206,7 +206,9 @@ def test_the_sooner_of_raw_and_denoised_counts(error, seconds, sign, kind):
     assert (round(found.seconds, 3), found.sign) == (round(seconds, 3), sign)
     assert front_curves.KINDS[found.kind] == kind
     assert front_curves.gain(result) == pytest.approx(seconds / 4, rel=1e-3)
-    assert front_curves.row_of(result) in front_curves.table([result])
+    text = front_curves.table([result])
+    assert front_curves.row_of(result) in text
+    assert (front_curves.NOISY in text) == (error / 3 < 0.01)
 
 
 def test_a_truth_is_drawn_on_until_it_is_enough(tmp_path):
