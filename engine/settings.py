@@ -91,6 +91,25 @@ _BACKENDS = (
         "slower",
     ),
 )
+_SOFT_LIGHTS = (
+    (
+        "RESOLVED",
+        "Resolved",
+        "For nearly everything: neighbours look at different points, and light is averaged over "
+        "those that show the same surface, no wider than it is soft",
+    ),
+    (
+        "DEALT",
+        "Unresolved",
+        "To see what each pixel found by itself, in a regular pattern",
+    ),
+    (
+        "SHARED",
+        "Shared Points",
+        "For teaching: all pixels look at the same points, as the formulas have it. Many samples "
+        "are needed",
+    ),
+)
 _ACCELERATIONS = (
     ("AUTO", "Automatic", "For nearly everything: fast in the viewport, balanced in final renders"),
     (
@@ -111,18 +130,28 @@ _ACCELERATIONS = (
 ILLUMINATIONS, BACKENDS, ACCELERATIONS = (
     tuple(name for name, _, _ in choices) for choices in (_ILLUMINATIONS, _BACKENDS, _ACCELERATIONS)
 )
-DOME_SHARE = 8
-"""Directions of a DOME light for each sample of another light: the sky is all round, lamps are not.
-"""
-MESH_SHARE = 4
-"""Points of a MESH light for each sample of another light: it is all that glows.
-"""
-BOUNCED_SHARE = 16
-"""The same of a BOUNCED light: all that is lit."""
-BOUNCED_SHADOWS = 4
-"""So many shadow rays these share."""
+
+
+@dataclass(frozen=True)
+class _Shares:
+    """Points of lights that have tables, for each sample of another light: the sky is all round,
+    glowing meshes and bounced light are everywhere. bounced_shadows: so many rays share bounced
+    light's. gathers: rays of a sample that look for surfaces near by that throw light on.
+    """
+
+    dome: int
+    mesh: int
+    bounced: int
+    bounced_shadows: int
+    gathers: int
+
+
+_SHARED = _Shares(dome=8, mesh=4, bounced=16, bounced_shadows=4, gathers=2)
+"""Where each pixel sees but the points of its own samples."""
+_DEALT = _Shares(dome=2, mesh=2, bounced=4, bounced_shadows=2, gathers=1)
+"""Where pixels of a block see others: each needs few."""
 MEDIUM_SHARE, MEDIUM_SHADOWS = 32, 4
-"""The same of a MEDIUM light, in which near points count most: all that glows, and their rays."""
+"""The same of a MEDIUM light, in which near points count most, and of the rays that they share."""
 MOST_BOUNCED = 256
 """Light samples from which on they are no more: there are some 2¹³ points in all."""
 BUILDS = ACCELERATIONS[1:]
@@ -311,6 +340,13 @@ class Settings:
         "where it went in",
         choices=_SUBSURFACE,
     )
+    soft_light: str = _setting(
+        "SHARED",
+        "Soft Light",
+        "How the light of what has an extent is sampled: soft lamps, the sky, what glows, bounced "
+        "light and rough reflections",
+        choices=_SOFT_LIGHTS,
+    )
     diffuse_bounces: int = _setting(
         0,
         "Diffuse Bounces",
@@ -371,9 +407,23 @@ class Settings:
         return self.reflections if possible else "OFF"
 
     @property
+    def _shares(self) -> _Shares:
+        return _SHARED if self.soft_light == "SHARED" else _DEALT
+
+    @property
+    def occlusion_samples(self) -> int:
+        """Directions of the Ambient Occlusion pass for each sample of a pixel."""
+        return _SHARED.dome * self.light_samples
+
+    @property
+    def gather_samples(self) -> int:
+        """Rays of a sample of a pixel that look for surfaces near by that throw light on."""
+        return self._shares.gathers
+
+    @property
     def dome_samples(self) -> int:
         """Directions of a DOME light for each sample of a pixel."""
-        return DOME_SHARE * self.light_samples
+        return self._shares.dome * self.light_samples
 
     @property
     def opening_samples(self) -> int:
@@ -383,17 +433,17 @@ class Settings:
     @property
     def mesh_samples(self) -> int:
         """Points of a MESH light for each sample of a pixel."""
-        return MESH_SHARE * self.light_samples
+        return self._shares.mesh * self.light_samples
 
     @property
     def bounced_samples(self) -> int:
         """Points of a BOUNCED light for each sample of a pixel."""
-        return BOUNCED_SHARE * min(self.light_samples, MOST_BOUNCED)
+        return self._shares.bounced * min(self.light_samples, MOST_BOUNCED)
 
     @property
     def bounced_shadows(self) -> int:
         """Shadow rays that the points of a BOUNCED light share for each sample of a pixel."""
-        return BOUNCED_SHADOWS * min(self.light_samples, MOST_BOUNCED)
+        return self._shares.bounced_shadows * min(self.light_samples, MOST_BOUNCED)
 
     @property
     def medium_samples(self) -> int:

@@ -49,8 +49,6 @@ NEAR = 4.0
 """Radii of discs within which rays look for surfaces instead."""
 MOST_SMALLER = 0.65
 """Of the discs have a smaller radius than the one that is meant."""
-GATHER_SAMPLES = 2
-"""Rays that a sample looks along there."""
 SMALLEST = 1 / 16
 """Of their area discs keep."""
 MOST_MORE, UNSEEN_MORE = 64, 8
@@ -89,15 +87,17 @@ def _light(same: Same, bounces: int) -> Light | None:
     return replace(light, bounces=replace(found, points=found.points - shift))
 
 
-def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
+def bounced_table(light: Light, samples: int, each: int, pixels: int = 1) -> MeshTable:
     """What tracers know of a BOUNCED light of which each of `samples` samples of a pixel takes
-    `each` points, as `mesh_lights.mesh_table`.
+    `each` points, as `mesh_lights.mesh_table`. pixels: which deal the points among themselves, so
+    that a point is one of so many times more.
     """
     assert light.bounces is not None
     dense = light.bounces
-    b = _even(dense, each)
-    near = gather_reach(b, each)
-    widest = np.minimum(dense.spreads, MERGED * np.pi * each * near * near)
+    together = each * pixels
+    b = _even(dense, together)
+    near = gather_reach(b, together)
+    widest = np.minimum(dense.spreads, MERGED * np.pi * together * near * near)
     count = tabled(samples, each)
     u = dome_points(count)
     # neighbours in the order go to samples far from each other
@@ -119,6 +119,7 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
         near,
         b.last[index],
         np.maximum(b.spreads, widest)[index],
+        pixels,
     )
 
 

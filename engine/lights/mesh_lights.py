@@ -375,7 +375,7 @@ class MeshTable:
     light_group: (k,) int, -1 for none.  near: within that distance, world units, rays look for
     surfaces that throw light on, in place of these points; 0: none do.  last: (k,) bool, points
     that do not light those surfaces.  wide: (k,) `spread` of the discs that light what gather rays
-    and rough reflections meet.
+    and rough reflections meet.  pixels: that deal these points among themselves.
     """
 
     point: Array
@@ -391,6 +391,12 @@ class MeshTable:
     near: float = 0.0
     last: Array | None = None
     wide: Array | None = None
+    pixels: int = 1
+
+    @property
+    def together(self) -> int:
+        """Points of a sample of all these pixels."""
+        return self.each * self.pixels
 
     def first(self, count: int) -> MeshTable:
         """The first `count` of the points of each sample."""

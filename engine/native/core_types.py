@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 69
+ABI_VERSION = 70
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -437,11 +437,12 @@ class RenderSettingsData(Structure):
         *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
         *_each(c_uint32, "bounced_samples bounced_shadows medium_samples medium_shadows"),
         *_each(c_uint32, "lamp_shadows occlusion_samples opening_samples gather_samples"),
-        *_each(c_uint32, "gather_block dome_rows dome_columns dome_irradiance_rows"),
+        *_each(c_uint32, "gather_block interleaving dome_rows dome_columns dome_irradiance_rows"),
         *_each(c_uint32, "dome_irradiance_columns camera_block lobe_levels crypto_ids max_bounces"),
         *_each(c_uint32, "threads"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections moving apart"),
+        *_each(c_int32, "resolves"),
     ]
 
 

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import SceneError
 from ..film import OCCLUSION, PASSES
-from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
+from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
+from ..lights.interleaving import interleaving
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable, mesh_table
 from ..lights.openings import opening_table
 from ..sampling import (
     GATHER_BLOCK,
+    dealt_samples,
     gather_points,
     gloss_points,
     light_points,
@@ -66,6 +69,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data = core_types.RenderSettingsData(
         pixel_offsets=address(offsets), waves=core_types.Waves[waves], remember=remember
     )
+    data.interleaving = interleaving(scene, settings)
+    data.resolves = settings.soft_light == "RESOLVED"
     for name in _SAME:
         setattr(data, name, getattr(settings, name))
     data.passes = sum(1 << PASS_NUMBERS[name] for name in passes_of(settings))
@@ -75,31 +80,32 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     build = "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
     data.acceleration = number(build, core_types.Build, "acceleration")
     data.reflections = number(settings.reflecting, core_types.Reflect, "reflections")
+    data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
+    data.apart = settings.apart
+    dealt = replace(settings, samples=dealt_samples(settings.samples, data.interleaving))
     if settings.reflecting != "OFF" or _has_rough_glass(scene):
-        points = lobe_points(settings.samples)
+        points = lobe_points(dealt.samples)
         data.lobe_levels, data.lobe_count = len(points), points.size // 2
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
         data.lobe_points = address(points)
-    if settings.reflecting != "OFF":
-        places = gloss_points(settings.samples).reshape(-1, 2)
+    if settings.reflecting != "OFF" and data.interleaving == 1:
+        places = gloss_points(dealt.samples).reshape(-1, 2)
         places = packer.lend(places, np.float64, (None, 2), "gloss points")
         data.gloss_points, data.gloss_count = address(places), len(places)
         data.gather_block = GATHER_BLOCK
-    _add_scattering(data, packer, scene, settings)
-    data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
-    data.apart = settings.apart
+    _add_scattering(data, packer, scene, dealt)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
-        square, disc = _light_points(settings.samples * settings.light_samples)
+        square, disc = _light_points(dealt.samples * settings.light_samples)
         data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
         data.light_disc = address(packer.lend(disc, np.float64, (None, 2), "light points"))
         data.light_point_count = len(square)
     for light in scene.lights:
         if light.kind == "DOME":
-            _add_dome(data, packer, light, settings)
+            _add_dome(data, packer, light, dealt)
         if light.kind == "BOUNCED":
-            _add_bounced(data, packer, light, settings)
-    _add_meshes(data, packer, [x for x in scene.lights if x.kind == "MESH"], settings)
-    _add_media(data, packer, [x for x in scene.lights if x.kind == "MEDIUM"], settings)
+            _add_bounced(data, packer, light, dealt)
+    _add_meshes(data, packer, [x for x in scene.lights if x.kind == "MESH"], dealt)
+    _add_media(data, packer, [x for x in scene.lights if x.kind == "MEDIUM"], dealt)
     if scene.camera.lens:
         _add_lens(data, packer, scene.camera.lens, settings)
     data.moving = is_moving(scene)
@@ -107,8 +113,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         _add_motion(data, packer, scene, settings)
     _add_neighbours(data, packer, scene, settings)
     _add_occlusion(data, packer, settings)
-    _add_node_points(data, packer, scene, settings)
-    _add_subsurface(data, packer, scene, settings)
+    _add_node_points(data, packer, scene, dealt)
+    _add_subsurface(data, packer, scene, dealt)
     return Packed(data, packer.lent)
 
 
@@ -185,14 +191,16 @@ def _add_media(
 def _add_bounced(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    table = bounced_table(light, settings.samples, settings.bounced_samples)
+    pixels = data.interleaving * data.interleaving
+    table = bounced_table(light, settings.samples, settings.bounced_samples, pixels)
     data.bounced_table, data.bounced_count = _lend_points(packer, [table], "bounced light samples")
     data.bounced_samples = table.each
     data.bounced_shadows, data.gather_reach = settings.bounced_shadows, table.near
-    points = gather_points(settings.samples, GATHER_SAMPLES)
+    data.gather_block = GATHER_BLOCK if data.interleaving == 1 else 1
+    points = gather_points(settings.samples, settings.gather_samples, data.gather_block)
     points = packer.lend(points, np.float64, (None, None, 2), "gather points")
     data.gather_points, data.gather_count = address(points), points.shape[1]
-    data.gather_samples, data.gather_block = GATHER_SAMPLES, GATHER_BLOCK
+    data.gather_samples = settings.gather_samples
 
 
 def _point_rows(t: MeshTable) -> np.ndarray:
@@ -243,10 +251,10 @@ def _add_occlusion(data: core_types.RenderSettingsData, packer: Packer, settings
     """Directions in which the pass looks, where it is asked for."""
     if OCCLUSION not in settings.passes:
         return
-    points = occlusion_points(settings.samples, settings.dome_samples)
+    points = occlusion_points(settings.samples, settings.occlusion_samples)
     points = packer.lend(points, np.float64, (None, 2), "occlusion points")
     data.occlusion_points, data.occlusion_count = address(points), len(points)
-    data.occlusion_samples = settings.dome_samples
+    data.occlusion_samples = settings.occlusion_samples
 
 
 def _add_node_points(
@@ -265,10 +273,10 @@ def _add_subsurface(
 ) -> None:
     """What comes out of surfaces elsewhere, where some do."""
     if settings.subsurface == "ON" and scene.has_subsurface:
-        points = subsurface_points(settings.samples)
+        data.gather_block = GATHER_BLOCK if data.interleaving == 1 else 1
+        points = subsurface_points(settings.samples, data.gather_block)
         points = packer.lend(points, np.float64, (None, None, 6), "subsurface points")
         data.subsurface_points, data.subsurface_count = address(points), points.shape[1]
-        data.gather_block = GATHER_BLOCK
 
 
 def _add_lens(

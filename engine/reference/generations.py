@@ -61,12 +61,20 @@ class Generations:
     """Follows the rays of one sample of a tile and adds what they bring to it."""
 
     def __init__(
-        self, stage: Stage, tile: Tile, sample: int, places: Array, blocks: tuple[Array, Array]
+        self,
+        stage: Stage,
+        tile: Tile,
+        sample: int,
+        dealt: int,
+        places: Array,
+        blocks: tuple[Array, Array],
     ) -> None:
-        """places: (pixels,) of each in its block of `gather_points`.  blocks: (pixels,) which
-        block each is in, where pixels share what gather rays find, and (2, pixels) `gloss_blocks`.
+        """sample: of the pixels, which is `dealt` in the tables.  places: (pixels,) of each in its
+        block of `gather_points`.  blocks: (pixels,) which block each is in, where pixels share what
+        gather rays find, and (2, pixels) `gloss_blocks`.
         """
-        self._stage, self._tile, self._sample, self._places = stage, tile, sample, places
+        self._stage, self._tile, self._sample, self._places = stage, tile, dealt, places
+        self._number = sample
         self._blocks: tuple[Array, Array] | None = blocks
         self._shares: Shares | None = None
         self._mixing: Mixing | None = None
@@ -74,8 +82,8 @@ class Generations:
             Tile(len(places), frozenset(), 0, len(stage.scene.light_groups)) for _ in range(2)
         )
         self._thrown = np.zeros(len(places))
-        self._seen = SeenPasses(stage, tile, sample, self._queries)
-        stage.media.moment.sample = sample
+        self._seen = SeenPasses(stage, tile, dealt, self._queries)
+        stage.media.moment.sample = dealt
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
@@ -93,7 +101,7 @@ class Generations:
         every = np.arange(len(self._places))
         if self._mixing is not None:
             self._gloss.take(self._shared, every, *self._mixing.shares())
-        part = shown(self._tile, self._gloss, self._thrown, self._sample)
+        part = shown(self._tile, self._gloss, self._thrown, self._number)
         self._tile.take(self._gloss, every, every, every, part)
 
     def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
@@ -131,6 +139,7 @@ class Generations:
             if stage.scene.aovs:
                 self._seen.give_aovs(at)
             at = self._catch(at)
+            self._seen.guide(at)
             self._tile.lose(at.pixel, at.weight * at.coefficients.holdout)
             self._seen.add_openness(at)
         at = seen_lobes(stage, at)

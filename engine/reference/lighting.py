@@ -79,6 +79,7 @@ class Lighting:
     many light is told apart by.  reach: how far gather rays look for what bounced light has the
     rest of; 0 where there are none.  gathered: these are surfaces that they found.  first_rod: the
     first primitive that is of strands.  faint: weights of points below this take few samples.
+    dealt: pixels of a block deal the samples among themselves, so that each sees few of the sky.
     """
 
     sources: tuple[Source, ...]
@@ -97,6 +98,7 @@ class Lighting:
     gathered: bool = False
     first_rod: int = 0
     faint: float = 0.0
+    dealt: bool = False
 
     @cached_property
     def of_few_samples(self) -> Lighting:
@@ -216,7 +218,7 @@ class Lighting:
                 if not is_drawn and light_sample.counts:
                     hidden = source.hidden_counts if isinstance(source, Dome) else 1
                     balance[seen] += np.where(dimmed, -hidden, 1)
-            if isinstance(source, Dome) and source.light.lights_matt:
+            if isinstance(source, Dome) and source.light.lights_matt and not self.dealt:
                 open_ = np.flatnonzero(lit & (balance >= 0))
                 rest = source.rest(pick(surface.x, open_), pick(surface.n, open_), at.sample)
                 low = mean_lowered(surface.lowering[open_])

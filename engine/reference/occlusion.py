@@ -24,7 +24,7 @@ def openness(stage: Stage, surface: Surface, sample: int, on_rays: Callable[[], 
     count, reach = len(surface), stage.scene.world.occlusion_distance
     if not reach > 0:
         return np.ones((3, count))
-    each = stage.settings.dome_samples
+    each = stage.settings.occlusion_samples
     points = occlusion_points(stage.settings.samples, each)
     first = sample % (len(points) // each) * each
     across, upward = across_normals(surface.n)

@@ -21,6 +21,7 @@ from ..film import (
     empty_value,
     light_group_pass,
 )
+from .resolve import HALVED, Guides, resolved
 
 Array = np.ndarray
 
@@ -56,7 +57,7 @@ class Tile:
         self.groups = np.zeros((3 * groups, count))
         self.clear, self.caught = np.zeros(count), np.zeros((3, count))
         self.brought, self.before = np.zeros((2, 2, count))
-        self.open = np.zeros((3, count))
+        self.open, self.guides = np.zeros((3, count)), np.zeros((7, count))
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
@@ -73,6 +74,11 @@ class Tile:
         for name in ("soft_light", "cut", "bounced"):
             getattr(self, name)[pixel[getattr(found, name)]] = True
         self.near[receiver[found.near[ray]]] = True
+
+    def guide(self, pixel: Array, values: Array) -> None:
+        """Adds what tells pixels' surfaces apart (7, m), as `resolve.Guides` reads it."""
+        for total, value in zip(self.guides, values, strict=True):
+            total += np.bincount(pixel, value, self._count)
 
     def denoise(self, pixel: Array, **values: Array) -> None:
         """Adds what denoisers are told ("Albedo" for "Denoising Albedo"), (channels, m) each."""
@@ -152,11 +158,16 @@ class Picture:
         crypto_ids: int,
         aovs: tuple[str, ...],
         light_groups: tuple[str, ...] = (),
+        resolved: int = 1,
     ):
-        self._shape, self._passes = (height, width), passes
+        """resolved: side of the blocks of pixels over which light is averaged, 1 for none."""
+        self._shape, self._passes, self._side = (height, width), passes, resolved
         count = width * height
         kept = [name for name in PARTS if name in passes]
-        kept += LIGHTING if passes.intersection(LIGHTING) else ()
+        kept += LIGHTING if passes.intersection(LIGHTING) or resolved > 1 else ()
+        self._guides = np.zeros((7, count))
+        self._halves = {name: np.zeros(count) for name in HALVED}
+        self._added: dict[str, Array] = {}
         self._parts = {name: np.zeros((3, count)) for name in kept}
         self._color, self._lost = np.zeros((3, count)), np.zeros(count)
         self._data = {name: np.zeros((PASSES[name], count)) for name in DATA if name in passes}
@@ -174,6 +185,9 @@ class Picture:
 
     def keep(self, here: slice | Array, tile: Tile) -> None:
         """Adds a finished tile, of these pixels."""
+        if self._side > 1:
+            self._note_halves(here)
+            self._guides[:, here] += tile.guides
         self._color[:, here] += tile.color()
         self._lost[here] += tile.lost
         self._cost[here] += tile.cost
@@ -198,9 +212,34 @@ class Picture:
         for name, values in tile.data.items():
             self._data[name][:, here] = values
 
+    def _note_halves(self, here: slice | Array) -> None:
+        """Before pixels take another sample: where they have as many as a power of 2."""
+        taken = self.samples[here]
+        count = taken.astype(int)
+        some = np.arange(len(self.samples))[here][(count > 0) & (count & (count - 1) == 0)]
+        for name, half in self._halves.items():
+            half[some] = self._parts[name][:, some].sum(0)
+
+    def resolve(self) -> None:
+        """What averaging the light of pixels adds to their means so far."""
+        if self._side == 1:
+            return
+        guides = Guides.of(self._guides.reshape(-1, *self._shape))
+        parts = {name: self._parts[name].reshape(3, *self._shape) for name in LIGHTING}
+        halves = {name: half.reshape(self._shape) for name, half in self._halves.items()}
+        samples = np.maximum(self.samples, 1).reshape(self._shape)
+        added = resolved(self._side, guides, parts, halves, samples)
+        self._added = {name: values.reshape(3, -1) for name, values in added.items()}
+
+    @property
+    def _colors(self) -> Array:
+        """(3, pixels) mean so far of the colour."""
+        return self._color / np.maximum(self.samples, 1) + sum(self._added.values())
+
     def color_and_loss(self) -> Array:
         """(4, pixels) mean so far of the colour and of the alpha lost."""
-        return np.concatenate([self._color, self._lost[None]]) / np.maximum(self.samples, 1)
+        lost = self._lost[None] / np.maximum(self.samples, 1)
+        return np.concatenate([self._colors, lost])
 
     def means(self) -> dict[str, Array]:
         """The passes so far, float64, (channels, pixels); pixels without a sample are black and
@@ -208,7 +247,7 @@ class Picture:
         """
         samples = np.maximum(self.samples, 1)
         alpha = np.where(self.samples > 0, 1 - self._lost / samples, 0.0)
-        color = {"Combined": np.concatenate([self._color / samples, alpha[None]])}
+        color = {"Combined": np.concatenate([self._colors, alpha[None]])}
         health = {
             "Samples": self.samples[None],
             "Cost": self._cost[None],
@@ -222,7 +261,11 @@ class Picture:
         chosen = {name: values for name, values in health.items() if name in self._passes}
         return (
             color
-            | {name: total / samples for name, total in self._parts.items() if name in PARTS}
+            | {
+                name: total / samples + self._added_to(name)
+                for name, total in self._parts.items()
+                if name in PARTS
+            }
             | self._lighting(samples)
             | self._data
             | chosen
@@ -238,6 +281,15 @@ class Picture:
             }
         )
 
+    def _added_to(self, part: str) -> Array | float:
+        """To a part of Combined, so that they sum to it: diffuse light and that of media to
+        Diffuse, glossy light to Specular, what passes through to Mirror.
+        """
+        kinds = {"Diffuse": ("Diffuse", "Volume"), "Specular": ("Glossy",)}
+        kinds["Mirror"] = ("Transmission",)
+        own = [name for name in self._added if name.split()[0] in kinds.get(part, ())]
+        return sum(self._added[name] for name in own)
+
     def _lighting(self, samples: Array) -> dict[str, Array]:
         """Direct and indirect light over its colour, which is 1 where it is 0 and there is
         light.
@@ -245,12 +297,16 @@ class Picture:
         found: dict[str, Array] = {}
         is_known = VOLUME[0] in self._parts
         for k in range(0, len(BY_SURFACE) if is_known else 0, 3):
-            direct, indirect, color = (self._parts[name] for name in BY_SURFACE[k : k + 3])
+            direct, indirect, color = (
+                self._parts[name] + samples * self._added.get(name, 0.0)
+                for name in BY_SURFACE[k : k + 3]
+            )
             over = np.where(color != 0, color, samples)
             bare = (color == 0) & ((direct != 0) | (indirect != 0))
             told = direct / over, indirect / over, np.where(bare, 1.0, color / samples)
             found |= dict(zip(BY_SURFACE[k : k + 3], told, strict=True))
-        found |= {name: self._parts[name] / samples for name in VOLUME if is_known}
+        volume = VOLUME if is_known else ()
+        found |= {name: self._parts[name] / samples + self._added.get(name, 0.0) for name in volume}
         return {name: values for name, values in found.items() if name in self._passes}
 
     def _ranked(self, name: str) -> Array:

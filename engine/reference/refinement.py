@@ -24,11 +24,11 @@ _MOST = 1e30
 
 
 def widened(
-    region: tuple[int, int, int, int], resolution: tuple[int, int]
+    region: tuple[int, int, int, int], by: int, resolution: tuple[int, int]
 ) -> tuple[int, int, int, int]:
-    """The region with the pixels of the frame next to it, x0, y0, x1, y1."""
-    x0, y0, x1, y1 = region
-    return max(x0 - 1, 0), max(y0 - 1, 0), min(x1 + 1, resolution[0]), min(y1 + 1, resolution[1])
+    """The region with so many pixels of the frame round it, x0, y0, x1, y1."""
+    (x0, y0, x1, y1), (width, height) = region, resolution
+    return max(x0 - by, 0), max(y0 - by, 0), min(x1 + by, width), min(y1 + by, height)
 
 
 def levels(x: Array) -> Array:
@@ -70,6 +70,7 @@ class Refinement:
             np.full((4, traced.size), np.inf),
             np.full((4, traced.size), -np.inf),
         )
+        self._ahead = np.full(traced.size, np.inf)
         self._range = np.zeros(traced.size)
         self._around = np.zeros(traced.size)
 
@@ -120,6 +121,23 @@ class Refinement:
             self.active &= waits | ~(
                 np.maximum(self._range, self._around) / samples**0.75 <= self._threshold
             )
+
+    def end_wave_ahead(self, samples: int, estimate: ErrorEstimate) -> None:
+        """The same where light is resolved: what the first waves say of a pixel and those round it
+        tells how many samples it takes, so that this depends on no more of the picture.
+        """
+        self._samples = samples
+        if samples < FIRST_ESTIMATE:
+            return
+        if samples == FIRST_ESTIMATE:
+            self._ahead = np.full(self.active.shape, np.inf)
+            number = FIRST_ESTIMATE
+            while self._threshold > 0 and number < 1 << 30:
+                enough = estimate.levels(np.full(self.active.shape, number)) <= self._threshold
+                fewer = enough & (number >= self._least)
+                self._ahead = np.where(fewer, np.minimum(self._ahead, number), self._ahead)
+                number *= 2
+        self.active &= (samples < self._ahead) & self._traced.ravel()
 
 
 class ErrorEstimate:

@@ -98,6 +98,15 @@ class SeenPasses:
             stage.crypto_ids(surface),
         )
 
+    def guide(self, at: Interaction) -> None:
+        """What tells pixels' surfaces apart, where their light is resolved."""
+        if not self._stage.resolves:
+            return
+        share = at.weight.mean(0) * (1 - at.coefficients.transparent.mean(0))
+        here = np.flatnonzero(share > 0)
+        columns = np.concatenate([at.surface.n, at.surface.x, np.ones((1, len(share)))])
+        self._tile.guide(at.pixel[here], share[here] * columns[:, here])
+
     def give_aovs(self, at: Interaction) -> None:
         """What surfaces give to AOVs, up to the first that lets less than half through."""
         tile, passed = self._tile, at.coefficients.transparent

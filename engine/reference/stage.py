@@ -11,12 +11,15 @@ import numpy as np
 
 from ..cryptomatte import id_bits
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
-from ..lights.bounced_light import GATHER_SAMPLES, bounced_table
+from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
+from ..lights.interleaving import interleaving
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import (
+    GATHER_BLOCK,
+    dealt_samples,
     gather_points,
     gloss_points,
     light_points,
@@ -79,6 +82,8 @@ class Stage:
 
     def __init__(self, scene: Scene, settings: Settings, cancellation: Cancellation):
         self.scene, self.settings, self.cancellation = scene, settings, cancellation
+        self.interleaving = interleaving(scene, settings)
+        self._samples = dealt_samples(settings.samples, self.interleaving)  # of tables
         self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
         self.geometry = gather(scene, self.eye)
         cancellation.check()
@@ -113,6 +118,7 @@ class Stage:
             light_groups=len(scene.light_groups),
             reflecting=settings.reflecting,
             first_rod=self.geometry.first_rod,
+            dealt=self.interleaving > 1,
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())
@@ -136,13 +142,15 @@ class Stage:
         self._lighting_of_exits = tuple(
             replace(lighting, faint=np.inf) for lighting in (self.lighting, far)
         )
-        self._lobe_points = lobe_points(settings.samples)
-        self._gather_points = gather_points(settings.samples, GATHER_SAMPLES)
-        self._gloss_points = gloss_points(settings.samples)
+        self._lobe_points = lobe_points(self._samples)
+        self._gather_points = gather_points(
+            self._samples, settings.gather_samples, self.gather_block
+        )
+        self._gloss_points = gloss_points(self._samples)
         self.asks_rays = scene.most_asked > 0
-        self._node_points = points_of_nodes(settings.samples, scene.most_asked)
-        self.scatter_offsets = scatter_offsets(settings.samples)
-        self._subsurface_points = subsurface_points(settings.samples)
+        self._node_points = points_of_nodes(self._samples, scene.most_asked)
+        self.scatter_offsets = scatter_offsets(self._samples)
+        self._subsurface_points = subsurface_points(self._samples, self.gather_block)
         self._goes_below = settings.subsurface == "ON" and scene.has_subsurface
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]
@@ -191,11 +199,16 @@ class Stage:
         return self.reach > 0 and not paths.gathers and paths.reflections == 0
 
     @property
+    def gather_block(self) -> int:
+        """Side of the squares of pixels that share rays; what is dealt is not shared."""
+        return GATHER_BLOCK if self.interleaving == 1 else 1
+
+    @property
     def shares_gathers(self) -> bool:
         """Whether pixels of a block share what gather rays find: media that vary are traced with
         few pixels at once.
         """
-        return self.reach > 0 and not self.media.varies
+        return self.reach > 0 and not self.media.varies and self.interleaving == 1
 
     def points_apart(self, surface: Surface) -> Array:
         """(n,) bool: which ask the points of bounced light for their shadows themselves: fibres,
@@ -214,7 +227,8 @@ class Stage:
     @property
     def mixes_gloss(self) -> bool:
         """Whether pixels of a block share what wide lobes reflect, as `shares_gathers`."""
-        return self.settings.reflecting != "OFF" and mixes_gloss(self.scene)
+        off = self.settings.reflecting == "OFF" or self.interleaving > 1
+        return not off and mixes_gloss(self.scene)
 
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""
@@ -232,10 +246,10 @@ class Stage:
         return LightPoint(CENTER.square, self._lobe_points[reflections % levels, sample % tabled])
 
     def gather_points(self, sample: int, places: Array) -> Array:
-        """(GATHER_SAMPLES, 2, n) of the unit disc, below which directions a sample looks for
+        """(gather_samples, 2, n) of the unit disc, below which directions a sample looks for
         surfaces that throw light on. places: (n,) of its pixels in their blocks.
         """
-        points, each = self._gather_points, GATHER_SAMPLES
+        points, each = self._gather_points, self.settings.gather_samples
         first = sample % max(points.shape[1] // each, 1) * each
         return points[:, first : first + each].transpose(1, 2, 0)[:, :, places]
 
@@ -272,7 +286,7 @@ class Stage:
         )
 
     def _source(self, light: Light) -> Source:
-        samples = self.settings.samples
+        samples = self._samples
         if light.kind == "MESH":
             table = mesh_table(light, samples, self.settings.mesh_samples)
             return MeshSource(light, self.eye, table)
@@ -280,7 +294,8 @@ class Stage:
             table = medium_table(light, samples, self.settings.medium_samples)
             return MediumSource(light, self.eye, table)
         if light.kind == "BOUNCED":
-            table = bounced_table(light, samples, self.settings.bounced_samples)
+            pixels = self.interleaving**2
+            table = bounced_table(light, samples, self.settings.bounced_samples, pixels)
             return BouncedSource(light, self.eye, table)
         if light.kind != "DOME":
             emission = None
@@ -295,7 +310,7 @@ class Stage:
         lamps = [source for source in self.sources if source.points is None]
         if all(source.sample_count(self.settings.light_samples) == 1 for source in lamps):
             return []
-        square, disc = light_points(self.settings.samples * self.settings.light_samples)
+        square, disc = light_points(self._samples * self.settings.light_samples)
         return [LightPoint(*pair) for pair in zip(square, disc, strict=True)]
 
     def per_object(self, name: str, row: Array) -> Array:
@@ -311,7 +326,12 @@ class Stage:
     @property
     def splits(self) -> bool:
         """Whether light is told apart by the surfaces that give it back."""
-        return not self.settings.passes.isdisjoint(LIGHTING)
+        return self.resolves or not self.settings.passes.isdisjoint(LIGHTING)
+
+    @property
+    def resolves(self) -> bool:
+        """Whether light is averaged over pixels."""
+        return self.interleaving > 1 and self.settings.soft_light == "RESOLVED"
 
     def mist(self, distance: Array) -> Array:
         """How much of it lies before what is at these distances from the eye, world units."""

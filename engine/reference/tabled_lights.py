@@ -274,7 +274,7 @@ class MeshSource(Source):
     def least_distance(self, point: MeshPoint) -> float:
         """From which a point is seen as if it were no nearer."""
         spread = self._table.spread[point.number]
-        return float(np.sqrt(merged(spread, self._table.each, self.merged)))
+        return float(np.sqrt(merged(spread, self._table.together, self.merged)))
 
     def sample(self, x: Array, point: MeshPoint, n: int) -> LightSample:
         row = [column[point.number] for column in vars(self._table).values() if np.ndim(column)]
@@ -307,7 +307,7 @@ class MeshSource(Source):
     ) -> LightSample:
         """The points q (3, k) or (3, 1) with these normals, radiances and shares of the area."""
         to = q - x
-        direction, near2 = unit(to), merged(spread, self._table.each, self.merged)
+        direction, near2 = unit(to), merged(spread, self._table.together, self.merged)
         z = -dot(direction, normal)
         solid_angle = spread * np.abs(z) / np.maximum(dot(to, to), near2)
         light = np.where(z > 0, front, back)
@@ -379,7 +379,7 @@ class BouncedSource(MeshSource):
     def _radius2(self, number: int) -> float:
         wide = self._table.wide if self._is_wide else None
         spread = self._table.spread if wide is None else wide
-        return float(merged(spread[number], self._table.each, self.merged))
+        return float(merged(spread[number], self._table.together, self.merged))
 
     def _disc(
         self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None

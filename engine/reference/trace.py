@@ -10,12 +10,15 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
+from ..lights.interleaving import interleaving
 from ..lights.lamps import group_stats, sharing_stats
 from ..sampling import (
     GATHER_BLOCK,
     TILE_SIDE,
     blocks_of,
+    dealt_sample,
     gloss_blocks,
+    interleaving_classes,
     pixel_offsets,
     places_in_blocks,
 )
@@ -26,7 +29,10 @@ from .camera import Spread
 from .cancellation import Cancellation, Stopped
 from .generations import Generations
 from .picture import DATA, Picture, Tile
+from .raster import Strips
+from .rays import Rays
 from .refinement import ErrorEstimate, Refinement, widened
+from .resolve import reach
 from .stage import Stage, mixes_gloss
 
 Array = np.ndarray
@@ -56,26 +62,37 @@ class Tracer:
     def __init__(self, scene: Scene, settings: Settings, cancellation: Cancellation):
         self._scene, self._settings, self._cancellation = scene, settings, cancellation
         self._shown = settings.region or (0, 0, *scene.camera.resolution)
-        gathers = any(light.kind == "BOUNCED" for light in scene.lights)
+        self._deals = interleaving(scene, settings)
+        resolves = self._deals > 1 and settings.soft_light == "RESOLVED"
+        margin = reach(self._deals) if resolves else 0
+        gathers = self._deals == 1 and any(light.kind == "BOUNCED" for light in scene.lights)
         self._side = GATHER_BLOCK if gathers else 1  # of squares whose pixels share rays
-        mixes = settings.reflecting != "OFF" and mixes_gloss(scene)
+        mixes = self._deals == 1 and settings.reflecting != "OFF" and mixes_gloss(scene)
         if mixes and not settings.apart:
             self._side = TILE_SIDE
         self._strip = TILE_SIDE if mixes else self._side  # of rows that are traced at once
-        self._region = self._traced = self._blocks_of(self._shown)
+        resolution = scene.camera.resolution
+        self._region = self._traced = widened(self._blocks_of(self._shown), margin, resolution)
         refines = settings.error_threshold > 0 or "Error" in settings.passes
         if refines and settings.samples >= FIRST_ESTIMATE:
-            self._region = widened(self._traced, scene.camera.resolution)
-            self._region = self._blocks_of(self._region)
+            self._region = self._blocks_of(widened(self._traced, 1 + margin, resolution))
         x0, y0, x1, y1 = self._region
         self.picture = Picture(
-            x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs, scene.light_groups
+            x1 - x0,
+            y1 - y0,
+            settings.passes,
+            settings.crypto_ids,
+            scene.aovs,
+            scene.light_groups,
+            self._deals if resolves else 1,
         )
         is_spread = (
             scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)
         )
         self._refinement = Refinement(settings, self._is_traced(), is_spread) if refines else None
-        self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None
+        estimates = "Error" in settings.passes or (refines and resolves)
+        self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if estimates else None
+        self._resolves = resolves
         self._spreads = Spread.samples(scene, settings.samples)
         self._times = sample_times(scene, settings.samples)[0] if is_moving(scene) else None
         self._finished = 0  # samples
@@ -153,9 +170,12 @@ class Tracer:
         return (x0 <= x) & (x < x1) & (y0 <= y) & (y < y1)
 
     def _end_wave(self, samples: int) -> None:
+        self.picture.resolve()
         if self._estimate and self._refinement:
             self._estimate.end_wave(self.picture.color_and_loss(), samples, self._refinement.active)
-        if self._refinement:
+        if self._refinement and self._resolves and self._estimate:
+            self._refinement.end_wave_ahead(samples, self._estimate)
+        elif self._refinement:
             self._refinement.end_wave(self.picture.color_and_loss()[:3], samples)
 
     def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
@@ -167,32 +187,62 @@ class Tracer:
             rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
             stage.cancellation.check()
             first = (y - y0) * (x1 - x0)
-            here: slice | Array = slice(first, first + len(rays))
-            places = places_in_blocks((x0, x1), (y, above), GATHER_BLOCK)
+            side = GATHER_BLOCK if self._deals == 1 else 1
+            places = places_in_blocks((x0, x1), (y, above), side)
             across, up = (x0, x1), (y, above)
             blocks = (
                 blocks_of(across, up, GATHER_BLOCK),
                 gloss_blocks(across, up, sample, (self._traced[::2], self._traced[1::2])),
             )
-            if self._refinement and not self._refinement.active[here].all():
-                chosen = np.flatnonzero(self._refinement.active[here])
-                here, rays, strips = first + chosen, rays.take(chosen), None
-                places, blocks = places[chosen], (blocks[0][chosen], blocks[1][:, chosen])
-            tile = Tile(
-                len(rays),
-                self._settings.passes.intersection(DATA) if sample == 0 else frozenset(),
-                len(self._scene.aovs),
-                len(self._scene.light_groups),
-            )
-            tile.before = self.picture.brought[:, here]
-            if len(rays):
-                Generations(stage, tile, sample, places, blocks).run(rays, strips)
-            self.picture.keep(here, tile)
+            every = np.arange(len(rays))
             if self._refinement:
-                values = np.concatenate([tile.color(), tile.lost[None]])
-                met = tile.soft_light, tile.cut, tile.bounced, tile.near
-                self._refinement.note(here, values, *met)
+                every = np.flatnonzero(self._refinement.active[first : first + len(rays)])
+            for chosen, dealt in self._dealt(every, across, up, sample):
+                if len(chosen) == len(rays):
+                    self._trace(stage, first + chosen, sample, dealt, rays, strips, places, blocks)
+                    continue
+                some, own = rays.take(chosen), (blocks[0][chosen], blocks[1][:, chosen])
+                self._trace(stage, first + chosen, sample, dealt, some, None, places[chosen], own)
             yield (above - y0) / (y1 - y0)
+
+    def _dealt(
+        self, pixels: Array, x: tuple[int, int], y: tuple[int, int], sample: int
+    ) -> Iterator[tuple[Array, int]]:
+        """Those of some pixels of a tile that take one sample of the tables, and which it is."""
+        if self._deals == 1:
+            yield pixels, sample
+            return
+        classes = interleaving_classes(x, y, self._deals)[pixels]
+        for number in np.unique(classes):
+            own = dealt_sample(sample, int(number), self._settings.samples, self._deals)
+            yield pixels[classes == number], own
+
+    def _trace(
+        self,
+        stage: Stage,
+        here: Array,
+        sample: int,
+        dealt: int,
+        rays: Rays,
+        strips: Strips | None,
+        places: Array,
+        blocks: tuple[Array, Array],
+    ) -> None:
+        """A sample of the pixels `here`."""
+        tile = Tile(
+            len(rays),
+            self._settings.passes.intersection(DATA) if sample == 0 else frozenset(),
+            len(self._scene.aovs),
+            len(self._scene.light_groups),
+        )
+        tile.before = self.picture.brought[:, here]
+        if len(rays):
+            Generations(stage, tile, sample, dealt, places, blocks).run(rays, strips)
+        self.picture.keep(here, tile)
+        if self._refinement:
+            values = np.concatenate([tile.color(), tile.lost[None]])
+            met = tile.soft_light, tile.cut, tile.bounced, tile.near
+            self._refinement.note(here, values, *met)
 
     def _clock(self, name: str) -> _Clock:
         return _Clock(self._seconds, name)

@@ -304,8 +304,8 @@ def gloss_blocks(
 
 
 @functools.lru_cache(maxsize=4)
-def gather_points(samples: int, each: int) -> np.ndarray:
-    """(GATHER_BLOCK², k, 2) float64 in the unit disc, not to be written to: what lies below the
+def gather_points(samples: int, each: int, block: int = GATHER_BLOCK) -> np.ndarray:
+    """(block², k, 2) float64 in the unit disc, not to be written to: what lies below the
     directions in which samples look for surfaces that throw light on, by pixel of a block, row by
     row: `each` of one sample after those of the one before; samples beyond k =
     MOST_GATHER_POINTS take these again. A block's pixels deal the points of one sequence among
@@ -315,7 +315,7 @@ def gather_points(samples: int, each: int) -> np.ndarray:
     count = min(samples * each, MOST_GATHER_POINTS)
     bits = max(count - 1, 0).bit_length()
     order = _shuffled(bits, _GATHER_LEVEL)[:count]
-    pixels = GATHER_BLOCK * GATHER_BLOCK
+    pixels = block * block
     square = _sobol(pixels << bits, _GATHER, _GATHER_SCRAMBLES).reshape(-1, pixels, 2)[order]
     x, y = concentric_disc(2 * square.transpose(1, 0, 2).reshape(-1, 2) - 1).T
     cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
@@ -337,8 +337,8 @@ def gloss_points(samples: int) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=4)
-def subsurface_points(samples: int) -> np.ndarray:
-    """(GATHER_BLOCK², k, 6) float64, not to be written to: where samples look for the light that
+def subsurface_points(samples: int, block: int = GATHER_BLOCK) -> np.ndarray:
+    """(block², k, 6) float64, not to be written to: where samples look for the light that
     comes out of a surface elsewhere, by pixel of a block, row by row; samples beyond k =
     MOST_SUBSURFACE_POINTS take these again.
 
@@ -347,12 +347,12 @@ def subsurface_points(samples: int) -> np.ndarray:
     the cosine and sine of an angle, which turns by the golden ratio from ring to ring (Vogel 1979)
     and by a quarter from pixel to pixel; and an axis across the normal, 1 or 2.
     """
-    count, pixels = min(samples, MOST_SUBSURFACE_POINTS), GATHER_BLOCK * GATHER_BLOCK
+    count, pixels = min(samples, MOST_SUBSURFACE_POINTS), block * block
     ring = np.argsort(np.argsort(_sobol(count, _SCATTER, _SCATTER_SCRAMBLES)[:, 0]))
     points = np.zeros((pixels, count, 6))
     points[..., 0], points[..., 1] = ring / count, (ring + 0.5) / count
     points[..., 2] = (ring + 1) / count
-    for pixel, place in enumerate(_bayer(GATHER_BLOCK).ravel()):
+    for pixel, place in enumerate(_bayer(block).ravel()):
         turn = 2 * np.pi * (ring * _GOLDEN % 1 + place / pixels) + _ASIDE
         points[pixel, :, 3], points[pixel, :, 4] = np.cos(turn), np.sin(turn)
     points[..., 5] = 1 + ring % 2
@@ -426,6 +426,36 @@ def shared_shutter_times(samples: int, has_lens: bool) -> np.ndarray:
     """(samples,) float64 in (0, 1): the times that all pixels share; the first in the middle."""
     dimension = _LENS_SHARED_SHUTTER if has_lens else _SHARED_SHUTTER
     return _sobol(samples, dimension, _SHARED_SHUTTER_SCRAMBLES)[:, 0]
+
+
+def dealt_samples(samples: int, side: int) -> int:
+    """Samples of the tables that the pixels of a block of side² deal among themselves, of which
+    each takes `samples`.
+    """
+    return samples if side == 1 else side * side << max(samples - 1, 0).bit_length()
+
+
+def interleaving_classes(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
+    """(pixels,) the class of each pixel in its block of side², a power of 2, row by row, of those
+    from x[0] and y[0] to before x[1] and y[1] of the frame. Neighbours get numbers far apart, as
+    ordered dither has them (Bayer 1973).
+    """
+    column, row = np.arange(*x) % side, np.arange(*y) % side
+    return _bayer(side)[row[:, None], column].ravel()
+
+
+def dealt_sample(sample: int, number: int, samples: int, side: int) -> int:
+    """Which sample of the tables a pixel of the class `number` takes as its `sample` of `samples`.
+
+    Each class has an aligned run of them, a net by itself (Sobol' 1967), and goes through it from
+    another one on, so that the first samples of all classes are spread as well (Keller, Heidrich
+    2001, Interleaved sampling).
+    """
+    if side == 1:
+        return sample
+    run, bits = 1 << max(samples - 1, 0).bit_length(), 2 * (side.bit_length() - 1)
+    first = int(f"{number:0{bits}b}"[::-1], 2) & (run - 1)
+    return number * run + (sample ^ first)
 
 
 def _bayer(size: int) -> np.ndarray:

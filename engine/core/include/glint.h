@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 69
+#define GLINT_ABI_VERSION 70
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -476,7 +476,10 @@ typedef struct GlintNeighbour {
  * shares of the light of a point that come out of the surface within the nearest and the farthest
  * radius that a sample stands for, and within its own, in this order: least, own, most; the cosine
  * and the sine of the angle round the point; which of the two axes across the normal the sample
- * looks along, 1 or 2. Null: all light comes out where it goes in. */
+ * looks along, 1 or 2. Null: all light comes out where it goes in. interleaving: side of the blocks
+ * of pixels over which samples are dealt, a power of two up to 8, 1 for none: the tables of lights,
+ * lobes and gather rays are then of the samples of all pixels of a block (engine/sampling,
+ * dealt_sample). resolves: light with noise is averaged over the pixels of a block. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -506,12 +509,12 @@ typedef struct GlintRenderSettings {
   double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
       bounced_shadows, medium_samples, medium_shadows, lamp_shadows, occlusion_samples,
-      opening_samples, gather_samples, gather_block;
+      opening_samples, gather_samples, gather_block, interleaving;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;
   uint32_t region[4];
-  int32_t illumination, waves, acceleration, remember, reflections, moving, apart;
+  int32_t illumination, waves, acceleration, remember, reflections, moving, apart, resolves;
 } GlintRenderSettings;
 
 enum GlintState {

@@ -1,5 +1,6 @@
 #include "film/film.h"
 
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -8,6 +9,26 @@ namespace glint {
 namespace {
 
 constexpr double kNoDepth = 1e10;
+
+/// The pass of a light that is resolved, and the part of the picture that has it.
+int pass_of(int light) {
+  return light < kVolumeDirect ? kFirstLighting + light / 2 * 3 + light % 2
+                               : GLINT_PASS_VOLUME_DIRECT + light - kVolumeDirect;
+}
+int part_of(int light) {
+  return light == kGlossyDirect || light == kGlossyIndirect               ? GLINT_PASS_SPECULAR
+         : light == kTransmissionDirect || light == kTransmissionIndirect ? GLINT_PASS_MIRROR
+                                                                          : GLINT_PASS_DIFFUSE;
+}
+
+/// Where the pixel (x, y) of the region is in its tile.
+size_t slot_of(const Tile& tile, uint32_t x, uint32_t y) {
+  constexpr uint32_t side = Tile::kBlock;
+  const uint32_t column = x - tile.x0, row = y - tile.y0, bx = column / side * side,
+                 by = row / side * side, high = std::min(side, tile.height() - by),
+                 wide = std::min(side, tile.width() - bx);
+  return size_t(by) * tile.width() + size_t(bx) * high + size_t(row - by) * wide + (column - bx);
+}
 
 /// Throws std::bad_alloc where they are too many to count.
 size_t numbers(size_t pixels, size_t channels) {
@@ -56,7 +77,7 @@ void SlotTable::set(uint32_t width, uint32_t height) {
 
 Film::Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
            uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count, uint32_t light_groups,
-           bool gloss)
+           bool gloss, uint32_t resolved)
     : region_(region),
       shown_(shown),
       passes_(passes | pass_bit(GLINT_PASS_COMBINED)),
@@ -76,9 +97,15 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   keep_sums(GLINT_PASS_SHADOW_CATCHER, 3);
   keep_sums(GLINT_PASS_AMBIENT_OCCLUSION, 3);
   keep_sums(GLINT_PASS_LIGHT_GROUPS, 3 * int(light_groups));
-  for (int pass = kFirstLighting; wants_lighting() && pass <= kLastLighting; ++pass) {
+  if (resolved > 1) resolve_ = Resolve(resolved, region, passes & ~pass_bit(GLINT_PASS_COMBINED));
+  for (int pass = kFirstLighting; (wants_lighting() || resolves()) && pass <= kLastLighting;
+       ++pass) {
     at_[pass] = int(columns_);  // light is told over its colour: all are known or none
     columns_ += 3;
+  }
+  if (resolves()) {
+    guides_ = int(columns_);
+    columns_ += kGuideColumns;
   }
   if (gloss) {
     gloss_ = int(columns_);
@@ -93,9 +120,9 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
     if (wants(pass)) std::fill_n(values(pass), pixels, float(kNoDepth));
   cut();
   cryptomatte_.set_tiles(tiles_.size());
-  if (error_threshold > 0 || wants(GLINT_PASS_ERROR))
-    refinement_ = Refinement(error_threshold, light_samples, region, traced, rows());
-  if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region);
+  const bool refines = error_threshold > 0 || wants(GLINT_PASS_ERROR);
+  if (refines) refinement_ = Refinement(error_threshold, light_samples, region, traced, rows());
+  if (wants(GLINT_PASS_ERROR) || (refines && resolves())) estimate_ = ErrorEstimate(region);
 }
 
 void Film::keep_sums(int pass, int channels) {
@@ -143,8 +170,94 @@ void Film::set_data(uint32_t pixel, const FirstHit& hit) {
   store(GLINT_PASS_MATERIAL_INDEX, pixel, &material);
 }
 
+void Film::note_half(const Tile& tile, const std::vector<uint32_t>& slots, uint32_t sample) {
+  if (!resolves() || !std::has_single_bit(sample)) return;
+  const auto note = [&](int pass, int column) {
+    const double* const from = sums(tile, pass);
+    double* const to = column_at(tile, guides_ + column);
+    for (uint32_t slot : slots)
+      to[slot] = from[slot] + from[slot + tile.stride()] + from[slot + 2 * tile.stride()];
+  };
+  note(GLINT_PASS_DIFFUSE_COLOR, kHalfColor);
+  for (int k = 0; k < 2; ++k) {
+    note(pass_of(kDiffuseDirect + k), kHalfDiffuse + k);
+    note(pass_of(kVolumeDirect + k), kHalfVolume + k);
+  }
+}
+
+/// The means of a pixel of the region, to place `at` of the window.
+void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32_t samples) const {
+  const uint32_t across = (region_.width() + Tile::kSize - 1) / Tile::kSize;
+  const Tile& tile = tiles_[size_t(y / Tile::kSize) * across + x / Tile::kSize];
+  const size_t slot = slot_of(tile, x, y), stride = tile.stride();
+  const auto put = [&](int column, double value) { window.column(column)[at] = to_float(value); };
+  const double n = refinement_.taken(tile.first_row + slot, samples);
+  const double* const guides = column_at(tile, guides_) + slot;
+  double normal[3], square = 0;
+  for (int c = 0; c < 3; ++c) {
+    normal[c] = guides[size_t(kGuideNormal + c) * stride];
+    square += normal[c] * normal[c];
+  }
+  const double share = guides[kGuideShare * stride];
+  const bool is_surface = share > 0 && square > 0 && std::isfinite(square);
+  for (int c = 0; is_surface && c < 3; ++c) {
+    put(ResolveWindow::kNormal + c, normal[c] / std::sqrt(square));
+    put(ResolveWindow::kPlace + c, guides[size_t(kGuidePlace + c) * stride] / share);
+  }
+  put(ResolveWindow::kSurface, is_surface);
+  const auto means = [&](int pass, int column) {
+    const double* const sum = column_at(tile, at_[pass]) + slot;
+    for (int c = 0; c < 3; ++c) put(column + c, sum[size_t(c) * stride] / n);
+  };
+  for (int light = 0; light < kResolvedLights; ++light)
+    means(pass_of(light), ResolveWindow::kLight + 3 * light);
+  for (int surface = 0; surface < 3; ++surface)
+    means(kFirstLighting + 3 * surface + 2, ResolveWindow::kColor + 3 * surface);
+  for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 9 + c, 1);
+  if (n < 2) return;
+  const auto whole = [&](int pass) {
+    const double* const sum = column_at(tile, at_[pass]) + slot;
+    return sum[0] + sum[stride] + sum[2 * stride];
+  };
+  const double half = std::bit_floor(uint32_t(n) - 1), rest = n - half;
+  const auto put_noise = [&](int number, int light, int first, double color, double all) {
+    const double before = guides[size_t(first) * stride], after = whole(pass_of(light)) - before;
+    if (color > 0 && all > color)
+      put(ResolveWindow::kNoise + number,
+          (before / color - after / (all - color)) * std::sqrt(half * rest) / n);
+  };
+  for (int k = 0; k < 2; ++k) {
+    put_noise(k, kDiffuseDirect + k, kHalfDiffuse + k, guides[kHalfColor * stride],
+              whole(GLINT_PASS_DIFFUSE_COLOR));
+    put_noise(2 + k, kVolumeDirect + k, kHalfVolume + k, 3 * half, 3 * n);
+  }
+}
+
+void Film::resolve(const Tile& tile, uint32_t samples) {
+  const uint32_t reach = resolve_.looks_at();
+  ResolveWindow window;
+  window.set_size(tile.width() + 2 * reach, tile.height() + 2 * reach);
+  for (uint32_t j = 0; j < window.height; ++j)
+    for (uint32_t i = 0; i < window.width; ++i) {
+      const uint32_t x = tile.x0 + i - reach, y = tile.y0 + j - reach;  // wraps below 0
+      if (x < region_.width() && y < region_.height())
+        read(window, size_t(j) * window.width + i, x, y, samples);
+    }
+  resolve_.run(window, tile.x0, tile.y0);
+}
+
 void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
   const double* after = sums(tile, GLINT_PASS_COMBINED);
+  std::vector<double> resolved;
+  if (resolves()) {
+    resolved.assign(after, after + 4 * tile.stride());
+    for (size_t k = 0; k < tile.pixels(); ++k) {
+      const float* const added = resolve_.added(slots.pixel(tile, k, region_.width()));
+      const double taken = refinement_.taken(tile.first_row + k, samples);
+      for (size_t c = 0; c < 3; ++c) resolved[c * tile.stride() + k] += taken * double(added[c]);
+    }
+    after = resolved.data();
+  }
   const float* before = values(GLINT_PASS_COMBINED);
   if (estimate_.on())
     estimate_.measure(tile, slots, refinement_, before, after, tile.stride(), samples);
@@ -189,12 +302,28 @@ void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uin
     else
       for (size_t k = 0; k < count; ++k) means[c][k] = to_float(from[k] / taken[k]);
   }
+  if (resolves()) add_resolved(tile, pass, slots, means);
   for (size_t k = 0; channels == 4 && k < count; ++k) means[3][k] = 1 - means[3][k];
   for (size_t k = 0, run; k < count; k += run) {
     run = slots.run(k);
     float* out = values(pass) + channels * slots.pixel(tile, k, region_.width());
     if (channels == 4) interleave<4>(means, k, run, out);
     else interleave<3>(means, k, run, out);
+  }
+}
+
+/// What resolving adds to a pass of which light of surfaces is a part, so that parts still sum to
+/// Combined: diffuse light and that of media to Diffuse, glossy light to Specular, what passes
+/// through to Mirror.
+void Film::add_resolved(const Tile& tile, int pass, const SlotTable& slots,
+                        float (&means)[4][Tile::kSize * Tile::kSize]) const {
+  for (size_t k = 0; k < tile.pixels(); ++k) {
+    const uint32_t pixel = slots.pixel(tile, k, region_.width());
+    for (size_t c = 0; c < 3; ++c) {
+      if (pass == GLINT_PASS_COMBINED) means[c][k] += resolve_.added(pixel)[c];
+      for (int light = 0; light < kResolvedLights; ++light)
+        if (pass == part_of(light)) means[c][k] += resolve_.added_to(light, pixel, c);
+    }
   }
 }
 
@@ -212,21 +341,34 @@ void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint
 
 /// Direct and indirect light over its colour, which is 1 where it is 0 and there is light.
 void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples) {
-  for (int pass = GLINT_PASS_VOLUME_DIRECT; pass <= kLastLighting; ++pass)
-    if (wants(pass)) publish_seen(tile, pass, slots, samples);
+  for (int pass = GLINT_PASS_VOLUME_DIRECT; pass <= kLastLighting; ++pass) {
+    if (!wants(pass)) continue;
+    publish_seen(tile, pass, slots, samples);
+    for (size_t k = 0; resolves() && k < tile.pixels(); ++k) {
+      const uint32_t pixel = slots.pixel(tile, k, region_.width());
+      for (size_t c = 0; c < 3; ++c)
+        values(pass)[3 * size_t(pixel) + c] +=
+            resolve_.added_to(kVolumeDirect + pass - GLINT_PASS_VOLUME_DIRECT, pixel, c);
+    }
+  }
   for (int first = kFirstLighting; first < GLINT_PASS_VOLUME_DIRECT; first += 3)
     for (size_t c = 0; c < 3; ++c)
       for (size_t k = 0; k < tile.pixels(); ++k) {
         const auto sum = [&](int part) { return sums(tile, first + part)[c * tile.stride() + k]; };
         const double taken = refinement_.taken(tile.first_row + k, samples);
-        const double direct = sum(0), indirect = sum(1), color = sum(2);
+        const uint32_t pixel = slots.pixel(tile, k, region_.width());
+        const int light = 2 * ((first - kFirstLighting) / 3);
+        const auto resolved = [&](int part) {
+          const double more = resolves() ? double(resolve_.added_to(light + part, pixel, c)) : 0;
+          return sum(part) + taken * more;
+        };
+        const double direct = resolved(0), indirect = resolved(1), color = sum(2);
         const bool bare = color == 0 && (direct != 0 || indirect != 0);
         const double over = color != 0 ? color : taken;
         const double values_of[3] = {direct / over, indirect / over, bare ? 1 : color / taken};
         for (int part = 0; part < 3; ++part)
           if (wants(first + part))
-            values(first + part)[3 * slots.pixel(tile, k, region_.width()) + c] =
-                to_float(values_of[part]);
+            values(first + part)[3 * size_t(pixel) + c] = to_float(values_of[part]);
       }
 }
 

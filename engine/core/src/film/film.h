@@ -9,6 +9,7 @@
 #include "film/cryptomatte.h"
 #include "film/estimate.h"
 #include "film/refine.h"
+#include "film/resolve.h"
 #include "glint.h"
 #include "math/vec.h"
 #include "shading/stages.h"
@@ -85,10 +86,10 @@ class Film {
   Film(Region region, Passes passes) : Film(region, region, region, passes, 0, 1) {}
   /// shown: what `picture` gives of the region.  traced, error_threshold, light_samples: see
   /// Refinement. crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count, light_groups:
-  /// of the scene.
+  /// of the scene. resolved: side of the blocks of pixels over which light is averaged, 1 for none.
   Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
        uint32_t light_samples, uint32_t crypto_ids = 0, uint32_t aov_count = 0,
-       uint32_t light_groups = 0, bool gloss = false);
+       uint32_t light_groups = 0, bool gloss = false, uint32_t resolved = 1);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
@@ -106,6 +107,11 @@ class Film {
   /// Passes that are the mean over the samples of what camera rays see.
   bool wants_seen() const { return passes_ & kSeenPasses; }
   bool wants_lighting() const { return passes_ & kLightingPasses; }
+  /// Whether there are sums of light by the kind of surface, for passes or to be resolved.
+  bool keeps_lighting() const { return at_[kFirstLighting] >= 0; }
+  bool resolves() const { return resolve_.on(); }
+  /// The first of the columns that `Resolve` reads beside the passes of light.
+  int guide_column() const { return guides_; }
   bool wants_denoising() const { return passes_ & kDenoisingPasses; }
   bool wants_cryptomatte() const { return cryptomatte_.on(); }
   /// Channels of a pass, 0 for no such pass.
@@ -123,6 +129,9 @@ class Film {
   /// The tile with its sums, all 0, where others put theirs before: for tiles that are published as
   /// soon as they are traced. Of each thread its own thread, below the number of tiles.
   Tile on_thread(const Tile& tile, size_t thread);
+  /// Before the sums of these slots get their sample number `sample`: what the halves of the
+  /// samples are told apart by.
+  void note_half(const Tile& tile, const std::vector<uint32_t>& slots, uint32_t sample);
   bool wants_depth_alone() const { return (passes_ & kDataPasses) == pass_bit(GLINT_PASS_DEPTH); }
   void set_data(uint32_t pixel, const FirstHit& hit);
   void set_depth(uint32_t pixel, double depth) {
@@ -137,6 +146,9 @@ class Film {
   /// that of neighbours.
   void measure(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void measure_neighborhood(const Tile& tile);
+  /// Before a wave is measured and published, and while nothing writes sums: what resolving its
+  /// light adds to the tile's pixels.
+  void resolve(const Tile& tile, uint32_t samples);
   /// Before a wave is published: pictures that somebody has are left to them, and others take their
   /// place.
   void renew();
@@ -162,10 +174,16 @@ class Film {
                                         pass_bit(GLINT_PASS_AOV) | Cryptomatte::kPasses;
   void keep_sums(int pass, int channels);
   std::shared_ptr<ZeroedBuffer<float>> cropped(int pass) const;
+  double* column_at(const Tile& tile, int column) const {
+    return sums_.data() + tile.first_sum + size_t(column) * tile.stride();
+  }
   float* values(int pass) const { return pictures_[pass]->data(); }
   void store(int pass, uint32_t pixel, const double* from);
+  void read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32_t samples) const;
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                      const Stages& stages);
+  void add_resolved(const Tile& tile, int pass, const SlotTable& slots,
+                    float (&means)[4][Tile::kSize * Tile::kSize]) const;
   void publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples);
   /// Means of a pass's sums; is_rest: 1 less the means.
   void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
@@ -179,12 +197,13 @@ class Film {
   uint32_t aov_count_, light_groups_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
-  int gloss_ = -1;
+  int gloss_ = -1, guides_ = -1;
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
   ZeroedBuffer<double> sums_;
   Refinement refinement_;
   ErrorEstimate estimate_;
   Cryptomatte cryptomatte_;
+  Resolve resolve_;
   std::shared_ptr<ZeroedBuffer<float>> pictures_[GLINT_PASS_COUNT];
   Passes lent_ = 0, renewed_ = 0;  // passes whose pictures somebody else has as well; that are
                                    // new and empty for this wave

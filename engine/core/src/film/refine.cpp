@@ -38,6 +38,7 @@ Refinement::Refinement(double threshold, uint32_t light_samples, Region region, 
       rows_(rows),
       bounds_(8 * rows),
       stopped_(rows),
+      ahead_(rows),
       soft_light_(rows),
       range_(size_t(width_) * height_),
       around_(size_t(width_) * height_) {}
@@ -88,6 +89,23 @@ void Refinement::measure_neighborhood(const Tile& tile) {
 
 double Refinement::bound_of_error(uint32_t pixel, uint32_t samples) const {
   return double(std::max(range_.data()[pixel], around_.data()[pixel])) / convergence(samples);
+}
+
+void Refinement::decide_ahead(const Tile& tile, const SlotTable& slots, uint32_t samples,
+                              uint32_t least, const ErrorEstimate& estimate) {
+  for (uint32_t k = 0; k < tile.pixels(); ++k) {
+    const size_t row = tile.first_row + k;
+    const uint32_t pixel = slots.pixel(tile, k, width_);
+    uint32_t& ahead = ahead_.data()[row];
+    for (uint32_t n = samples; samples == kFirst && ahead == 0; n *= 2) {
+      const bool enough =
+          threshold_ > 0 && n >= least && double(estimate.levels(pixel, n)) <= threshold_;
+      if (enough || n >= 1u << 30) ahead = n;
+    }
+    uint32_t& stopped = stopped_.data()[row];
+    if (!stopped && (samples >= ahead || !is_traced(pixel % width_, pixel / width_)))
+      stopped = samples;
+  }
 }
 
 bool Refinement::is_black(size_t row) const {

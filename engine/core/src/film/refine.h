@@ -16,6 +16,7 @@ struct Region {
 
 struct Tile;
 class SlotTable;
+class ErrorEstimate;
 
 /// How far two linear values seem apart on an sRGB screen, in 8-bit levels, given their mean and
 /// their difference >= 0.
@@ -96,6 +97,10 @@ class Refinement {
   void measure_neighborhood(const Tile& tile);
   /// Stops the pixels whose error is at most the threshold, if any may stop.
   void decide(const Tile& tile, const SlotTable& slots, uint32_t samples, bool any_may_stop);
+  /// The same where light is resolved: what the first waves say of a pixel and those round it tells
+  /// how many samples it takes, so that this depends on no more of the picture. least: of a pixel.
+  void decide_ahead(const Tile& tile, const SlotTable& slots, uint32_t samples, uint32_t least,
+                    const ErrorEstimate& estimate);
 
  private:
   /// What is held against the threshold, in levels: hardly ever less than the error of a pixel with
@@ -117,6 +122,7 @@ class Refinement {
   ZeroedBuffer<float>
       bounds_;  // rows of the least red, green, blue, lost alpha; then of the largest
   ZeroedBuffer<uint32_t> stopped_;    // samples of rows that take no more
+  ZeroedBuffer<uint32_t> ahead_;      // samples that rows will take, where that is told ahead
   ZeroedBuffer<uint8_t> soft_light_;  // what rows met of `SoftLight` in the first samples
   ZeroedBuffer<float> range_,
       around_;  // levels between samples of a pixel; between the first samples of it or a neighbour

@@ -18,11 +18,11 @@ size_t group_columns_of(const Scene& scene, Passes passes) {
 
 }  // namespace
 
-Batch::Batch(const Scene& scene, Passes passes)
+Batch::Batch(const Scene& scene, Passes passes, bool splits)
     : scene_(scene),
       passes_(passes),
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.materials.bends_normals),
-      splits_(passes & kLightingPasses),
+      splits_(splits),
       columns_(kFixed + (smooth_ ? kSmooth : 0) +
                size_t(scene.materials.specular_columns * scene.materials.max_specular) +
                size_t(scene.materials.passing_columns * scene.materials.max_passing) +

@@ -15,8 +15,9 @@ class FirstHitCache;
 
 class Batch {
  public:
-  /// `passes`: the parts to keep for camera rays; all that others bring is Mirror.
-  Batch(const Scene& scene, Passes passes);
+  /// `passes`: the parts to keep for camera rays; all that others bring is Mirror. splits: light is
+  /// told apart by kinds of surface.
+  Batch(const Scene& scene, Passes passes, bool splits);
   Batch(const Batch&) = delete;
   Batch& operator=(const Batch&) = delete;
 

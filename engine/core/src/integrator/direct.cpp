@@ -190,7 +190,9 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
       }
       met_by_ = kShadow;
     }
-    if (light.is_dome() && light.lights_matt()) add_rest(batch, light, sample, parts);
+    // where pixels are averaged their few directions would say too seldom what is hidden
+    if (light.is_dome() && light.lights_matt() && plan_.interleaving == 1)
+      add_rest(batch, light, sample, parts);
   }
   stage_.evenly = scene_.instances.mirrors_differ;
   for (int c = 0; c < 3; ++c) stage_.diffuse[c] = batch.diffuse[c];

@@ -169,6 +169,7 @@ void Paths::add_to(Film& film, const Tile& tile, const Stages& stages) {
   const size_t noted = film.refinement().on() ? 4 : 0;
   uint8_t* const soft_light = film.refinement().soft_light(tile, first_);
   for (size_t k = 0; soft_light && k < size(); ++k) soft_light[slot(k)] |= soft_light_[k];
+  film.note_half(tile, slots_, first_);
   for (size_t c = 0; c < columns_; ++c) {
     double* const to = sums + c * tile.stride();
     if (c < noted)

@@ -68,6 +68,8 @@ class Paths {
   double* sums(const Film& film, int pass) {
     return film.column_of(pass) < 0 ? nullptr : sums_[size_t(film.column_of(pass))];
   }
+  /// The same of what tells pixels' surfaces apart; the next of GuideColumn after `stride()`.
+  double* guides(const Film& film) { return sums_[size_t(film.guide_column())]; }
   /// Until it is called again sums are those of what rough surfaces reflect, which begin with
   /// nothing: mixed, of what pixels share.
   void swap(bool mixed) { std::swap(sums_, mixed ? shared_ : gloss_); }

@@ -9,10 +9,10 @@
 namespace glint {
 namespace {
 
-/// The region with the pixels next to it.
-Region widened(Region r, const GlintCamera& camera) {
-  return {r.x0 - (r.x0 > 0), r.y0 - (r.y0 > 0), std::min(r.x1 + 1, camera.width),
-          std::min(r.y1 + 1, camera.height)};
+/// The region with `by` pixels round it.
+Region widened(Region r, uint32_t by, const GlintCamera& camera) {
+  return {r.x0 - std::min(by, r.x0), r.y0 - std::min(by, r.y0), std::min(r.x1 + by, camera.width),
+          std::min(r.y1 + by, camera.height)};
 }
 
 /// The region with all of the squares of `side` pixels on a side that it has some of.
@@ -62,6 +62,8 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
       medium_points(g.medium_table, kPointColumns, g.medium_samples, g.medium_count),
       dome{g.dome_cells,   g.dome_irradiance,      g.dome_rows,
            g.dome_columns, g.dome_irradiance_rows, g.dome_irradiance_columns} {
+  interleaving = std::max(g.interleaving, 1u);
+  resolves = g.resolves && interleaving > 1;
   shown = {g.region[0], g.region[1], g.region[2], g.region[3]};
   const bool divides = (gather_block & (gather_block - 1)) == 0;  // tiles have whole blocks
   const bool shares = gather_block > 1 && gather_block <= kMostSharing && divides &&
@@ -76,8 +78,10 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
   const uint32_t side = mixes_gloss && !g.apart ? Tile::kSize : shares_gathers ? gather_block : 1;
   traced = region = whole_blocks(shown, side, scene.camera);
   const bool refines = error_threshold > 0 || passes >> GLINT_PASS_ERROR & 1;
+  const uint32_t resolved = resolves ? Resolve::looks_at(interleaving) : 0;
+  traced = region = widened(traced, resolved, scene.camera);
   if (refines && samples >= Refinement::kFirst)
-    region = whole_blocks(widened(traced, scene.camera), side, scene.camera);
+    region = whole_blocks(widened(traced, 1 + resolved, scene.camera), side, scene.camera);
   bounced_shadows = std::clamp(g.bounced_shadows, 1u, bounced_points.each);
   medium_shadows = std::clamp(g.medium_shadows, 1u, medium_points.each);
   lobe_levels = std::max(g.lobe_levels, 1u);

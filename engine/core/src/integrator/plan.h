@@ -93,6 +93,27 @@ struct RenderPlan : GlintRenderSettings {
     return subsurface_places.row(sample, 0) + 6 * size_t(place) * subsurface_count;
   }
 
+  /// Which class of its block a pixel of the frame is in: neighbours get numbers far apart, as
+  /// ordered dither has them (Bayer 1973).
+  uint32_t interleaving_class(uint32_t column, uint32_t row) const {
+    uint32_t number = 0;
+    for (uint32_t bit = 1; bit < interleaving; bit *= 2) {
+      const uint32_t x = (column & bit) != 0, y = (row & bit) != 0;
+      number = 4 * number + 2 * (x ^ y) + y;
+    }
+    return number;
+  }
+  /// Which sample of the tables a pixel of a class takes as its `sample`: an aligned run of them is
+  /// its own, which it goes through from another one on, so that the first samples of all classes
+  /// are spread well too (Keller, Heidrich 2001, Interleaved sampling).
+  uint32_t dealt_sample(uint32_t sample, uint32_t number) const {
+    if (interleaving <= 1) return sample;
+    const uint32_t run = std::bit_ceil(samples), classes = interleaving * interleaving;
+    uint32_t first = 0;
+    for (uint32_t bit = 1; bit < classes; bit *= 2) first = 2 * first + ((number & bit) != 0);
+    return number * run + (sample ^ (first & (run - 1)));
+  }
+
   bool physical() const { return illumination == GLINT_PHYSICAL; }
 
   uint32_t samples_of(const Light& light) const {
@@ -156,7 +177,7 @@ struct RenderPlan : GlintRenderSettings {
   /// Where along rays point `number` of `count` lies that media scatter light from, in (0, 1)
   /// (engine/sampling.py, scatter_share).
   double scatter_share(uint32_t sample, uint32_t number, uint32_t count) const {
-    const double cells = double(std::bit_ceil(samples)),
+    const double cells = double(std::bit_ceil(scatter_count)),
                  own = ((number + 0.5) / count - 0.5) / cells,
                  share = double(number) / count + scatter_offsets[sample] + own;
     return share - std::floor(share);
@@ -200,8 +221,11 @@ struct RenderPlan : GlintRenderSettings {
     if (light.is_bounced()) {
       const double* const row = bounced_points.row(sample, j);
       const double flags = row[16];
-      return {0,         0, 0, 0, row, nullptr, false, flags == 1 || flags == 3, group_of_row(row),
-              flags >= 2};
+      LightPoint point{0, 0, 0, 0, row, nullptr, false, flags == 1 || flags == 3};
+      point.group = group_of_row(row);
+      point.is_last = flags >= 2;
+      point.pixels = interleaving * interleaving;
+      return point;
     }
     LightPoint point;
     point.group = light.group;

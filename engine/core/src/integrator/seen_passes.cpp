@@ -43,6 +43,23 @@ void Tracer::note_seen(const Queue& queue) {
   }
 }
 
+/// What tells the film which pixels show the same surface.
+void Tracer::note_guides(const Queue& queue) {
+  double* const first = paths_.guides(film_);
+  for (size_t k = 0; k < queue.size(); ++k) {
+    if (batch_.material[k] >= scene_.materials.size() || is_caught(queue, k)) continue;
+    const double share = mean(queue.path(k).T) * (1 - mean(shader_.passed(batch_, k)));
+    if (!(share > 0)) continue;
+    double* const guides = first + queue.slot(k);
+    const Vec3d n = row(batch_.points.n, k), x = row(batch_.points.x, k);
+    for (size_t c = 0; c < 3; ++c) {
+      guides[(kGuideNormal + c) * paths_.stride()] += share * n[int(c)];
+      guides[(kGuidePlace + c) * paths_.stride()] += share * x[int(c)];
+    }
+    guides[kGuideShare * paths_.stride()] += share;
+  }
+}
+
 /// What denoisers are told of a surface at which that share of the path's sample stays.
 void Tracer::note_denoising(size_t k, uint32_t path, double share) {
   const auto add = [&](int pass, Vec3d value) {

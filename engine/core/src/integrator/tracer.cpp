@@ -35,7 +35,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       subsurface_(scene, plan),
       media_(scene, scratch_),
       ahead_(scene, scratch_),
-      batch_(scene, film.passes()),
+      batch_(scene, film.passes(), film.keeps_lighting()),
       reach_(reach_of(plan)),
       catches_(scene.features & (GLINT_FEATURE_SHADOW_CATCHER | GLINT_FEATURE_HOLDOUT)),
       glass_differs_(scene.features & GLINT_FEATURE_REFRACTION &&
@@ -82,10 +82,25 @@ void Tracer::choose(const Tile& tile) {
     active_.resize(tile.pixels());
     std::iota(active_.begin(), active_.end(), 0u);
   }
+  deal();
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
                   camera_.has_frustums() &&
                   !(scene_.features & (GLINT_FEATURE_VISIBLE_LIGHTS | GLINT_FEATURE_MEDIA)) &&
                   !scene_.world.sky_program && scene_.trees.accel().surely_empty(frustum(tile));
+}
+
+/// Orders the active slots by class, those of one as they were.
+void Tracer::deal() {
+  if (plan_.interleaving <= 1) return class_ends_.assign(1, uint32_t(active_.size()));
+  const auto class_of = [&](uint32_t slot) {
+    return plan_.interleaving_class(plan_.region.x0 + tile_->x0 + uint32_t(slots_.columns()[slot]),
+                                    plan_.region.y0 + tile_->y0 + uint32_t(slots_.rows()[slot]));
+  };
+  std::stable_sort(active_.begin(), active_.end(),
+                   [&](uint32_t a, uint32_t b) { return class_of(a) < class_of(b); });
+  class_ends_.assign(plan_.interleaving * plan_.interleaving, 0);
+  for (const uint32_t slot : active_) ++class_ends_[class_of(slot)];
+  std::partial_sum(class_ends_.begin(), class_ends_.end(), class_ends_.begin());
 }
 
 /// Round all camera rays of the tile's samples.
@@ -99,6 +114,7 @@ TileFrustum Tracer::frustum(const Tile& tile) const {
 /// How many of a pixel's next samples are traced at once: points of soft lights, and where in lobes
 /// rays are reflected, are common to a sample of many pixels.
 uint32_t Tracer::packet_samples(uint32_t samples) const {
+  if (plan_.interleaving > 1) return 1;
   if (scene_.features & (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT |
                          GLINT_FEATURE_BOUNCED_LIGHT | GLINT_FEATURE_MEDIUM_LIGHT))
     return 1;
@@ -125,19 +141,21 @@ void Tracer::start_paths() {
 /// One path through a surely_empty tile stands for all.
 uint32_t Tracer::trace_empty(uint32_t first, uint32_t last) {
   points_.set(camera_, plan_, *tile_, first, 1);
-  follow_some(active_.data(), active_.data() + 1, first);
+  follow_some(active_.data(), active_.data() + 1, first, 0);
   paths_.spread(film_, *tile_, active_, last - first);
   return last - first;
 }
 
-/// The samples that `points_` is of, of the slots [begin, end).
-void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first) {
+/// The samples that `points_` is of, of the slots [begin, end), which are of one class.
+void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first,
+                         uint32_t number) {
   paths_.choose(film_, slots_, begin, end, points_);
   batch_.cost = paths_.sums(film_, GLINT_PASS_COST);
   batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
   batch_.thrown = plan_.reflects_gloss ? paths_.thrown() : nullptr;
   batch_.soft_light = film_.refinement().soft_light(*tile_, first) ? paths_.soft_light() : nullptr;
-  follow(first);
+  is_first_ = first == 0;
+  follow(plan_.dealt_sample(first, number));
 }
 
 uint32_t Tracer::trace(uint32_t first, uint32_t last) {
@@ -145,14 +163,17 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
   const uint32_t count = packet_samples(last - first);
   const size_t step = Paths::kMost / count / (scene_.media.varies ? kFewer : 1);
   if (!active_.empty()) points_.set(camera_, plan_, *tile_, first, count);
-  for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
-    const uint32_t* const begin = active_.data() + k;
-    follow_some(begin, begin + std::min(step, active_.size() - k), first);
-    if (plan_.mixes_gloss) paths_.mix(film_, gloss_shares_);
-    if (plan_.reflects_gloss) paths_.add_gloss(film_, *tile_);
-    paths_.add_to(film_, *tile_, stages_);
-    keep_meetings();
-  }
+  size_t k = 0;
+  for (uint32_t number = 0; number < class_ends_.size(); ++number)
+    for (const size_t end = class_ends_[number]; k < end && !cancel_;) {
+      const size_t some = std::min(step, end - k);
+      follow_some(active_.data() + k, active_.data() + k + some, first, number);
+      if (plan_.mixes_gloss) paths_.mix(film_, gloss_shares_);
+      if (plan_.reflects_gloss) paths_.add_gloss(film_, *tile_);
+      paths_.add_to(film_, *tile_, stages_);
+      keep_meetings();
+      k += some;
+    }
   return count;
 }
 
@@ -164,7 +185,10 @@ void Tracer::measure(const Tile& tile, uint32_t samples) {
 void Tracer::decide(const Tile& tile, uint32_t samples) {
   slots_.set(tile.width(), tile.height());
   const bool seen = !(plan_.is_spread() || plan_.moving) || samples >= Refinement::kLensSamples;
-  film_.refinement().decide(tile, slots_, samples, seen);
+  if (!film_.resolves()) return film_.refinement().decide(tile, slots_, samples, seen);
+  const bool is_spread = plan_.is_spread() || plan_.moving;
+  film_.refinement().decide_ahead(tile, slots_, samples, is_spread ? Refinement::kLensSamples : 1,
+                                  film_.estimate());
 }
 
 /// The paths to the end of their rays.
@@ -213,12 +237,12 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   sample_ = sample;
   batch_.begin(queue);
   batch_.first_hits =
-      sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? first_hits_ : nullptr;
+      is_first_ && &queue == &first_ && paths_.is_whole(*tile_) ? first_hits_ : nullptr;
   batch_.first_row = tile_->first_row;
   surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (scene_.features & GLINT_FEATURE_MEDIA) dim(queue);
-  if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
+  if (is_first_ && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
   for (size_t c = 0; gives_aovs && scene_.materials.bends_normals && c < 3; ++c)
     mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
@@ -226,10 +250,11 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (queue.gathers) make_diffuse(queue);
   else if (batch_.has_groups()) note_glow(queue);
   if (queue.reflections > 0) widen(queue);
-  if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
+  if (is_first_ && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
+  if (queue.visibility == kCamera && film_.resolves()) note_guides(queue);
   if (gives_aovs) note_aovs(queue);
-  if (queue.visibility == kCamera && film_.wants_lighting()) note_colors(queue);
+  if (queue.visibility == kCamera && film_.keeps_lighting()) note_colors(queue);
   if (catches_) set_aside_caught(queue);
   if (subsurface_.on()) scatter_below(queue, sample);
   const bool in_blocks = plan_.shares_gathers && &queue == &first_ && direct_.gathers(queue);
@@ -305,7 +330,7 @@ void Tracer::keep_parts(const Queue& queue) {
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);
   if (batch_.has_groups()) keep_groups(queue);
-  if (film_.wants_lighting()) keep_lighting(queue);
+  if (film_.keeps_lighting()) keep_lighting(queue);
   if (queue.gathers) return keep_gathered(queue);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
   keep_part(GLINT_PASS_AMBIENT, s.ambient);

@@ -43,6 +43,7 @@ class Tracer {
 
  private:
   uint32_t packet_samples(uint32_t samples) const;
+  void deal();
   TileFrustum frustum(const Tile& tile) const;
   void start_paths();
   void miss(const Queue& queue);
@@ -55,7 +56,7 @@ class Tracer {
   void leave_out_unseen(const CameraStage& stage);
   void find_gaps();
   uint32_t trace_empty(uint32_t first, uint32_t last);
-  void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);
+  void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first, uint32_t number);
   void follow(uint32_t sample);
   /// Rays that leave the surfaces of a queue.
   struct NextRays {
@@ -118,6 +119,7 @@ class Tracer {
   void cut_holes(const Queue& queue, const uint32_t* rows, size_t count);
   void record(const Queue& queue);
   void note_seen(const Queue& queue);
+  void note_guides(const Queue& queue);
   void note_colors(const Queue& queue);
   void note_occlusion(const Queue& queue, uint32_t sample);
   void keep_lighting(const Queue& queue);
@@ -169,11 +171,13 @@ class Tracer {
   const bool catches_;        // there are catchers of shadows, or holdouts
   const bool glass_differs_;  // refracted rays see other things than mirrored ones
   const Tile* tile_ = nullptr;
-  uint32_t sample_ = 0;
+  uint32_t sample_ = 0;        // of the tables
+  bool is_first_ = false;      // and of the pixels the first
   bool surely_empty_ = false;  // nothing can be hit in the tile
   SlotTable slots_;
   std::vector<double> program_slots_;  // one program at a time
-  std::vector<uint32_t> active_;       // slots that take samples
+  std::vector<uint32_t> active_;       // slots that take samples, class by class
+  std::vector<uint32_t> class_ends_;   // of each class of pixels, in `active_`
   WindowPoints points_;                // of the samples that are traced now
   Paths paths_;                        // those that are followed now
   Queue first_{kCamera};               // their camera rays

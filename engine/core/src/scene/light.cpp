@@ -175,7 +175,7 @@ void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) con
   stage.shape = is_bounced() ? kBouncedSource : kMeshSource;
   stage.factor = 1 / kPi;
   stage.spread = scale2 * row[12];
-  stage.near2 = stage.spread / merged(count, is_bounced());
+  stage.near2 = stage.spread / (p.pixels * merged(count, is_bounced()));
   stage.size = rounding(max_abs(q) + std::sqrt(scale2) * row[13]);
   for (int c = 0; c < 3; ++c) {
     stage.end[c] = stage.center[c] = q[c];
@@ -201,7 +201,7 @@ void Light::set_medium(LightStage& stage, const LightPoint& p, uint32_t count) c
 }
 
 void Light::widen(LightStage& stage, const LightPoint& p, uint32_t count) const {
-  stage.near2 = scale2 * p.drawn[9] / merged(count, is_bounced());
+  stage.near2 = scale2 * p.drawn[9] / (p.pixels * merged(count, is_bounced()));
 }
 
 void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {

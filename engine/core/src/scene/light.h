@@ -25,6 +25,7 @@ struct LightPoint {
   int group = -1;             // of lights that its own is in; -1 for none
   bool is_last = false;       // its light has bounced as often as asked for once it arrives
   uint32_t met_by = kShadow;  // what rays of surfaces to it meet
+  double pixels = 1;          // that deal the points of its light among themselves
 };
 
 /// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how

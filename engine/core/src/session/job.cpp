@@ -33,7 +33,7 @@ Job::Job(Scene& scene, const GlintRenderSettings& settings)
       plan_(settings, scene),
       film_(plan_.region, plan_.traced, plan_.shown, plan_.passes, plan_.error_threshold,
             plan_.light_samples, plan_.crypto_ids, scene.aov_count, scene.light_group_count,
-            plan_.reflects_gloss),
+            plan_.reflects_gloss, plan_.resolves ? plan_.interleaving : 1),
       thread_([this] { work(); }) {}
 
 Job::~Job() {
@@ -87,8 +87,8 @@ uint32_t Job::first_wave() {
 /// Whether the first wave is all: each tile's picture is then made while its sums are at hand, in
 /// memory that the next tile takes over.
 bool Job::at_once() {
-  return first_wave() == plan_.samples && !plan_.moving && !film_.refinement().on() &&
-         !film_.estimate().on();
+  return first_wave() == plan_.samples && !plan_.moving && !film_.resolves() &&
+         !film_.refinement().on() && !film_.estimate().on();
 }
 
 void Job::trace_waves() {
@@ -112,6 +112,7 @@ void Job::trace_waves() {
     {
       const Timer timer(seconds);
       trace_moments(first, last);
+      if (!cancel_) resolve(last);
       if (!cancel_) refine(last);
     }
     end_wave(last, seconds - (moving_seconds_ - before));
@@ -165,6 +166,12 @@ void Job::ask_for_scene() {
   resumed_.wait(lock, [&] { return cancel_ || moved_; });
   moved_ = false;
   state_ = GLINT_TRACING;
+}
+
+/// Averages the light of the wave up to `samples` over pixels.
+void Job::resolve(uint32_t samples) {
+  if (film_.resolves())
+    on_all_tiles([&](Tracer&, const Tile& tile) { film_.resolve(tile, samples); });
 }
 
 /// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.

@@ -49,6 +49,7 @@ class Job {
   void ask_for_scene();
   void trace_tiles(size_t thread, uint32_t first, uint32_t last, std::atomic<size_t>& next);
   void trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last);
+  void resolve(uint32_t samples);
   void refine(uint32_t samples);
   void end_wave(uint32_t samples, double seconds);
   void publish(uint32_t samples, std::unique_lock<std::mutex>& lock);

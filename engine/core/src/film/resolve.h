@@ -1,0 +1,103 @@
+// Light that is sampled at other points by each pixel of a block, averaged over the pixels that
+// show the same surface (Keller, Heidrich 2001, Interleaved sampling; Wald, Kollig, Benthin,
+// Keller, Slusallek 2002, Interactive global illumination using fast ray tracing: the discontinuity
+// buffer). What repeats from block to block is what the points leave, and is averaged away; so is
+// what pixels differ by no more than the halves of their own samples do (Lee 1980, Digital image
+// enhancement and noise filtering by use of local statistics), but for what mirrors and glass show:
+// halves of samples see other parts of an image. The rest stays.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "film/passes.h"
+#include "film/refine.h"
+#include "session/zeroed_buffer.h"
+
+namespace glint {
+
+/// Light that is resolved by itself: what surfaces that camera rays meet give back, straight from
+/// what makes it and by way of others, and what media scatter.
+enum ResolvedLight : int {
+  kDiffuseDirect,
+  kDiffuseIndirect,
+  kGlossyDirect,
+  kGlossyIndirect,
+  kTransmissionDirect,
+  kTransmissionIndirect,
+  kVolumeDirect,
+  kVolumeIndirect,
+  kResolvedLights
+};
+
+/// The film's columns of a pixel that a resolve reads beside the passes of light: of the surfaces
+/// that camera rays meet, as much of each as stays of the ray there, the normal, the place, and how
+/// much stays; and of the first half of the samples diffuse light, its colour, and the light of
+/// media, the sum of the channels.
+enum GuideColumn : int {
+  kGuideNormal = 0,
+  kGuidePlace = 3,
+  kGuideShare = 6,
+  kHalfDiffuse = 7,
+  kHalfColor = 9,
+  kHalfVolume = 10,
+  kGuideColumns = 12
+};
+
+/// Pixels of a tile and round it, row by row, a column a quantity: means over a pixel's samples, 0
+/// beyond the region.
+struct ResolveWindow {
+  enum Column : int {
+    kNormal = 0,
+    kPlace = 3,
+    kSurface = 6,  // 1 where there is one
+    kColor = 7,    // of diffuse, glossy, transmission: three channels each; of media 1
+    kLight = kColor + 3 * 4,
+    kNoise = kLight + 3 * kResolvedLights,  // of diffuse light without its colour and of media, how
+                                            // far the mean is off: half of what halves differ by
+    kColumns = kNoise + 4
+  };
+  uint32_t width = 0, height = 0;
+  std::vector<float> values;
+  void set_size(uint32_t w, uint32_t h) {
+    width = w;
+    height = h;
+    values.assign(size_t(kColumns) * w * h, 0.0f);
+  }
+  size_t pixels() const { return size_t(width) * height; }
+  float* column(int number) { return values.data() + size_t(number) * pixels(); }
+  const float* column(int number) const { return values.data() + size_t(number) * pixels(); }
+};
+
+/// What resolving adds to the means of the pixels of a region. One thread a tile at a time.
+class Resolve {
+ public:
+  Resolve() = default;
+  /// side: of blocks of pixels. keeps_lights: whether passes show lights by themselves.
+  Resolve(uint32_t side, Region region, bool keeps_lights);
+
+  bool on() const { return side_ > 1; }
+  /// Pixels to each side that what is added to one depends on: half a block of which it takes in
+  /// light, and whether that repeats in the next one.
+  static constexpr uint32_t looks_at(uint32_t side) { return side / 2 + side; }
+  uint32_t looks_at() const { return looks_at(side_); }
+  /// Resolves the pixels of a window but for `looks_at` at its ends; the first of them is (x0, y0)
+  /// of the region.
+  void run(const ResolveWindow& window, uint32_t x0, uint32_t y0);
+  /// Of a pixel, to the mean of Combined.
+  const float* added(uint32_t pixel) const { return added_.data() + 3 * size_t(pixel); }
+  /// The same to the mean of one light; 0 where no pass shows it.
+  float added_to(int light, uint32_t pixel, size_t channel) const {
+    return lights_.size() ? lights_.data()[place(light, pixel) + channel] : 0;
+  }
+
+ private:
+  static size_t place(int light, uint32_t pixel) {
+    return 3 * (size_t(pixel) * kResolvedLights + size_t(light));
+  }
+
+  uint32_t side_ = 1, width_ = 0;
+  ZeroedBuffer<float> added_, lights_;
+};
+
+}  // namespace glint

@@ -1,0 +1,182 @@
+"""Light that is sampled at other points by each pixel of a block, averaged over the pixels that
+show the same surface (SEMANTICS.md, "Resolving").
+
+Sources: Keller, Heidrich 2001, Interleaved sampling; Wald, Kollig, Benthin, Keller, Slusallek
+2002, Interactive global illumination using fast ray tracing (the discontinuity buffer); Lee 1980,
+Digital image enhancement and noise filtering by use of local statistics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..film import BY_SURFACE, VOLUME
+
+Array = np.ndarray
+
+ALIKE = 0.9
+"""Cosine between normals from which on nothing is shared any more."""
+FLAT = 0.04
+"""The same of the way between points along one's normal, squared, over its length."""
+LIGHTS = tuple(name for name in (*BY_SURFACE, *VOLUME) if not name.endswith("Color"))
+"""The passes of light that are resolved, each by itself."""
+COLORS = tuple(name for name in BY_SURFACE if name.endswith("Color"))
+"""What they are told without: of each two of the former."""
+HALVED = ("Diffuse Direct", "Diffuse Indirect", "Diffuse Color", *VOLUME)
+"""Of which the halves of the samples are told apart: not of what mirrors and glass show, an image
+whose own detail halves of samples differ by.
+"""
+
+
+def reach(side: int) -> int:
+    """Pixels to each side of one that what is added to it depends on: half a block of which it
+    takes in light, and whether that repeats in the next one.
+    """
+    return side // 2 + side
+
+
+@dataclass(frozen=True, eq=False)
+class Guides:
+    """What tells pixels' surfaces apart. normal: (h, w, 3) unit. place: (h, w, 3). surface: (h, w)
+    1 where there is one, else 0.
+    """
+
+    normal: Array
+    place: Array
+    surface: Array
+
+    @staticmethod
+    def of(sums: Array) -> Guides:
+        """sums: (7, h, w) of the surfaces that camera rays meet, times what of the ray stays there:
+        the normal, the place, and 1.
+        """
+        normal, place, share = np.moveaxis(sums[:3], 0, -1), np.moveaxis(sums[3:6], 0, -1), sums[6]
+        size = np.linalg.norm(normal, axis=-1)
+        surface = (share > 0) & (size > 0) & np.isfinite(size)
+        normal = np.where(surface[..., None], normal, 0.0) / np.where(surface, size, 1.0)[..., None]
+        place = np.where(surface[..., None], place, 0.0) / np.where(surface, share, 1.0)[..., None]
+        return Guides(normal, place, surface.astype(float))
+
+    def alike(self, x: int, y: int) -> Array:
+        """(h, w) how surely the pixel so far to the right and up shows the same surface, 0 to 1."""
+        normal, place, surface = (_moved(a, x, y) for a in (self.normal, self.place, self.surface))
+        cosine = (self.normal * normal).sum(-1)
+        way = place - self.place
+        off = np.maximum((way * self.normal).sum(-1) ** 2, (way * normal).sum(-1) ** 2)
+        most = FLAT * (way**2).sum(-1)
+        flat = np.where(most > off, (most - off) / np.where(most > 0, most, 1.0), most == 0)
+        alike = np.clip((cosine - ALIKE) / (1 - ALIKE), 0.0, 1.0)
+        return alike * flat * self.surface * surface
+
+
+def _moved(image: Array, x: int, y: int) -> Array:
+    """What lies so far to the right and up of each pixel, 0 beyond the image."""
+    height, width = image.shape[:2]
+    found = np.zeros_like(image)
+    rows = slice(max(-y, 0), height - max(y, 0)), slice(max(y, 0), height + min(y, 0))
+    columns = slice(max(-x, 0), width - max(x, 0)), slice(max(x, 0), width + min(x, 0))
+    found[rows[0], columns[0]] = image[rows[1], columns[1]]
+    return found
+
+
+def resolved(
+    side: int, guides: Guides, parts: dict[str, Array], halves: dict[str, Array], samples: Array
+) -> dict[str, Array]:
+    """(3, h, w) by pass of light: what is added to the mean of a pixel's samples. parts: (3, h, w)
+    sums. halves: (h, w) of the first half of the samples, the sums of the channels.
+    """
+    block = list(_block(side))
+    on_surfaces = [share * guides.alike(x, y) for x, y, share in block]
+    inside = np.ones_like(guides.surface)
+    in_media = [share * _moved(inside, x, y) for x, y, share in block]
+    found = {}
+    for k, name in enumerate(LIGHTS):
+        weights, color = in_media, np.ones_like(parts[name])
+        half_color = 3.0 * _half(samples)
+        if name not in VOLUME:
+            weights, color = on_surfaces, parts[COLORS[k // 2]] / samples
+            half_color = halves["Diffuse Color"]
+        light, noise = parts[name] / samples, np.zeros_like(samples)
+        if name in HALVED:
+            noise = _noise(light, color, halves[name], half_color, samples)
+        found[name] = _resolved(side, guides, block, weights, light, color, noise)
+    return found
+
+
+def _half(samples: Array) -> Array:
+    """The largest power of 2 below a number of samples; 1 of one."""
+    return np.exp2(np.floor(np.log2(np.maximum(samples - 1, 1))))
+
+
+def _noise(light: Array, color: Array, half: Array, half_color: Array, samples: Array) -> Array:
+    """(h, w) about how far the mean light over its colour is off: half of what the halves of the
+    samples differ by.
+    """
+    first = _half(samples)
+    rest = samples - first
+    second, second_color = (x.sum(0) * samples - y for x, y in ((light, half), (color, half_color)))
+    known = (samples > 1) & (half_color > 0) & (second_color > 0)
+    apart = half / np.where(known, half_color, 1.0) - second / np.where(known, second_color, 1.0)
+    return np.where(known, apart * np.sqrt(np.maximum(first * rest, 0)) / samples, 0.0)
+
+
+def _block(side: int) -> Iterator[tuple[int, int, float]]:
+    """The pixels of a block round one, and their shares: each class of pixels counts once."""
+    half = side // 2
+    for y in range(-half, half + 1):
+        for x in range(-half, half + 1):
+            yield x, y, (0.5 if abs(x) == half else 1.0) * (0.5 if abs(y) == half else 1.0)
+
+
+def _over(a: Array, b: Array) -> Array:
+    return np.where(b > 0, a / np.where(b > 0, b, 1.0), 0.0)
+
+
+def _resolved(
+    side: int,
+    guides: Guides,
+    block: list[tuple[int, int, float]],
+    weights: list[Array],
+    light: Array,
+    color: Array,
+    noise: Array,
+) -> Array:
+    def over_block(values: Array) -> Array:
+        """(3, h, w) sums over each pixel's block."""
+        columns = np.moveaxis(values, 0, -1)
+        total = np.zeros_like(columns)
+        for weight, (x, y, _) in zip(weights, block, strict=True):
+            total += weight[..., None] * _moved(columns, x, y)
+        return np.moveaxis(total, -1, 0)
+
+    lights, colors = over_block(light), over_block(color)
+    tint = color.sum(0)
+    white, mean = _over(light.sum(0), tint), _over(lights.sum(0), colors.sum(0))
+    apart, changed, chance = (np.zeros_like(white) for _ in range(3))
+    change, square = _change(side, guides, white), tint**2
+    for weight, (x, y, _) in zip(weights, block, strict=True):
+        own = weight * _moved(square, x, y)
+        apart += own * (_moved(white, x, y) - mean) ** 2
+        changed += own * _moved(change, x, y)
+        chance += own * _moved(noise, x, y) ** 2
+    stays = np.minimum(changed, np.maximum(apart - chance, 0.0))
+    repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
+    return np.where(colors > 0, repeats * (_over(lights, colors) * color - light), 0.0)
+
+
+def _change(side: int, guides: Guides, values: Array) -> Array:
+    """(h, w) how far each pixel is from the mean of those a block to either side of it, squared, on
+    the axis on which it is farther.
+    """
+    found = np.zeros_like(values)
+    for x, y in ((side, 0), (0, side)):
+        after, before = guides.alike(x, y), guides.alike(-x, -y)
+        total = after + before
+        mean = (after * _moved(values, x, y) + before * _moved(values, -x, -y)) / np.where(
+            total > 0, total, 1.0
+        )
+        found = np.maximum(found, np.where(total > 0, values - mean, 0.0) ** 2)
+    return found
