@@ -239,8 +239,8 @@ class Settings:
         16,
         "Samples",
         "Most samples of a pixel; more make edges and soft shadows smoother and take longer in "
-        "proportion. Choose 4 to 16 for a look, 64 for most pictures, 256 for fine textures and "
-        "large soft shadows. There is no noise at any number; powers of two are placed best",
+        "proportion. Choose 1 to 4 for a look, 16 for most pictures, 64 to 256 for fine textures "
+        "and large soft shadows. There is no noise at any number; powers of two are placed best",
         low=1,
         slider=256,
         # Blender cuts what is above in silence: this is more than the engine takes, and it says so
@@ -251,8 +251,8 @@ class Settings:
         0.0,
         "Threshold",
         "A pixel takes no more samples once its estimated error is at most this many of the 256 "
-        "levels of a display: about half the time at 4. Choose 4 for most pictures, 1 to 2 where "
-        "dark gradients will be brightened later, 0 to give all samples to all pixels",
+        "levels of a display. Choose 0 to give all samples to all pixels, 4 with 64 samples or "
+        "more, 1 to 2 where dark gradients will be brightened later",
         high=255.0,
         slider=16.0,
         digits=1,
@@ -495,17 +495,17 @@ def _is_region(region: Any) -> bool:
 
 
 OFFERED = Settings(
-    samples=64,
-    error_threshold=4.0,
+    samples=16,
     light_samples=2,
+    soft_light="RESOLVED",
     max_bounces=12,
     cutoff=0.001,
     diffuse_bounces=4,
     reflections="ALL",
 )
 """What a user gets who chooses nothing: on the front of time against error of the scenes that were
-measured (docs/decisions/0012-defaults.md), Blender's own number of bounces
+measured (docs/decisions/0063-resolve.md), Blender's own number of bounces
 (docs/decisions/0024-bounced-light.md), and reflections in all that is rough
-(docs/decisions/0022-rough-reflections.md). `Settings()` itself stops no pixel early, so that a
-picture's samples are those that were asked for, and has direct light alone.
+(docs/decisions/0022-rough-reflections.md). With `Settings()` itself all pixels look at the same
+points, as the notes' formulas have it, and there is direct light alone.
 """

@@ -13,9 +13,11 @@ from typing import Any
 
 import bpy
 
-VERSION = 1
+VERSION = 2
 """To be raised when the settings offered to a user change."""
-_OFFERED_UNTIL: dict[int, dict[str, Any]] = {}
+_OFFERED_UNTIL: dict[int, dict[str, Any]] = {
+    1: {"samples": 64, "error_threshold": 4.0, "soft_light": "SHARED"}
+}
 """Number -> settings that were offered otherwise up to it, and how."""
 
 

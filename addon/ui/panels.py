@@ -123,6 +123,7 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         physical = column.column()
         physical.active = is_physical
         draw_reason(column, not is_physical, "Classic illumination has none of these")
+        draw_wide(physical, final, "soft_light", pixels=CHOICES)
         draw_wide(physical, final, "diffuse_bounces")
         reflections = physical.column()
         reflections.active = bounces > 0

@@ -55,6 +55,7 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
         "from a lamp's centre, one reflection",
         {
             "illumination": "CLASSIC",
+            "soft_light": "SHARED",
             "samples": 1,
             "error_threshold": 0.0,
             "light_samples": 1,

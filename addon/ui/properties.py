@@ -57,6 +57,7 @@ OF_LIGHT = (
     "mesh_light",
     "reflections",
     "subsurface",
+    "soft_light",
     "diffuse_bounces",
 )
 """What light does; the viewport takes the final render's."""
