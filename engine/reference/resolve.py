@@ -99,8 +99,8 @@ def resolved(
         if name not in VOLUME:
             weights, color = on_surfaces, parts[COLORS[k // 2]] / samples
             half_color = halves["Diffuse Color"]
-        light, noise = parts[name] / samples, np.zeros_like(samples)
-        if name in HALVED:
+        light, noise = parts[name] / samples, None
+        if name in HALVED and samples.max() > 1:
             noise = _noise(light, color, halves[name], half_color, samples)
         found[name] = _resolved(side, guides, block, weights, light, color, noise)
     return found
@@ -142,8 +142,10 @@ def _resolved(
     weights: list[Array],
     light: Array,
     color: Array,
-    noise: Array,
+    noise: Array | None,
 ) -> Array:
+    """noise: as `_noise`; None where halves of samples tell nothing."""
+
     def over_block(values: Array) -> Array:
         """(3, h, w) sums over each pixel's block."""
         columns = np.moveaxis(values, 0, -1)
@@ -156,13 +158,14 @@ def _resolved(
     tint = color.sum(0)
     white, mean = _over(light.sum(0), tint), _over(lights.sum(0), colors.sum(0))
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
-    change, square = _change(side, guides, white), tint**2
+    square = tint**2
+    change = _change(side, guides, white) if noise is None else np.zeros_like(white)
     for weight, (x, y, _) in zip(weights, block, strict=True):
         own = weight * _moved(square, x, y)
         apart += own * (_moved(white, x, y) - mean) ** 2
         changed += own * _moved(change, x, y)
-        chance += own * _moved(noise, x, y) ** 2
-    stays = np.minimum(changed, np.maximum(apart - chance, 0.0))
+        chance += own * _moved(np.zeros_like(white) if noise is None else noise, x, y) ** 2
+    stays = changed if noise is None else np.maximum(apart - chance, 0.0)
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
     return np.where(colors > 0, repeats * (_over(lights, colors) * color - light), 0.0)
 

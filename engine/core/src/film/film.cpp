@@ -243,7 +243,7 @@ void Film::resolve(const Tile& tile, uint32_t samples) {
       if (x < region_.width() && y < region_.height())
         read(window, size_t(j) * window.width + i, x, y, samples);
     }
-  resolve_.run(window, tile.x0, tile.y0);
+  resolve_.run(window, tile.x0, tile.y0, samples > 1);
 }
 
 void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
@@ -272,7 +272,9 @@ void Film::measure_neighborhood(const Tile& tile) {
 
 void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
                    const Stages& stages) {
+  // a pixel that rests takes in light of others, which may not
   const bool rested =
+      !resolves() &&
       refinement_.rested(tile, samples);  // its pixels are in the picture as they are
   for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass)
     if (sums(tile, pass) && (!rested || renewed_ >> pass & 1))

@@ -142,7 +142,7 @@ Resolve::Resolve(uint32_t side, Region region, bool keeps_lights)
   if (keeps_lights) lights_ = ZeroedBuffer<float>(3 * kResolvedLights * pixels);
 }
 
-void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0) {
+void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is_halved) {
   const int half = int(side_ / 2);
   const Span own = inside(window, looks_at());
   const Block in_media(own, half);
@@ -192,11 +192,11 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0) {
     apart.assign(own.count(), 0.0f);
     changed.assign(own.count(), 0.0f);
     noise.assign(own.count(), 0.0f);
-    // mirrors and glass show images, whose own detail halves of samples differ by
-    const bool is_image = light >= kGlossyDirect && light < kVolumeDirect;
+    const bool is_image = light >= kGlossyDirect && light < kVolumeDirect,
+               halved = !is_image && is_halved;
     const int number = light >= kVolumeDirect ? 2 + light - kVolumeDirect : light;
     const float* const halves =
-        is_image ? none.data() : window.column(ResolveWindow::kNoise + number);
+        halved ? window.column(ResolveWindow::kNoise + number) : none.data();
     for (size_t k = 0; k < block.to.size(); ++k) {
       const float* const weights = block.of(k);
       own.rows([&](size_t out, size_t at) {
@@ -213,7 +213,7 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0) {
     own.rows([&](size_t out, size_t at) {
       for (size_t i = 0; i < own.width; ++i) {
         const size_t k = out + i, q = at + i, pixel = pixel_of(own, k, x0, y0, width_);
-        const float stays = std::min(changed[k], std::max(apart[k] - noise[k], 0.0f)),
+        const float stays = halved ? std::max(apart[k] - noise[k], 0.0f) : changed[k],
                     repeats = apart[k] > stays ? 1 - stays / apart[k] : 0;
         for (int c = 0; c < 3; ++c) {
           const float resolved = over(light_sum[c][k], color_sum[c][k]) * colors[c][q],

@@ -1,10 +1,11 @@
 // Light that is sampled at other points by each pixel of a block, averaged over the pixels that
 // show the same surface (Keller, Heidrich 2001, Interleaved sampling; Wald, Kollig, Benthin,
 // Keller, Slusallek 2002, Interactive global illumination using fast ray tracing: the discontinuity
-// buffer). What repeats from block to block is what the points leave, and is averaged away; so is
-// what pixels differ by no more than the halves of their own samples do (Lee 1980, Digital image
-// enhancement and noise filtering by use of local statistics), but for what mirrors and glass show:
-// halves of samples see other parts of an image. The rest stays.
+// buffer). What pixels differ by no more than the halves of their own samples do is what their
+// points leave, and is averaged away; the rest stays (Lee 1980, Digital image enhancement and noise
+// filtering by use of local statistics). Of one sample, and of what mirrors and glass show, an
+// image whose own detail halves of samples differ by, what repeats from block to block is averaged
+// away.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -82,8 +83,8 @@ class Resolve {
   static constexpr uint32_t looks_at(uint32_t side) { return side / 2 + side; }
   uint32_t looks_at() const { return looks_at(side_); }
   /// Resolves the pixels of a window but for `looks_at` at its ends; the first of them is (x0, y0)
-  /// of the region.
-  void run(const ResolveWindow& window, uint32_t x0, uint32_t y0);
+  /// of the region. is_halved: pixels have two halves of samples.
+  void run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is_halved);
   /// Of a pixel, to the mean of Combined.
   const float* added(uint32_t pixel) const { return added_.data() + 3 * size_t(pixel); }
   /// The same to the mean of one light; 0 where no pass shows it.
