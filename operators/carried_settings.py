@@ -16,11 +16,9 @@ EEVEES = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
 NAMES = {"CYCLES": "Cycles", **dict.fromkeys(EEVEES, "Eevee")}
 """Engine -> how people call it, of those that scenes can come from."""
 
-_FEWEST, _MOST = 16, 256
+_FEWEST, _MOST = 4, 256
 """Samples of a pixel that are taken over from a number of Cycles'."""
-_USUAL = {"final": 0.01, "viewport": 0.1}
-"""Cycles' own noise thresholds, for which Glint's own stands."""
-_FINEST, _COARSEST = 0.5, 16.0
+_ENOUGH = "without noise, and as pixels share what they find, about a quarter of the root is enough"
 _GROUPS = ("final", "viewport")
 
 
@@ -62,22 +60,14 @@ def _of_cycles(scene: Any) -> Iterator[Carried]:
     cycles = scene.cycles
     for group, prefix in zip(_GROUPS, ("", "preview_"), strict=True):
         samples = getattr(cycles, f"{prefix}samples")
-        yield Carried(
-            group,
-            "samples",
-            samples_for(samples),
-            f"Max Samples {samples}; what has no noise needs about their root",
-        )
+        why = f"; {_ENOUGH}" if samples > 0 else ", without a limit"
+        yield Carried(group, "samples", samples_for(samples), f"Max Samples {samples}{why}")
         is_adaptive = getattr(
             cycles, "use_preview_adaptive_sampling" if prefix else "use_adaptive_sampling"
         )
         threshold = getattr(cycles, f"{prefix}adaptive_threshold")
-        yield Carried(
-            group,
-            "error_threshold",
-            levels_for(threshold, _USUAL[group]) if is_adaptive else 0.0,
-            f"Noise Threshold {threshold:.4g}" if is_adaptive else "Noise Threshold off",
-        )
+        said = f"{threshold:.4g}; so few samples go to all pixels" if is_adaptive else "off"
+        yield Carried(group, "error_threshold", 0.0, f"Noise Threshold {said}")
         mirrors = min(cycles.max_bounces, max(cycles.glossy_bounces, cycles.transmission_bounces))
         yield Carried(
             group,
@@ -104,23 +94,13 @@ def _of_eevee(scene: Any) -> Iterator[Carried]:
 
 
 def samples_for(samples: int) -> int:
-    """Samples without noise for a number of Cycles', 0 for no limit: the power of two at or above
-    the root, as noise falls with the root of their number and what shared points miss with the
-    number itself.
+    """Samples without noise for a number of Cycles', 0 for no limit: the power of two at or above a
+    quarter of the root, as noise falls with the root of their number and what few points miss with
+    the number itself, and a block of 4 x 4 pixels shares what they find.
     """
     if samples <= 0:
         return OFFERED.samples
-    return min(_MOST, max(_FEWEST, 1 << math.ceil(math.log2(math.sqrt(samples)))))
-
-
-def levels_for(threshold: float, usual: float) -> float:
-    """Levels of a display for Cycles' noise threshold, 0 for its own choice; `usual` is its
-    default.
-    """
-    if threshold <= 0:
-        return OFFERED.error_threshold
-    levels = OFFERED.error_threshold * threshold / usual
-    return float(round(min(_COARSEST, max(_FINEST, levels)), 1))
+    return min(_MOST, max(_FEWEST, 1 << max(math.ceil(math.log2(math.sqrt(samples) / 4)), 0)))
 
 
 def _within(name: str, value: int) -> int:

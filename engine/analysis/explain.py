@@ -35,8 +35,8 @@ class PixelExplainer:
         """The ray through the centre of pixel (x, y) of the full frame, counted from the bottom
         left, and all that follow from it.
 
-        Its `color` is what a picture of one sample has there. Raises SceneError for a pixel
-        outside.
+        Its `color` is what a picture of one sample has there before light is averaged over pixels.
+        Raises SceneError for a pixel outside.
         """
         width, height = self._resolution
         if not (0 <= x < width and 0 <= y < height):
@@ -218,6 +218,11 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
         return
     if any(hit.hole):
         yield f"its Holdout shader leaves a hole: {_rgb(hit.hole)} of the ray"
+    if hit.resolved > 1:
+        yield (
+            f"light is averaged over {hit.resolved} x {hit.resolved} pixels of this surface: "
+            "Resolved; here is what this pixel finds by itself"
+        )
     if hit.caught:
         yield (
             "it catches shadows: with what stands there it has "

@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from ..film import OCCLUSION
-from ..sampling import GATHER_BLOCK, GLOSS_BLOCK, places_in_blocks
+from ..lights.interleaving import interleaving
+from ..sampling import (
+    GATHER_BLOCK,
+    GLOSS_BLOCK,
+    dealt_sample,
+    interleaving_classes,
+    places_in_blocks,
+)
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
@@ -57,18 +64,25 @@ class Explainer:
             replace(settings, samples=1, region=None, passes=frozenset()),
             Cancellation(lambda: False),
         )
+        resolves = settings.soft_light == "RESOLVED"
+        self._resolved = interleaving(lit, settings) if resolves else 1
         self._spread = Spread.samples(scene, settings.samples)[0]
         self._looks_round = OCCLUSION in settings.passes
         self._places = np.zeros(1, np.intp)
+        self._sample = 0  # of the tables
         self._block = PixelBlock()
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
         and its point of the lens: the first sample of a picture.
         """
-        self._places = places_in_blocks((x, x + 1), (y, y + 1), GATHER_BLOCK)
+        here, side = ((x, x + 1), (y, y + 1)), self.stage.interleaving
+        self._places = places_in_blocks(*here, self.stage.gather_block)
+        number = int(interleaving_classes(*here, side)[0])
+        self._sample = dealt_sample(0, number, self.stage.settings.samples, side)
+        self.stage.media.moment.sample = self._sample
         self._block = self._block_of(x, y)
-        paths = self._camera_paths((x, x + 1), (y, y + 1))
+        paths = self._camera_paths(*here)
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def _camera_paths(self, x: tuple[int, int], y: tuple[int, int]) -> Paths:
@@ -104,7 +118,7 @@ class Explainer:
         surface = self._surface(paths, hit, hits.primitive[hit], hits.depth[hit])
         shown = np.flatnonzero(~stage.per_object("holdout", surface.row).astype(bool))
         hit, surface = hit[shown], surface.take(shown)
-        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
+        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(self._sample))
         at, _ = entering(stage, Interaction(paths, hit, surface, coefficients))
         return (y - y0) * (square[0][1] - x0) + x - x0, square, at
 
@@ -119,7 +133,7 @@ class Explainer:
             depth,
             stage.cancellation,
         )
-        return stage.shader.bent(met(paths, hit, surface), paths.kind, stage.queries(0))
+        return stage.shader.bent(met(paths, hit, surface), paths.kind, stage.queries(self._sample))
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""
@@ -167,7 +181,7 @@ class Explainer:
         sent, share = paths, self._block.share(paths, surface)
         paths = replace(paths, weight=paths.weight * share)
         ray = replace(ray, weight=_numbers(np.array(ray.weight) * share[:, 0]))
-        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(0))
+        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(self._sample))
         at = seen_lobes(stage, Interaction(paths, hit, surface, coefficients))
         at, below = (at, None) if self._is_unseen(at) else entering(stage, at)
         coefficients = at.coefficients
@@ -182,11 +196,12 @@ class Explainer:
         if about.holdout:
             near = []
         elif near is None:
-            near = gathering(stage, at, 0, self._places)
+            near = gathering(stage, at, self._sample, self._places)
         is_seen = not about.holdout and about.caught is None
         after = self._next(replace(at, paths=sent), depth, is_first and is_seen)
         if is_seen and coefficients.translucent.any():
-            near = [*near, *gathering(stage, other_side(stage, at, depth), 0, self._places)]
+            other = other_side(stage, at, depth)
+            near = [*near, *gathering(stage, other, self._sample, self._places)]
         out = () if below is None else self._coming_out(below)
         follow = (*(self.follow(one, "gather") for one in near), *out, *after)
         if about.holdout:
@@ -206,12 +221,12 @@ class Explainer:
     def _coming_out(self, below: Interaction) -> Iterator[Ray]:
         """Where light comes out again."""
         stage, start = self.stage, below.surface.x
-        rows = stage.subsurface_rows(0, self._places)
-        found = coming_out(stage, below, stage.probes(0, lambda index: None), rows)
+        rows = stage.subsurface_rows(self._sample, self._places)
+        found = coming_out(stage, below, stage.probes(self._sample, lambda index: None), rows)
         for at in () if found is None else one_by_one(found):
             way = at.surface.x - start
             about = self._hit(at.surface, at.coefficients, length(way), at.paths, False)
-            near = gathering(stage, at, 0, self._places)
+            near = gathering(stage, at, self._sample, self._places)
             follow = tuple(self.follow(one, "gather") for one in near)
             own = at.weight[:, 0] * np.array(about.light)
             color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
@@ -248,7 +263,7 @@ class Explainer:
         given: dict[str, Array] = {}
         if stage.media.emits:
             given[""] = stage.media.pieces(spans, near, depth).glow()[:, 0]
-        for found in scattered(stage, paths.rays, spans, depth, 0):
+        for found in scattered(stage, paths.rays, spans, depth, self._sample):
             name = found.source.light.name
             light = (found.light * found.shadow.T).sum(1)
             given[name] = given.get(name, np.zeros(3)) + light
@@ -271,18 +286,20 @@ class Explainer:
             return None
         if stage.per_object("holdout", surface.row)[0]:
             return None
-        return _numbers(catchers.ratio(stage, surface, coefficients, paths.weight, 0)[:, 0])
+        ratio = catchers.ratio(stage, surface, coefficients, paths.weight, self._sample)
+        return _numbers(ratio[:, 0])
 
     def _next(self, at: Interaction, depth: Array, is_first: bool) -> Iterator[Ray]:
         paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
-            for after in bounced(self.stage, at, 0):
+            for after in bounced(self.stage, at, self._sample):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0
                 yield self.follow(after, "mirror" if is_mirror else "refraction")
             mixed = self._block.mixed if is_first else None
             if mixed is None:
-                mixed = [(found, np.ones(3)) for found in reflected(self.stage, at, 0)]
+                own = reflected(self.stage, at, self._sample)
+                mixed = [(found, np.ones(3)) for found in own]
             for after, share in mixed:
                 yield self.follow(after, "reflection").times(_numbers(share))
         straight = straight_on(at, depth, np.zeros(1, bool))
@@ -331,7 +348,8 @@ class Explainer:
             shared_bounced=stage.shared_bounced,
             shared_media=stage.shared_media,
             turns=self._block.turns if is_first else 1,
-            open=_numbers(openness(stage, surface, 0, lambda: None)[:, 0])
+            resolved=self._resolved if is_first else 1,
+            open=_numbers(openness(stage, surface, self._sample, lambda: None)[:, 0])
             if paths.depth == 0 and self._looks_round
             else None,
         )
@@ -350,7 +368,7 @@ class Explainer:
             margin, j = 0, 0
             hidden = source.hidden_counts if isinstance(source, Dome) else 1
             for j, (narrow, sample, diffuse) in enumerate(
-                lighting.samples(surface, coefficients, weight, source, 0)
+                lighting.samples(surface, coefficients, weight, source, self._sample)
             ):
                 if diffuse is coefficients.diffuse or sample.intensity[0]:
                     is_drawn = diffuse is not coefficients.diffuse
@@ -363,7 +381,7 @@ class Explainer:
                     if counts and light.any():
                         margin += -hidden if (lost * light).any() else 1
                     yield term
-            if isinstance(source, Dome) and margin >= 0:
+            if isinstance(source, Dome) and margin >= 0 and not lighting.dealt:
                 yield self._rest(surface, coefficients, source, j + 1)
 
     def _lighting(self, surface: Surface, paths: Paths) -> Lighting:
@@ -385,7 +403,9 @@ class Explainer:
         self, surface: Surface, coefficients: Coefficients, source: Dome, j: int
     ) -> LightTerm:
         """What the directions of a sky leave out."""
-        rest = mean_lowered(surface.lowering) * source.rest(surface.x, surface.n, 0)[:, 0]
+        rest = (
+            mean_lowered(surface.lowering) * source.rest(surface.x, surface.n, self._sample)[:, 0]
+        )
         return LightTerm(
             light=source.light.name,
             sample=j,

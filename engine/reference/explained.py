@@ -54,8 +54,9 @@ class Hit:
     samples of lamps have a share; zeros where each has its own.
     shared_bounced, shared_media: the same of points of bounced light and of glowing media; zeros
     without such.  turns: of how many pixels one asks for those of bounced light in a sample, for
-    all of them.  open: the share of an even sky, as the pass Ambient Occlusion has it of one
-    sample; None where it is not asked for.
+    all of them.  resolved: side of the blocks of pixels over which the picture averages what light
+    is met here, 1 where it does not.  open: the share of an even sky, as the pass Ambient Occlusion
+    has it of one sample; None where it is not asked for.
     """
 
     thing: str
@@ -78,6 +79,7 @@ class Hit:
     shared_bounced: tuple[int, int] = (0, 0)
     shared_media: tuple[int, int] = (0, 0)
     turns: int = 1
+    resolved: int = 1
     open: Numbers | None = None
 
     @property

@@ -47,13 +47,18 @@ scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_pe
 scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
 scene.render.filepath = str(FOLDER / "picture.exr")
 scene.glint.final.samples, scene.glint.final.light_samples, scene.glint.final.backend = 1, 2, "NUMPY"
+scene.glint.final.soft_light = "DEALT"
 bpy.ops.render.render(write_still=True)
 image = bpy.data.images.load(scene.render.filepath)
 pixels = np.empty(32 * 24 * 4, np.float32)
 image.pixels.foreach_get(pixels)
 pixels = pixels.reshape(24, 32, 4)
 explained = {f"{x} {y}": explain_render(scene, scene.view_layers[0].name, x, y) for x, y in [(16, 12), (15, 9), (2, 2), (18, 14)]}
+scene.glint.final.soft_light = "RESOLVED"
+resolved = explain_render(scene, scene.view_layers[0].name, 16, 12)
+scene.glint.final.soft_light = "DEALT"
 answer({
+    "resolved": [resolved.color == explained["16 12"].color, explanation_lines(resolved)],
     "pixels": {key: pixels[int(key.split()[1]), int(key.split()[0]), :3].tolist() for key in explained},
     "colors": {key: ray.color for key, ray in explained.items()},
     "things": {key: ray.hit.thing if ray.hit else None for key, ray in explained.items()},
@@ -76,6 +81,12 @@ def test_the_terms_add_up_to_the_render(told):
         assert color == pytest.approx(told["pixels"][key], rel=2**-22), key
     assert told["things"]["16 12"] == "Cube" and told["things"]["2 2"] is None
     assert any("'Light': n·l = " in line for line in told["text"]), told["text"]
+
+
+def test_what_is_averaged_over_pixels_is_told_of_the_pixel_itself(told):
+    is_same, text = told["resolved"]
+    assert is_same and sum("averaged over 4 x 4 pixels" in line for line in text) == 1, text
+    assert not any("averaged" in line for line in told["text"])
 
 
 def test_a_click_ends_with_its_release_and_leaves_the_clipboard_alone(told):

@@ -97,6 +97,7 @@ CHOICES = {
     "mesh_light": ["ON", "OFF"],
     "reflections": ["METALS", "ALL", "OFF"],
     "subsurface": ["ON", "OFF"],
+    "soft_light": ["RESOLVED", "DEALT", "SHARED"],
     "backend": ["NATIVE", "NUMPY"],
     "acceleration": ["AUTO", "FAST", "BALANCED", "FINE"],
     "target": ["NONE", "LEVELS", "RMSE"],
@@ -104,8 +105,8 @@ CHOICES = {
 """A file keeps the place in these lists: what is new goes to their ends, and nothing goes away."""
 NAMES = (
     "samples error_threshold light_samples lamp_shadows volume_samples max_bounces cutoff "
-    "illumination world_light mesh_light reflections subsurface diffuse_bounces backend "
-    "acceleration threads"
+    "illumination world_light mesh_light reflections subsurface soft_light diffuse_bounces "
+    "backend acceleration threads"
 )
 PASSES = {"Combined": 1597128033, "Normal": 320124649, "Light Group": 1782683623}
 """Of passes any may be new, so that their numbers are of their names."""
@@ -144,6 +145,7 @@ scene = bpy.context.scene
 scene.render.engine = "GLINT"
 scene.glint.final.cutoff = 0.25
 bpy.data.scenes.new("Cycles'")
+former_settings.VERSION = 1
 bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "old.blend"))
 former_settings.VERSION = 3
 former_settings._OFFERED_UNTIL = {1: {"samples": 16, "cutoff": 0.01}, 2: {"samples": 32, "light_samples": 8}}
@@ -158,7 +160,34 @@ answer([settings("Scene"), settings("Cycles'")])
     assert run.returncode == 0, run.output
     ours, other = run.answer
     assert ours == [3, [16, 0.25, 8], [16, 0.01, 8]]
-    assert other == [0, [64, 0.001, 2], [64, 0.001, 2]]
+    assert other == [0, [16, 0.001, 2], [16, 0.001, 2]]
+
+
+def test_a_file_of_the_first_version_keeps_its_samples_and_shared_points(tmp_path):
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + """
+from glint.addon.ui import former_settings
+
+def saved(version):
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.render.engine = "GLINT"
+    scene.glint.final.samples = 32
+    before, former_settings.VERSION = former_settings.VERSION, version
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
+    former_settings.VERSION = before
+    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "saved.blend"))
+    glint = bpy.context.scene.glint
+    return [[group.samples, group.error_threshold, group.soft_light] for group in (glint.final, glint.viewport)]
+answer([saved(1), saved(former_settings.VERSION)])
+"""  # noqa: E501 - a script for another Blender
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == [
+        [[32, 4.0, "SHARED"], [64, 4.0, "SHARED"]],
+        [[32, 0.0, "RESOLVED"], [16, 0.0, "RESOLVED"]],
+    ]
 
 
 def test_a_choice_that_is_not_there_is_the_first(tmp_path):

@@ -88,7 +88,7 @@ def during(state, *settings):
 told = {
     "Classic illumination has none of these": during(
         (final, "illumination", "CLASSIC"), (final, "world_light", "CONSTANT"), (final, "mesh_light", "OFF"),
-        (final, "diffuse_bounces", 0), (final, "reflections", "OFF")),
+        (final, "diffuse_bounces", 0), (final, "reflections", "OFF"), (final, "soft_light", "SHARED")),
     "Rough Reflections need Bounces of Render": during((final, "max_bounces", 0), (final, "reflections", "OFF")),
 }
 blurred = [setting for setting in ((metal.cycles, "use_motion_blur", False), (layer, "use_motion_blur", False))

@@ -129,4 +129,4 @@ bpy.ops.glint.preset_add(name="My own", remove_name=True)
 answer([kept, between, again, list(folder.iterdir())])
 """
     )
-    assert run.answer == [["My_own.py"], [64, "NONE"], [7, "OFF", "RMSE"], []], run.output
+    assert run.answer == [["My_own.py"], [16, "NONE"], [7, "OFF", "RMSE"], []], run.output

@@ -6,7 +6,8 @@ import pytest
 
 from blender_process import REGISTER_TREE, Blender
 from glint.addon.export.report import Report
-from glint.operators.carried_settings import levels_for, samples_for
+from glint.engine.settings import OFFERED
+from glint.operators.carried_settings import samples_for
 
 SCENE = (
     REGISTER_TREE
@@ -57,15 +58,10 @@ def answer_of(tmp_path, program):
     return run.answer
 
 
-def test_samples_are_the_root_of_cycles():
-    counts = (1, 128, 256, 257, 1024, 4096, 4097, 1 << 20, 0)
-    assert [samples_for(n) for n in counts] == [16, 16, 16, 32, 32, 64, 128, 256, 64]
-
-
-def test_the_default_thresholds_stand_for_each_other():
-    levels = [levels_for(t, 0.01) for t in (0.01, 0.005, 0.1, 1e-6, 0.0)]
-    assert levels == [4.0, 2.0, 16.0, 0.5, 4.0]
-    assert levels_for(0.1, 0.1) == 4.0
+def test_samples_are_a_quarter_of_the_root_of_cycles():
+    """As 4 x 4 pixels share what they find."""
+    counts = (1, 128, 256, 257, 1024, 4096, 4097, 1 << 20, 1 << 24, 0)
+    assert [samples_for(n) for n in counts] == [4, 4, 4, 8, 8, 16, 32, 256, 256, OFFERED.samples]
 
 
 def test_notes_know_all_their_names():
@@ -94,16 +90,24 @@ final, viewport = scene.glint.final, scene.glint.viewport
 carried = [final.samples, final.error_threshold, final.max_bounces, final.diffuse_bounces,
            viewport.samples, viewport.error_threshold, viewport.max_bounces, scene.render.engine]
 told = [text for text, _ in rows("DIFFERENT") + rows("UNLIKE")]
+taken = [text for text, _ in rows("CARRIED")]
 kept = before == everything()
 poll = bpy.ops.glint.switch_to_glint.poll()
 back = bpy.ops.glint.switch_back()
-answer({"switched": list(switched), "carried": carried, "told": told, "kept": kept, "poll": poll,
+answer({"switched": list(switched), "carried": carried, "told": told, "taken": taken, "kept": kept, "poll": poll,
         "back": list(back), "engine": scene.render.engine, "as it was": before == everything(),
         "left": [len(scene.glint_switch.rows), bpy.ops.glint.switch_back.poll()]})
 """,  # noqa: E501 - a script for another Blender
     )
     assert got["switched"] == ["FINISHED"] and got["back"] == ["FINISHED"]
-    assert got["carried"] == [32, 8.0, 6, 3, 64, 0.0, 6, "GLINT"]
+    assert got["carried"] == [8, 0.0, 6, 3, 16, 0.0, 6, "GLINT"]
+    assert [text for text in got["taken"] if text.startswith(("Samples", "Threshold"))] == [
+        "Samples (Render) 8 (Cycles: Max Samples 1000; without noise, and as pixels share what "
+        "they find, about a quarter of the root is enough)",
+        "Threshold (Render) 0 (Cycles: Noise Threshold 0.02; so few samples go to all pixels)",
+        "Samples (Viewport) 16 (Cycles: Max Samples 0, without a limit)",
+        "Threshold (Viewport) 0 (Cycles: Noise Threshold off)",
+    ]
     assert got["kept"] and got["as it was"] and got["engine"] == "CYCLES"
     assert not got["poll"] and got["left"] == [0, False]
     told = "\n".join(got["told"])
@@ -210,7 +214,7 @@ answer([[final.samples, viewport.samples, final.diffuse_bounces], told, scene.re
 """,  # noqa: E501 - a script for another Blender
     )
     carried, told, is_back, is_as_it_was = got
-    assert carried == [96, 64, 4] and is_back and is_as_it_was
+    assert carried == [96, 16, 4] and is_back and is_as_it_was
     assert any(names == ["Cube"] and "Ray Visibility" in text for text, names in told)
     assert any(text.startswith("Surfaces throw light") for text, _ in told)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bounced_scenes import ALBEDO, inside, matt, room
 from glint.engine import OCCLUSION, SceneError, Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.scene import (
@@ -20,6 +21,7 @@ from glint.engine.scene import (
     Spheres,
     World,
 )
+from test_subsurface import LIGHTS, hills, skin
 
 
 def lobe(kind, value, **more):
@@ -314,3 +316,57 @@ def test_ambient_occlusion_is_told_where_it_is_asked_for():
     text = "\n".join(explanation_lines(explainer.pixel(2, 0)))
     assert "of an even sky it sees" in text
     assert PixelExplainer(SCENE, Settings(samples=1)).pixel(2, 0).hit.open is None
+
+
+SOFT = Scene(
+    replace(SCENE.camera, resolution=(16, 16)),
+    (FLOOR, BALL),
+    SCENE.instances[:2],
+    (
+        Material("Satin", (lobe("DIFFUSE", 0.5), lobe("SPECULAR", 0.5, exponent=20.0))),
+        matt((0.6, 0.3, 0.1)),
+    ),
+    lights=(lamp("Big", "AREA", (2, 2, 3), strength=200.0, size_x=3.0, size_y=2.0),),
+)
+DEALT = {
+    "lamp": (SOFT, {"light_samples": 2}),
+    "sky": (replace(SOFT, lights=(replace(LIGHTS["sky"], name="Sky"),)), {"light_samples": 2}),
+    "reflections": (SOFT, {"reflections": "ALL", "max_bounces": 2}),
+    "bounced light": (
+        replace(
+            room(lamp("Bulb", "POINT", (0.2, 0, 0), radius=0.1, strength=100.0)),
+            camera=inside(size=16),
+        ),
+        {"light_samples": 2, "diffuse_bounces": 2},
+    ),
+    "skin": (hills(skin((0.2, 0.1, 0.05)), LIGHTS["area"]), {"light_samples": 2}),
+    "haze": (replace(SOFT, world=World(medium=HAZE)), {"light_samples": 2}),
+}
+BLOCK = [(x, y) for y in range(4, 8) for x in range(8, 12)]
+"""Pixels that deal samples among themselves."""
+
+
+@pytest.mark.parametrize("soft_light", ["DEALT", "RESOLVED"])
+@pytest.mark.parametrize("name", DEALT)
+def test_each_pixel_is_explained_by_its_own_run_of_samples(name, soft_light):
+    """Before light is averaged over pixels."""
+    scene, more = DEALT[name]
+    settings = Settings(samples=1, soft_light="DEALT", backend="NUMPY", **more)
+    picture = render(scene, settings).combined
+    shared = render(scene, replace(settings, soft_light="SHARED")).combined
+    explainer = PixelExplainer(scene, replace(settings, samples=4, soft_light=soft_light))
+    rays = [explainer.pixel(x, y) for x, y in BLOCK]
+    for (x, y), ray in zip(BLOCK, rays, strict=True):
+        np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-5, atol=1e-9)
+        told = "light is averaged over 4 x 4 pixels of this surface: Resolved"
+        lines = [line for line in explanation_lines(ray) if told in line]
+        assert len(lines) == (soft_light == "RESOLVED")
+    assert np.abs(picture - shared).max() > 0.01 * shared[..., :3].max()
+
+
+def test_nothing_is_averaged_where_all_light_is_hard():
+    hard = replace(SOFT, materials=(matt(ALBEDO),) * 2, lights=(lamp("Point", "POINT", (2, 2, 3)),))
+    settings = Settings(samples=1, soft_light="RESOLVED", backend="NUMPY")
+    ray, picture = PixelExplainer(hard, settings).pixel(9, 5), render(hard, settings).combined
+    np.testing.assert_allclose(ray.color, picture[5, 9, :3], rtol=1e-6)
+    assert "averaged" not in "\n".join(explanation_lines(ray))
