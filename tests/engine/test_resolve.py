@@ -24,7 +24,7 @@ from glint.engine.sampling import (
     dealt_samples,
     dome_points,
     interleaving_classes,
-    sobol_points,
+    light_points,
 )
 from native_tools import hashes_with
 
@@ -111,7 +111,9 @@ def test_each_class_has_a_run_of_its_own(samples):
     assert max(map(max, rows)) < dealt_samples(samples, SIDE)
 
 
-@pytest.mark.parametrize("points", [sobol_points, dome_points], ids=["pixel", "dome"])
+@pytest.mark.parametrize(
+    "points", [lambda n: (light_points(n)[0] + 1) / 2, dome_points], ids=["lamp", "dome"]
+)
 @pytest.mark.parametrize("samples", [1, 4, 16, 64])
 def test_the_samples_of_a_block_and_those_of_a_pixel_are_spread_well(points, samples):
     """On an axis one lies in each of as many intervals as there are; point 0 is in the middle."""
