@@ -108,9 +108,10 @@ struct RenderPlan : GlintRenderSettings {
   /// are spread well too (Keller, Heidrich 2001, Interleaved sampling).
   uint32_t dealt_sample(uint32_t sample, uint32_t number) const {
     if (interleaving <= 1) return sample;
-    const uint32_t run = std::bit_ceil(samples), classes = interleaving * interleaving;
+    constexpr uint32_t kTurns[] = {6, 4, 8, 13};  // of engine/sampling
+    const uint32_t run = std::bit_ceil(samples);
     uint32_t first = 0;
-    for (uint32_t bit = 1; bit < classes; bit *= 2) first = 2 * first + ((number & bit) != 0);
+    for (uint32_t bit = 0; bit < 4; ++bit) first ^= number >> bit & 1 ? kTurns[bit] : 0;
     return number * run + (sample ^ (first & (run - 1)));
   }
 
