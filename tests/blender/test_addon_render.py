@@ -303,6 +303,7 @@ for frame, x in ((1, -2.0), (3, 2.0)):
     cube.keyframe_insert("location", frame=frame)
 scene.frame_set(2)
 scene.glint.final.samples, scene.glint.final.backend = 16, "NATIVE"
+scene.glint.final.soft_light = "SHARED"  # even light, by which the cube is told from the world
 scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
 draw("moving.exr")
 print("stands at", scene.frame_current_final)

@@ -289,6 +289,8 @@ def test_a_selection_asks_for_nothing_where_materials_read_objects(watcher):
 @pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="no core here")
 def test_a_brighter_lamp_traces_nothing(watcher):
     bpy.context.scene.glint.viewport.samples = 1
+    # what is dealt over pixels is not remembered
+    bpy.context.scene.glint.final.soft_light = "SHARED"
     watcher.edit(lambda: None, updates=False)
     film = watcher.edit(lambda: setattr(bpy.data.lights["POINT"], "energy", 99))
     assert film.stats["camera rays"] == film.stats["shadow rays"] == 0
@@ -345,6 +347,7 @@ def test_the_clipping_region(watcher):
     """A box that leaves the left half of the view: there the picture is as it was, elsewhere it
     shows the surroundings.
     """
+    bpy.context.scene.glint.final.soft_light = "DEALT"  # no pixel gets light of beyond the edge
     before = watcher.edit(lambda: None, updates=False).combined
     looks, middle = watcher.view.region_data, 0.5
     planes = [
