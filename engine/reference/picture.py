@@ -276,10 +276,16 @@ class Picture:
                 for k, name in enumerate(self._aov_names)
             }
             | {
-                light_group_pass(name): self._groups[3 * k : 3 * k + 3] / samples
+                light_group_pass(name): self._resolved(self._groups[3 * k : 3 * k + 3] / samples)
                 for k, name in enumerate(self._group_names)
             }
         )
+
+    def _resolved(self, group: Array) -> Array:
+        """A light group's (3, pixels), which gets as much more as Combined does."""
+        own = self._color / np.maximum(self.samples, 1)
+        more = sum(self._added.values()) / np.where(own > 0, own, 1.0)
+        return group * np.where(own > 0, 1 + more, 1.0)
 
     def _added_to(self, part: str) -> Array | float:
         """To a part of Combined, so that they sum to it: diffuse light and that of media to

@@ -285,6 +285,7 @@ void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
     if (wants(pass)) publish_seen(tile, pass, slots, samples);
   for (int pass : {GLINT_PASS_AMBIENT_OCCLUSION, GLINT_PASS_LIGHT_GROUPS})
     if (wants(pass)) publish_seen(tile, pass, slots, samples);
+  if (wants(GLINT_PASS_LIGHT_GROUPS) && resolves()) resolve_groups(tile, slots, samples);
   if (wants_lighting()) publish_lighting(tile, slots, samples);
   if (wants_cryptomatte()) publish_cryptomatte(tile, slots, samples);
   if (passes_ & kHealthPasses) publish_health(tile, slots, samples);
@@ -339,6 +340,22 @@ void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint
       values(pass)[channels * slots.pixel(tile, k, region_.width()) + c] =
           to_float(is_rest ? 1 - mean : mean);
     }
+}
+
+/// Groups of lights get as much more as Combined does, so that they still sum to it.
+void Film::resolve_groups(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  const double* const combined = sums(tile, GLINT_PASS_COMBINED);
+  const size_t channels = channels_of(GLINT_PASS_LIGHT_GROUPS);
+  for (size_t k = 0; k < tile.pixels(); ++k) {
+    const uint32_t pixel = slots.pixel(tile, k, region_.width());
+    const double taken = refinement_.taken(tile.first_row + k, samples);
+    float* const groups = values(GLINT_PASS_LIGHT_GROUPS) + channels * pixel;
+    for (size_t c = 0; c < channels; ++c) {
+      const double all = combined[c % 3 * tile.stride() + k] / taken,
+                   more = double(resolve_.added(pixel)[c % 3]);
+      if (all > 0) groups[c] = to_float(double(groups[c]) * (1 + more / all));
+    }
+  }
 }
 
 /// Direct and indirect light over its colour, which is 1 where it is 0 and there is light.

@@ -184,6 +184,7 @@ class Film {
                      const Stages& stages);
   void add_resolved(const Tile& tile, int pass, const SlotTable& slots,
                     float (&means)[4][Tile::kSize * Tile::kSize]) const;
+  void resolve_groups(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples);
   /// Means of a pass's sums; is_rest: 1 less the means.
   void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
