@@ -89,7 +89,8 @@ def _of_eevee(scene: Any) -> Iterator[Carried]:
     eevee = scene.eevee
     for group, name in zip(_GROUPS, ("taa_render_samples", "taa_samples"), strict=True):
         samples = getattr(eevee, name)
-        chosen = min(_MOST, samples) if samples > 0 else OFFERED.samples  # 0: no limit
+        few = min(_MOST, max(_FEWEST, samples // 4))  # neighbours share what they find
+        chosen = few if samples > 0 else OFFERED.samples  # 0: no limit
         yield Carried(group, "samples", chosen, f"Samples {samples}")
 
 

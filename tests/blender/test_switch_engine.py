@@ -214,7 +214,7 @@ answer([[final.samples, viewport.samples, final.diffuse_bounces], told, scene.re
 """,  # noqa: E501 - a script for another Blender
     )
     carried, told, is_back, is_as_it_was = got
-    assert carried == [96, 16, 4] and is_back and is_as_it_was
+    assert carried == [24, 16, 4] and is_back and is_as_it_was
     assert any(names == ["Cube"] and "Ray Visibility" in text for text, names in told)
     assert any(text.startswith("Surfaces throw light") for text, _ in told)
 

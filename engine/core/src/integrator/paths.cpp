@@ -108,6 +108,7 @@ void Paths::add_gloss(Film& film, const Tile& tile) {
   const auto largest = [](const Columns& sums, size_t k) {
     return std::max({std::fabs(sums[0][k]), std::fabs(sums[1][k]), std::fabs(sums[2][k])});
   };
+  std::vector<double> shown(size());
   for (size_t k = 0; k < size(); ++k) {
     const double gloss = largest(gloss_, k), rest = largest(sums_, k);
     sums_[number][k] = gloss;
@@ -116,9 +117,10 @@ void Paths::add_gloss(Film& film, const Tile& tile) {
                  own = kOwn * gloss / (first_ + 1.0) + kTimesBefore * gloss_before[slot(k)],
                  sum = kTimesRest * (rest_before[slot(k)] + rest) + strong * own,
                  most = sum / std::min(first_ + 1, kSettled);
-    const double part = gloss > most ? most / gloss : 1;
-    for (size_t c = 0; c < number; ++c) sums_[c][k] += part * gloss_[c][k];
+    shown[k] = gloss > most ? most / gloss : 1;
   }
+  for (size_t c = 0; c < number; ++c)
+    for (size_t k = 0; k < size(); ++k) sums_[c][k] += shown[k] * gloss_[c][k];
 }
 
 template <size_t Count>
