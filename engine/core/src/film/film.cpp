@@ -202,7 +202,9 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
   const bool is_surface = share > 0 && square > 0 && std::isfinite(square);
   for (int c = 0; is_surface && c < 3; ++c) {
     put(ResolveWindow::kNormal + c, normal[c] / std::sqrt(square));
-    put(ResolveWindow::kPlace + c, guides[size_t(kGuidePlace + c) * stride] / share);
+    const double place = guides[size_t(kGuidePlace + c) * stride] / share;
+    put(ResolveWindow::kPlace + c, place);
+    put(ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
   }
   put(ResolveWindow::kSurface, is_surface);
   const auto means = [&](int pass, int column) {

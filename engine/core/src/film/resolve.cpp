@@ -32,9 +32,11 @@ Span inside(const ResolveWindow& window, size_t rim) {
 void weigh(const ResolveWindow& window, const Span& span, ptrdiff_t to, float* weights) {
   const float* normal[3];
   const float* place[3];
+  const float* low[3];
   for (int c = 0; c < 3; ++c) {
     normal[c] = window.column(ResolveWindow::kNormal + c);
     place[c] = window.column(ResolveWindow::kPlace + c);
+    low[c] = window.column(ResolveWindow::kPlaceLow + c);
   }
   const float* const surface = window.column(ResolveWindow::kSurface);
   span.rows([&](size_t out, size_t at) {
@@ -42,7 +44,7 @@ void weigh(const ResolveWindow& window, const Span& span, ptrdiff_t to, float* w
       const size_t p = at + i, q = size_t(ptrdiff_t(p) + to);
       float cosine = 0, along = 0, beside = 0, square = 0;
       for (int c = 0; c < 3; ++c) {
-        const float d = place[c][q] - place[c][p];
+        const float d = (place[c][q] - place[c][p]) + (low[c][q] - low[c][p]);
         cosine += normal[c][p] * normal[c][q];
         along += d * normal[c][p];
         beside += d * normal[c][q];
@@ -79,11 +81,19 @@ struct Block {
         weights.insert(weights.end(), span.count(), share);
       }
   }
+  /// Weighs those on the same surface alone.
+  void keep_alike(const ResolveWindow& window, const Span& span) {
+    Floats alike(span.count());
+    for (size_t k = 0; k < to.size(); ++k) {
+      weigh(window, span, to[k], alike.data());
+      for (size_t i = 0; i < span.count(); ++i) weights[k * span.count() + i] *= alike[i];
+    }
+  }
   const float* of(size_t k) const { return weights.data() + k * (weights.size() / to.size()); }
 };
 
-/// How far each pixel of the span is from the mean of those a block to either side of it, squared,
-/// on the axis on which it is farther.
+/// How far each pixel of the span is from the mean of those a block to either side of it, on the
+/// axis on which it is farther.
 class Changes {
  public:
   Changes(const ResolveWindow& window, const Span& span, int side)
@@ -109,7 +119,7 @@ class Changes {
           const float a = after[out + i], b = before[out + i], sum = a + b,
                       mean = (a * next[i] + b * last[i]) / (sum > 0 ? sum : 1),
                       off = sum > 0 ? here[i] - mean : 0;
-          found[at + i] = std::max(found[at + i], off * off);
+          found[at + i] = std::max(found[at + i], std::fabs(off));
         }
       });
     }
@@ -133,6 +143,93 @@ uint32_t pixel_of(const Span& span, size_t number, uint32_t x0, uint32_t y0, uin
 
 float over(float a, float b) { return b > 0 ? a / b : 0; }
 
+/// One kind of light of a window, and what the pixels of a span take of their blocks.
+class LightResolve {
+ public:
+  LightResolve(const ResolveWindow& window, const Span& span)
+      : window_(window),
+        span_(span),
+        tint_(window.pixels()),
+        white_(window.pixels()),
+        none_(window.pixels()) {}
+
+  /// False where there is none. is_halved: halves of samples tell how far its means are off.
+  bool choose(int light, bool is_halved) {
+    for (int c = 0; c < 3; ++c) {
+      light_[c] = window_.column(ResolveWindow::kLight + 3 * light + c);
+      color_[c] = window_.column(color_of(light) + c);
+    }
+    // mirrors and glass show images, whose own detail halves of samples differ by
+    is_halved_ = is_halved && (light < kGlossyDirect || light >= kVolumeDirect);
+    const int number = light >= kVolumeDirect ? 2 + light - kVolumeDirect : light;
+    halves_ = is_halved_ ? window_.column(ResolveWindow::kNoise + number) : none_.data();
+    bool any = false;
+    for (size_t i = 0; i < window_.pixels(); ++i) {
+      const float all = light_[0][i] + light_[1][i] + light_[2][i];
+      tint_[i] = color_[0][i] + color_[1][i] + color_[2][i];
+      white_[i] = over(all, tint_[i]);
+      any |= all != 0;
+    }
+    return any;
+  }
+
+  void find_means(const Block& block) {
+    for (int c = 0; c < 3; ++c) {
+      light_sum_[c].assign(span_.count(), 0.0f);
+      color_sum_[c].assign(span_.count(), 0.0f);
+      for (size_t k = 0; k < block.to.size(); ++k) {
+        add(span_, block.to[k], block.of(k), light_[c], light_sum_[c].data());
+        add(span_, block.to[k], block.of(k), color_[c], color_sum_[c].data());
+      }
+    }
+    mean_.resize(span_.count());
+    for (size_t i = 0; i < span_.count(); ++i)
+      mean_[i] = over(light_sum_[0][i] + light_sum_[1][i] + light_sum_[2][i],
+                      color_sum_[0][i] + color_sum_[1][i] + color_sum_[2][i]);
+  }
+
+  /// How far pixels of the blocks lie apart, and how much of that is seen or is noise; all over the
+  /// mean, so that no square leaves the range of floats.
+  void find_spread(const Block& block, const Changes& changes) {
+    changes.of(white_.data(), change_);
+    for (Floats* sums : {&apart_, &changed_, &noise_}) sums->assign(span_.count(), 0.0f);
+    for (size_t k = 0; k < block.to.size(); ++k)
+      span_.rows([&](size_t out, size_t at) {
+        add_spread(out, size_t(ptrdiff_t(at) + block.to[k]), block.of(k));
+      });
+  }
+
+  /// What pixel k of the span, q of the window, gets in a channel.
+  float given(size_t k, size_t q, int c) const {
+    const float stays = is_halved_ ? std::max(apart_[k] - noise_[k], 0.0f) : changed_[k],
+                taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0,
+                resolved = over(light_sum_[c][k], color_sum_[c][k]) * color_[c][q],
+                more = taken * (resolved - light_[c][q]);
+    return color_sum_[c][k] > 0 && std::isfinite(more) ? more : 0;
+  }
+
+ private:
+  /// Of a row of the span, from its number `out` on, with the pixels from `first` on.
+  void add_spread(size_t out, size_t first, const float* weights) {
+    for (size_t i = 0; i < span_.width; ++i) {
+      const size_t k = out + i, q = first + i;
+      const float inverse = over(1, mean_[k]), off = (white_[q] - mean_[k]) * inverse,
+                  moved = change_[q] * inverse, half = halves_[q] * inverse,
+                  weight = weights[k] * tint_[q] * tint_[q];
+      apart_[k] += weight * off * off;
+      changed_[k] += weight * moved * moved;
+      noise_[k] += weight * half * half;
+    }
+  }
+
+  const ResolveWindow& window_;
+  const Span span_;
+  const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
+  bool is_halved_ = false;
+  Floats tint_, white_, none_;  // of the window; white_: light over its colour
+  Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
+};
+
 }  // namespace
 
 Resolve::Resolve(uint32_t side, Region region, bool keeps_lights)
@@ -143,86 +240,30 @@ Resolve::Resolve(uint32_t side, Region region, bool keeps_lights)
 }
 
 void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is_halved) {
-  const int half = int(side_ / 2);
-  const Span own = inside(window, looks_at());
-  const Block in_media(own, half);
+  const Span span = inside(window, looks_at());
+  const Block in_media(span, int(side_ / 2));
   Block on_surfaces = in_media;
-  Floats same(own.count());
-  for (size_t k = 0; k < on_surfaces.to.size(); ++k) {
-    weigh(window, own, on_surfaces.to[k], same.data());
-    for (size_t i = 0; i < own.count(); ++i) on_surfaces.weights[k * own.count() + i] *= same[i];
-  }
+  on_surfaces.keep_alike(window, span);
   const Changes changes(window, inside(window, side_), int(side_));
-  Floats white(window.pixels()), tint(window.pixels()), change, light_sum[3], color_sum[3], apart,
-      changed, noise, none(window.pixels());
-  for (size_t y = 0; y < own.height; ++y)
-    std::fill_n(added_.data() + 3 * ((y0 + y) * width_ + x0), 3 * own.width, 0.0f);
+  LightResolve one(window, span);
+  for (size_t y = 0; y < span.height; ++y)
+    std::fill_n(added_.data() + 3 * ((y0 + y) * width_ + x0), 3 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
     const Block& block = light < kVolumeDirect ? on_surfaces : in_media;
-    const float *values[3], *colors[3];
-    for (int c = 0; c < 3; ++c) {
-      values[c] = window.column(ResolveWindow::kLight + 3 * light + c);
-      colors[c] = window.column(color_of(light) + c);
+    const bool any = one.choose(light, is_halved);
+    if (any) {
+      one.find_means(block);
+      one.find_spread(block, changes);
     }
-    bool any = false;
-    for (size_t i = 0; i < window.pixels(); ++i) {
-      const float all = values[0][i] + values[1][i] + values[2][i];
-      tint[i] = colors[0][i] + colors[1][i] + colors[2][i];
-      white[i] = over(all, tint[i]);
-      any |= all != 0;
-    }
-    float* const lights = lights_.size() ? lights_.data() : nullptr;
-    for (size_t k = 0; lights && !any && k < own.count(); ++k)
-      std::fill_n(lights + place(light, pixel_of(own, k, x0, y0, width_)), 3, 0.0f);
-    if (!any) continue;
-    changes.of(white.data(), change);
-    for (int c = 0; c < 3; ++c) {
-      light_sum[c].assign(own.count(), 0.0f);
-      color_sum[c].assign(own.count(), 0.0f);
-    }
-    for (size_t k = 0; k < block.to.size(); ++k)
+    for (size_t k = 0; (any || lights_.size()) && k < span.count(); ++k) {
+      const uint32_t pixel = pixel_of(span, k, x0, y0, width_);
+      const size_t q = span.first + k / span.width * span.stride + k % span.width;
       for (int c = 0; c < 3; ++c) {
-        add(own, block.to[k], block.of(k), values[c], light_sum[c].data());
-        add(own, block.to[k], block.of(k), colors[c], color_sum[c].data());
+        const float given = any ? one.given(k, q, c) : 0;
+        added_.data()[3 * size_t(pixel) + size_t(c)] += given;
+        if (lights_.size()) lights_.data()[place(light, pixel) + size_t(c)] = given;
       }
-    Floats mean(own.count());
-    for (size_t i = 0; i < own.count(); ++i)
-      mean[i] = over(light_sum[0][i] + light_sum[1][i] + light_sum[2][i],
-                     color_sum[0][i] + color_sum[1][i] + color_sum[2][i]);
-    apart.assign(own.count(), 0.0f);
-    changed.assign(own.count(), 0.0f);
-    noise.assign(own.count(), 0.0f);
-    const bool is_image = light >= kGlossyDirect && light < kVolumeDirect,
-               halved = !is_image && is_halved;
-    const int number = light >= kVolumeDirect ? 2 + light - kVolumeDirect : light;
-    const float* const halves =
-        halved ? window.column(ResolveWindow::kNoise + number) : none.data();
-    for (size_t k = 0; k < block.to.size(); ++k) {
-      const float* const weights = block.of(k);
-      own.rows([&](size_t out, size_t at) {
-        const size_t first = size_t(ptrdiff_t(at) + block.to[k]);
-        for (size_t i = 0; i < own.width; ++i) {
-          const size_t q = first + i;
-          const float off = white[q] - mean[out + i], weight = weights[out + i] * tint[q] * tint[q];
-          apart[out + i] += weight * off * off;
-          changed[out + i] += weight * change[q];
-          noise[out + i] += weight * halves[q] * halves[q];
-        }
-      });
     }
-    own.rows([&](size_t out, size_t at) {
-      for (size_t i = 0; i < own.width; ++i) {
-        const size_t k = out + i, q = at + i, pixel = pixel_of(own, k, x0, y0, width_);
-        const float stays = halved ? std::max(apart[k] - noise[k], 0.0f) : changed[k],
-                    repeats = apart[k] > stays ? 1 - stays / apart[k] : 0;
-        for (int c = 0; c < 3; ++c) {
-          const float resolved = over(light_sum[c][k], color_sum[c][k]) * colors[c][q],
-                      given = color_sum[c][k] > 0 ? repeats * (resolved - values[c][q]) : 0;
-          added_.data()[3 * pixel + size_t(c)] += given;
-          if (lights) lights[place(light, uint32_t(pixel)) + size_t(c)] = given;
-        }
-      }
-    });
   }
 }
 

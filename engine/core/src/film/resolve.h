@@ -51,8 +51,9 @@ struct ResolveWindow {
   enum Column : int {
     kNormal = 0,
     kPlace = 3,
-    kSurface = 6,  // 1 where there is one
-    kColor = 7,    // of diffuse, glossy, transmission: three channels each; of media 1
+    kPlaceLow = 6,  // what single precision leaves of it
+    kSurface = 9,   // 1 where there is one
+    kColor = 10,    // of diffuse, glossy, transmission: three channels each; of media 1
     kLight = kColor + 3 * 4,
     kNoise = kLight + 3 * kResolvedLights,  // of diffuse light without its colour and of media, how
                                             // far the mean is off: half of what halves differ by
