@@ -292,3 +292,26 @@ def test_resolved_light_has_the_same_mean():
     )
     assert np.allclose(dealt, resolved, rtol=0.003)
     assert np.allclose(resolved, truth().mean((0, 1)), rtol=0.01)
+
+
+@needs_core
+@pytest.mark.parametrize("power", [-80, 60])
+def test_brightness_does_not_matter(power):
+    def scene(times: float) -> s.Scene:
+        found = corner(24)
+        lights = tuple(replace(x, strength=x.strength * times) for x in found.lights)
+        return replace(found, lights=lights)
+
+    one, other = (
+        engine.render(scene(times), settings("RESOLVED")).combined[..., :3].astype(float)
+        for times in (1.0, 2.0**power)
+    )
+    assert np.allclose(one, other / 2.0**power, rtol=1e-4)
+
+
+@needs_core
+def test_lights_beyond_all_floats_leave_no_holes():
+    found = corner(16)
+    bright = replace(found.lights[0], strength=1e300)
+    film = engine.render(replace(found, lights=(bright,)), settings("RESOLVED"))
+    assert np.isfinite(film.combined).all()
