@@ -352,7 +352,8 @@ def _finish(
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
     statistics.stamp = stamping.fields(job.settings, job.frame) if stamped else {}
     lines = {
-        "scene": statistics.scene_line,
+        # tiles do not know how many samples the frame's pixels took
+        "scene": replace(statistics, spent=None).scene_line,
         "seconds": statistics.stages_line,
         "target": statistics.target,
     }
