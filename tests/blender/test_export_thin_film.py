@@ -121,7 +121,8 @@ def test_glass(scene, thickness, varies):  # noqa: F811
         np.testing.assert_allclose(colors(result, glass, **seen), 1 - outside, atol=within)
     cosine = np.sqrt(np.maximum(1 - 1.5**2 * (1 - COSINES**2), 0))
     inside = reflectance(cosine, thickness / 1.5, 1.3, 1.5)
-    assert (inside == 1).all(1).sum() == 4
+    total = np.abs(inside - 1) < 1e-12  # weights of colours sum to 1 but for rounding
+    assert total.all(1).sum() == 4
     np.testing.assert_allclose(colors(result, mirror, inside=True), inside, atol=within)
 
 
