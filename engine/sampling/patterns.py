@@ -1,5 +1,5 @@
-"""Where samples fall: the same few points for every pixel, so pictures carry no noise and repeat
-bit for bit.
+"""Where samples fall: the same few points for every pixel, or for each class of pixels of a block,
+so pictures carry no random noise and repeat bit for bit.
 
 Pixels use the first two dimensions of the Sobol' sequence, lamps the next two, the sky and what
 glows the two after these, scrambled (Owen 1995), so that all are spread well each for itself and

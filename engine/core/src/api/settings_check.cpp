@@ -1,5 +1,6 @@
 // The check of a render's settings at the API boundary.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "film/cryptomatte.h"
@@ -12,6 +13,18 @@ namespace {
 
 bool sound_region(const uint32_t* r, const GlintCamera& camera) {
   return r[0] < r[2] && r[1] < r[3] && r[2] <= camera.width && r[3] <= camera.height;
+}
+
+/// A power of two up to 8, or 0 for none; and fewer samples than a class can have.
+bool sound_interleaving(const GlintRenderSettings& g) {
+  const uint32_t side = g.interleaving;
+  return side <= 8 && (side & (side - 1)) == 0 && (side <= 1 || g.samples <= 1u << 24);
+}
+
+/// Of the tables: those of all pixels that deal them among themselves.
+uint64_t tabled_samples(const GlintRenderSettings& g) {
+  if (g.interleaving <= 1 || !sound_interleaving(g)) return g.samples;
+  return uint64_t(g.interleaving) * g.interleaving * std::bit_ceil(g.samples);
 }
 
 bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
@@ -57,7 +70,7 @@ bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
 
 bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {
   return !scene.media.scatters || (g.volume_samples >= 1 && g.volume_samples <= 1u << 12 &&
-                                   g.scatter_offsets && g.scatter_count >= g.samples);
+                                   g.scatter_offsets && g.scatter_count >= tabled_samples(g));
 }
 
 bool enough_camera_rows(const GlintRenderSettings& g) {
@@ -109,7 +122,8 @@ bool sound_neighbours(const GlintRenderSettings& g, const Scene& scene) {
 
 bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
   if (g.light_samples <= 1 || !(scene.features & GLINT_FEATURE_SOFT_LIGHTS)) return true;
-  return g.light_square && g.light_disc && g.light_point_count / g.light_samples >= g.samples;
+  return g.light_square && g.light_disc &&
+         g.light_point_count / g.light_samples >= tabled_samples(g);
 }
 
 }  // namespace
@@ -122,6 +136,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
     text += sentence;
   };
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
+  add(sound_interleaving(g), "settings: blocks of pixels that deal samples are not 1 to 8 wide");
   add(g.light_samples >= 1 && enough_points(g, scene),
       "settings: fewer light points than samples * light_samples");
   add(enough_camera_rows(g), "settings: fewer lens points or frames than a block has, or no focus");
