@@ -15,6 +15,8 @@ int pass_of(int light) {
   return light < kVolumeDirect ? kFirstLighting + light / 2 * 3 + light % 2
                                : GLINT_PASS_VOLUME_DIRECT + light - kVolumeDirect;
 }
+/// That of the colour of a kind: diffuse, glossy, transmission.
+int color_pass(int kind) { return kFirstLighting + 3 * kind + 2; }
 int part_of(int light) {
   return light == kGlossyDirect || light == kGlossyIndirect               ? GLINT_PASS_SPECULAR
          : light == kTransmissionDirect || light == kTransmissionIndirect ? GLINT_PASS_MIRROR
@@ -178,11 +180,8 @@ void Film::note_half(const Tile& tile, const std::vector<uint32_t>& slots, uint3
     for (uint32_t slot : slots)
       to[slot] = from[slot] + from[slot + tile.stride()] + from[slot + 2 * tile.stride()];
   };
-  note(GLINT_PASS_DIFFUSE_COLOR, kHalfColor);
-  for (int k = 0; k < 2; ++k) {
-    note(pass_of(kDiffuseDirect + k), kHalfDiffuse + k);
-    note(pass_of(kVolumeDirect + k), kHalfVolume + k);
-  }
+  for (int light = 0; light < kResolvedLights; ++light) note(pass_of(light), kHalfLight + light);
+  for (int kind = 0; kind < kColoredKinds; ++kind) note(color_pass(kind), kHalfColor + kind);
 }
 
 /// The means of a pixel of the region, to place `at` of the window.
@@ -213,25 +212,30 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
   };
   for (int light = 0; light < kResolvedLights; ++light)
     means(pass_of(light), ResolveWindow::kLight + 3 * light);
-  for (int surface = 0; surface < 3; ++surface)
-    means(kFirstLighting + 3 * surface + 2, ResolveWindow::kColor + 3 * surface);
-  for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 9 + c, 1);
+  for (int kind = 0; kind < kColoredKinds; ++kind)
+    means(color_pass(kind), ResolveWindow::kColor + 3 * kind);
+  for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 3 * kColoredKinds + c, 1);
   if (n < 2) return;
   const auto whole = [&](int pass) {
     const double* const sum = column_at(tile, at_[pass]) + slot;
     return sum[0] + sum[stride] + sum[2 * stride];
   };
   const double half = std::bit_floor(uint32_t(n) - 1), rest = n - half;
-  const auto put_noise = [&](int number, int light, int first, double color, double all) {
-    const double before = guides[size_t(first) * stride], after = whole(pass_of(light)) - before;
+  for (int light = 0; light < kResolvedLights; ++light) {
+    const int kind = light / 2;
+    const bool colored = kind < kColoredKinds;
+    const double color = colored ? guides[size_t(kHalfColor + kind) * stride] : 3 * half,
+                 all = colored ? whole(color_pass(kind)) : 3 * n,
+                 before = guides[size_t(kHalfLight + light) * stride],
+                 after = whole(pass_of(light)) - before;
     if (color > 0 && all > color)
-      put(ResolveWindow::kNoise + number,
+      put(ResolveWindow::kNoise + light,
           (before / color - after / (all - color)) * std::sqrt(half * rest) / n);
-  };
-  for (int k = 0; k < 2; ++k) {
-    put_noise(k, kDiffuseDirect + k, kHalfDiffuse + k, guides[kHalfColor * stride],
-              whole(GLINT_PASS_DIFFUSE_COLOR));
-    put_noise(2 + k, kVolumeDirect + k, kHalfVolume + k, 3 * half, 3 * n);
+  }
+  for (int kind = 1; kind < kColoredKinds; ++kind) {
+    const double color = whole(color_pass(kind)),
+                 sharp = guides[size_t(kSharpColor + kind - 1) * stride];
+    put(ResolveWindow::kSharp + kind - 1, color > 0 ? std::min(sharp / color, 1.0) : 0);
   }
 }
 

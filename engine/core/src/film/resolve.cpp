@@ -151,8 +151,7 @@ class LightResolve {
       : window_(window),
         span_(span),
         tint_(window.pixels()),
-        white_(window.pixels()),
-        none_(window.pixels()) {}
+        white_(window.pixels()) {}
 
   /// False where there is none. is_halved: halves of samples tell how far its means are off.
   bool choose(int light, bool is_halved) {
@@ -160,10 +159,8 @@ class LightResolve {
       light_[c] = window_.column(ResolveWindow::kLight + 3 * light + c);
       color_[c] = window_.column(color_of(light) + c);
     }
-    // mirrors and glass show images, whose own detail halves of samples differ by
-    is_halved_ = is_halved && (light < kGlossyDirect || light >= kVolumeDirect);
-    const int number = light >= kVolumeDirect ? 2 + light - kVolumeDirect : light;
-    halves_ = is_halved_ ? window_.column(ResolveWindow::kNoise + number) : none_.data();
+    halves_ = window_.column(ResolveWindow::kNoise + light);
+    set_sharp(light, is_halved);
     bool any = false;
     for (size_t i = 0; i < window_.pixels(); ++i) {
       const float all = light_[0][i] + light_[1][i] + light_[2][i];
@@ -192,7 +189,7 @@ class LightResolve {
   /// How far pixels of the blocks lie apart, and how much of that is seen or is noise; all over the
   /// mean, so that no square leaves the range of floats.
   void find_spread(const Block& block, const Changes& changes) {
-    changes.of(white_.data(), change_);
+    if (is_sharp_) changes.of(white_.data(), change_);
     for (Floats* sums : {&apart_, &changed_, &noise_}) sums->assign(span_.count(), 0.0f);
     for (size_t k = 0; k < block.to.size(); ++k)
       span_.rows([&](size_t out, size_t at) {
@@ -202,7 +199,9 @@ class LightResolve {
 
   /// What pixel k of the span, q of the window, gets in a channel.
   float given(size_t k, size_t q, int c) const {
-    const float stays = is_halved_ ? std::max(apart_[k] - noise_[k], 0.0f) : changed_[k],
+    const float sharp = sharp_[q], seen = std::min(changed_[k], apart_[k]),
+                sure = std::max(apart_[k] - noise_[k], 0.0f),
+                stays = sharp * seen + (1 - sharp) * sure,
                 taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0,
                 resolved = over(light_sum_[c][k], color_sum_[c][k]) * color_[c][q],
                 more = taken * (resolved - light_[c][q]);
@@ -210,6 +209,19 @@ class LightResolve {
   }
 
  private:
+  /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show;
+  /// all of it where there are no halves.
+  void set_sharp(int light, bool is_halved) {
+    const bool shows = light >= kGlossyDirect && light < kVolumeDirect;
+    sharp_.assign(window_.pixels(), is_halved ? 0.0f : 1.0f);
+    if (is_halved && shows) {
+      const float* const own = window_.column(ResolveWindow::kSharp + (light - kGlossyDirect) / 2);
+      std::copy_n(own, window_.pixels(), sharp_.begin());
+    }
+    is_sharp_ = std::any_of(sharp_.begin(), sharp_.end(), [](float share) { return share > 0; });
+    if (!is_sharp_) change_.assign(window_.pixels(), 0.0f);
+  }
+
   /// Of a row of the span, from its number `out` on, with the pixels from `first` on.
   void add_spread(size_t out, size_t first, const float* weights) {
     for (size_t i = 0; i < span_.width; ++i) {
@@ -226,8 +238,8 @@ class LightResolve {
   const ResolveWindow& window_;
   const Span span_;
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
-  bool is_halved_ = false;
-  Floats tint_, white_, none_;  // of the window; white_: light over its colour
+  bool is_sharp_ = false;
+  Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
 };
 

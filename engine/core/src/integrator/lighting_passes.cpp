@@ -23,6 +23,11 @@ void Tracer::note_colors(const Queue& queue) {
     if (batch_.translucent[0]) add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.translucent, k));
     add(GLINT_PASS_GLOSSY_COLOR, k, glossy);
     add(GLINT_PASS_TRANSMISSION_COLOR, k, T * gives.refracted);
+    if (!film_.resolves()) continue;
+    double* const sharp = paths_.guides(film_) + kSharpColor * paths_.stride() + queue.slot(k);
+    const Vec3d mirrored = T * gives.mirrored, clear = T * gives.clear;
+    sharp[0] += mirrored.x + mirrored.y + mirrored.z;
+    sharp[paths_.stride()] += clear.x + clear.y + clear.z;
   }
 }
 
