@@ -188,10 +188,7 @@ class Picture:
         """Adds a finished tile, of these pixels."""
         if self._side > 1:
             self._note_halves(here)
-            self._guides[:, here] += tile.guides
-            for name, total in self._sharp.items():
-                if SHARP[name] in tile.parts:
-                    total[here] += tile.parts[SHARP[name]].sum(0)
+            self._note_surfaces(here, tile)
         self._color[:, here] += tile.color()
         self._lost[here] += tile.lost
         self._cost[here] += tile.cost
@@ -223,6 +220,12 @@ class Picture:
         some = np.arange(len(self.samples))[here][(count > 0) & (count & (count - 1) == 0)]
         for name, half in self._halves.items():
             half[some] = self._parts[name][:, some].sum(0)
+
+    def _note_surfaces(self, here: slice | Array, tile: Tile) -> None:
+        self._guides[:, here] += tile.guides
+        for name, total in self._sharp.items():
+            if SHARP[name] in tile.parts:
+                total[here] += tile.parts[SHARP[name]].sum(0)
 
     def resolve(self) -> None:
         """What averaging the light of pixels adds to their means so far."""

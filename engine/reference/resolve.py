@@ -107,8 +107,7 @@ def resolved(
             weights, color = on_surfaces, parts[of_color] / samples
             half_color = halves[of_color]
             if of_color in SHARP:
-                whole = parts[of_color].sum(0)
-                images = np.minimum(_over(sharp[of_color], whole), 1.0)
+                images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
         if not samples.max() > 1:
             images = np.ones_like(images)  # there are no halves
         light = parts[name] / samples
@@ -171,7 +170,7 @@ def _resolved(
     white, mean = _over(light.sum(0), tint), _over(lights.sum(0), colors.sum(0))
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
     square = tint**2
-    change = _change(side, guides, white)
+    change = _change(side, guides, white) if images.any() else np.zeros_like(white)
     for weight, (x, y, _) in zip(weights, block, strict=True):
         own = weight * _moved(square, x, y)
         apart += own * (_moved(white, x, y) - mean) ** 2

@@ -235,7 +235,7 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
   for (int kind = 1; kind < kColoredKinds; ++kind) {
     const double color = whole(color_pass(kind)),
                  sharp = guides[size_t(kSharpColor + kind - 1) * stride];
-    put(ResolveWindow::kSharp + kind - 1, color > 0 ? std::min(sharp / color, 1.0) : 0);
+    put(ResolveWindow::kSharp + kind - 1, color > 0 ? std::clamp(sharp / color, 0.0, 1.0) : 0);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <optional>
 
 namespace glint {
 namespace {
@@ -147,9 +148,10 @@ float over(float a, float b) { return b > 0 ? a / b : 0; }
 /// One kind of light of a window, and what the pixels of a span take of their blocks.
 class LightResolve {
  public:
-  LightResolve(const ResolveWindow& window, const Span& span)
+  LightResolve(const ResolveWindow& window, const Span& span, uint32_t side)
       : window_(window),
         span_(span),
+        side_(side),
         tint_(window.pixels()),
         white_(window.pixels()) {}
 
@@ -188,8 +190,8 @@ class LightResolve {
 
   /// How far pixels of the blocks lie apart, and how much of that is seen or is noise; all over the
   /// mean, so that no square leaves the range of floats.
-  void find_spread(const Block& block, const Changes& changes) {
-    if (is_sharp_) changes.of(white_.data(), change_);
+  void find_spread(const Block& block) {
+    find_change();
     for (Floats* sums : {&apart_, &changed_, &noise_}) sums->assign(span_.count(), 0.0f);
     for (size_t k = 0; k < block.to.size(); ++k)
       span_.rows([&](size_t out, size_t at) {
@@ -219,7 +221,13 @@ class LightResolve {
       std::copy_n(own, window_.pixels(), sharp_.begin());
     }
     is_sharp_ = std::any_of(sharp_.begin(), sharp_.end(), [](float share) { return share > 0; });
-    if (!is_sharp_) change_.assign(window_.pixels(), 0.0f);
+  }
+
+  /// What repeats from block to block, where that is asked for.
+  void find_change() {
+    if (!is_sharp_) return change_.assign(window_.pixels(), 0.0f);
+    if (!changes_) changes_.emplace(window_, inside(window_, side_), int(side_));
+    changes_->of(white_.data(), change_);
   }
 
   /// Of a row of the span, from its number `out` on, with the pixels from `first` on.
@@ -237,6 +245,8 @@ class LightResolve {
 
   const ResolveWindow& window_;
   const Span span_;
+  const uint32_t side_;
+  std::optional<Changes> changes_;
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
   bool is_sharp_ = false;
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
@@ -257,8 +267,7 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
   const Block in_media(span, int(side_ / 2));
   Block on_surfaces = in_media;
   on_surfaces.keep_alike(window, span);
-  const Changes changes(window, inside(window, side_), int(side_));
-  LightResolve one(window, span);
+  LightResolve one(window, span, side_);
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 3 * ((y0 + y) * width_ + x0), 3 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
@@ -266,7 +275,7 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
     const bool any = one.choose(light, is_halved);
     if (any) {
       one.find_means(block);
-      one.find_spread(block, changes);
+      one.find_spread(block);
     }
     for (size_t k = 0; (any || lights_.size()) && k < span.count(); ++k) {
       const uint32_t pixel = pixel_of(span, k, x0, y0, width_);

@@ -36,8 +36,8 @@ constexpr int kColoredKinds = 3;  // diffuse, glossy, transmission: which are to
 /// The film's columns of a pixel that a resolve reads beside the passes of light: of the surfaces
 /// that camera rays meet, as much of each as stays of the ray there, the normal, the place, and how
 /// much stays; of the first half of the samples each light, and the colours of surfaces; what of
-/// glossy colour and of that of transmission mirrors and clear glass have. Of all but the normal and
-/// the place the sum of the channels.
+/// glossy colour and of that of transmission mirrors and clear glass have. Of all but the normal
+/// and the place the sum of the channels.
 enum GuideColumn : int {
   kGuideNormal = 0,
   kGuidePlace = 3,
