@@ -175,3 +175,37 @@ def test_glass_that_a_program_makes_clear_is_clear(backend):
         for found in (scene, replace(scene, materials=(*scene.materials[:-1], varied)))
     ]
     assert np.allclose(*pictures, rtol=1e-5, atol=1e-7)
+
+
+# --- what the film holds
+
+
+def matt_alone() -> s.Scene:
+    found = hall((s.Lobe("DIFFUSE", WHITE),))
+    return replace(found, materials=(*found.materials[:2], matt((0.5,) * 3), found.materials[3]))
+
+
+def misty() -> s.Scene:
+    found = corner(32)
+    haze = s.Medium(absorption=(0.02,) * 3, scattering=(0.08,) * 3)
+    return replace(found, world=replace(found.world, medium=haze))
+
+
+@needs_core
+@pytest.mark.parametrize(
+    "scene",
+    [
+        matt_alone,
+        misty,
+        *(lambda lobe=lobe: hall((lobe,), 32) for lobe in (GLOSS, MIRROR, FROSTED)),
+    ],
+    ids=["matt", "misty", "gloss", "mirror", "frosted"],
+)
+def test_light_that_is_not_there_is_not_missed(scene):
+    """All passes of light are kept where one is asked for, else those alone that may be lit."""
+    asked = settings("RESOLVED", 4)
+    whole, least = (
+        engine.render(scene(), replace(asked, passes=passes)).combined
+        for passes in (frozenset({"Diffuse Color"}), frozenset())
+    )
+    assert np.array_equal(whole, least)
