@@ -15,6 +15,11 @@ int pass_of(int light) {
   return light < kVolumeDirect ? kFirstLighting + light / 2 * 3 + light % 2
                                : GLINT_PASS_VOLUME_DIRECT + light - kVolumeDirect;
 }
+int part_of(int light) {
+  return light == kGlossyDirect || light == kGlossyIndirect               ? GLINT_PASS_SPECULAR
+         : light == kTransmissionDirect || light == kTransmissionIndirect ? GLINT_PASS_MIRROR
+                                                                          : GLINT_PASS_DIFFUSE;
+}
 /// That of the colour of a kind: diffuse, glossy, transmission.
 int color_pass(int kind) { return kFirstLighting + 3 * kind + 2; }
 /// The pass without which a column of what resolving reads tells nothing.
@@ -23,11 +28,6 @@ int pass_of_guide(int number) {
          : number < kHalfColor  ? pass_of(number - kHalfLight)
          : number < kSharpColor ? color_pass(number - kHalfColor)
                                 : color_pass(1 + number - kSharpColor);
-}
-int part_of(int light) {
-  return light == kGlossyDirect || light == kGlossyIndirect               ? GLINT_PASS_SPECULAR
-         : light == kTransmissionDirect || light == kTransmissionIndirect ? GLINT_PASS_MIRROR
-                                                                          : GLINT_PASS_DIFFUSE;
 }
 
 /// Where the pixel (x, y) of the region is in its tile.
