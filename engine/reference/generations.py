@@ -30,6 +30,7 @@ from .picture import Tile
 from .raster import Strips
 from .rays import Rays
 from .reflections import Mixing, reflected, reflected_in_blocks, shown
+from .resolve import SHARP
 from .scattering import scattered
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -429,7 +430,7 @@ class Generations:
         these give back.
         """
         coefficients, weight = at.coefficients, at.weight
-        mirrored, refracted = gives(at.surface, coefficients)
+        mirrored, refracted, clear = gives(at.surface, coefficients)
         below = -coefficients.diffuse if at.paths.comes_out else coefficients.below
         ambient = self._stage.even_light(at.surface, coefficients)
         found = {
@@ -440,6 +441,8 @@ class Generations:
             "Glossy Indirect": light.lit_glossy_bounced,
             "Glossy Color": coefficients.glossy() + mirrored,
             "Transmission Color": refracted,
+            SHARP["Glossy Color"]: mirrored,
+            SHARP["Transmission Color"]: clear,
         }
         for name, values in found.items():
             self._tile.add(name, at.pixel, weight * values)

@@ -247,17 +247,20 @@ def _refracted(stage: Stage, at: Interaction, sample: int) -> Iterator[Paths]:
         yield _counted(leaving(paths, hit, some.take(go), pick(d, go), pick(k, go), cutoff))
 
 
-def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array]:
+def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array, Array]:
     """(3, n) each: what of the light behind them mirrors and glass send on, with what Fresnel
-    says.
+    says, and of the latter what is not rough.
     """
-    mirrored, refracted = np.zeros((2, 3, len(surface)))
+    mirrored, refracted, clear = np.zeros((3, 3, len(surface)))
     for term in coefficients.mirrors:
         add_at(mirrored, term.index, term.k * _reflectance(surface, term))
     for term in coefficients.refractions:
         lost = _reflectance(surface, term) if term.lobe.fresnel else 0.0
-        add_at(refracted, term.index, term.k * (1 - lost))
-    return mirrored, refracted
+        through = term.k * (1 - lost)
+        add_at(refracted, term.index, through)
+        is_rough = term.lobe.is_rough_glass & (np.asarray(term.exponent) > 0)
+        add_at(clear, term.index, np.where(is_rough, 0.0, through))
+    return mirrored, refracted, clear
 
 
 def refracted_roughly(

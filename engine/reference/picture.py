@@ -21,7 +21,7 @@ from ..film import (
     empty_value,
     light_group_pass,
 )
-from .resolve import HALVED, Guides, resolved
+from .resolve import SHARP, Guides, resolved
 
 Array = np.ndarray
 
@@ -166,7 +166,8 @@ class Picture:
         kept = [name for name in PARTS if name in passes]
         kept += LIGHTING if passes.intersection(LIGHTING) or resolved > 1 else ()
         self._guides = np.zeros((7, count))
-        self._halves = {name: np.zeros(count) for name in HALVED}
+        self._halves = {name: np.zeros(count) for name in LIGHTING}
+        self._sharp = {name: np.zeros(count) for name in SHARP}
         self._added: dict[str, Array] = {}
         self._parts = {name: np.zeros((3, count)) for name in kept}
         self._color, self._lost = np.zeros((3, count)), np.zeros(count)
@@ -187,7 +188,7 @@ class Picture:
         """Adds a finished tile, of these pixels."""
         if self._side > 1:
             self._note_halves(here)
-            self._guides[:, here] += tile.guides
+            self._note_surfaces(here, tile)
         self._color[:, here] += tile.color()
         self._lost[here] += tile.lost
         self._cost[here] += tile.cost
@@ -220,6 +221,12 @@ class Picture:
         for name, half in self._halves.items():
             half[some] = self._parts[name][:, some].sum(0)
 
+    def _note_surfaces(self, here: slice | Array, tile: Tile) -> None:
+        self._guides[:, here] += tile.guides
+        for name, total in self._sharp.items():
+            if SHARP[name] in tile.parts:
+                total[here] += tile.parts[SHARP[name]].sum(0)
+
     def resolve(self) -> None:
         """What averaging the light of pixels adds to their means so far."""
         if self._side == 1:
@@ -227,8 +234,9 @@ class Picture:
         guides = Guides.of(self._guides.reshape(-1, *self._shape))
         parts = {name: self._parts[name].reshape(3, *self._shape) for name in LIGHTING}
         halves = {name: half.reshape(self._shape) for name, half in self._halves.items()}
+        sharp = {name: color.reshape(self._shape) for name, color in self._sharp.items()}
         samples = np.maximum(self.samples, 1).reshape(self._shape)
-        added = resolved(self._side, guides, parts, halves, samples)
+        added = resolved(self._side, guides, parts, halves, sharp, samples)
         self._added = {name: values.reshape(3, -1) for name, values in added.items()}
 
     @property

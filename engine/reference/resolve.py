@@ -25,9 +25,9 @@ LIGHTS = tuple(name for name in (*BY_SURFACE, *VOLUME) if not name.endswith("Col
 """The passes of light that are resolved, each by itself."""
 COLORS = tuple(name for name in BY_SURFACE if name.endswith("Color"))
 """What they are told without: of each two of the former."""
-HALVED = ("Diffuse Direct", "Diffuse Indirect", "Diffuse Color", *VOLUME)
-"""Of which the halves of the samples are told apart: not of what mirrors and glass show, an image
-whose own detail halves of samples differ by.
+SHARP = {"Glossy Color": "Mirrored Color", "Transmission Color": "Clear Color"}
+"""What of a colour mirrors or clear glass have: they show sharp images, whose own detail halves of
+samples differ by.
 """
 
 
@@ -83,10 +83,16 @@ def _moved(image: Array, x: int, y: int) -> Array:
 
 
 def resolved(
-    side: int, guides: Guides, parts: dict[str, Array], halves: dict[str, Array], samples: Array
+    side: int,
+    guides: Guides,
+    parts: dict[str, Array],
+    halves: dict[str, Array],
+    sharp: dict[str, Array],
+    samples: Array,
 ) -> dict[str, Array]:
     """(3, h, w) by pass of light: what is added to the mean of a pixel's samples. parts: (3, h, w)
-    sums. halves: (h, w) of the first half of the samples, the sums of the channels.
+    sums. halves: (h, w) of the first half of the samples, the sums of the channels. sharp: (h, w)
+    by pass of colour what `SHARP` names of it, the sum of the channels.
     """
     block = list(_block(side))
     on_surfaces = [share * guides.alike(x, y) for x, y, share in block]
@@ -95,14 +101,18 @@ def resolved(
     found = {}
     for k, name in enumerate(LIGHTS):
         weights, color = in_media, np.ones_like(parts[name])
-        half_color = 3.0 * _half(samples)
+        half_color, images = 3.0 * _half(samples), np.zeros_like(guides.surface)
         if name not in VOLUME:
-            weights, color = on_surfaces, parts[COLORS[k // 2]] / samples
-            half_color = halves["Diffuse Color"]
-        light, noise = parts[name] / samples, None
-        if name in HALVED and samples.max() > 1:
-            noise = _noise(light, color, halves[name], half_color, samples)
-        found[name] = _resolved(side, guides, block, weights, light, color, noise)
+            of_color = COLORS[k // 2]
+            weights, color = on_surfaces, parts[of_color] / samples
+            half_color = halves[of_color]
+            if of_color in SHARP:
+                images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
+        if not samples.max() > 1:
+            images = np.ones_like(images)  # there are no halves
+        light = parts[name] / samples
+        noise = _noise(light, color, halves[name], half_color, samples)
+        found[name] = _resolved(side, guides, block, weights, light, color, noise, images)
     return found
 
 
@@ -142,9 +152,10 @@ def _resolved(
     weights: list[Array],
     light: Array,
     color: Array,
-    noise: Array | None,
+    noise: Array,
+    images: Array,
 ) -> Array:
-    """noise: as `_noise`; None where halves of samples tell nothing."""
+    """noise: as `_noise`. images: (h, w) how much of the light is of sharp images."""
 
     def over_block(values: Array) -> Array:
         """(3, h, w) sums over each pixel's block."""
@@ -159,13 +170,14 @@ def _resolved(
     white, mean = _over(light.sum(0), tint), _over(lights.sum(0), colors.sum(0))
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
     square = tint**2
-    change = _change(side, guides, white) if noise is None else np.zeros_like(white)
+    change = _change(side, guides, white) if images.any() else np.zeros_like(white)
     for weight, (x, y, _) in zip(weights, block, strict=True):
         own = weight * _moved(square, x, y)
         apart += own * (_moved(white, x, y) - mean) ** 2
         changed += own * _moved(change, x, y)
-        chance += own * _moved(np.zeros_like(white) if noise is None else noise, x, y) ** 2
-    stays = changed if noise is None else np.maximum(apart - chance, 0.0)
+        chance += own * _moved(noise, x, y) ** 2
+    seen, sure = np.minimum(changed, apart), np.maximum(apart - chance, 0.0)
+    stays = images * seen + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
     return np.where(colors > 0, repeats * (_over(lights, colors) * color - light), 0.0)
 

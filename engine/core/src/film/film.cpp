@@ -20,6 +20,15 @@ int part_of(int light) {
          : light == kTransmissionDirect || light == kTransmissionIndirect ? GLINT_PASS_MIRROR
                                                                           : GLINT_PASS_DIFFUSE;
 }
+/// That of the colour of a kind: diffuse, glossy, transmission.
+int color_pass(int kind) { return kFirstLighting + 3 * kind + 2; }
+/// The pass without which a column of what resolving reads tells nothing.
+int pass_of_guide(int number) {
+  return number < kHalfLight    ? GLINT_PASS_COMBINED
+         : number < kHalfColor  ? pass_of(number - kHalfLight)
+         : number < kSharpColor ? color_pass(number - kHalfColor)
+                                : color_pass(1 + number - kSharpColor);
+}
 
 /// Where the pixel (x, y) of the region is in its tile.
 size_t slot_of(const Tile& tile, uint32_t x, uint32_t y) {
@@ -77,7 +86,7 @@ void SlotTable::set(uint32_t width, uint32_t height) {
 
 Film::Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
            uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count, uint32_t light_groups,
-           bool gloss, uint32_t resolved)
+           bool gloss, uint32_t resolved, Passes lights)
     : region_(region),
       shown_(shown),
       passes_(passes | pass_bit(GLINT_PASS_COMBINED)),
@@ -98,15 +107,16 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   keep_sums(GLINT_PASS_AMBIENT_OCCLUSION, 3);
   keep_sums(GLINT_PASS_LIGHT_GROUPS, 3 * int(light_groups));
   if (resolved > 1) resolve_ = Resolve(resolved, region, passes & ~pass_bit(GLINT_PASS_COMBINED));
-  for (int pass = kFirstLighting; (wants_lighting() || resolves()) && pass <= kLastLighting;
-       ++pass) {
-    at_[pass] = int(columns_);  // light is told over its colour: all are known or none
+  // light is told over its colour: all are known or none
+  const Passes kept = wants_lighting() ? kLightingPasses : resolves() ? lights : 0;
+  for (int pass = kFirstLighting; pass <= kLastLighting; ++pass) {
+    if (!(kept >> pass & 1)) continue;
+    at_[pass] = int(columns_);
     columns_ += 3;
   }
-  if (resolves()) {
-    guides_ = int(columns_);
-    columns_ += kGuideColumns;
-  }
+  std::fill_n(guides_, int(kGuideColumns), -1);
+  for (int number = 0; resolves() && number < kGuideColumns; ++number)
+    if (at_[pass_of_guide(number)] >= 0) guides_[number] = int(columns_++);
   if (gloss) {
     gloss_ = int(columns_);
     columns_ += 2;
@@ -172,16 +182,12 @@ void Film::set_data(uint32_t pixel, const FirstHit& hit) {
 
 void Film::note_half(const Tile& tile, const std::vector<uint32_t>& slots, uint32_t sample) {
   if (!resolves() || !std::has_single_bit(sample)) return;
-  const auto note = [&](int pass, int column) {
-    const double* const from = sums(tile, pass);
-    double* const to = column_at(tile, guides_ + column);
+  for (int number = kHalfLight; number < kSharpColor; ++number) {
+    const double* const from = sums(tile, pass_of_guide(number));
+    if (!from) continue;
+    double* const to = column_at(tile, guides_[number]);
     for (uint32_t slot : slots)
       to[slot] = from[slot] + from[slot + tile.stride()] + from[slot + 2 * tile.stride()];
-  };
-  note(GLINT_PASS_DIFFUSE_COLOR, kHalfColor);
-  for (int k = 0; k < 2; ++k) {
-    note(pass_of(kDiffuseDirect + k), kHalfDiffuse + k);
-    note(pass_of(kVolumeDirect + k), kHalfVolume + k);
   }
 }
 
@@ -192,46 +198,53 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
   const size_t slot = slot_of(tile, x, y), stride = tile.stride();
   const auto put = [&](int column, double value) { window.column(column)[at] = to_float(value); };
   const double n = refinement_.taken(tile.first_row + slot, samples);
-  const double* const guides = column_at(tile, guides_) + slot;
+  const auto guide = [&](int number) {
+    return guides_[number] < 0 ? 0 : column_at(tile, guides_[number])[slot];
+  };
   double normal[3], square = 0;
   for (int c = 0; c < 3; ++c) {
-    normal[c] = guides[size_t(kGuideNormal + c) * stride];
+    normal[c] = guide(kGuideNormal + c);
     square += normal[c] * normal[c];
   }
-  const double share = guides[kGuideShare * stride];
+  const double share = guide(kGuideShare);
   const bool is_surface = share > 0 && square > 0 && std::isfinite(square);
   for (int c = 0; is_surface && c < 3; ++c) {
     put(ResolveWindow::kNormal + c, normal[c] / std::sqrt(square));
-    const double place = guides[size_t(kGuidePlace + c) * stride] / share;
+    const double place = guide(kGuidePlace + c) / share;
     put(ResolveWindow::kPlace + c, place);
     put(ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
   }
   put(ResolveWindow::kSurface, is_surface);
   const auto means = [&](int pass, int column) {
+    if (at_[pass] < 0) return;
     const double* const sum = column_at(tile, at_[pass]) + slot;
     for (int c = 0; c < 3; ++c) put(column + c, sum[size_t(c) * stride] / n);
   };
   for (int light = 0; light < kResolvedLights; ++light)
     means(pass_of(light), ResolveWindow::kLight + 3 * light);
-  for (int surface = 0; surface < 3; ++surface)
-    means(kFirstLighting + 3 * surface + 2, ResolveWindow::kColor + 3 * surface);
-  for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 9 + c, 1);
+  for (int kind = 0; kind < kColoredKinds; ++kind)
+    means(color_pass(kind), ResolveWindow::kColor + 3 * kind);
+  for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 3 * kColoredKinds + c, 1);
   if (n < 2) return;
   const auto whole = [&](int pass) {
+    if (at_[pass] < 0) return 0.0;
     const double* const sum = column_at(tile, at_[pass]) + slot;
     return sum[0] + sum[stride] + sum[2 * stride];
   };
   const double half = std::bit_floor(uint32_t(n) - 1), rest = n - half;
-  const auto put_noise = [&](int number, int light, int first, double color, double all) {
-    const double before = guides[size_t(first) * stride], after = whole(pass_of(light)) - before;
+  for (int light = 0; light < kResolvedLights; ++light) {
+    const int kind = light / 2;
+    const bool colored = kind < kColoredKinds;
+    const double color = colored ? guide(kHalfColor + kind) : 3 * half,
+                 all = colored ? whole(color_pass(kind)) : 3 * n,
+                 before = guide(kHalfLight + light), after = whole(pass_of(light)) - before;
     if (color > 0 && all > color)
-      put(ResolveWindow::kNoise + number,
+      put(ResolveWindow::kNoise + light,
           (before / color - after / (all - color)) * std::sqrt(half * rest) / n);
-  };
-  for (int k = 0; k < 2; ++k) {
-    put_noise(k, kDiffuseDirect + k, kHalfDiffuse + k, guides[kHalfColor * stride],
-              whole(GLINT_PASS_DIFFUSE_COLOR));
-    put_noise(2 + k, kVolumeDirect + k, kHalfVolume + k, 3 * half, 3 * n);
+  }
+  for (int kind = 1; kind < kColoredKinds; ++kind) {
+    const double color = whole(color_pass(kind)), sharp = guide(kSharpColor + kind - 1);
+    put(ResolveWindow::kSharp + kind - 1, color > 0 ? std::clamp(sharp / color, 0.0, 1.0) : 0);
   }
 }
 

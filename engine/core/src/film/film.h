@@ -86,10 +86,13 @@ class Film {
   Film(Region region, Passes passes) : Film(region, region, region, passes, 0, 1) {}
   /// shown: what `picture` gives of the region.  traced, error_threshold, light_samples: see
   /// Refinement. crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count, light_groups:
-  /// of the scene. resolved: side of the blocks of pixels over which light is averaged, 1 for none.
+  /// of the scene. resolved: side of the blocks of pixels over which light is averaged, 1 for none;
+  /// of the passes of light then those alone are kept that are in `lights`, unless one is asked
+  /// for.
   Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
        uint32_t light_samples, uint32_t crypto_ids = 0, uint32_t aov_count = 0,
-       uint32_t light_groups = 0, bool gloss = false, uint32_t resolved = 1);
+       uint32_t light_groups = 0, bool gloss = false, uint32_t resolved = 1,
+       Passes lights = kLightingPasses);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
@@ -110,8 +113,9 @@ class Film {
   /// Whether there are sums of light by the kind of surface, for passes or to be resolved.
   bool keeps_lighting() const { return at_[kFirstLighting] >= 0; }
   bool resolves() const { return resolve_.on(); }
-  /// The first of the columns that `Resolve` reads beside the passes of light.
-  int guide_column() const { return guides_; }
+  /// The column of that number of those that `Resolve` reads beside the passes of light; -1 for
+  /// none. Normals, places and shares follow one another.
+  int guide_column(int number) const { return guides_[number]; }
   bool wants_denoising() const { return passes_ & kDenoisingPasses; }
   bool wants_cryptomatte() const { return cryptomatte_.on(); }
   /// Channels of a pass, 0 for no such pass.
@@ -198,7 +202,7 @@ class Film {
   uint32_t aov_count_, light_groups_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
-  int gloss_ = -1, guides_ = -1;
+  int gloss_ = -1, guides_[kGuideColumns];
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
   ZeroedBuffer<double> sums_;
   Refinement refinement_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <optional>
 
 namespace glint {
 namespace {
@@ -147,12 +148,12 @@ float over(float a, float b) { return b > 0 ? a / b : 0; }
 /// One kind of light of a window, and what the pixels of a span take of their blocks.
 class LightResolve {
  public:
-  LightResolve(const ResolveWindow& window, const Span& span)
+  LightResolve(const ResolveWindow& window, const Span& span, uint32_t side)
       : window_(window),
         span_(span),
+        side_(side),
         tint_(window.pixels()),
-        white_(window.pixels()),
-        none_(window.pixels()) {}
+        white_(window.pixels()) {}
 
   /// False where there is none. is_halved: halves of samples tell how far its means are off.
   bool choose(int light, bool is_halved) {
@@ -160,10 +161,8 @@ class LightResolve {
       light_[c] = window_.column(ResolveWindow::kLight + 3 * light + c);
       color_[c] = window_.column(color_of(light) + c);
     }
-    // mirrors and glass show images, whose own detail halves of samples differ by
-    is_halved_ = is_halved && (light < kGlossyDirect || light >= kVolumeDirect);
-    const int number = light >= kVolumeDirect ? 2 + light - kVolumeDirect : light;
-    halves_ = is_halved_ ? window_.column(ResolveWindow::kNoise + number) : none_.data();
+    halves_ = window_.column(ResolveWindow::kNoise + light);
+    set_sharp(light, is_halved);
     bool any = false;
     for (size_t i = 0; i < window_.pixels(); ++i) {
       const float all = light_[0][i] + light_[1][i] + light_[2][i];
@@ -191,8 +190,8 @@ class LightResolve {
 
   /// How far pixels of the blocks lie apart, and how much of that is seen or is noise; all over the
   /// mean, so that no square leaves the range of floats.
-  void find_spread(const Block& block, const Changes& changes) {
-    changes.of(white_.data(), change_);
+  void find_spread(const Block& block) {
+    find_change();
     for (Floats* sums : {&apart_, &changed_, &noise_}) sums->assign(span_.count(), 0.0f);
     for (size_t k = 0; k < block.to.size(); ++k)
       span_.rows([&](size_t out, size_t at) {
@@ -202,7 +201,9 @@ class LightResolve {
 
   /// What pixel k of the span, q of the window, gets in a channel.
   float given(size_t k, size_t q, int c) const {
-    const float stays = is_halved_ ? std::max(apart_[k] - noise_[k], 0.0f) : changed_[k],
+    const float sharp = sharp_[q], seen = std::min(changed_[k], apart_[k]),
+                sure = std::max(apart_[k] - noise_[k], 0.0f),
+                stays = sharp * seen + (1 - sharp) * sure,
                 taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0,
                 resolved = over(light_sum_[c][k], color_sum_[c][k]) * color_[c][q],
                 more = taken * (resolved - light_[c][q]);
@@ -210,6 +211,25 @@ class LightResolve {
   }
 
  private:
+  /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show;
+  /// all of it where there are no halves.
+  void set_sharp(int light, bool is_halved) {
+    const bool shows = light >= kGlossyDirect && light < kVolumeDirect;
+    sharp_.assign(window_.pixels(), is_halved ? 0.0f : 1.0f);
+    if (is_halved && shows) {
+      const float* const own = window_.column(ResolveWindow::kSharp + (light - kGlossyDirect) / 2);
+      std::copy_n(own, window_.pixels(), sharp_.begin());
+    }
+    is_sharp_ = std::any_of(sharp_.begin(), sharp_.end(), [](float share) { return share > 0; });
+  }
+
+  /// What repeats from block to block, where that is asked for.
+  void find_change() {
+    if (!is_sharp_) return change_.assign(window_.pixels(), 0.0f);
+    if (!changes_) changes_.emplace(window_, inside(window_, side_), int(side_));
+    changes_->of(white_.data(), change_);
+  }
+
   /// Of a row of the span, from its number `out` on, with the pixels from `first` on.
   void add_spread(size_t out, size_t first, const float* weights) {
     for (size_t i = 0; i < span_.width; ++i) {
@@ -225,9 +245,11 @@ class LightResolve {
 
   const ResolveWindow& window_;
   const Span span_;
+  const uint32_t side_;
+  std::optional<Changes> changes_;
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
-  bool is_halved_ = false;
-  Floats tint_, white_, none_;  // of the window; white_: light over its colour
+  bool is_sharp_ = false;
+  Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
 };
 
@@ -245,8 +267,7 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
   const Block in_media(span, int(side_ / 2));
   Block on_surfaces = in_media;
   on_surfaces.keep_alike(window, span);
-  const Changes changes(window, inside(window, side_), int(side_));
-  LightResolve one(window, span);
+  LightResolve one(window, span, side_);
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 3 * ((y0 + y) * width_ + x0), 3 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
@@ -254,7 +275,7 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
     const bool any = one.choose(light, is_halved);
     if (any) {
       one.find_means(block);
-      one.find_spread(block, changes);
+      one.find_spread(block);
     }
     for (size_t k = 0; (any || lights_.size()) && k < span.count(); ++k) {
       const uint32_t pixel = pixel_of(span, k, x0, y0, width_);

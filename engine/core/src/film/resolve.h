@@ -3,9 +3,9 @@
 // Keller, Slusallek 2002, Interactive global illumination using fast ray tracing: the discontinuity
 // buffer). What pixels differ by no more than the halves of their own samples do is what their
 // points leave, and is averaged away; the rest stays (Lee 1980, Digital image enhancement and noise
-// filtering by use of local statistics). Of one sample, and of what mirrors and glass show, an
-// image whose own detail halves of samples differ by, what repeats from block to block is averaged
-// away.
+// filtering by use of local statistics). Of one sample, and of what mirrors and clear glass show, a
+// sharp image whose own detail halves of samples differ by, what repeats from block to block is
+// averaged away.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -31,18 +31,21 @@ enum ResolvedLight : int {
   kResolvedLights
 };
 
+constexpr int kColoredKinds = 3;  // diffuse, glossy, transmission: which are told over a colour
+
 /// The film's columns of a pixel that a resolve reads beside the passes of light: of the surfaces
 /// that camera rays meet, as much of each as stays of the ray there, the normal, the place, and how
-/// much stays; and of the first half of the samples diffuse light, its colour, and the light of
-/// media, the sum of the channels.
+/// much stays; of the first half of the samples each light, and the colours of surfaces; what of
+/// glossy colour and of that of transmission mirrors and clear glass have. Of all but the normal
+/// and the place the sum of the channels.
 enum GuideColumn : int {
   kGuideNormal = 0,
   kGuidePlace = 3,
   kGuideShare = 6,
-  kHalfDiffuse = 7,
-  kHalfColor = 9,
-  kHalfVolume = 10,
-  kGuideColumns = 12
+  kHalfLight = 7,
+  kHalfColor = kHalfLight + kResolvedLights,
+  kSharpColor = kHalfColor + kColoredKinds,
+  kGuideColumns = kSharpColor + kColoredKinds - 1
 };
 
 /// Pixels of a tile and round it, row by row, a column a quantity: means over a pixel's samples, 0
@@ -54,10 +57,12 @@ struct ResolveWindow {
     kPlaceLow = 6,  // what single precision leaves of it
     kSurface = 9,   // 1 where there is one
     kColor = 10,    // of diffuse, glossy, transmission: three channels each; of media 1
-    kLight = kColor + 3 * 4,
-    kNoise = kLight + 3 * kResolvedLights,  // of diffuse light without its colour and of media, how
-                                            // far the mean is off: half of what halves differ by
-    kColumns = kNoise + 4
+    kLight = kColor + 3 * (kColoredKinds + 1),
+    kNoise = kLight + 3 * kResolvedLights,  // of light without its colour, how far the mean is off:
+                                            // half of what halves differ by
+    kSharp = kNoise + kResolvedLights,      // of glossy colour and of that of transmission, which
+                                            // share mirrors and clear glass have
+    kColumns = kSharp + kColoredKinds - 1
   };
   uint32_t width = 0, height = 0;
   std::vector<float> values;

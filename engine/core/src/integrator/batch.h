@@ -103,10 +103,12 @@ class Batch {
     return any(m) ? m : n;
   }
 
-  /// Its index of refraction; `own` where the scene has none of a program.
+  /// Its index of refraction, and its exponent; `own` where the scene has none of a program.
   double passing_ior(size_t k, int lobe, double own) const {
-    if (passing_width == PassingTerm::kPlain) return own;
-    return passing_columns[(size_t(passing_width) * size_t(lobe) + PassingTerm::kIor) * stride + k];
+    return passing_number(k, lobe, PassingTerm::kIor, own);
+  }
+  double passing_exponent(size_t k, int lobe, double own) const {
+    return passing_number(k, lobe, PassingTerm::kExponent, own);
   }
 
   const Queue* queue = nullptr;
@@ -143,6 +145,10 @@ class Batch {
   size_t first_row = 0;
 
  private:
+  double passing_number(size_t k, int lobe, int column, double own) const {
+    if (passing_width == PassingTerm::kPlain) return own;
+    return passing_columns[size_t(passing_width * lobe + column) * stride + k];
+  }
   void reserve(size_t rows);
   void clear_group(size_t group) const;
   void place_columns();

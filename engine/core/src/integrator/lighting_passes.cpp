@@ -7,8 +7,13 @@ namespace glint {
 /// What of light the surfaces that camera rays meet give back, of each kind.
 void Tracer::note_colors(const Queue& queue) {
   const auto add = [&](int pass, size_t k, Vec3d color) {
-    double* const sum = paths_.sums(film_, pass) + queue.slot(k);
-    for (size_t c = 0; c < 3; ++c) sum[c * paths_.stride()] += color[int(c)];
+    double* const sums = paths_.sums(film_, pass);
+    for (size_t c = 0; sums && c < 3; ++c)
+      sums[c * paths_.stride() + queue.slot(k)] += color[int(c)];
+  };
+  const auto add_sharp = [&](int number, size_t k, Vec3d color) {
+    double* const sums = paths_.guide(film_, kSharpColor + number);
+    if (sums) sums[queue.slot(k)] += color.x + color.y + color.z;
   };
   for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.material[k] >= scene_.materials.size() || is_caught(queue, k)) continue;
@@ -23,6 +28,8 @@ void Tracer::note_colors(const Queue& queue) {
     if (batch_.translucent[0]) add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.translucent, k));
     add(GLINT_PASS_GLOSSY_COLOR, k, glossy);
     add(GLINT_PASS_TRANSMISSION_COLOR, k, T * gives.refracted);
+    add_sharp(0, k, T * gives.mirrored);
+    add_sharp(1, k, T * gives.clear);
   }
 }
 
@@ -31,7 +38,8 @@ void Tracer::note_colors(const Queue& queue) {
 void Tracer::keep_lighting(const Queue& queue) {
   const SumColumns& s = batch_.sums;
   const auto add = [&](int pass, size_t c, size_t k, double light) {
-    paths_.sums(film_, pass)[c * paths_.stride() + queue.slot(k)] += light;
+    double* const sums = paths_.sums(film_, pass);
+    if (sums) sums[c * paths_.stride() + queue.slot(k)] += light;
   };
   if (queue.shared) {
     double* const sums = paths_.sums(film_, GLINT_PASS_DIFFUSE_INDIRECT);

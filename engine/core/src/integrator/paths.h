@@ -68,8 +68,10 @@ class Paths {
   double* sums(const Film& film, int pass) {
     return film.column_of(pass) < 0 ? nullptr : sums_[size_t(film.column_of(pass))];
   }
-  /// The same of what tells pixels' surfaces apart; the next of GuideColumn after `stride()`.
-  double* guides(const Film& film) { return sums_[size_t(film.guide_column())]; }
+  /// The same of what a resolve reads, by its GuideColumn.
+  double* guide(const Film& film, int number) {
+    return film.guide_column(number) < 0 ? nullptr : sums_[size_t(film.guide_column(number))];
+  }
   /// Until it is called again sums are those of what rough surfaces reflect, which begin with
   /// nothing: mixed, of what pixels share.
   void swap(bool mixed) { std::swap(sums_, mixed ? shared_ : gloss_); }

@@ -45,7 +45,7 @@ void Tracer::note_seen(const Queue& queue) {
 
 /// What tells the film which pixels show the same surface.
 void Tracer::note_guides(const Queue& queue) {
-  double* const first = paths_.guides(film_);
+  double* const first = paths_.guide(film_, kGuideNormal);
   for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.material[k] >= scene_.materials.size() || is_caught(queue, k)) continue;
     const double share = mean(queue.path(k).T) * (1 - mean(shader_.passed(batch_, k)));

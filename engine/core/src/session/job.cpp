@@ -26,6 +26,17 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
          std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }
 
+/// The passes of light by the kind of surface, and of media, that the scene may give any of.
+Passes lights_of(const Scene& scene) {
+  constexpr Passes all = 7, of_media = 3;  // direct, indirect and, of surfaces, their colour
+  Passes lights = all << GLINT_PASS_DIFFUSE_DIRECT;
+  if (scene.materials.max_specular > 0 || scene.features & GLINT_FEATURE_MIRROR)
+    lights |= all << GLINT_PASS_GLOSSY_DIRECT;
+  if (scene.features & GLINT_FEATURE_REFRACTION) lights |= all << GLINT_PASS_TRANSMISSION_DIRECT;
+  if (scene.features & GLINT_FEATURE_MEDIA) lights |= of_media << GLINT_PASS_VOLUME_DIRECT;
+  return lights;
+}
+
 }  // namespace
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
@@ -33,7 +44,7 @@ Job::Job(Scene& scene, const GlintRenderSettings& settings)
       plan_(settings, scene),
       film_(plan_.region, plan_.traced, plan_.shown, plan_.passes, plan_.error_threshold,
             plan_.light_samples, plan_.crypto_ids, scene.aov_count, scene.light_group_count,
-            plan_.reflects_gloss, plan_.resolves ? plan_.interleaving : 1),
+            plan_.reflects_gloss, plan_.resolves ? plan_.interleaving : 1, lights_of(scene)),
       thread_([this] { work(); }) {}
 
 Job::~Job() {

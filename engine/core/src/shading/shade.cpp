@@ -97,7 +97,10 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
                          ? fresnel_reflectance(splat(cosine), splat(ior))[0]
                          : 0;
     if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * batch.passing(k, i);
-    if (refracts) gives.refracted += (1 - R) * batch.passing(k, i);
+    const Vec3d through = refracts ? (1 - R) * batch.passing(k, i) : Vec3d{};
+    gives.refracted += through;
+    if (!(lobe->exponent > 0 && batch.passing_exponent(k, i, lobe->exponent) > 0))
+      gives.clear += through;
     i += (1u << lobe->kind & kPassing) != 0;
   }
   return gives;

@@ -16,9 +16,10 @@ struct Leaving {
   Queue& bounced;
 };
 
-/// What of the light behind them mirrors and glass send on, with what Fresnel says.
+/// What of the light behind them mirrors and glass send on, with what Fresnel says; clear: of the
+/// latter what is not rough.
 struct Gives {
-  Vec3d mirrored, refracted;
+  Vec3d mirrored, refracted, clear;
 };
 
 class Shader {
