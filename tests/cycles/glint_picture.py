@@ -172,7 +172,9 @@ def check_radiance(
     lit, lit_here = truth.sum(-1) != 0, picture.sum(-1) != 0
     assert lit[inside].mean() > 0.05, f"{pair.name}: nearly nothing is lit, so nothing is checked"
     verdict(pair, "shadow", (lit != lit_here) & inside, 0)
-    error = np.abs(picture - truth) / np.maximum(np.abs(truth), floor * np.abs(truth).max() / tolerance)
+    error = np.abs(picture - truth) / np.maximum(
+        np.abs(truth), floor * np.abs(truth).max() / tolerance
+    )
     verdict(pair, "radiance", error.max(-1) * inside, tolerance)
 
 
