@@ -41,7 +41,7 @@ def along(tree, position, slope: float, start: float):
 
 
 def varied(kind: str, random: np.random.Generator) -> Callable[[Any, Any], Any]:
-    """A texture of random settings, all of whose inputs go with the position, some of them little."""
+    """A texture of random settings, whose inputs all go with the position, some of them little."""
 
     def build(tree, position):
         node = tree.nodes.new(kind)
