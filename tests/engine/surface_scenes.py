@@ -90,8 +90,8 @@ def assert_borders_change_nothing(scene: s.Scene, **settings) -> None:
 
 
 def assert_tracers_agree(scene: s.Scene, *passes: str, rounding: float = 1e-5, **settings) -> None:
-    """All values, but for the core's rounding, in shares of the pass's brightest value: no edge lies
-    so near a ray that float32 moves it across. Pixels that differ are told with both values.
+    """All values, but for the core's rounding, in shares of the pass's brightest value: no edge
+    lies so near a ray that float32 moves it across. Pixels that differ are told with both values.
     """
     films = [draw(scene, *passes, backend=x, **settings) for x in ("NATIVE", "NUMPY")]
     for name in ("Combined", *passes):
