@@ -33,7 +33,7 @@ from ..materials.graph import (
 )
 from .luminance import luminance_of
 from .mapping import texture_mapped
-from .settings_of import UNSOUND, is_sound
+from .settings_of import LARGEST, UNSOUND, is_sound
 
 Outputs = dict[str, Value]
 """A node's values by the name or identifier of its outputs."""
@@ -70,8 +70,8 @@ DISPLACED_WIDTH = 0 if bpy.app.version >= (4, 4, 0) else 1000
 pixel, in Cycles before Blender 4.4 a whole one.
 """
 
-FARTHEST = 3.4028234663852886e38
-"""The largest float32: what has no distance is so far."""
+FARTHEST = LARGEST
+"""What has no distance is so far."""
 
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 INFINITE = (

@@ -14,14 +14,14 @@ UNSOUND = (
     "Node '{}' has settings that are not finite: the socket's default takes its place in {}; set "
     "them anew"
 )
-_LARGEST = 3.4028234663852886e38
+LARGEST = 3.4028234663852886e38
 """Of float32: what Blender makes of an infinite number where it can keep none."""
 _MAPPED = ("translation", "rotation", "scale")
 
 
 def is_sound(node: Any) -> bool:
     """Whether all numbers that a node holds beside its inputs are finite."""
-    return all(abs(x) < _LARGEST for value in _held(node) for x in _numbers(value))
+    return all(abs(x) < LARGEST for value in _held(node) for x in _numbers(value))
 
 
 def _held(node: Any) -> Iterator[Any]:
