@@ -36,6 +36,8 @@ _STEP, _FIRST_STEP, _LARGER = 0.5, 2, 8
 """Seconds of Cycles' work at a time in a window, the samples of the first, and how many times those
 of a step the next one may take.
 """
+_KNOWN = 0.1
+"""Share of a picture from which on the rest of its time is told."""
 _FEWEST = 2
 """Samples of half a render: with one, Cycles' two halves hardly differ, and nothing would be known
 of its noise.
@@ -412,6 +414,7 @@ Esc stops"""
     _with_window = False
     _steps: Steps[Comparison] | None = None
     _timer: bpy.types.Timer | None = None
+    _picture, _since = 0, 0.0  # which is made, since when
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self._with_window = True
@@ -469,9 +472,12 @@ Esc stops"""
             self.report({"ERROR"}, f"The comparison failed: {_reason(error)}")
             return {"CANCELLED"}
         if self._with_window:
+            now = time.perf_counter()
+            if number != self._picture:
+                self._picture, self._since = number, now
             context.workspace.status_text_set(
                 f"Glint compares with Cycles: picture {number} of {3 + self.full_light}, {who}, "
-                f"{share:.0%} (Esc stops)"
+                f"{share:.0%}{_left(share, now - self._since)} (Esc stops)"
             )
         return None
 
@@ -482,6 +488,11 @@ Esc stops"""
         for line in (*report_lines(result), f"Pictures and numbers are in {self._folder}"):
             self.report({"INFO"}, line)
         return {"FINISHED"}
+
+
+def _left(share: float, took: float) -> str:
+    """How long a picture still takes of which a share took so many seconds; nothing at first."""
+    return f", about {max(1, round(took / share - took))} s left" if share >= _KNOWN else ""
 
 
 def chosen_folder(directory: str) -> Path:

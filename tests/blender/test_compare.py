@@ -158,6 +158,7 @@ options = {"directory": str(FOLDER / "out"), "samples": 4, "bounces": 0, "side":
 operator = SimpleNamespace(report=lambda kind, text: said.append(text), **options)
 operator.properties = SimpleNamespace(is_property_set=options.__contains__)
 operator._steps = operator._timer = None
+operator._picture, operator._since = cls._picture, cls._since
 for name in ("_advance", "_finish", "cancel"):
     setattr(operator, name, getattr(cls, name).__get__(operator))
 before = state()
@@ -169,12 +170,14 @@ while "picture 2" not in said[-1]:
     cls.modal(operator, context, SimpleNamespace(type="TIMER"))
 steps.append(cls.modal(operator, context, SimpleNamespace(type="ESC")))
 files = sorted(path.name for path in (FOLDER / "out").iterdir())
+from glint.operators.compare_cycles import _left
+said.insert(0, _left(0.05, 3.0) + _left(0.25, 3.0))
 answer([[sorted(step)[0] for step in steps], files, before == state(), said])
 """  # noqa: E501 - a script for another Blender
     )
     steps, files, unchanged, said = _answer(run)
     assert steps == ["RUNNING_MODAL", "RUNNING_MODAL", "PASS_THROUGH", "CANCELLED"]
-    assert files == ["glint.exr"] and unchanged
+    assert files == ["glint.exr"] and unchanged and said[0] == ", about 9 s left"
     assert said[-3:] == ["timer removed", None, "The comparison was stopped"]
 
 
