@@ -9,12 +9,56 @@ from __future__ import annotations
 
 import _thread
 import os
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
+
+NO_THREAD = (
+    "the system starts no further thread: close programs, or let a user have more of them (ulimit "
+    "-u)"
+)
+_LONGEST_START = 20.0
+"""Seconds after which a thread that has not begun never will."""
+
+
+class Thread:
+    """A thread that ends with the program. Raises RuntimeError where the system starts none; one
+    that dies before its first line counts as ended after a while.
+    """
+
+    def __init__(self, work: Callable[[], None]) -> None:
+        self._work = work
+        self._has_begun, self._since = False, time.monotonic()
+        self._working = _thread.allocate_lock()
+        self._working.acquire()
+        try:
+            _thread.start_new_thread(self._run, ())
+        except (RuntimeError, MemoryError) as error:
+            raise RuntimeError(NO_THREAD) from error
+
+    def _run(self) -> None:
+        self._has_begun = True
+        try:
+            self._work()
+        finally:
+            self._working.release()
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it died before its first line."""
+        return not self._has_begun and time.monotonic() - self._since > _LONGEST_START
+
+    def is_alive(self) -> bool:
+        return self._working.locked() and not self.is_lost
+
+    def join(self, seconds: float) -> None:
+        """Wait for its end, so long at most."""
+        if self.is_alive() and self._working.acquire(timeout=seconds):
+            self._working.release()
 
 
 class Future(Generic[T]):

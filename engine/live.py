@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from .errors import SceneError
 from .film import Film
+from .futures import NO_THREAD, Thread
 from .scene import Scene, SceneDelta
 from .settings import Settings
 
@@ -84,7 +85,7 @@ class LiveRender:
         self._newest: Wave | None = None
         self._number = 0
         self._error: Exception | None = None
-        self._thread: threading.Thread | None = None
+        self._thread: Thread | None = None
         weakref.finalize(self, _wake, self._changed)
 
     def start(self, tasks: Sequence[Task]) -> None:
@@ -103,17 +104,16 @@ class LiveRender:
 
     def _wake_thread(self) -> None:
         self._changed.notify_all()
-        if self._thread is None and not self._closed:
-            thread = threading.Thread(
-                target=_serve,
-                args=(weakref.ref(self), self._changed),
-                name="glint live",
-                daemon=True,
-            )
-            thread.start()
-            self._thread = thread
-            _threads.add(thread)
-            _renders.add(self)
+        if self._closed or (self._thread is not None and not self._thread.is_lost):
+            return
+        reference, changed = weakref.ref(self), self._changed
+        try:
+            self._thread = Thread(lambda: _serve(reference, changed))
+        except RuntimeError as error:
+            self._thread, self._waiting, self._error = None, [], error
+            return
+        _threads.add(self._thread)
+        _renders.add(self)
 
     @property
     def newest(self) -> Wave | None:
@@ -135,13 +135,22 @@ class LiveRender:
     @property
     def busy(self) -> bool:
         """Whether pictures may still come."""
-        return bool(self._waiting) or self._running is not None
+        if self._running is not None:
+            return True
+        return bool(self._waiting) and not self._is_lost
+
+    @property
+    def _is_lost(self) -> bool:
+        """Whether nobody will ever do what waits."""
+        return self._thread is not None and self._thread.is_lost
 
     @property
     def error(self) -> Exception | None:
-        """What went wrong since the last `start`: SceneError, MemoryError, or a fault of a
-        tracer.
+        """What went wrong since the last `start`: SceneError, MemoryError, RuntimeError where the
+        system starts no thread, or a fault of a tracer.
         """
+        if self._error is None and self._is_lost:
+            return RuntimeError(NO_THREAD)
         return self._error
 
     def close(self) -> None:
@@ -293,7 +302,7 @@ def _render_reference(
         on_film(film, True)
 
 
-_threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+_threads: weakref.WeakSet[Thread] = weakref.WeakSet()
 _renders: weakref.WeakSet[LiveRender] = weakref.WeakSet()
 
 

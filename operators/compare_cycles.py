@@ -7,29 +7,45 @@ Blender reads the operator's annotations as they are, so this module must not ma
 import json
 import logging
 import tempfile
-from collections.abc import Generator
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import bpy
 import numpy as np
 
+from ..addon.render import final
+from ..engine import Film, render
 from ..engine.analysis.comparison import Difference, compare, difference_picture, draw_strip
 from ..engine.analysis.flip import displayed
 from ..engine.analysis.plot import png_bytes
+from ..engine.futures import Future, Thread
 from .after_previews import previews_run
-from .pictures import write_whole
+from .pictures import write_picture, write_whole
 from .scene_copy import copied, read_job, rendered
 
 log = logging.getLogger(__name__)
 
 _TICK = 0.1
 """Seconds between two looks at whether Esc was pressed."""
+_STEP, _FIRST_STEP, _LARGER = 0.5, 2, 8
+"""Seconds of Cycles' work at a time in a window, the samples of the first, and how many times those
+of a step the next one may take.
+"""
+_KNOWN = 0.1
+"""Share of a picture from which on the rest of its time is told."""
 _FEWEST = 2
 """Samples of half a render: with one, Cycles' two halves hardly differ, and nothing would be known
 of its noise.
 """
 _NO_BOUNCES = ("max", "diffuse", "glossy", "transmission", "volume")
+
+T = TypeVar("T")
+Steps = Generator[tuple[int, str, float], None, T]
 
 
 @dataclass(frozen=True)
@@ -136,26 +152,25 @@ def compare_with_cycles(
 
 
 def comparison_steps(
-    scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options
-) -> Generator[tuple[int, str], None, Comparison]:
-    """`compare_with_cycles`, a picture at a time: yields the number of the next one and what it
-    is, and may be closed wherever it does.
+    scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, in_window: bool = False
+) -> Steps[Comparison]:
+    """`compare_with_cycles`, step by step: yields the number of the picture that is made next, who
+    makes it and the share of it that is done, and may be closed wherever it does. in_window: Glint
+    works in the background meanwhile, and Cycles in steps of about `_STEP` seconds, to the same
+    pictures but for rounding.
     """
     if options.bounces is None:
         options = replace(options, bounces=scene.glint.final.max_bounces)
     folder.mkdir(parents=True, exist_ok=True)
     seconds: dict[str, float] = {}
-    yield 1, "by Glint"
+    yield 1, "by Glint", 0.0
     job = read_job(scene, view_layer)
-    glint = _glint(scene, view_layer, folder, options, seconds)
-    halves = []
-    for seed in (0, 1):
-        yield 2 + seed, f"by Cycles{_likely(seconds, seed)}"
-        halves.append(_cycles_direct(scene, view_layer, folder, options, seconds, seed))
-    direct, noise = _mean_and_noise(*halves)
-    if options.full_light:
-        yield 4, "all light of Cycles"
-    full = _cycles_full(scene, view_layer, folder, options, seconds) if options.full_light else None
+    glint = yield from _glint(scene, view_layer, folder, options, seconds, in_window)
+    cycles = _Cycles(scene, view_layer, folder, options, seconds, in_window)
+    first = yield from cycles.direct(0)
+    second = yield from cycles.direct(1)
+    direct, noise = _mean_and_noise(first, second)
+    full = (yield from cycles.full()) if options.full_light else None
     indirect = compare(direct, full) if full is not None else None
     numbers = compare(glint, direct)
     expected = expected_differences(job, numbers, noise, indirect)
@@ -172,38 +187,132 @@ def comparison_steps(
     return result
 
 
-def _likely(seconds: dict[str, float], seed: int) -> str:
-    """How long the second half of Cycles' samples takes, as the first has told."""
-    return f", about {max(1, round(seconds['cycles']))} s" if seed else ""
-
-
 def _glint(
-    scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict
-) -> np.ndarray:
-    with copied(scene, view_layer, in_focus=True) as copy:
-        copy.render.engine = "GLINT"
-        copy.glint.final.max_bounces = options.bounces
-        limit_size(copy, options.side)
-        picture, seconds["glint"] = rendered(copy, folder / "glint.exr")
-    return picture
-
-
-def _cycles_direct(
     scene: bpy.types.Scene,
     view_layer: str,
     folder: Path,
     options: Options,
     seconds: dict,
-    seed: int,
-) -> np.ndarray:
-    """One of two renders with half of the samples each."""
-    with copied(scene, view_layer, in_focus=True) as copy:
-        diffuse = copy.glint.final.diffuse_bounces
-        match_cycles(copy, max(_FEWEST, options.samples // 2), options.bounces, seed, diffuse)
-        limit_size(copy, options.side)
-        picture, took = rendered(copy, folder / f"cycles_direct_{seed}.exr")
-    seconds["cycles"] = seconds.get("cycles", 0.0) + took
+    in_window: bool,
+) -> Steps[np.ndarray]:
+    @contextmanager
+    def chosen() -> Iterator[bpy.types.Scene]:
+        with copied(scene, view_layer, in_focus=True) as copy:
+            copy.render.engine = "GLINT"
+            copy.glint.final.max_bounces = options.bounces
+            limit_size(copy, options.side)
+            yield copy
+
+    film, took = None, 0.0
+    if in_window:
+        with chosen() as copy, final.reading_only() as jobs:
+            bpy.ops.render.render(scene=copy.name)
+        if jobs and jobs[0].target is None:
+            film, took = yield from _traced(jobs[0])
+    with chosen() as copy, final.films_from(lambda job: film) if film else nullcontext():
+        picture, seconds["glint"] = rendered(copy, folder / "glint.exr")
+    seconds["glint"] += took
     return picture
+
+
+def _traced(job: final.Job) -> Steps[tuple[Film, float]]:
+    """The film of a job and its seconds, by another thread; stopped where this is closed."""
+    start, stop = time.perf_counter(), threading.Event()
+    shares, work = (
+        [0.0],
+        Future(
+            lambda: render(
+                job.scene, job.settings, should_stop=stop.is_set, on_progress=shares.append
+            )
+        ),
+    )
+    thread = Thread(work.run)
+    try:
+        while thread.is_alive():
+            yield 1, "by Glint", shares[-1]
+        return work.result(), time.perf_counter() - start
+    finally:
+        stop.set()
+
+
+class _Cycles:
+    """Pictures of a scene by Cycles. Arguments as those of `comparison_steps`; seconds: to fill."""
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        view_layer: str,
+        folder: Path,
+        options: Options,
+        seconds: dict[str, float],
+        in_window: bool,
+    ) -> None:
+        self._scene, self._view_layer, self._folder = scene, view_layer, folder
+        self._options, self._seconds, self._in_window = options, seconds, in_window
+
+    def direct(self, seed: int) -> Steps[np.ndarray]:
+        """One of two pictures with half of the samples each, and Glint's light."""
+        samples = max(_FEWEST, self._options.samples // 2)
+
+        def choose(copy: bpy.types.Scene) -> None:
+            diffuse = copy.glint.final.diffuse_bounces
+            match_cycles(copy, samples, self._options.bounces, seed, diffuse)
+
+        path = self._folder / f"cycles_direct_{seed}.exr"
+        return self._drawn(2 + seed, "by Cycles", "cycles", samples, choose, path)
+
+    def full(self) -> Steps[np.ndarray]:
+        """With all the light that the scene's own settings give it."""
+
+        def choose(copy: bpy.types.Scene) -> None:
+            copy.render.engine = "CYCLES"
+            _plain_sampling(copy, self._options.samples, 0)
+            copy.cycles.pixel_filter_type = "BLACKMAN_HARRIS"
+            copy.cycles.filter_width = copy.render.filter_size
+
+        path, samples = self._folder / "cycles_full.exr", self._options.samples
+        return self._drawn(4, "all light of Cycles", "cycles full", samples, choose, path)
+
+    def _drawn(
+        self,
+        number: int,
+        who: str,
+        clock: str,
+        samples: int,
+        choose: Callable[[bpy.types.Scene], None],
+        path: Path,
+    ) -> Steps[np.ndarray]:
+        """A picture of as many samples at a time as take a step's seconds."""
+        done, total, count = 0, np.zeros(()), samples
+        if self._in_window:
+            count = min(samples, _FIRST_STEP)
+        while done < samples:
+            yield number, who, done / samples
+            with copied(self._scene, self._view_layer, in_focus=True) as copy:
+                choose(copy)
+                limit_size(copy, self._options.side)
+                _take_samples(copy.cycles, done, count)
+                picture, took = rendered(copy, path)
+            part = count / samples * picture.astype(np.float64)
+            total = picture if count == samples else total + part
+            self._seconds[clock] = self._seconds.get(clock, 0.0) + took
+            done += count
+            count = min(max(1, round(count * _STEP / took)), _LARGER * count, samples - done)
+        if total.dtype != np.float32:
+            total = total.astype(np.float32)
+            write_picture(path, total)
+        return total
+
+
+def _take_samples(cycles: bpy.types.PropertyGroup, first: int, count: int) -> None:
+    """Of those of the picture, these alone."""
+    if count == cycles.samples:
+        return
+    cycles.sample_offset = first
+    if hasattr(cycles, "use_sample_subset"):
+        cycles.use_sample_subset, cycles.sample_subset_length = True, count
+    else:  # before Blender 4.5
+        cycles.samples = count
 
 
 def _mean_and_noise(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, float]:
@@ -212,21 +321,6 @@ def _mean_and_noise(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, 
     """
     shown = (displayed(first) - displayed(second)) / 2
     return (first + second) / 2, float(np.sqrt(np.mean(shown**2)))
-
-
-def _cycles_full(
-    scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict
-) -> np.ndarray:
-    with copied(scene, view_layer, in_focus=True) as copy:
-        copy.render.engine = "CYCLES"
-        _plain_sampling(copy, options.samples, 0)
-        copy.cycles.pixel_filter_type, copy.cycles.filter_width = (
-            "BLACKMAN_HARRIS",
-            copy.render.filter_size,
-        )
-        limit_size(copy, options.side)
-        picture, seconds["cycles full"] = rendered(copy, folder / "cycles_full.exr")
-    return picture
 
 
 def expected_differences(
@@ -276,7 +370,7 @@ def _strip(
 class GLINT_OT_compare_cycles(bpy.types.Operator):
     """Render this scene with Glint and with Cycles, both with the light that Glint follows, and
     show both and their difference. Changes nothing of the scene. \
-Esc stops between two pictures"""
+Esc stops"""
 
     bl_idname = "glint.compare_cycles"
     bl_label = "Compare with Cycles"
@@ -318,8 +412,9 @@ Esc stops between two pictures"""
         return context.scene is not None and hasattr(context.scene, "cycles")
 
     _with_window = False
-    _steps: Generator[tuple[int, str], None, Comparison] | None = None
+    _steps: Steps[Comparison] | None = None
     _timer: bpy.types.Timer | None = None
+    _picture, _since = 0, 0.0  # which is made, since when
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self._with_window = True
@@ -327,14 +422,14 @@ Esc stops between two pictures"""
         return context.window_manager.invoke_props_dialog(self)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """All at once for scripts; picture by picture where there is a window, so that Esc is
-        heard.
+        """All at once for scripts; step by step where there is a window, which lives on, and hears
+        Esc.
         """
         bounces = self.bounces if self.properties.is_property_set("bounces") else None
         options = Options(self.samples, bounces, self.side, self.full_light)
         self._folder = chosen_folder(self.directory)
         self._steps = comparison_steps(
-            context.scene, context.view_layer.name, self._folder, options
+            context.scene, context.view_layer.name, self._folder, options, self._with_window
         )
         if self._with_window:
             self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
@@ -367,9 +462,9 @@ Esc stops between two pictures"""
             context.workspace.status_text_set(None)
 
     def _advance(self, context: bpy.types.Context) -> set[str] | None:
-        """One more picture; how the operator ended, if it did."""
+        """One more step; how the operator ended, if it did."""
         try:
-            number, what = next(self._steps)
+            number, who, share = next(self._steps)
         except StopIteration as end:
             return self._finish(context, end.value)
         except Exception as error:
@@ -377,9 +472,12 @@ Esc stops between two pictures"""
             self.report({"ERROR"}, f"The comparison failed: {_reason(error)}")
             return {"CANCELLED"}
         if self._with_window:
+            now = time.perf_counter()
+            if number != self._picture:
+                self._picture, self._since = number, now
             context.workspace.status_text_set(
-                f"Glint compares with Cycles: picture {number} of {3 + self.full_light}, {what} "
-                "(Esc stops before the next)"
+                f"Glint compares with Cycles: picture {number} of {3 + self.full_light}, {who}, "
+                f"{share:.0%}{_left(share, now - self._since)} (Esc stops)"
             )
         return None
 
@@ -390,6 +488,11 @@ Esc stops between two pictures"""
         for line in (*report_lines(result), f"Pictures and numbers are in {self._folder}"):
             self.report({"INFO"}, line)
         return {"FINISHED"}
+
+
+def _left(share: float, took: float) -> str:
+    """How long a picture still takes of which a share took so many seconds; nothing at first."""
+    return f", about {max(1, round(took / share - took))} s left" if share >= _KNOWN else ""
 
 
 def chosen_folder(directory: str) -> Path:

@@ -24,6 +24,7 @@ from ..engine.analysis.plot import png_bytes
 from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, measure
 from ..engine.analysis.trade_plot import draw_trade
 from ..engine.analysis.trade_rows import Row, Trade, advice
+from ..engine.futures import NO_THREAD, Thread
 from ..engine.settings import DECLARED
 from .editors import window_of
 from .pictures import write_whole
@@ -120,10 +121,9 @@ class _Background:
     """A measurement on a thread of its own. trade: what is known so far."""
 
     def __init__(self, work: Callable[..., Trade]) -> None:
-        self.fraction, self.trade, self.error = 0.0, None, None
+        self.fraction, self.trade, self._error = 0.0, None, None
         self._stop, self._work = threading.Event(), work
-        self._thread = threading.Thread(target=self._run, name="glint measure", daemon=True)
-        self._thread.start()
+        self._thread = Thread(self._run)
 
     def _run(self) -> None:
         try:
@@ -132,7 +132,7 @@ class _Background:
             )
         except Exception as error:
             log.exception("the measurement failed")
-            self.error = error
+            self._error = error
 
     def _hear(self, fraction: float) -> None:
         self.fraction = fraction
@@ -143,6 +143,11 @@ class _Background:
     @property
     def busy(self) -> bool:
         return self._thread.is_alive()
+
+    @property
+    def error(self) -> Exception | None:
+        """What went wrong, once it is no longer busy."""
+        return RuntimeError(NO_THREAD) if self._thread.is_lost else self._error
 
     def stop(self) -> None:
         """End soon; what was measured is kept."""
@@ -211,10 +216,11 @@ The list sharpens while you watch; Esc stops and keeps it"""
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
             work = prepared(context.scene, context.view_layer.name, self._options())
+            background = _Background(work)
         except RuntimeError as error:
             return self._fail(error)
         self._scene_name, self._shown = context.scene.name, None
-        self._background = _Background(work)
+        self._background = background
         _at_work.add(self._background)
         self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
         context.window_manager.progress_begin(0, 100)

@@ -49,6 +49,20 @@ def read_picture(path: Path) -> np.ndarray:
         bpy.data.images.remove(image)
 
 
+def write_picture(path: Path, picture: np.ndarray) -> None:
+    """An OpenEXR file of 32 bits of what `read_picture` gives. Raises RuntimeError or OSError."""
+    height, width = picture.shape[:2]
+    image = bpy.data.images.new(path.name, width, height, alpha=True, float_buffer=True)
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        image.pixels.foreach_set(np.ascontiguousarray(picture, np.float32).ravel())
+        image.file_format, image.filepath_raw = "OPEN_EXR", str(path)
+        image.save()
+    finally:
+        bpy.data.images.remove(image)
+    check_whole(path)
+
+
 def read_planes(path: Path) -> dict[str, np.ndarray] | None:
     """Every channel of every layer by name, (h, w) float32 each, row 0 at the bottom; None for a
     multilayer file where this Blender has no OpenImageIO to look into it.

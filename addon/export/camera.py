@@ -89,7 +89,8 @@ def export_camera(
     kind = _KINDS.get(data.type, "PERSPECTIVE")
     shift = (data.shift_x if looker is None else looker.shift_x, data.shift_y)
     window = _window_of(data, render, size, kind, shift)
-    if window[0] == window[1] or window[2] == window[3] or not all(map(math.isfinite, window)):
+    is_open = window[0] < window[1] and window[2] < window[3]
+    if not (is_open and all(map(math.isfinite, window))):
         raise ExportError(
             f"Camera '{camera.name}' has a view of no width: set its orthographic scale or its "
             "lens, and its shift"
@@ -197,10 +198,11 @@ def _aperture(camera: Any, data: Any, frame: np.ndarray, report: Report) -> Lens
     length = 1.0 if data.type == "ORTHO" else data.lens * 1e-3
     radius = length / (2 * max(dof.aperture_fstop, _LEAST_STOP))
     numbers = radius, focus, dof.aperture_rotation, dof.aperture_ratio
-    if not (all(map(math.isfinite, numbers)) and math.isfinite(dof.aperture_fstop)):
+    is_finite = all(map(math.isfinite, numbers)) and math.isfinite(dof.aperture_fstop)
+    if not (is_finite and radius >= 0):
         report.note(
-            "Camera {} has a focus distance, f-stop or aperture that is not finite: everything "
-            "is in focus; set them anew, or the place of its focus object",
+            "Camera {} has a focus distance, f-stop, aperture or lens that is not finite or "
+            "negative: everything is in focus; set them anew, or the place of its focus object",
             camera.name,
         )
         return None

@@ -103,7 +103,7 @@ def export_scene(
     world = world_of(depsgraph, scene)
     images = Images(report, decoded, cache.images)
     sky = export_world(world, scene.render.film_transparent, images, report)
-    sky = with_light_group(with_pass_settings(sky, scene.world), groups.number(world))
+    sky = with_light_group(with_pass_settings(sky, scene.world, report), groups.number(world))
     note_scene(scene, report)
     note_missing(depsgraph, report)
     note_world(world, aovs, report)

@@ -21,6 +21,7 @@ from .materials.graph import end_of, images_behind, read_tree
 from .materials.terms import RGB
 from .report import Report
 from .shader_nodes.lamp import Lamp, LampReader
+from .shader_nodes.reader import FARTHEST, INFINITE
 from .unsupported import note_light
 
 BLACK = (0.0, 0.0, 0.0)
@@ -89,6 +90,12 @@ class Lights:
                 "parents' scale or apply it",
                 name,
             )
+        if not all(_is_small(x) for x in shape.values() if isinstance(x, float)):
+            self.report.note(
+                "Lights whose size, cone or spread is not finite are left out ({}): set it anew",
+                name,
+            )
+            return None
         strength = light_strength(data, shape)
         if not math.isfinite(strength):
             self.report.note(
@@ -134,9 +141,13 @@ class Lights:
         if getattr(data, "use_temperature", False):
             color = color * np.array(data.temperature_color)
         color = color * np.array(emission.color)
+        if FARTHEST in np.abs(data.color):
+            self.report.note(INFINITE, name)
         if not np.isfinite(color).all():
             self.report.note(
-                "Lights have a colour that is not finite ({}): its bad channels are black", name
+                "Lights have a colour that is not finite ({}): its bad channels are black; set it "
+                "anew",
+                name,
             )
         return tuple(float(x) if math.isfinite(x) else 0.0 for x in color)
 
@@ -193,6 +204,11 @@ def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
         return None, lengths
     x = x / np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z, matrix[:, 3]], -1), lengths
+
+
+def _is_small(length: float) -> bool:
+    """Whether it is finite, also as Blender keeps numbers that are not: as the largest there is."""
+    return math.isfinite(length) and abs(length) < FARTHEST
 
 
 def _is_sheared(matrix: np.ndarray, lengths: np.ndarray) -> bool:

@@ -29,6 +29,9 @@ from .shader_nodes.sky import SkyReader, Sun
 from .shader_nodes.volume import VolumeReader
 from .unsupported import note_world
 
+_FARTHEST = 1e30
+"""That Ambient Occlusion looks."""
+
 BLACK = (0.0, 0.0, 0.0)
 _ANY_CAMERA = Camera("PERSPECTIVE", np.eye(3, 4), (-0.3, 0.4, -0.3, 0.4), (1, 1))
 
@@ -119,15 +122,22 @@ def with_light_group(sky: Sky, group: int) -> Sky:
     return replace(sky, world=replace(sky.world, light_group=group), light=light, suns=suns)
 
 
-def with_pass_settings(sky: Sky, world: Any) -> Sky:
+def with_pass_settings(sky: Sky, world: Any, report: Report) -> Sky:
     """With what passes read of the scene's own world, which it keeps where a layer leaves the sky
     out.
     """
     if world is None:
         return sky
-    given = world.mist_settings
+    given, distance = world.mist_settings, min(world.light_settings.distance, _FARTHEST)
     mist = Mist(given.start, given.depth, given.falloff)
-    distance = world.light_settings.distance
+    if not np.isfinite([mist.start, mist.depth, distance]).all():
+        report.note(
+            "Mist Pass or Ambient Occlusion of the world {} have a distance that is no number: 0 "
+            "is used; set it anew",
+            world.name,
+        )
+        start, depth, distance = np.nan_to_num([mist.start, mist.depth, distance])
+        mist, distance = replace(mist, start=float(start), depth=float(depth)), float(distance)
     if mist == sky.world.mist and distance == sky.world.occlusion_distance:
         return sky
     return replace(sky, world=replace(sky.world, mist=mist, occlusion_distance=distance))

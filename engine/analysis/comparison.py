@@ -14,7 +14,7 @@ Array = np.ndarray
 
 GAIN = 4
 """A strip shows the difference so many times larger."""
-_BACKGROUND, _WHITE, _LINE = (0.08, 0.08, 0.08), (0.9, 0.9, 0.9), 14
+_BACKGROUND, _WHITE, _LINE = (0.08, 0.08, 0.08), (0.9, 0.9, 0.9), 16
 _VISIBLE = 0.01
 
 

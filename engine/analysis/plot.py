@@ -1,5 +1,5 @@
-"""Pictures of numbers without a plotting library: lines, dots and capital letters drawn into an
-array, and PNG files of them.
+"""Pictures of numbers without a plotting library: lines, dots and text drawn into an array, and PNG
+files of them.
 
 Canvases are (h, w, 3) float64 in 0 to 1 of what a screen shows, row 0 on top; points are (x, y) in
 pixels from the top left corner.
@@ -7,75 +7,31 @@ pixels from the top left corner.
 
 from __future__ import annotations
 
+import base64
+import functools
 import struct
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+
+from .plot_font import FONTS, FORM, LETTERS
 
 Array = np.ndarray
 Color = tuple[float, float, float]
 
-GLYPH_WIDTH, GLYPH_HEIGHT = 5, 7
 
-_GLYPHS = {
-    "0": "0E11131519110E",
-    "1": "040C040404040E",
-    "2": "0E11010204081F",
-    "3": "1F02040201110E",
-    "4": "02060A121F0202",
-    "5": "1F101E0101110E",
-    "6": "0608101E11110E",
-    "7": "1F010204080808",
-    "8": "0E11110E11110E",
-    "9": "0E11110F01020C",
-    "A": "0E11111F111111",
-    "B": "1E11111E11111E",
-    "C": "0E11101010110E",
-    "D": "1C12111111121C",
-    "E": "1F10101E10101F",
-    "F": "1F10101E101010",
-    "G": "0E11101711110F",
-    "H": "1111111F111111",
-    "I": "0E04040404040E",
-    "J": "0702020202120C",
-    "K": "11121418141211",
-    "L": "1010101010101F",
-    "M": "111B1515111111",
-    "N": "11191513111111",
-    "O": "0E11111111110E",
-    "P": "1E11111E101010",
-    "Q": "0E11111115120D",
-    "R": "1E11111E141211",
-    "S": "0F10100E01011E",
-    "T": "1F040404040404",
-    "U": "1111111111110E",
-    "V": "11111111110A04",
-    "W": "11111115151B11",
-    "X": "11110A040A1111",
-    "Y": "11110A04040404",
-    "Z": "1F01020408101F",
-    ".": "00000000000C0C",
-    ",": "000000000C0408",
-    ":": "000C0C000C0C00",
-    "-": "0000001F000000",
-    "+": "0004041F040400",
-    "=": "00001F001F0000",
-    "/": "00010204081000",
-    "(": "02040808080402",
-    ")": "08040202020408",
-    "%": "18190204081303",
-    "×": "00110A040A1100",
-    "|": "04040404040404",
-    "<": "02040810080402",
-    ">": "08040201020408",
-    "'": "04040800000000",
-    "_": "0000000000001F",
-    "#": "0A0A1F0A1F0A0A",
-    ";": "000C0C000C0408",
-    "?": "0E110102040004",
-}
-"""Seven rows of five dots, two hexadecimal digits a row."""
+@dataclass(frozen=True, eq=False)
+class _Letter:
+    """advance: pixels to the next one. left, top: of its picture, from there and from the top of
+    capitals. cover: (h, w) from 0 to 1.
+    """
+
+    advance: int
+    left: int
+    top: int
+    cover: Array
 
 
 def canvas(width: int, height: int, color: Color = (0.09, 0.09, 0.1)) -> Array:
@@ -127,21 +83,20 @@ def draw_text(
     scale: int = 1,
     align: float = 0.0,
 ) -> None:
-    """One line of text in capitals; `corner` is its top left, or its middle (align 0.5) or top
-    right (align 1). Letters that are not known are question marks; what leaves the canvas is cut
-    off.
+    """One line of text; `corner` is where its capitals have their top left, or their middle (align
+    0.5) or top right (align 1). Letters that are not known are question marks; what leaves the
+    canvas is cut off. scale: 1 for small letters, 2 for large ones.
     """
     left, top = round(corner[0] - align * text_width(text, scale)), int(corner[1])
-    for number, letter in enumerate(text.upper()):
-        if letter != " ":
-            _stamp(
-                image, _glyph(letter, scale), left + number * (GLYPH_WIDTH + 1) * scale, top, color
-            )
+    for letter in text:
+        drawn = _letter(letter, scale)
+        _stamp(image, drawn.cover, left + drawn.left, top + drawn.top, color)
+        left += drawn.advance
 
 
 def text_width(text: str, scale: int = 1) -> int:
     """Pixels that `draw_text` takes."""
-    return max(len(text) * (GLYPH_WIDTH + 1) - 1, 0) * scale
+    return sum(_letter(letter, scale).advance for letter in text)
 
 
 def png_bytes(image: Array) -> bytes:
@@ -182,17 +137,23 @@ def _blend(image: Array, rows: slice, columns: slice, cover: Array, color: Seque
     image[rows, columns] += cover[..., None] * (np.asarray(color) - image[rows, columns])
 
 
-def _glyph(letter: str, scale: int) -> Array:
-    """(7 scale, 5 scale) of 0 and 1."""
-    code = _GLYPHS.get(letter, _GLYPHS["?"])
-    rows = [
-        [
-            int(code[2 * row : 2 * row + 2], 16) >> (GLYPH_WIDTH - 1 - column) & 1
-            for column in range(GLYPH_WIDTH)
-        ]
-        for row in range(GLYPH_HEIGHT)
-    ]
-    return np.kron(np.array(rows, np.float64), np.ones((scale, scale)))
+def _letter(letter: str, scale: int) -> _Letter:
+    font = _font(scale)
+    return font.get(letter) or font["?"]
+
+
+@functools.cache
+def _font(scale: int) -> dict[str, _Letter]:
+    data = zlib.decompress(base64.b85decode(FONTS[scale - 1]))
+    found, at = {}, 0
+    for letter in LETTERS:
+        advance, left, top, width, height = struct.unpack_from(FORM, data, at)
+        at, pixels = at + struct.calcsize(FORM), width * height
+        packed = np.frombuffer(data, np.uint8, (pixels + 1) // 2, at)
+        levels = np.column_stack([packed >> 4, packed & 15]).ravel()[:pixels]
+        found[letter] = _Letter(advance, left, top, levels.reshape(height, width) / 15)
+        at += len(packed)
+    return found | {" ": _Letter(found["n"].advance // 2, 0, 0, np.zeros((0, 0)))}
 
 
 def _stamp(image: Array, glyph: Array, left: int, top: int, color: Color) -> None:

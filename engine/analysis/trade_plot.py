@@ -23,7 +23,7 @@ _GRID, _TEXT, _POINT = (0.22, 0.22, 0.24), (0.85, 0.85, 0.85), (0.62, 0.64, 0.67
 _FRONT, _CURRENT = (0.35, 0.75, 1.0), (1.0, 0.62, 0.2)
 _CURVES = (_FRONT, _CURRENT, (0.6, 0.9, 0.4), (0.95, 0.5, 0.75))
 _DECADE_MARGIN = 0.08
-_MEASURE = "RELATIVE RMSE"
+_MEASURE = "relative RMSE"
 
 
 def draw_trade(trade: Trade, title: str = "") -> Array:
@@ -31,14 +31,16 @@ def draw_trade(trade: Trade, title: str = "") -> Array:
     no square met at its bound.
     """
     image = plot.canvas(WIDTH, HEIGHT)
-    plot.draw_text(image, f"{title} TIME AGAINST ERROR".strip(), (_LEFT, 16), _TEXT, 2)
-    plot.draw_text(image, f"REFERENCE: {trade.reference}", (_LEFT, 40), _POINT)
+    plot.draw_text(
+        image, f"{title}: time and error" if title else "Time and error", (_LEFT, 16), _TEXT, 2
+    )
+    plot.draw_text(image, f"Errors against {trade.reference}", (_LEFT, 40), _POINT)
     if not trade.rows:
-        plot.draw_text(image, "NOTHING WAS MEASURED", (WIDTH // 2, HEIGHT // 2), _TEXT, 2, 0.5)
+        plot.draw_text(image, "Nothing was measured", (WIDTH // 2, HEIGHT // 2), _TEXT, 2, 0.5)
         return image
     x_range = _range([row.frame_seconds for row in trade.rows])
     y_range = _range([row.relative_rmse or row.bound for row in trade.rows])
-    _draw_axes(image, x_range, y_range, "SECONDS OF THE WHOLE FRAME")
+    _draw_axes(image, x_range, y_range, "Seconds a frame")
     _draw_rows(
         image,
         trade,
@@ -65,7 +67,7 @@ def draw_curves(
         _range([seconds for seconds, _ in everything]),
         _range([error for _, error in everything]),
     )
-    _draw_axes(image, x_range, y_range, "SECONDS OF PROCESSOR TIME", measure)
+    _draw_axes(image, x_range, y_range, "Seconds of processor time", measure)
     for number, (name, points) in enumerate(curves.items()):
         color = _CURVES[number % len(_CURVES)]
         places = [_place(seconds, error, x_range, y_range) for seconds, error in points]
@@ -119,9 +121,9 @@ def _draw_axes(
     for value, label in _ticks(y_range):
         y = _along(value, y_range, bottom, _TOP)
         plot.draw_line(image, (_LEFT, y), (right, y), _GRID)
-        plot.draw_text(image, label, (_LEFT - 8, int(y) - 3), _TEXT, 1, 1.0)
+        plot.draw_text(image, label, (_LEFT - 8, int(y) - 4), _TEXT, 1, 1.0)
     plot.draw_text(image, x_title, ((_LEFT + right) // 2, HEIGHT - 30), _TEXT, 2, 0.5)
-    plot.draw_text(image, "ERROR", (_LEFT - 8, _TOP - 18), _TEXT, 1, 1.0)
+    plot.draw_text(image, "Error", (_LEFT - 8, _TOP - 18), _TEXT, 1, 1.0)
     plot.draw_text(image, f"({measure})", (_LEFT, _TOP - 18), _POINT)
 
 
@@ -143,7 +145,7 @@ def _ticks(ends: tuple[float, float]) -> list[tuple[float, str]]:
 
 
 def _label(step: int, power: int) -> str:
-    return f"{step * 10.0**power:g}" if -3 <= power <= 4 else f"{step}E{power}"
+    return f"{step * 10.0**power:g}" if -3 <= power <= 4 else f"{step}e{power}"
 
 
 def _draw_rows(image: Array, trade: Trade, place: Callable[[Row], tuple[float, float]]) -> None:
@@ -172,12 +174,12 @@ def _draw_names(image: Array, named: Sequence[tuple[str, tuple[float, float]]]) 
     for name, (x, y) in named:
         width = plot.text_width(name)
         for left, top in (
-            (x + 9, y - 12),
+            (x + 9, y - 14),
             (x + 9, y + 6),
             (x - 9 - width, y + 8),
-            (x - 9 - width, y - 14),
+            (x - 9 - width, y - 16),
         ):
-            box = (left - 3, top - 2, left + width + 3, top + 9)
+            box = (left - 3, top - 2, left + width + 3, top + 13)
             if (
                 left >= _LEFT
                 and box[2] <= WIDTH
@@ -208,13 +210,18 @@ def _name(row: Row, turned: Sequence[str]) -> str:
     return " / ".join(told)
 
 
+def _in_words(name: str) -> str:
+    """As Blender shows the setting."""
+    return DECLARED[name].label or name.replace("_", " ")
+
+
 def _draw_legend(image: Array, turned: Sequence[str]) -> None:
     x, y = _LEFT + 6, 60
     for color, text, ring in (
-        (_FRONT, f"FRONT ({' / '.join(name.replace('_', ' ').upper() for name in turned)})", 0.0),
-        (_POINT, "OTHER SETTINGS", 0.0),
-        (_CURRENT, "CURRENT SETTINGS", 2.0),
+        (_FRONT, f"Best ({' / '.join(_in_words(name) for name in turned)})", 0.0),
+        (_POINT, "Other settings", 0.0),
+        (_CURRENT, "Settings of now", 2.0),
     ):
         plot.draw_dot(image, (x, y), 4, color, ring)
-        plot.draw_text(image, text, (x + 12, y - 3), _TEXT)
+        plot.draw_text(image, text, (x + 12, y - 4), _TEXT)
         x += 12 + plot.text_width(text) + 24

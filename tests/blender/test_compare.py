@@ -140,11 +140,12 @@ answer([unchanged, failed, len(bpy.data.scenes), code, (FOLDER / "command" / "co
     assert "The same light in both: RMSE" in run.output and "Light of more bounces" in run.output
 
 
-def test_escape_stops_between_two_pictures(tmp_path):
+def test_escape_stops(tmp_path):
     """Invoked, ticked by the timer, stopped by Esc: driven by hand, as there is no window here."""
     run = Blender(tmp_path).run(
         SCENE
         + """
+import time
 from types import SimpleNamespace
 from glint.operators.compare_cycles import GLINT_OT_compare_cycles as cls
 said = []
@@ -157,20 +158,65 @@ options = {"directory": str(FOLDER / "out"), "samples": 4, "bounces": 0, "side":
 operator = SimpleNamespace(report=lambda kind, text: said.append(text), **options)
 operator.properties = SimpleNamespace(is_property_set=options.__contains__)
 operator._steps = operator._timer = None
+operator._picture, operator._since = cls._picture, cls._since
 for name in ("_advance", "_finish", "cancel"):
     setattr(operator, name, getattr(cls, name).__get__(operator))
 before = state()
 steps = [cls.invoke(operator, context, None)]
-for kind in ("TIMER", "MOUSEMOVE", "TIMER", "ESC"):
+for kind in ("TIMER", "MOUSEMOVE"):
     steps.append(cls.modal(operator, context, SimpleNamespace(type=kind)))
+while "picture 2" not in said[-1]:
+    time.sleep(0.01)
+    cls.modal(operator, context, SimpleNamespace(type="TIMER"))
+steps.append(cls.modal(operator, context, SimpleNamespace(type="ESC")))
 files = sorted(path.name for path in (FOLDER / "out").iterdir())
+from glint.operators.compare_cycles import _left
+said.insert(0, _left(0.05, 3.0) + _left(0.25, 3.0))
 answer([[sorted(step)[0] for step in steps], files, before == state(), said])
 """  # noqa: E501 - a script for another Blender
     )
     steps, files, unchanged, said = _answer(run)
-    assert steps == ["RUNNING_MODAL", "RUNNING_MODAL", "PASS_THROUGH", "RUNNING_MODAL", "CANCELLED"]
-    assert files == ["glint.exr"] and unchanged
+    assert steps == ["RUNNING_MODAL", "RUNNING_MODAL", "PASS_THROUGH", "CANCELLED"]
+    assert files == ["glint.exr"] and unchanged and said[0] == ", about 9 s left"
     assert said[-3:] == ["timer removed", None, "The comparison was stopped"]
+
+
+def test_in_a_window_it_works_in_steps_to_the_same_pictures(tmp_path):
+    """Each step ends soon, tells how far it is, and is where the comparison may be closed."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+import threading
+import numpy as np
+from glint.operators import compare_cycles
+from glint.operators.compare_cycles import comparison_steps
+from glint.operators.pictures import read_picture
+compare_cycles._STEP = 0.0
+scene.glint.final.samples, scene.glint.final.diffuse_bounces = 2, 0
+layer, options, before, steps = bpy.context.view_layer.name, Options(samples=16, side=24), state(), []
+ended = compare_with_cycles(scene, layer, FOLDER / "at once", options)
+going = comparison_steps(scene, layer, FOLDER / "in steps", options, in_window=True)
+try:
+    while True:
+        steps.append(next(going))
+        alive = before == state()
+except StopIteration as end:
+    same = end.value
+names = [path.name for path in (FOLDER / "at once").glob("*.exr")]
+off = {name: float(np.abs(read_picture(FOLDER / "at once" / name) - read_picture(FOLDER / "in steps" / name)).max()) for name in names}
+scene.glint.final.samples = 4096
+going = comparison_steps(scene, layer, FOLDER / "closed", options, in_window=True)
+next(going), next(going)
+going.close()
+answer([[step for step in steps if step[0] > 1], off, same.noise / ended.noise, alive and before == state(), len(bpy.data.scenes)])
+"""  # noqa: E501 - a script for another Blender
+    )
+    steps, off, noise, unchanged, scenes = _answer(run)
+    assert [step[0] for step in steps] == sorted(step[0] for step in steps)
+    assert [step[2] for step in steps if step[0] == 2] == [k / 8 for k in (0, 2, 3, 4, 5, 6, 7)]
+    assert sum(step[0] == 4 for step in steps) == 15
+    assert off.pop("glint.exr") == 0 and len(off) == 3 and max(off.values()) < 1e-5
+    assert abs(noise - 1) < 1e-3 and unchanged and scenes == 1
 
 
 def test_a_file_that_was_never_saved_and_a_render_result_of_another_name(tmp_path):

@@ -47,6 +47,24 @@ def compared(builds: Sequence[Build]) -> tuple[np.ndarray, np.ndarray]:
     return seen, np.stack(expected)
 
 
+def compared_with_rounding(
+    builds: Sequence[Build], tries: int = 8
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `compared`, and how far what the programs give moves, (trees, pixels), where positions
+    move by about what single precision rounds of them within a tree: a 24th of a millionth.
+    """
+    ends: list[Any] = []
+    seen, positions = _render(builds, ends)
+    random, moved = np.random.default_rng(5), np.zeros(seen.shape[:2])
+    expected = np.stack([_computed(end, at) for end, at in zip(ends, positions, strict=True)])
+    for k, (end, at) in enumerate(zip(ends, positions, strict=True)):
+        for _ in range(tries):
+            off = random.choice((-1.0, 1.0), at.shape) * EXTENT * 2.0**-24
+            found = np.abs(_computed(end, at + off) - expected[k]).max(-1)
+            moved[k] = np.fmax(moved[k], found)
+    return seen, expected, moved
+
+
 def greatest_difference(seen: np.ndarray, expected: np.ndarray) -> float:
     """Where the expected value is finite, which it must be somewhere; relative to it above 1."""
     finite = np.isfinite(expected)

@@ -137,6 +137,28 @@ def curves(kind: str, extend: str):
     return build
 
 
+def far_curve(kind: str, extend: str, ends: tuple[float, float]):
+    """Curves that begin and end there, of numbers far beyond."""
+
+    def build(tree, position):
+        far = add(
+            tree,
+            "ShaderNodeVectorMath",
+            {"Vector": position, "Vector_001": (1.0, -2.0, 3.0)},
+            operation="MULTIPLY",
+        ).outputs[0]
+        entry = part(tree, far) if kind == "ShaderNodeFloatCurve" else parts(tree, far)
+        name = {"ShaderNodeRGBCurve": "Color", "ShaderNodeVectorCurve": "Vector"}.get(kind, "Value")
+        node = add(tree, kind, {name: entry, "Fac": 1.0, "Factor": 1.0})
+        node.mapping.extend, node.mapping.use_clip = extend, False
+        for curve in node.mapping.curves:
+            curve.points[0].location, curve.points[1].location = (ends[0], 0.2), (ends[1], 0.7)
+        node.mapping.update()
+        return node.outputs[0]
+
+    return build
+
+
 def mapped(interpolation: str, clamp: bool, turned: bool):
     def build(tree, position):
         inputs = {"Value": part(tree, position), "From Min": 0.2, "From Max": 0.7}
@@ -251,6 +273,11 @@ CASES = {
         for extend in ("EXTRAPOLATED", "HORIZONTAL")
     },
     **{
+        f"{kind} {extend} from {ends}": far_curve(kind, extend, ends)
+        for kind in ("ShaderNodeRGBCurve", "ShaderNodeVectorCurve", "ShaderNodeFloatCurve")
+        for extend, ends in (("EXTRAPOLATED", (0.3, 0.6)), ("HORIZONTAL", (-0.5, 2.0)))
+    },
+    **{
         f"map range {kind} {clamp} {turned}": mapped(kind, clamp, turned)
         for kind in RANGES
         for clamp in (False, True)
@@ -271,3 +298,12 @@ def test_node_is_cycles(case, rendered):
     seen, expected = rendered[case]
     error = np.abs(seen - expected).max(-1)
     assert np.mean(error > 1e-4) <= 0.02, f"{np.sort(error)[-5:]}"
+
+
+@pytest.mark.parametrize("extend", ["EXTRAPOLATED", "HORIZONTAL"])
+def test_curves_without_width_are_steps(extend):
+    """Where Cycles gives one end everywhere, or no number."""
+    ends = [far_curve("ShaderNodeFloatCurve", extend, (x, x)) for x in (-20.0, 0.5, 20.0)]
+    _, (after, step, before) = compared(ends)
+    assert np.isin(np.round(step, 6), (0.2, 0.7)).all()
+    assert np.abs(after - 0.7).max() < 1e-6 and np.abs(before - 0.2).max() < 1e-6

@@ -13,6 +13,7 @@ KEY = (3.0, -2.0, 4.5)
 NEWER = {"exposure": 0.5} if hasattr(cycles.bpy.types.Light, "exposure") else {}
 LIGHTS = {
     "point": ("POINT", {"energy": 400.0, "color": (1.0, 0.7, 0.4)}),
+    "point_negative": ("POINT", {"energy": -400.0, "color": (1.0, 0.7, 0.4)}),
     "point_exposure": ("POINT", {"energy": 300.0, **NEWER}),
     "sun": ("SUN", {"energy": 2.5, "color": (0.5, 0.8, 1.0)}),
     "spot_hard": ("SPOT", {"energy": 900.0, "spot_size": radians(40), "spot_blend": 0.0}),

@@ -89,10 +89,16 @@ def assert_borders_change_nothing(scene: s.Scene, **settings) -> None:
     assert np.array_equal(part, whole[2:11, 3:9])
 
 
-def assert_tracers_agree(scene: s.Scene, *passes: str, **settings) -> None:
-    """But for one value in 200."""
+def assert_tracers_agree(scene: s.Scene, *passes: str, rounding: float = 1e-5, **settings) -> None:
+    """All values, but for the core's rounding, in shares of the pass's brightest value: no edge
+    lies so near a ray that float32 moves it across. Pixels that differ are told with both values.
+    """
     films = [draw(scene, *passes, backend=x, **settings) for x in ("NATIVE", "NUMPY")]
     for name in ("Combined", *passes):
-        one, other = (np.asarray(film.passes[name], float) for film in films)
-        off = np.abs(one - other) > 1e-5 * max(np.abs(other).max(), 1e-3)
-        assert off.mean() <= 0.005, name
+        core, reference = (np.asarray(film.passes[name], float) for film in films)
+        off = np.abs(core - reference) > rounding * max(np.abs(reference).max(), 1e-3)
+        told = [
+            f"row {row}, column {column}: {core[row, column]} is {reference[row, column]}"
+            for row, column in np.argwhere(off.reshape(*off.shape[:2], -1).any(-1))
+        ]
+        assert not told, f"{name} differs in {len(told)} pixels: {'; '.join(told[:4])}"

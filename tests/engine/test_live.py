@@ -3,7 +3,7 @@ anything left behind.
 """
 
 import gc
-import threading
+import sys
 import time
 import weakref
 from dataclasses import replace
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from glint.engine import LiveRender, Scene, Settings, Task, available_backends, render
+from glint.engine import live as live_module
 from glint.engine.scene import Camera, Instances, Light, Mesh
 
 LONGEST = 60.0
@@ -75,9 +76,9 @@ def test_the_last_wave_has_the_bits_of_a_render(live, backend):
     assert same(wave.film, render(scene(), settings))
 
 
-def test_who_is_no_longer_busy_has_the_picture():
+def test_who_is_no_longer_busy_has_the_picture(monkeypatch):
     """After each instruction of the thread, as whoever looks takes no lock."""
-    live, seen, last = LiveRender(), [], [0]
+    live, seen, last, serve = LiveRender(), [], [0], live_module._serve
 
     def look(frame, event, argument):
         if frame.f_globals["__name__"] == LiveRender.__module__:
@@ -87,12 +88,13 @@ def test_who_is_no_longer_busy_has_the_picture():
             return look
         return None
 
-    threading.settrace(look)  # of threads that begin
-    try:
-        live.start([Task(scene(), replace(SETTINGS, samples=1), 0)])
-        wait(live)
-    finally:
-        threading.settrace(None)
+    def watched(*arguments):
+        sys.settrace(look)
+        serve(*arguments)
+
+    monkeypatch.setattr(live_module, "_serve", watched)
+    live.start([Task(scene(), replace(SETTINGS, samples=1), 0)])
+    wait(live)
     last[0] = 1
     live.start([Task(scene(), replace(SETTINGS, samples=1), 1)])
     wait(live)
@@ -232,7 +234,7 @@ def test_nothing_stays_behind(end):
         ]
     )
     wait(live, lambda live: live.newest is not None)
-    thread = next(thread for thread in threading.enumerate() if thread is live._thread)
+    thread = live._thread
     if end == "close":
         live.close()
     reference = weakref.ref(live)

@@ -211,6 +211,38 @@ def test_the_core_against_the_reference() -> None:
     np.testing.assert_allclose(native.combined, reference.combined, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.parametrize("count", [9, 17, 40])
+def test_media_that_coincide_add_up(count: int) -> None:
+    """More than the core finds at a time at one distance, twice of each where triangles meet."""
+    box, x_y = box_mesh(), centers(8)
+    thin = [
+        filled(f"medium {k}", s.Medium((0.9 / count, k * 1e-3, 2 / count))) for k in range(count)
+    ]
+    sigma = np.sum([material.medium.absorption for material in thin], 0)
+    way = 2.0 * ((np.abs(x_y[0]) < 1) & (np.abs(x_y[1]) < 1))
+    scene = things(
+        *((box, at(), material) for material in thin),
+        camera=orthographic(size=(8, 8)),
+        world=WHITE,
+    )
+    for backend in BACKENDS:
+        assert_passed(seen(scene, backend, max_bounces=64), way, sigma)
+
+
+def test_balls_that_coincide_add_up() -> None:
+    ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([1.5], np.float32))
+    thin = [filled(f"medium {k}", s.Medium((0.05, 0.01, 0.1))) for k in range(20)]
+    x, y = centers(8)
+    way = 2 * np.sqrt(np.maximum(1.5**2 - x * x - y * y, 0.0))
+    scene = things(
+        *((ball, at(), material) for material in thin),
+        camera=orthographic(size=(8, 8)),
+        world=WHITE,
+    )
+    for backend in BACKENDS:
+        assert_passed(seen(scene, backend, max_bounces=64), way, np.array([1.0, 0.2, 2.0]))
+
+
 def test_the_same_bits_in_regions_and_with_any_threads() -> None:
     whole = engine.render(rich(), engine.Settings(samples=2, threads=2)).combined
     alone = engine.render(rich(), engine.Settings(samples=2, threads=1)).combined

@@ -52,22 +52,30 @@ def test_what_leaves_the_canvas_is_cut_off(start):
     assert np.isfinite(image).all() and image.shape == (30, 40, 3)
 
 
-def test_letters_are_told_apart():
-    letters = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ.,:-+=/()%×|<>'_#;"
+@pytest.mark.parametrize("scale", [1, 2])
+def test_letters_are_told_apart(scale):
+    """Small and capital ones, and of other languages; what is not known is a question mark."""
+    letters = plot.LETTERS + "\u2603"
     pictures = set()
     for letter in letters:
-        image = dark(7, 9)
-        plot.draw_text(image, letter, (1, 1), WHITE)
-        assert image[:, 0].sum() == image[:, 6].sum() == image[0].sum() == image[8].sum() == 0
+        image = dark(30, 40)
+        plot.draw_text(image, letter, (8, 10), WHITE, scale)
+        edges = image[:, 0], image[:, -1], image[0], image[-1]
+        assert image.max() > 0.3 and not any(edge.any() for edge in edges)
         pictures.add(image.tobytes())
-    assert len(pictures) == len(letters)
+    assert len(pictures) == len(letters) - 1
 
 
 def test_text_is_as_wide_as_it_says_and_aligns():
-    image = dark(60, 12)
-    plot.draw_text(image, "HH", (59, 2), WHITE, align=1.0)
+    image, longer = dark(90, 20), dark(90, 20)
+    plot.draw_text(image, "Hill", (80, 4), WHITE, align=1.0)
     columns = np.nonzero(image.any((0, 2)))[0]
-    assert (columns.min(), columns.max() + 1) == (59 - plot.text_width("HH"), 59)
+    width = plot.text_width("Hill")
+    assert 80 - width <= columns.min() <= 80 - width + 2 and 77 <= columns.max() <= 80
+    assert image[4].any() and not image[3, 80 - width :].max() > 0.9
+    assert plot.text_width("mm") > 1.5 * plot.text_width("ll")
+    plot.draw_text(longer, "Hi ll", (80, 4), WHITE, align=1.0)
+    assert plot.text_width("Hi ll") > width
 
 
 def test_a_png_holds_the_pixels():

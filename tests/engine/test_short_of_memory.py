@@ -68,14 +68,15 @@ engine.render(scene, settings)
 leave(300)
 told(lambda: engine.render(scene, settings) and None)
 render = live.LiveRender()
-told(lambda: render.start([engine.Task(scene, settings)]))
-told(lambda: render.start([engine.Task(scene, settings)]))
+for _ in range(2):
+    render.start([engine.Task(scene, settings)])
+    print(render.busy, render.error)
 """
-    refused = "RuntimeError: can't start new thread"
-    assert _lines(program, STACK) == [
-        "MemoryError: the system starts no further thread: close programs, or let a user have more "
-        "of them (ulimit -u)", refused, refused
-    ]  # fmt: skip
+    refused = (
+        "the system starts no further thread: close programs, or let a user have more of them "
+        "(ulimit -u)"
+    )
+    assert _lines(program, STACK) == [f"MemoryError: {refused}"] + 2 * [f"False {refused}"]
 
 
 def test_threads_that_die_before_their_first_line() -> None:
@@ -83,6 +84,7 @@ def test_threads_that_die_before_their_first_line() -> None:
     program = """
 import _thread, threading
 scene = hard_lights()
+start = _thread.start_new_thread
 _thread.start_new_thread = threading._start_new_thread = lambda *_: 1
 from types import SimpleNamespace
 from glint.engine import futures
@@ -98,9 +100,22 @@ def stamped():
 told(stamped)
 told(lambda: futures.parallel_map(abs, [-1, 2, -3]))
 told(lambda: futures.parallel_map(abs, ["x"]))
+
+futures._LONGEST_START = 0.0
+render, task = live.LiveRender(), engine.Task(scene, engine.Settings(samples=1))
+render.start([task])
+print(render.busy, render.wait(lambda wave: True, 9.0), render.error)
+thread = futures.Thread(print)
+print(thread.is_alive(), thread.is_lost)
+_thread.start_new_thread = start
+render.start([task])
+futures._LONGEST_START = 20.0
+print(render.wait(lambda wave: wave.final, 30.0), render.error)
 """
     assert _lines(program) == [
-        "True", "[1, 2, 3]", "TypeError: bad operand type for abs(): 'str'"
+        "True", "[1, 2, 3]", "TypeError: bad operand type for abs(): 'str'",
+        "False False the system starts no further thread: close programs, or let a user have more "
+        "of them (ulimit -u)", "False True", "True None"
     ]  # fmt: skip
 
 

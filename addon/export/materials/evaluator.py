@@ -21,7 +21,8 @@ from ..report import Report
 from ..shader_nodes import TreeReader
 from ..shader_nodes.displacing import UndisplacedReader
 from ..shader_nodes.luminance import luminance_of
-from ..shader_nodes.reader import NUMBER_TYPES, NodeInputs
+from ..shader_nodes.reader import FARTHEST, INFINITE, NOT_FINITE, NUMBER_TYPES, NodeInputs
+from ..shader_nodes.settings_of import is_sound
 from ..shader_nodes.tangents import radial_tangent
 from .clamps import clamped
 from .closures import MATT, TURNED, Closure, LobeKey, add_closures, with_normal
@@ -37,6 +38,7 @@ from .graph import (
     source,
     trail,
 )
+from .ranges import beyond
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant
 from .varying import Ior, Roughness
 
@@ -51,7 +53,6 @@ SHINING = frozenset(
 MOST_TERMS = 16
 """Terms of one sum; longer ones become a program's value."""
 SMALLEST_IOR, LARGEST_IOR = 1e-3, 1e6
-NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
 
@@ -141,7 +142,7 @@ class Evaluator:
         if found is None or not found.socket.is_output:
             return Coordinates("")
         handler = VECTOR_NODES.get(found.node.bl_idname)
-        if handler is None:
+        if handler is None or not is_sound(found.node):
             return None
         return self._once(found, lambda: handler(NodeView(self, found), found.socket), None)
 
@@ -324,7 +325,7 @@ class Evaluator:
         """By the algebra of sums where that is exact, else by the program. Where there is no
         surface it has no maps, but numbers.
         """
-        known = not self._trees.gives_light_alone
+        known = not self._trees.gives_light_alone and is_sound(found.node)
         handler = COLOR_NODES.get(found.node.bl_idname) if known else None
         value = handler(NodeView(self, found), found.socket) if handler else None
         if value is not None and (self._trees.is_surface or is_constant(value)):
@@ -338,8 +339,11 @@ class Evaluator:
     def _default(self, socket: Any) -> Sum:
         """What an unlinked socket shows, said where it is no number."""
         value = getattr(socket, "default_value", 0.0)
-        if not is_finite(value if hasattr(value, "__len__") else (value,)):
+        values = value if hasattr(value, "__len__") else (value,)
+        if not is_finite(values):
             self.note(NOT_FINITE)
+        if any(isinstance(x, float) and abs(x) == FARTHEST for x in values):
+            self.note(INFINITE)
         return default_value(socket)
 
     def _shader(self, found: Place) -> Closure:
@@ -352,7 +356,10 @@ class Evaluator:
             return {}
         handler = CLOSURE_NODES.get(kind, CLOSURE_NODES["unknown"])
         before, self._bent = self._bent, None
-        closure = handler(NodeView(self, found))
+        view = NodeView(self, found)
+        closure = handler(view)
+        for sentence in beyond(view):
+            self.note(sentence)
         if self._bent is not None:
             closure = {with_normal(key, self._bent): terms for key, terms in closure.items()}
         self._bent = before

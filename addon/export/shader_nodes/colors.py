@@ -97,6 +97,10 @@ def _ramp_table(ramp: Any) -> tuple[float, ...]:
     return tuple(numbers)
 
 
+_STEP = 1e-4
+"""Half the width of a jump, which tables cannot hold as such."""
+
+
 def _curve_table(mapping: Any, curves: list[Any], combined: Any = None) -> tuple[float, ...]:
     """What `curves` reads: where the curves begin and end, and rows of three of them.
 
@@ -105,11 +109,20 @@ def _curve_table(mapping: Any, curves: list[Any], combined: Any = None) -> tuple
     mapping.initialize()
     ends = [(c.points[0].location[0], c.points[-1].location[0]) for c in mapping.curves]
     low, high = min(a for a, _ in ends), max(b for _, b in ends)
+    if low == high:  # all points stand above each other
+        return _step_table(low, curves)
     places = [low + k / (ROWS - 1) * (high - low) for k in range(ROWS)]
     if combined is not None:
         places = [mapping.evaluate(combined, x) for x in places]
     rows = [mapping.evaluate(curve, x) for x in places for curve in curves]
     return (float(low), float(high), *(float(x) for x in rows))
+
+
+def _step_table(place: float, curves: list[Any]) -> tuple[float, ...]:
+    """As `_curve_table`, of curves that jump at a place from their first point to their last."""
+    ends = [[curve.points[end].location[1] for curve in curves] for end in (0, -1)]
+    rows = [y for k in range(ROWS) for y in ends[k >= ROWS // 2]]
+    return (place - _STEP, place + _STEP, *map(float, rows))
 
 
 def _extends(mapping: Any) -> int:

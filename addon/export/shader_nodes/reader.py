@@ -33,6 +33,7 @@ from ..materials.graph import (
 )
 from .luminance import luminance_of
 from .mapping import texture_mapped
+from .settings_of import LARGEST, UNSOUND, is_sound
 
 Outputs = dict[str, Value]
 """A node's values by the name or identifier of its outputs."""
@@ -69,10 +70,15 @@ DISPLACED_WIDTH = 0 if bpy.app.version >= (4, 4, 0) else 1000
 pixel, in Cycles before Blender 4.4 a whole one.
 """
 
-FARTHEST = 3.4028234663852886e38
-"""The largest float32: what has no distance is so far."""
+FARTHEST = LARGEST
+"""What has no distance is so far."""
 
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
+INFINITE = (
+    "Colours and numbers that are infinite count as 3.4e38, the largest there is, in {}: set them "
+    "anew"
+)
+"""Of what Blender keeps for an infinite number where it can keep none."""
 NUMBER_TYPES = ("VALUE", "INT", "BOOLEAN")
 VECTOR_TYPES = ("VECTOR", "RGBA")
 CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
@@ -240,6 +246,9 @@ class TreeReader:
     def _outputs(self, place: Place) -> Outputs | None:
         node = place.node
         self.reading = node.bl_label
+        if not is_sound(node):
+            self.note(UNSOUND.format(node.bl_label, "{}"))
+            return None
         reader = READERS.get(kind_of(node))
         outputs = reader(NodeInputs(self, place)) if reader is not None else None
         if outputs is None:
@@ -283,6 +292,8 @@ class TreeReader:
         if not all(map(math.isfinite, numbers)):
             self.note(NOT_FINITE)
             numbers = [x if math.isfinite(x) else 0.0 for x in numbers]
+        if any(abs(x) == FARTHEST for x in numbers):
+            self.note(INFINITE)
         return self.graph.constant(numbers + [0.0] * (_width(socket.type) - len(numbers)))
 
     def _as_number(self, value: Value, kind: str) -> Value:

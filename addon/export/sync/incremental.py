@@ -237,7 +237,7 @@ class LiveExport:
             self._cache.work["worlds"] += 1
             images = Images(own, cache=self._cache.images)
             sky = export_world(world, is_transparent, images, own)
-            known[key] = with_pass_settings(sky, scene.world), own
+            known[key] = with_pass_settings(sky, scene.world, own), own
         sky, notes = known[key]
         report.add(notes)
         return sky

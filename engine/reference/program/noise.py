@@ -101,12 +101,15 @@ def signed_noise(p: np.ndarray) -> np.ndarray:
 
 
 def fbm(p: np.ndarray, detail, roughness, lacunarity, normalize: bool) -> np.ndarray:
-    """Sum of octaves; normalised it is divided by the sum of amplitudes and brought to [0, 1]."""
+    """Sum of octaves; normalised it is divided by the sum of amplitudes, 0 where these cancel out,
+    and brought to [0, 1].
+    """
     total, most, value = (np.zeros(p.shape[1]) for _ in range(3))
     amplitude = np.ones(p.shape[1])
     for share in _shares(detail):
         total, most = total + signed_noise(p) * amplitude, most + amplitude
-        value = value + share * ((total / most if normalize else total) - value)
+        mean = np.where(most != 0.0, total / np.where(most != 0.0, most, 1.0), 0.0)
+        value = value + share * ((mean if normalize else total) - value)
         amplitude, p = amplitude * roughness, p * lacunarity
     return 0.5 * value + 0.5 if normalize else value
 

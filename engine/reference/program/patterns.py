@@ -71,9 +71,10 @@ def wave_texture(
     else:
         across = [axis for axis in range(3) if axis != direction]
         n = np.sqrt((p[across] ** 2).sum(axis=0)) * 20.0
-    # Beyond what the sockets take, where linked numbers may be, Cycles divides by 0.
-    detail, roughness = np.clip(detail, 0.0, 15.0), np.maximum(detail_roughness, 0.0)
-    noise = fbm(p * detail_scale, detail, roughness, 2.0, True)
+    # Beyond what the sockets take, where linked numbers may be, Cycles has one octave and the
+    # fraction of the next down to a detail of -1, and divides by 0 from there on.
+    detail = np.clip(np.where((detail < 0.0) & (detail > -1.0), detail + 1.0, detail), 0.0, 15.0)
+    noise = fbm(p * detail_scale, detail, detail_roughness, 2.0, True)
     n = n + phase + np.where(distortion != 0.0, distortion * (2.0 * noise - 1.0), 0.0)
     if profile == WaveProfile.SIN:
         factor = 0.5 + 0.5 * np.sin(n - 0.5 * np.pi)

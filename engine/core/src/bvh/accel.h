@@ -114,6 +114,7 @@ struct Layers {
   uint8_t* count;  // kMost + 1: there are more
   /// Rays that meet so many, at distances of their own, count as stopped.
   uint8_t enough = 255;
+  const uint8_t* left_out = nullptr;  // not 0 for instances that are none; null for none of them
 };
 
 struct AccelStats {

@@ -96,7 +96,7 @@ void DirectLight::make_diffuse(Batch& batch) {
   if (scene_.materials.has_even_gloss(false)) {
     linked_.assign(batch.lit.begin(), batch.lit.end());
     for (size_t k = 0; k < batch.size(); ++k)
-      if (linked_[k] && !scene_.materials[batch.material[k]].has(GLINT_AMBIENT)) linked_[k] = 0;
+      if (linked_[k] && !scene_.materials[batch.material[k]].is_varnished) linked_[k] = 0;
     stage_.lit = linked_.data();
     stage_.gathers_gloss = true;
     stage_.shown = 0;

@@ -1,6 +1,7 @@
 #include "integrator/media.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "math/math.h"
 #include "session/timer.h"
@@ -26,7 +27,10 @@ MediaSpans::MediaSpans(const Scene& scene, Scratch& scratch)
       scratch_(scratch),
       opacities_(scene.media.enclosures.size(), Opacity::kVaried) {
   opacity_.of_instance = opacities_.data();
-  if (!opacities_.empty()) hits_.resize(kAtOnce * Layers::kMost);
+  if (opacities_.empty()) return;
+  hits_.resize(kAtOnce * Layers::kMost);
+  coinciding_.resize(Layers::kMost);
+  taken_.resize(opacities_.size());
 }
 
 void MediaSpans::find(const Rays& rays, RayCounts& counts) {
@@ -77,10 +81,50 @@ void MediaSpans::take_layers(const Rays& rays, uint32_t ray, const Hit* hits, si
                              bool more) {
   size_t taken = count;
   while (more && taken > 0 && beyond(hits[taken - 1].t) >= hits[count - 1].t) --taken;
-  if (more && taken == 0) taken = count;
-  for (size_t i = 0; i < taken; ++i)
+  double last = hits[count - 1].t;
+  if (more && taken == 0) {
+    take_coinciding(rays, ray, hits[0].t, last);
+  } else {
+    take(rays, ray, hits, taken);
+    last = beyond(hits[taken - 1].t);
+  }
+  if (more) waiting_.add(ray, rays.o, rays.d, ray, last, kInfinity);
+}
+
+/// Of the distances [from, to], at which there are more layers than are found at a time: enclosure
+/// after enclosure, all of each at once but for those with as many layers there.
+void MediaSpans::take_coinciding(const Rays& rays, uint32_t ray, double from, double to) {
+  const double before = std::nextafter(from, -kInfinity), after = std::nextafter(to, kInfinity);
+  const Rays one{{rays.o[0] + ray, rays.o[1] + ray, rays.o[2] + ray},
+                 {rays.d[0] + ray, rays.d[1] + ray, rays.d[2] + ray},
+                 &before,
+                 &after,
+                 1,
+                 rays.visibility,
+                 &opacity_};
+  std::fill(taken_.begin(), taken_.end(), uint8_t(0));
+  for (bool more = true; more;) {
+    uint8_t found = 0, blocked = 0;
+    Layers layers{coinciding_.data(), &found};
+    layers.left_out = taken_.data();
+    scene_.trees.media().find_layers(one, layers, &blocked, scratch_);
+    more = found > Layers::kMost;
+    size_t count = more ? Layers::kMost : found;
+    if (more) {  // of the last enclosure some may be missing
+      std::sort(coinciding_.begin(), coinciding_.end(),
+                [](const Hit& a, const Hit& b) { return a.instance < b.instance; });
+      const uint32_t last = coinciding_.back().instance;
+      if (coinciding_.front().instance != last)
+        while (coinciding_[count - 1].instance == last) --count;
+    }
+    for (size_t i = 0; i < count; ++i) taken_[coinciding_[i].instance] = 1;
+    take(rays, ray, coinciding_.data(), count);
+  }
+}
+
+void MediaSpans::take(const Rays& rays, uint32_t ray, const Hit* hits, size_t count) {
+  for (size_t i = 0; i < count; ++i)
     crossings_.push_back({ray, hits[i].instance, hits[i].t, enters(rays, ray, hits[i]) ? 1 : -1});
-  if (more) waiting_.add(ray, rays.o, rays.d, ray, beyond(hits[taken - 1].t), kInfinity);
 }
 
 /// Whether the ray meets the outer side.

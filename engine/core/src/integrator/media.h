@@ -86,6 +86,8 @@ class MediaSpans {
 
   void find_crossings(const Rays& rays, RayCounts& counts);
   void take_layers(const Rays& rays, uint32_t ray, const Hit* hits, size_t count, bool more);
+  void take_coinciding(const Rays& rays, uint32_t ray, double from, double to);
+  void take(const Rays& rays, uint32_t ray, const Hit* hits, size_t count);
   bool enters(const Rays& rays, uint32_t ray, const Hit& hit) const;
   size_t merge(size_t first, size_t& end);
   void add_spans(const Rays& rays, size_t first, size_t end);
@@ -118,7 +120,8 @@ class MediaSpans {
   std::vector<uint8_t> opacities_;  // of enclosures: all are met, and none stops a ray
   Opacity opacity_{};
   WaitingRays waiting_;
-  std::vector<Hit> hits_;
+  std::vector<Hit> hits_, coinciding_;
+  std::vector<uint8_t> taken_;  // of enclosures: those of which all hits at one distance are known
   std::vector<Crossing> crossings_;
   std::vector<Span> spans_;
   std::vector<uint32_t> end_;  // of each ray's spans

@@ -166,9 +166,12 @@ inline void wave_texture(const Machine& m, const Operands& at) {
     Doubles phase = wave_phase(p, type, direction) + at.number(6, k);
     const Doubles distortion = at.number(2, k);
     if (any(distortion != 0)) {
-      const Doubles detail = smaller(larger(at.number(3, k), splat(0)), splat(15));
+      // Between -1 and 0 it is one octave and the fraction of the next, as in Cycles.
+      const Doubles given = at.number(3, k),
+                    octaves = choose((given < 0) & (given > -1), given + 1, given),
+                    detail = smaller(larger(octaves, splat(0)), splat(15));
       const Doubles noise = fbm<3>(NoisePoint<3>{{p.x, p.y, p.z}} * at.number(4, k), detail,
-                                   larger(at.number(5, k), splat(0)), splat(2), true);
+                                   at.number(5, k), splat(2), true);
       phase = choose(distortion != 0, phase + distortion * (2 * noise - 1), phase);
     }
     put_grey(at, k, wave_profile(phase, profile));

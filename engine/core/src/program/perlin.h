@@ -127,8 +127,8 @@ inline Doubles octave_share(Doubles detail, int octave) {
   return smaller(larger(detail - octave + 1, splat(0)), splat(1));
 }
 
-/// Sum of octaves, of detail + 1 of them; normalised it is divided by the sum of amplitudes and
-/// brought to [0, 1].
+/// Sum of octaves, of detail + 1 of them; normalised it is divided by the sum of amplitudes, 0
+/// where these cancel out, and brought to [0, 1].
 template <int D>
 inline Doubles fbm(NoisePoint<D> p, Doubles detail, Doubles roughness, Doubles lacunarity,
                    bool normalized) {
@@ -139,7 +139,7 @@ inline Doubles fbm(NoisePoint<D> p, Doubles detail, Doubles roughness, Doubles l
     if (!any(heard)) break;
     total = total + signed_noise<D>(p) * amplitude;
     most = most + amplitude;
-    const Doubles now = normalized ? total / most : total;
+    const Doubles now = normalized ? choose(most != 0, total / most, splat(0)) : total;
     value = choose(heard, value + share * (now - value), value);
     amplitude = amplitude * roughness;
     p = p * lacunarity;

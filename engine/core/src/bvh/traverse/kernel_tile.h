@@ -33,7 +33,7 @@ struct Answers {
   /// A surface that does not stop the ray. The same one may be met again, in another leaf.
   void dim(int slot, const Hit& hit) {
     blocked[slot] = 1;
-    if (!layers.hits) return;
+    if (!layers.hits || (layers.left_out && layers.left_out[hit.instance])) return;
     Hit* const hits = layers.hits + uint32_t(slot) * Layers::kMost;
     uint8_t& count = layers.count[slot];
     uint32_t end = count < Layers::kMost ? count : Layers::kMost, at = end;

@@ -247,7 +247,8 @@ void occluded(const TopLevelView& world, const Rays& rays, uint8_t* blocked, con
     Answers a = answers_of(world, rays, first, stacks);
     a.blocked = blocked + first;
     if (layers)
-      a.layers = {layers->hits + first * Layers::kMost, layers->count + first, layers->enough};
+      a.layers = {layers->hits + first * Layers::kMost, layers->count + first, layers->enough,
+                  layers->left_out};
     return a;
   });
 }
