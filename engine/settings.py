@@ -167,6 +167,7 @@ class Lighting(TypedDict):
     by_world: bool
     by_meshes: bool
     bounces: int
+    by_paths: bool
 
 
 @dataclass(frozen=True)
@@ -391,13 +392,14 @@ class Settings:
     @property
     def lighting(self) -> Lighting:
         """What `Scene.as_lit` is told: whether surfaces hide the world's light, whether what glows
-        lights, and how often light bounces.
+        lights, how often light bounces, and whether it does along the paths of the pixels.
         """
         physical = self.illumination == "PHYSICAL"
         return {
             "by_world": physical and self.world_light == "OCCLUDED",
             "by_meshes": physical and self.mesh_light == "ON",
             "bounces": self.diffuse_bounces if physical else 0,
+            "by_paths": self.soft_light != "SHARED",
         }
 
     @property

@@ -1,4 +1,6 @@
-"""Over blocks of how many pixels the points of lights, lobes and gather rays are dealt."""
+"""Over blocks of how many pixels the points of lights, lobes and gather rays are dealt, and how
+often light bounces along the paths of the pixels.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,14 @@ from .lamps import is_soft
 
 SIDE = 4
 """Of a block, pixels."""
+
+
+def path_bounces(scene: Scene, settings: Settings) -> int:
+    """How often surfaces of a scene as it is lit scatter light onto others along paths; 0 where the
+    points of a BOUNCED light bring it, or nothing does.
+    """
+    by_paths = settings.lighting["by_paths"] and scene.bounces_by_paths
+    return settings.lighting["bounces"] if by_paths and scene.lights else 0
 
 
 def interleaving(scene: Scene, settings: Settings) -> int:
@@ -29,4 +39,5 @@ def _is_soft(scene: Scene, settings: Settings) -> bool:
     glossy = settings.reflecting != "OFF" and any(lobe.is_glossy for lobe in lobes)
     below = settings.subsurface == "ON" and scene.has_subsurface
     rough = any(lobe.is_rough_glass for lobe in lobes)
-    return tabled or lamps or glossy or rough or below or scene.scatters or scene.most_asked > 0
+    bounces = path_bounces(scene, settings) > 0
+    return tabled or bounces or lamps or glossy or rough or below or scene.scatters or scene.most_asked > 0

@@ -12,12 +12,13 @@ from ..film import OCCLUSION, PASSES
 from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
-from ..lights.interleaving import interleaving
+from ..lights.interleaving import interleaving, path_bounces
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable, mesh_table
 from ..lights.openings import opening_table
 from ..sampling import (
     GATHER_BLOCK,
+    bounce_points,
     dealt_samples,
     gather_points,
     gloss_points,
@@ -94,6 +95,12 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         data.gloss_points, data.gloss_count = address(places), len(places)
         data.gather_block = GATHER_BLOCK
     _add_scattering(data, packer, scene, dealt)
+    data.bounces = path_bounces(scene, settings)
+    if data.bounces:
+        points = bounce_points(dealt.samples)
+        data.bounce_levels, data.bounce_count = points.shape[:2]
+        points = packer.lend(points, np.float64, (None, None, 3), "bounce points")
+        data.bounce_points = address(points)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(dealt.samples * settings.light_samples)
         data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
@@ -195,7 +202,10 @@ def _add_bounced(
     table = bounced_table(light, settings.samples, settings.bounced_samples, pixels)
     data.bounced_table, data.bounced_count = _lend_points(packer, [table], "bounced light samples")
     data.bounced_samples = table.each
-    data.bounced_shadows, data.gather_reach = settings.bounced_shadows, table.near
+    data.bounced_shadows = settings.bounced_shadows
+    if data.bounces:
+        return
+    data.gather_reach = table.near
     data.gather_block = GATHER_BLOCK if data.interleaving == 1 else 1
     points = gather_points(settings.samples, settings.gather_samples, data.gather_block)
     points = packer.lend(points, np.float64, (None, None, 2), "gather points")

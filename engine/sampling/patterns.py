@@ -36,6 +36,7 @@ _GATHER, _GATHER_SCRAMBLES = (2, 1), (511, 512)
 block together, are the least off in wedges of the disc with a soft side, at 16 to 512 points a
 pixel.
 """
+_BOUNCE, _BOUNCE_SCRAMBLES = (*_GATHER, 3), (*_GATHER_SCRAMBLES, 513)
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
 _POLYNOMIALS = (
@@ -321,6 +322,27 @@ def gather_points(samples: int, each: int, block: int = GATHER_BLOCK) -> np.ndar
     cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
     points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
     points = points.reshape(pixels, count, 2)
+    points.flags.writeable = False
+    return points
+
+
+@functools.lru_cache(maxsize=4)
+def bounce_points(samples: int) -> np.ndarray:
+    """(LOBE_LEVELS, k, 3) float64, not to be written to: how light bounces, at each of the first
+    bounces of a path; later ones, and samples beyond k = MOST_LOBE_POINTS, take these again. A
+    point of the unit disc below the direction, turned as `gather_points`; and a number of [0, 1)
+    that what goes on of the light is not below, else the path ends there (Russian roulette: Arvo,
+    Kirk 1990, Particle transport and image synthesis). The same points in another order each time,
+    as `lobe_points`.
+    """
+    count = min(samples, MOST_LOBE_POINTS)
+    bits = max(count - 1, 0).bit_length()
+    numbers = _sobol(1 << bits, _BOUNCE, _BOUNCE_SCRAMBLES)
+    x, y = concentric_disc(2 * numbers[:, :2] - 1).T
+    cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
+    all_points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y, numbers[:, 2]])
+    levels = range(LOBE_LEVELS, 2 * LOBE_LEVELS)
+    points = np.stack([all_points[_shuffled(bits, level)[:count]] for level in levels])
     points.flags.writeable = False
     return points
 

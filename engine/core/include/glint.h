@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 70
+#define GLINT_ABI_VERSION 71
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -479,7 +479,13 @@ typedef struct GlintNeighbour {
  * looks along, 1 or 2. Null: all light comes out where it goes in. interleaving: side of the blocks
  * of pixels over which samples are dealt, a power of two up to 8, 1 for none: the tables of lights,
  * lobes and gather rays are then of the samples of all pixels of a block (engine/sampling,
- * dealt_sample). resolves: light with noise is averaged over the pixels of a block. */
+ * dealt_sample). resolves: light with noise is averaged over the pixels of a block. bounces: how often
+ * surfaces scatter light onto others along paths, which take the place of the points of a
+ * GLINT_BOUNCED_LIGHT on what is no strand; bounce_points: (bounce_levels, bounce_count, 3), for each
+ * bounce of a path, the first ones again after bounce_levels of them, and for each of as many
+ * samples, after which they begin again: a point of the unit disc below the direction, and a number
+ * of [0, 1) below which the share of its light must not lie that a later bounce is worth. Null only
+ * where bounces is 0. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -501,15 +507,17 @@ typedef struct GlintRenderSettings {
   const double* gather_points;
   const double* gloss_points;
   const double* subsurface_points;
+  const double* bounce_points;
   const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, medium_count, lobe_count,
       lens_point_count, camera_frame_count, scatter_count, occlusion_count, node_point_count,
-      opening_count, opening_point_count, gather_count, gloss_count, subsurface_count, passes;
+      opening_count, opening_point_count, gather_count, gloss_count, subsurface_count, bounce_count,
+      passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus, gather_reach;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
       bounced_shadows, medium_samples, medium_shadows, lamp_shadows, occlusion_samples,
-      opening_samples, gather_samples, gather_block, interleaving;
+      opening_samples, gather_samples, gather_block, interleaving, bounces, bounce_levels;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;

@@ -72,6 +72,19 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   if (dice.chance(0.05 * dice.wildness)) s.gather_count = 0;
 }
 
+void set_bounces(Dice& dice, Arena& arena, GlintRenderSettings& s) {
+  if (dice.chance(0.1)) s.interleaving = 1u << dice.below(4);
+  s.resolves = dice.chance(0.5);
+  if (dice.chance(0.5)) return;
+  s.bounces = uint32_t(dice.below(6));
+  s.bounce_levels = uint32_t(1 + dice.below(3));
+  s.bounce_count = 1 + dice.below(s.samples);
+  s.bounce_points = arena.fill<double>(3 * s.bounce_levels * s.bounce_count,
+                                       [&] { return 0.5 * std::abs(dice.number()); });
+  if (dice.chance(0.05 * dice.wildness)) s.bounce_levels = 0;
+  if (dice.chance(0.05 * dice.wildness)) s.bounce_points = nullptr;
+}
+
 void set_lens(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.camera_block = uint32_t(1 + dice.below(3));
   const uint64_t rows = uint64_t(s.camera_block) * s.camera_block * s.samples;
@@ -152,6 +165,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   set_mesh_points(dice, arena, s);
   set_reflections(dice, arena, s);
   set_lens(dice, arena, s);
+  set_bounces(dice, arena, s);
   set_neighbours(dice, arena, s, scene);
   s.occlusion_samples = uint32_t(1 + dice.below(4));
   s.occlusion_count = s.occlusion_samples * (1 + dice.below(s.samples + 1));

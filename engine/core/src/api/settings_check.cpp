@@ -68,6 +68,18 @@ bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
             g.gather_block >= 1 && g.gather_block <= 8 && g.gather_count >= g.gather_samples)));
 }
 
+/// Points of the unit disc, and shares.
+bool sound_bounces(const GlintRenderSettings& g) {
+  if (g.bounces == 0) return true;
+  if (!g.bounce_points || g.bounce_levels < 1 || g.bounce_levels > 64 || g.bounce_count < 1 ||
+      g.bounce_count > 1u << 30)
+    return false;
+  const uint64_t rows = g.bounce_levels * g.bounce_count;
+  for (const double* row = g.bounce_points; row < g.bounce_points + 3 * rows; row += 3)
+    if (!(row[0] * row[0] + row[1] * row[1] < 1.001 && row[2] >= 0 && row[2] < 1)) return false;
+  return true;
+}
+
 bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {
   return !scene.media.scatters || (g.volume_samples >= 1 && g.volume_samples <= 1u << 12 &&
                                    g.scatter_offsets && g.scatter_count >= tabled_samples(g));
@@ -146,6 +158,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: fewer points of a medium light than those of a sample");
   add(enough_bounced_points(g, scene),
       "settings: fewer points of bounced light than those of a sample");
+  add(sound_bounces(g), "settings: no points for bounces of light, or points that are none");
   add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
   add(sound_openings(g),

@@ -146,7 +146,9 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   stage_.lit = batch.lit.data();
   size_t number = 0;
   for (const Light& light : scene_.lights) {
-    const uint32_t parts = plan_.parts_of(light, batch.queue->sees_blurred(), takes_few_),
+    const bool one = plan_.bounces > 0 && batch.queue->gathers;  // each is of many
+    const uint32_t parts = one ? plan_.samples_of(light)
+                               : plan_.parts_of(light, batch.queue->sees_blurred(), takes_few_),
                    count = plan_.samples_of(light) / parts;
     if (alone_ && (light.is_mesh() || light.is_medium())) continue;  // catchers do not glow
     const bool asks_few = light.is_bounced() || light.is_medium(),
@@ -197,7 +199,8 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   stage_.evenly = scene_.instances.mirrors_differ;
   for (int c = 0; c < 3; ++c) stage_.diffuse[c] = batch.diffuse[c];
   for (SharedLight* shared : {&lamps_, &bounced_, &glow_})
-    if (shared->on && !cancel_ && !(alone_ && shared == &glow_))
+    if (shared->on && !cancel_ && !(alone_ && shared == &glow_) &&
+        !(shared == &bounced_ && plan_.bounces > 0 && !on_strands_))
       share(*shared, batch, sample, counts);
   stage_.lit = batch.lit.data();  // for reflections
 }

@@ -88,6 +88,8 @@ class DirectLight {
               Queue& gathering, const BlockShares* blocks, RayCounts& counts);
   /// Whether what the batch of this queue meets asks for gather rays.
   bool gathers(const Queue& queue) const;
+  /// Whether point k of a batch is on a strand.
+  bool is_on_strand(const Batch& batch, size_t k) const;
   /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
   void make_diffuse(Batch& batch);
 
@@ -95,6 +97,8 @@ class DirectLight {
   void prepare(const Batch& batch);
   void find_matt(const Batch& batch);
   void look_around();
+  void bounce(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts);
+  void send(Path& path, const Batch& batch, size_t k, Queue& gathering, RayCounts& counts) const;
   bool is_apart(const Batch& batch, size_t k) const;
   void place_in_lobes(size_t first, size_t end, const double* place);
   void push_reflected(const Batch& batch, size_t k, Queue& glossy, RayCounts& counts);

@@ -145,6 +145,7 @@ void DirectLight::find_sharing() {
   const double share = 1 / (plan_.gather_reach * plan_.gather_reach);
   const bool catches = scene_.features & GLINT_FEATURE_SHADOW_CATCHER;
   reach_ = bounced_.on && !catches && share > 0 && share < kInfinity ? plan_.gather_reach : 0;
+  if (plan_.bounces > 0) reach_ = kInfinity;
 }
 
 /// Bounced light may reach all that is matt: the few points of the first samples may miss it.
@@ -234,7 +235,7 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
     if (is_gathered && point.is_last) continue;
     LightStage stage = stage_;
     light.set(stage, point, all, plan_.physical());
-    if (light.is_bounced() && reach_ > 0 && stage.gather2 == 0) light.widen(stage, point, all);
+    if (light.is_bounced() && reach_ > 0 && reach_ < kInfinity && stage.gather2 == 0) light.widen(stage, point, all);
     if (parts > 1) stage.share = count;
     if (!light.lights_matt()) std::fill_n(stage.diffuse, 3, zeros_);
     if (light.is_medium() && !light.lights_gloss()) stage.gloss[0] = nullptr;

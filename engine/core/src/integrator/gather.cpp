@@ -17,11 +17,52 @@ constexpr double kNearShare = 0.5;  // of 1 − d² / R²: pixels wait for more 
 /// What surfaces that mirrors show get of bounced light is told apart as well, but not what rough
 /// reflections show.
 bool DirectLight::gathers(const Queue& queue) const {
+  if (plan_.bounces > 0) return queue.bounced < plan_.bounces;
   return reach_ > 0 && !queue.gathers && queue.reflections == 0;
+}
+
+void DirectLight::bounce(const Batch& batch, uint32_t sample, Queue& gathering,
+                         RayCounts& counts) {
+  const Queue& queue = *batch.queue;
+  look_around();
+  const double* const at = plan_.bounce_point(sample, queue.bounced);
+  for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), batch.size(), at[c]);
+  const size_t count = stages_.gather(stage_);
+  for (size_t k = 0; k < count; ++k) {
+    const uint32_t from = point_[k];
+    if (is_on_strand(batch, from)) continue;
+    Path path = queue.path(from);
+    const double before = max_abs(path.T);
+    path.T = row(stage_.diffuse_out, k);
+    // of what bounced before, as much goes on as the surface gives back (Russian roulette)
+    const double share = queue.bounced > 0 ? std::min(max_abs(path.T) / before, 1.0) : 1;
+    if (!finite(path.T) || !(at[2] < share)) continue;
+    path.T = (1 / share) * path.T;
+    send(path, batch, k, gathering, counts);
+  }
+}
+
+/// A gather ray along the direction of row k of the stage.
+void DirectLight::send(Path& path, const Batch& batch, size_t k, Queue& gathering,
+                       RayCounts& counts) const {
+  path.start = row(batch.points.x, point_[k]);
+  path.from = 0;
+  path.straight = 0;
+  path.wants_data = false;
+  path.skyless = true;
+  path.depth = uint8_t(std::min(path.depth + 1, 255));
+  gathering.push({row(stage_.o, k), row(stage_.to, k), 0, reach_, kDiffuse}, path);
+  ++counts.gather;
+}
+
+bool DirectLight::is_on_strand(const Batch& batch, size_t k) const {
+  const auto& all = scene_.instances;
+  return all.has_strands && all.geometry(all.group(batch.instance[k])).kind == GLINT_STRANDS;
 }
 
 void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
                          Queue& gathering, const BlockShares* blocks, RayCounts& counts) {
+  if (plan_.bounces > 0) return bounce(batch, sample, gathering, counts);
   const Queue& queue = *batch.queue;
   look_around();
   place_.resize(batch.size());
@@ -41,14 +82,7 @@ void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels
         const bool is_shared = blocks && blocks->shares(from);
         path.T = (1.0 / each) * (is_shared ? Vec3d{1, 1, 1} : row(stage_.diffuse_out, k));
         if (!finite(path.T)) continue;
-        path.start = row(batch.points.x, from);
-        path.from = 0;
-        path.straight = 0;
-        path.wants_data = false;
-        path.skyless = true;
-        path.depth = uint8_t(std::min(path.depth + 1, 255));
-        gathering.push({row(stage_.o, k), row(stage_.to, k), 0, reach_, kDiffuse}, path);
-        ++counts.gather;
+        send(path, batch, k, gathering, counts);
       }
   }
 }
@@ -118,9 +152,7 @@ void Tracer::make_diffuse(const Queue& queue) {
     if (!batch_.lit[k] && !behind) continue;
     const Vec3d to = row(batch_.points.x, k) - queue.ray(k).o;
     const double rest = 1 - std::min(per_square * dot(to, to), 1.0);
-    const bool is_hair =
-        scene_.instances.geometry(scene_.instances.group(batch_.instance[k])).kind == GLINT_STRANDS;
-    const double share = is_hair ? 0 : rest * rest;
+    const double share = direct_.is_on_strand(batch_, k) ? 0 : rest * rest;
     bool gives = false;
     for (double* const* columns : {batch_.diffuse, batch_.translucent})
       for (size_t c = 0; columns[0] && c < 3; ++c) gives |= (columns[c][k] *= share) != 0;
@@ -135,7 +167,7 @@ void Tracer::keep_gathered(const Queue& queue) {
   for (const bool seen : {true, false}) {
     double* const sums = paths_.sums(film_, seen ? GLINT_PASS_DIFFUSE : GLINT_PASS_MIRROR);
     for (size_t k = 0; sums && k < queue.size(); ++k)
-      if ((queue.depth(k) == 1) == seen) add_to_paths(queue, k, batch_.sums.total, sums);
+      if ((queue.depth(k) == queue.bounced) == seen) add_to_paths(queue, k, batch_.sums.total, sums);
   }
 }
 

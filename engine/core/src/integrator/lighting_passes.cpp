@@ -57,7 +57,7 @@ void Tracer::keep_lighting(const Queue& queue) {
         add(GLINT_PASS_VOLUME_INDIRECT, c, k, batch_.lit_volume_bounced[c][k]);
         continue;
       }
-      if (queue.gathers && queue.depth(k) == 1) {
+      if (queue.gathers && queue.depth(k) == queue.bounced) {
         add(GLINT_PASS_DIFFUSE_INDIRECT, c, k, s.total[c][k]);
         continue;
       }

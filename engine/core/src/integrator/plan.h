@@ -88,6 +88,13 @@ struct RenderPlan : GlintRenderSettings {
     return gather_places.row(sample, j) + 2 * size_t(place) * gather_count;
   }
 
+  /// For the ray by which a path bounces after so many bounces: where in the unit disc below its
+  /// direction, and by what share of its light it may be left out.
+  const double* bounce_point(uint32_t sample, uint32_t bounced) const {
+    const size_t level = bounced % std::max(bounce_levels, 1u);
+    return bounce_points + 3 * (level * bounce_count + sample % bounce_count);
+  }
+
   /// What of the light of such a pixel's points a sample brings back from below the surface.
   const double* subsurface_point(uint32_t place, uint32_t sample) const {
     return subsurface_places.row(sample, 0) + 6 * size_t(place) * subsurface_count;

@@ -71,6 +71,7 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
   Queue none(queue.visibility);
   none.reflections = queue.reflections;
   none.gathers = queue.gathers;
+  none.bounced = queue.bounced;
   none.shared = queue.shared;
   none.mixed = queue.mixed;
   none.exits = queue.exits;

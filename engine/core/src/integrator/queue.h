@@ -96,6 +96,9 @@ class Queue : public RayLayout {
   /// lights: these have highlights there, and points of them in mirrors beyond would be dots.
   uint32_t reflections = 0;
   bool gathers = false;  // they look for surfaces that throw light on: DirectLight::reach
+  uint32_t bounced = 0;  // how often such rays did before, with these
+  /// Whether rough surfaces reflected them.
+  bool is_gloss() const { return reflections > bounced; }
   bool sees_blurred() const { return gathers || reflections > 0; }
   bool shared = false;  // what they find goes to the paths that BlockShares has for theirs
   bool mixed = false;   // so does what they bring, once all is known: wide lobes reflected them

@@ -57,6 +57,14 @@ Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool gathers, bool
   queue.shared = shared;
   queue.mixed = mixed;
   queue.exits = false;
+  queue.bounced = 0;
+  return queue;
+}
+
+/// For gather rays from what those of a queue meet.
+Queue Tracer::take_gathering(const Queue& from, bool shared) {
+  Queue queue = take(kDiffuse, from.reflections + 1, true, shared);
+  queue.bounced = from.bounced + 1;
   return queue;
 }
 
@@ -118,7 +126,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
   if (scene_.features & (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT |
                          GLINT_FEATURE_BOUNCED_LIGHT | GLINT_FEATURE_MEDIUM_LIGHT))
     return 1;
-  if (plan_.reflects_gloss || direct_.shares() || subsurface_.on()) return 1;
+  if (plan_.bounces > 0 || plan_.reflects_gloss || direct_.shares() || subsurface_.on()) return 1;
   if (scene_.materials.has_rough_glass || scene_.media.scatters || scene_.media.varies ||
       scene_.programs.asks_rays)
     return 1;
@@ -217,14 +225,17 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
                 take(kMirror, queue.reflections, false, false, mixed),
                 take(kMirror, queue.reflections + 1, false, false, mixed),
                 take(kMirror, queue.reflections + 1, false, false, true),
-                take(kDiffuse, queue.reflections + 1, true, shares),
-                take(kDiffuse, queue.reflections + 1, true)};
+                take_gathering(queue, shares),
+                take_gathering(queue)};
+  for (Queue* same : {&next.straight, &next.bounced, &next.glossy, &next.mixed})
+    same->bounced = queue.bounced;
   process(queue, sample, apart ? next.straight : next.bounced, next);
   wait(std::move(next.gathering));
   wait(std::move(next.behind));
   wait(std::move(next.straight));
   if (glass_differs_) {
     Queue refracted = take(kTransmission, queue.reflections, false, false, mixed);
+    refracted.bounced = queue.bounced;
     next.bounced.give_refracted(refracted);
     wait(std::move(refracted));
   }
@@ -312,7 +323,7 @@ void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
 
 /// The batch's sums to those of the paths, or to those of what rough surfaces reflect.
 void Tracer::keep(const Queue& queue) {
-  const bool gloss = queue.reflections > 0 && !queue.gathers;
+  const bool gloss = queue.is_gloss();
   if (gloss) paths_.swap(queue.mixed);
   keep_parts(queue);
   if (gloss) paths_.swap(queue.mixed);

@@ -140,6 +140,7 @@ class Tracer {
   void wait(Queue queue);
   Queue take(uint32_t visibility, uint32_t reflections = 0, bool gathers = false,
              bool shared = false, bool mixed = false);
+  Queue take_gathering(const Queue& from, bool shared = false);
   void give(Queue queue);
   uint32_t pixel(const Queue& queue, size_t k) const {
     return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());

@@ -25,7 +25,7 @@ void Tracer::light_exits(Queue& queue, uint32_t sample) {
   find_points(queue);
   show_exits(queue);
   direct_.illuminate(batch_, sample, counts_);
-  Queue gathering = take(kDiffuse, queue.reflections + 1, true);
+  Queue gathering = take_gathering(queue);
   if (direct_.gathers(queue)) gather(queue, sample, gathering);
   keep(queue);
   wait(std::move(gathering));
