@@ -40,4 +40,13 @@ def _is_soft(scene: Scene, settings: Settings) -> bool:
     below = settings.subsurface == "ON" and scene.has_subsurface
     rough = any(lobe.is_rough_glass for lobe in lobes)
     bounces = path_bounces(scene, settings) > 0
-    return tabled or bounces or lamps or glossy or rough or below or scene.scatters or scene.most_asked > 0
+    return (
+        tabled
+        or bounces
+        or lamps
+        or glossy
+        or rough
+        or below
+        or scene.scatters
+        or scene.most_asked > 0
+    )

@@ -7,7 +7,7 @@ singularities).
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from .bumps import bump_shadow
 from .coefficients import Coefficients
 from .gloss import even_gloss
 from .paths import Interaction, Paths, leaving, widened
+from .surface import Surface
 from .tabled_lights import far_share
 from .terminator import lowered
 from .vectors import basis_around, dot, pick
@@ -34,11 +35,13 @@ def gathering(
     pixels in their blocks.  shares: how pixels of a block share what the rays find; None where they
     do not.
     """
+    if stage.bounces:
+        return bouncing(stage, at, sample)
     paths, hit, surface, coefficients = at.paths, at.hit, at.surface, at.coefficients
     if not stage.gathers(paths):
         return []
     gloss = _gloss(stage, at)
-    past = {"reflections": paths.reflections + 1, "gathers": True, "shared": shares is not None}
+    past = {**_past(paths), "shared": shares is not None}
     is_shared = np.zeros(len(hit), bool)
     if shares is not None:
         is_shared = shares.group[at.pixel] >= 0
@@ -49,9 +52,7 @@ def gathering(
     points = stage.gather_points(sample, places[at.pixel])
     for point in points:
         d = _direction(surface.n, point)
-        hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
-        low = lowered(surface.lowering, dot(surface.n, d))
-        k = np.where(hidden, 0.0, low * (share * coefficients.diffuse + gloss))
+        k = _thrown_back(surface, coefficients, gloss, d)
         k = np.where(is_shared, 1.0, k) / len(points)
         go = np.flatnonzero(k.any(0) & (dot(d, surface.g) > 0))
         some, given = surface.take(go), pick(k, go)
@@ -59,6 +60,42 @@ def gathering(
         rays = replace(found.rays, far=np.full(len(found), stage.reach))
         result.append(replace(found, rays=rays, skyless=np.ones(len(found), bool), **past))
     return [found for found in result if len(found)]
+
+
+def bouncing(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
+    """The ray along which light goes on that what is matt throws back; strands have points of
+    bounced light. Of what bounced before, as much as the surface gives back (Russian roulette: Arvo,
+    Kirk 1990, Particle transport and image synthesis).
+    """
+    paths, hit, surface = at.paths, at.hit, at.surface
+    if not stage.gathers(paths):
+        return []
+    x, y, least = stage.bounce_point(sample, paths.bounced)
+    d = _direction(surface.n, np.array([[x], [y]]))
+    k = _thrown_back(surface, at.coefficients, _gloss(stage, at), d)
+    before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
+    share = np.ones(len(hit))
+    if paths.bounced:
+        share = np.minimum(after / np.where(before > 0, before, 1.0), 1.0)
+    is_strand = surface.primitive >= stage.geometry.first_rod
+    go = np.flatnonzero((after > 0) & (dot(d, surface.g) > 0) & (least < share) & ~is_strand)
+    given = pick(k, go) / share[go]
+    found = leaving(paths, hit[go], surface.take(go), pick(d, go), given, 0.0)
+    found = replace(found, skyless=np.ones(len(found), bool), **_past(paths))
+    return [found] if len(found) else []
+
+
+def _past(paths: Paths) -> dict[str, Any]:
+    """Of gather rays from what the paths meet."""
+    again = {"reflections": paths.reflections + 1, "bounced": paths.bounced + 1}
+    return {**again, "gathers": True}
+
+
+def _thrown_back(surface: Surface, coefficients: Coefficients, gloss: Array, d: Array) -> Array:
+    """(3, n) what points throw back as what is matt does, of light along d (3, n)."""
+    hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
+    low = lowered(surface.lowering, dot(surface.n, d))
+    return np.where(hidden, 0.0, low * (share * coefficients.diffuse + gloss))
 
 
 def _gloss(stage: Stage, at: Interaction) -> Array:
@@ -98,7 +135,8 @@ def _as_diffuse(stage: Stage, at: Interaction) -> Coefficients:
     gloss = np.where(np.array(varnished, bool)[surface.material], gloss, 0.0)
     o, _ = at.paths.rays.lines(at.hit)
     to = surface.x - o
-    near = np.where(np.array(is_hair, bool)[block], 0.0, 1 - far_share(dot(to, to), stage.reach))
+    far = 0.0 if stage.bounces else far_share(dot(to, to), stage.reach)
+    near = np.where(np.array(is_hair, bool)[block], 0.0, 1 - far)
     none = np.zeros_like(coefficients.diffuse)
     return replace(
         coefficients,

@@ -52,7 +52,7 @@ AT_ONCE = 1 << 13
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    names = ["reflections", "transmitted", "gathers", "shared", "through_glass", "mixed"]
+    names = ["reflections", "transmitted", "gathers", "bounced", "shared", "through_glass", "mixed"]
     pasts = [tuple(getattr(p, name) for name in names) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
@@ -107,7 +107,7 @@ class Generations:
 
     def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
         """A step of the paths; what rough surfaces reflect is kept apart."""
-        if paths.gathers or not paths.reflections:
+        if not paths.is_gloss:
             return self._step(paths, strips, deeper)
         tile, self._tile = self._tile, self._shared if paths.mixed else self._gloss
         passed = self._step(paths, strips, deeper)
@@ -376,7 +376,7 @@ class Generations:
         if not (paths.reflections and self._stage.is_lit_by_meshes):
             group = stage.per_object("light_group", surface.row)
             add("Emission", coefficients.emission, group)
-        if stage.shared_bounced[0]:
+        if stage.shared_bounced[0] and not stage.bounces:
             # the few points of the first samples may miss what is matt
             matt = pixel[coefficients.diffuse.any(0)]
             self._tile.soft_light[matt] = self._tile.bounced[matt] = True
@@ -386,7 +386,8 @@ class Generations:
         )
         if paths.gathers:
             to = surface.x - paths.rays.lines(at.hit)[0]
-            is_near = 1 - dot(to, to) / stage.reach**2 >= NEAR_SHARE
+            far = 0.0 if stage.bounces else dot(to, to) / stage.reach**2
+            is_near = (1 - far >= NEAR_SHARE) & np.ones(len(surface), bool)
             self._tile.near[pixel[is_near & coefficients.diffuse.any(0)]] = True
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
@@ -418,7 +419,7 @@ class Generations:
         self._tile.add(paths.part(part), pixel, values)
         self._tile.add_to_groups(group, pixel, values)
         if self._stage.splits and paths.depth > 0:
-            if paths.gathers and paths.depth == 1:
+            if paths.gathers and paths.depth == paths.bounced:
                 self._tile.add("Diffuse Indirect", pixel, values)
                 return
             is_direct = paths.depth == 1 and part in ("Emission", "Environment")

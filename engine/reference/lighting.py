@@ -80,6 +80,8 @@ class Lighting:
     rest of; 0 where there are none.  gathered: these are surfaces that they found.  first_rod: the
     first primitive that is of strands.  faint: weights of points below this take few samples.
     dealt: pixels of a block deal the samples among themselves, so that each sees few of the sky.
+    by_paths: paths find what the points of bounced light bring, but to strands. each_once: of its
+    samples each light takes one, another in each sample of a pixel.
     """
 
     sources: tuple[Source, ...]
@@ -99,6 +101,8 @@ class Lighting:
     first_rod: int = 0
     faint: float = 0.0
     dealt: bool = False
+    by_paths: bool = False
+    each_once: bool = False
 
     @cached_property
     def of_few_samples(self) -> Lighting:
@@ -119,7 +123,8 @@ class Lighting:
     @cached_property
     def of_strands(self) -> Lighting:
         """As strands see it."""
-        return replace(self.of_few_samples, shadows=self.shadows.of_strands())
+        few = self.of_few_samples
+        return replace(few, shadows=self.shadows.of_strands(), by_paths=False)
 
     def kinds(self, surface: Surface, weight: Array) -> Iterator[tuple[Lighting, Array]]:
         """What lights points of a kind, and (n,) bool which points these are. weight: (3, n) T."""
@@ -207,18 +212,20 @@ class Lighting:
         surface = at.surface
         for source in self.sources:
             lit = at.given & self.lights(source, surface)
-            if source.sample_count(self.light_samples) > 1 and source.color.any():
+            several = source.sample_count(self.light_samples) > 1 and not self.each_once
+            if several and source.color.any():
                 on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
             if self._shares(source):
                 continue
             balance = np.zeros(len(surface), np.intp)  # directions open less hidden
             for brought, light_sample, is_drawn in self._samples_given(at, source, lit):
                 seen, dimmed = self._add(source, brought, total)
-                on_reach(source, seen, source.is_soft(self.light_samples))
+                on_reach(source, seen, several and source.is_soft(self.light_samples))
                 if not is_drawn and light_sample.counts:
                     hidden = source.hidden_counts if isinstance(source, Dome) else 1
                     balance[seen] += np.where(dimmed, -hidden, 1)
-            if isinstance(source, Dome) and source.light.lights_matt and not self.dealt:
+            is_whole = not self.dealt and not self.each_once
+            if isinstance(source, Dome) and source.light.lights_matt and is_whole:
                 open_ = np.flatnonzero(lit & (balance >= 0))
                 rest = source.rest(pick(surface.x, open_), pick(surface.n, open_), at.sample)
                 low = mean_lowered(surface.lowering[open_])
@@ -253,7 +260,7 @@ class Lighting:
             lit = total.lit_diffuse, total.lit_specular
             yield Sharing(lambda: self._lamps(at), self.marks, *lit)
         bounced = [(x, None) for x in self.sources if isinstance(x, BouncedSource)]
-        if bounced:
+        if bounced and not self.by_paths:
             lit = total.lit_bounced, total.lit_glossy_bounced
             yield Sharing(lambda: bounced, self.bounced_marks, *lit, at.turns)
         media = [(x, None) for x in self.sources if isinstance(x, MediumSource)]
@@ -375,12 +382,16 @@ class Lighting:
             )
         ]
         seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
+        once = self.each_once and not self._shares(source)
+        numbers = numbers[sample % n :: n] if once else numbers
         if isinstance(source, BouncedSource):
             through = coefficients.lets_through() if coefficients.fibres else None
             seen = source.discs_from(surface, through)
         for number in numbers:
             point = points[number]
-            yield narrow, seen(point), coefficients.diffuse
+            given = seen(point)
+            given = replace(given, intensity=n * given.intensity) if once else given
+            yield narrow, given, coefficients.diffuse
             place = source.drawn_at(number, point)
             if narrow and place is not None:
                 direction, drawn, _ = narrow.draw(place)

@@ -41,7 +41,8 @@ class Paths:
     many of their bounces were refractions, refracted: (n,) bool, the last one was. transmitted: the
     first surface that they left refracted them, where passes ask for that. through_glass: they obey
     `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
-    they look for surfaces that throw light on, near by. shared: what they find goes to the pixels
+    they look for surfaces that throw light on. bounced: how often such rays did so far, with these.
+    shared: what they find goes to the pixels
     that `gathering.Shares` has for theirs. mixed: so does what they bring, as `reflections.Mixing`
     has it. comes_out: they end where light comes out that went below other points.
     """
@@ -58,6 +59,7 @@ class Paths:
     reflections: int = 0
     transmitted: bool = False
     gathers: bool = False
+    bounced: int = 0
     shared: bool = False
     through_glass: bool = False
     mixed: bool = False
@@ -78,9 +80,14 @@ class Paths:
             return "diffuse"
         return "transmission" if self.through_glass else self.kind
 
+    @property
+    def is_gloss(self) -> bool:
+        """Whether rough surfaces reflected them."""
+        return self.reflections > self.bounced
+
     def part(self, name: str) -> str:
         """The part of the picture that they add to."""
-        if self.gathers and self.depth == 1:
+        if self.gathers and self.depth == self.bounced:
             return "Diffuse"
         return "Mirror" if self.depth else name
 
@@ -334,6 +341,7 @@ def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cuto
         np.zeros(len(go), bool),
         paths.reflections,
         transmitted=paths.transmitted,
+        bounced=paths.bounced,
         mixed=paths.mixed,
     )
 

@@ -14,11 +14,12 @@ from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
-from ..lights.interleaving import interleaving
+from ..lights.interleaving import interleaving, path_bounces
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import (
     GATHER_BLOCK,
+    bounce_points,
     dealt_samples,
     gather_points,
     gloss_points,
@@ -84,6 +85,7 @@ class Stage:
         self.scene, self.settings, self.cancellation = scene, settings, cancellation
         self.interleaving = interleaving(scene, settings)
         self._samples = dealt_samples(settings.samples, self.interleaving)  # of tables
+        self.bounces = path_bounces(scene, settings)
         self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
         self.geometry = gather(scene, self.eye)
         cancellation.check()
@@ -119,6 +121,7 @@ class Stage:
             reflecting=settings.reflecting,
             first_rod=self.geometry.first_rod,
             dealt=self.interleaving > 1,
+            by_paths=self.bounces > 0,
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())
@@ -126,13 +129,14 @@ class Stage:
             self.lighting.of_catchers(caught.astype(bool)) if self.catches else self.lighting
         )
         near = [source.reach for source in self.sources if isinstance(source, BouncedSource)]
-        self.reach = 0.0 if self.catches or not near else near[0]
+        self.reach = 0.0 if self.catches or self.bounces or not near else near[0]
         far = replace(self.lighting, reach=self.reach)
         blurred = tuple(self._blurred(source) for source in self.sources)
         self._lighting_of_near = replace(
             self.lighting,
-            sources=blurred,
+            sources=self.sources if self.bounces else blurred,
             gathered=True,
+            each_once=self.bounces > 0,
             bounced_marks=max(settings.bounced_shadows // GATHERED_SHARE, 1),
         )
         self._lighting_of_blurred = replace(self.lighting, sources=blurred, faint=FAINT)
@@ -146,6 +150,7 @@ class Stage:
         self._gather_points = gather_points(
             self._samples, settings.gather_samples, self.gather_block
         )
+        self._bounce_points = bounce_points(self._samples)
         self._gloss_points = gloss_points(self._samples)
         self.asks_rays = scene.most_asked > 0
         self._node_points = points_of_nodes(self._samples, scene.most_asked)
@@ -196,6 +201,8 @@ class Stage:
         """Whether rays look for surfaces near by that throw light on what the paths meet: but for
         what rough reflections show.
         """
+        if self.bounces:
+            return paths.bounced < self.bounces
         return self.reach > 0 and not paths.gathers and paths.reflections == 0
 
     @property
@@ -234,10 +241,10 @@ class Stage:
         """Of what the paths meet."""
         if paths.comes_out:
             return self._lighting_of_exits[self.gathers(paths)]
-        if self.gathers(paths):
-            return self._lighting_of_far[paths.depth > 0]
         if paths.gathers:
             return self._lighting_of_near
+        if self.reach > 0 and self.gathers(paths):
+            return self._lighting_of_far[paths.depth > 0]
         return self._lighting_of_blurred if paths.reflections else self._lighting[paths.depth > 0]
 
     def lobe_point(self, sample: int, reflections: int) -> LightPoint:
@@ -252,6 +259,11 @@ class Stage:
         points, each = self._gather_points, self.settings.gather_samples
         first = sample % max(points.shape[1] // each, 1) * each
         return points[:, first : first + each].transpose(1, 2, 0)[:, :, places]
+
+    def bounce_point(self, sample: int, bounced: int) -> Array:
+        """(3,) of `bounce_points`, of a ray by which a path bounces after so many bounces."""
+        points = self._bounce_points
+        return points[bounced % len(points), sample % points.shape[1]]
 
     def gloss_points(self, sample: int) -> Array:
         """(2, 2) where in wide lobes the pixels of pairs reflect their rays."""

@@ -193,7 +193,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
       met_by_ = kShadow;
     }
     // where pixels are averaged their few directions would say too seldom what is hidden
-    if (light.is_dome() && light.lights_matt() && plan_.interleaving == 1)
+    if (light.is_dome() && light.lights_matt() && plan_.interleaving == 1 && !one)
       add_rest(batch, light, sample, parts);
   }
   stage_.evenly = scene_.instances.mirrors_differ;

@@ -160,7 +160,7 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
   if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
                    [](int64_t lit) { return lit != 0; }))
     return;
-  if (&shared == &bounced_ && batch.soft_light && !alone_) mark_matt(batch);
+  if (&shared == &bounced_ && batch.soft_light && !alone_ && plan_.bounces == 0) mark_matt(batch);
   const LightStage before = stage_;
   shared.lit = batch.lit.data();
   place_sums(shared, batch.size());
