@@ -95,12 +95,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         data.gloss_points, data.gloss_count = address(places), len(places)
         data.gather_block = GATHER_BLOCK
     _add_scattering(data, packer, scene, dealt)
-    data.bounces = path_bounces(scene, settings)
-    if data.bounces:
-        points = bounce_points(dealt.samples)
-        data.bounce_levels, data.bounce_count = points.shape[:2]
-        points = packer.lend(points, np.float64, (None, None, 3), "bounce points")
-        data.bounce_points = address(points)
+    _add_bounces(data, packer, scene, dealt)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(dealt.samples * settings.light_samples)
         data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
@@ -287,6 +282,18 @@ def _add_subsurface(
         points = subsurface_points(settings.samples, data.gather_block)
         points = packer.lend(points, np.float64, (None, None, 6), "subsurface points")
         data.subsurface_points, data.subsurface_count = address(points), points.shape[1]
+
+
+def _add_bounces(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    """How light bounces along paths, where it does."""
+    data.bounces = path_bounces(scene, settings)
+    if data.bounces:
+        points = bounce_points(settings.samples)
+        data.bounce_levels, data.bounce_count = points.shape[:2]
+        points = packer.lend(points, np.float64, (None, None, 3), "bounce points")
+        data.bounce_points = address(points)
 
 
 def _add_lens(

@@ -64,8 +64,8 @@ def gathering(
 
 def bouncing(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     """The ray along which light goes on that what is matt throws back; strands have points of
-    bounced light. Of what bounced before, as much as the surface gives back (Russian roulette: Arvo,
-    Kirk 1990, Particle transport and image synthesis).
+    bounced light. Of what bounced before, as much as the surface gives back (Russian roulette:
+    Arvo, Kirk 1990, Particle transport and image synthesis).
     """
     paths, hit, surface = at.paths, at.hit, at.surface
     if not stage.gathers(paths):
