@@ -210,12 +210,6 @@ def scenes() -> list[s.Scene]:
     return found + [replace(scene, materials=(PAINT, glass)) for scene in found[:2] + found[6:]]
 
 
-@pytest.fixture
-def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Walks of light take most of the time, and what is the same is so of fewer."""
-    monkeypatch.setattr(sys.modules[bounced_light.__module__], "POINTS", 1 << 9)
-
-
 @pytest.mark.usefixtures("few_points")
 def test_both_tracers_draw_the_same() -> None:
     settings = {**BOUNCING, "samples": 2, "light_samples": 2}

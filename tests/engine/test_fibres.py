@@ -222,7 +222,7 @@ def test_both_tracers_draw_the_same(name: str) -> None:
         {"Diffuse", "Specular", "Shadow", "Denoising Albedo", "Diffuse Color", "Glossy Direct"}
     )
     films = [
-        render(scenes()[name], Settings(samples=4, passes=passes, backend=backend))
+        render(scenes()[name], Settings(samples=2, passes=passes, backend=backend))
         for backend in ("NATIVE", "NUMPY")
     ]
     assert films[0].passes["Combined"].max() > 0.01

@@ -108,8 +108,14 @@ BREAKS = {
 }
 
 
-@pytest.mark.parametrize("file_format", FORMATS)
-@pytest.mark.parametrize("place", BREAKS)
+@pytest.mark.parametrize(
+    ("place", "file_format"),
+    [
+        pytest.param(place, name, marks=() if "result" in (place, last) else pytest.mark.slow)
+        for place in BREAKS
+        for name, last in zip(FORMATS, ("result", "", ""), strict=True)
+    ],
+)
 def test_an_error_writes_no_file_and_fails_with_a_message(installed, place, file_format):
     blender = installed("python")
     name = f"{place}-{FORMATS[file_format]}"
