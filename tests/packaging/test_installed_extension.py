@@ -127,6 +127,7 @@ final = sys.modules["bl_ext.user_default.glint.addon.render.final"]
 def broken(*args, **kwargs):
     raise ValueError("broken on purpose")
 {BREAKS[place]}
+scene.glint.final.diffuse_bounces = 0
 output(scene, {name!r}, {file_format!r})
 bpy.ops.render.render(write_still=True)
 """
