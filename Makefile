@@ -35,7 +35,7 @@ test:
 	@$(GO)/run_tests.py --bpy "$(BPY)" $(if $(ARGS),,--parallel) -- -m "not slow" $(ARGS)
 
 slow:
-	@$(GO)/run_tests.py --bpy "$(BPY)" -- -m slow $(ARGS)
+	@$(GO)/run_tests.py --bpy "$(BPY)" $(if $(ARGS),,--parallel) -- -m slow $(ARGS)
 
 test-blenders:
 	@$(GO)/blender_matrix.py

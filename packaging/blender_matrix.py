@@ -1,7 +1,8 @@
 """`make test-blenders`: the tests that talk to Blender, in every bpy of the matrix and in a whole
 program where one can be had.
 
-The default one runs in `make test`; 5.2 runs where a Python 3.13 is at hand.
+The default one runs in `make test`; 5.2 runs where a Python 3.13 is at hand. What is marked `once`
+in these folders asks nothing of Blender, and `make test` has seen it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ TESTS = (
     "tests/cycles/test_cycles_procedural_textures.py",
 )
 """The last two: patterns of textures, which Blender changes from version to version."""
+CHOSEN = ("-m", "not slow and not once")
 DEBIAN = tree.ROOT / ".cache" / "debian-trixie"
 CANNOT = 77
 
@@ -48,7 +50,7 @@ def _series(series: str) -> str:
     except tree.SetupError as failure:
         return f"left out: {failure}"
     try:
-        return _verdict(run_tests.run(series, [*run_tests.PARALLEL, "-m", "not slow", *TESTS]))
+        return _verdict(run_tests.run(series, [*run_tests.PARALLEL, *CHOSEN, *TESTS]))
     except tree.SetupError as failure:
         return f"failed: {failure}"
 
@@ -67,7 +69,7 @@ def _debian() -> str:
         return f"failed: debian_blender.sh ended with {made.returncode}"
     program = {"GLINT_BLENDER": f"chroot {DEBIAN} blender", "GLINT_BLENDER_ROOT": str(DEBIAN)}
     os.environ.update(program)
-    return _verdict(run_tests.run("", ["-m", "not slow", "tests/packaging"]))
+    return _verdict(run_tests.run("", [*CHOSEN, "tests/packaging"]))
 
 
 def _verdict(code: int) -> str:

@@ -23,7 +23,7 @@ INSIDE = ("texture_mapping", "color_ramp", "mapping")
 """Data inside a node, whose settings are the node's."""
 TANGLED = {"ShaderNodeMix", "ShaderNodeTexWave"}
 """Nodes of which a menu counts for certain entries of another alone."""
-MOST_BASES = 100
+MOST_BASES = 40
 """The product of all menus and ticks is walked where it is no larger."""
 ODD = (1.31, 0.62, 2.47, 0.83)
 IES = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 100\n0 90\n0\n900 300\n"

@@ -21,6 +21,7 @@ scene = bpy.context.scene
 scene.render.engine = "GLINT"
 scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 100, 60, 50
 scene.glint.final.samples = scene.glint.final.light_samples = 1
+scene.glint.final.diffuse_bounces = 0
 scene.glint.final.backend = "NUMPY"
 scene.render.image_settings.file_format = "OPEN_EXR"
 scene.render.image_settings.color_depth = "32"
@@ -36,31 +37,39 @@ def _picture(path) -> np.ndarray:
     return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
 
 
-@pytest.mark.parametrize(
-    "border",
-    [
-        (0.0, 1.0, 0.0, 1.0),
-        (0.2, 0.7, 0.1, 0.6),
-        (0.333, 0.667, 0.45, 0.55),
-        (0.01, 0.99, 0.99, 1.0),
-    ],
-)
-def test_a_border_is_the_same_pixels_cut_out(tmp_path, border):
-    blender = Blender(tmp_path)
+BORDERS = [
+    (0.0, 1.0, 0.0, 1.0),
+    (0.2, 0.7, 0.1, 0.6),
+    (0.333, 0.667, 0.45, 0.55),
+    (0.01, 0.99, 0.99, 1.0),
+]
+
+
+@pytest.fixture(scope="module")
+def bordered_pictures(tmp_path_factory):
+    """The folder of the whole picture and of two for each border, which one Blender has drawn."""
+    blender = Blender(tmp_path_factory.mktemp("borders"))
     run = blender.run(
         DRAW
         + f"""
 draw("whole.exr")
 scene.render.use_border = True
-scene.render.border_min_x, scene.render.border_max_x, scene.render.border_min_y, scene.render.border_max_y = {border}
-draw("border.exr")
-scene.render.use_crop_to_border = True
-draw("crop.exr")
+for number, border in enumerate({BORDERS}):
+    for crops in (False, True):
+        scene.render.use_crop_to_border = crops
+        scene.render.border_min_x, scene.render.border_max_x, scene.render.border_min_y, scene.render.border_max_y = border
+        draw(f"{{'crop' if crops else 'border'}}{{number}}.exr")
 """  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
+    return blender.folder
+
+
+@pytest.mark.parametrize("number", range(len(BORDERS)))
+def test_a_border_is_the_same_pixels_cut_out(bordered_pictures, number):
     whole, bordered, crop = (
-        _picture(tmp_path / name) for name in ("whole.exr", "border.exr", "crop.exr")
+        _picture(bordered_pictures / f"{name}.exr")
+        for name in ("whole", f"border{number}", f"crop{number}")
     )
     assert whole.shape == bordered.shape == (30, 50, 4)
     inside = np.argwhere(bordered[..., 3] > 0)
@@ -145,25 +154,26 @@ told(hide_render=False, visible_camera=False)
     ], run.output
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [("", True), ('scene.world = bpy.data.worlds.new("World")', False), ("lamp()", False)],
-)
-def test_a_black_picture_says_why(tmp_path, change, said):
+def test_a_black_picture_says_why(tmp_path):
+    """Not with a world, which is grey, nor with a lamp."""
     run = Blender(tmp_path).run(
         DRAW
-        + f"""
-def lamp():
-    scene.collection.objects.link(bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT")))
-
+        + """
 bpy.data.objects.remove(bpy.data.objects["Light"])
 scene.world = None
-{change}
 draw("dark.exr")
-"""  # noqa: E501 - a script for another Blender
+print("next", flush=True)
+scene.world = bpy.data.worlds.new("World")
+draw("grey.exr")
+print("next", flush=True)
+scene.world = None
+scene.collection.objects.link(bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT")))
+draw("lit.exr")
+"""
     )
     assert run.returncode == 0, run.output
-    assert ("has no light and a black world" in run.output) == said
+    said = ["has no light and a black world" in part for part in run.output.split("next")]
+    assert said == [True, False, False]
 
 
 def test_nothing_that_ends_a_render_leaves_a_picture(tmp_path):

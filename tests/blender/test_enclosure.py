@@ -10,6 +10,8 @@ import pytest
 from glint.addon.export.geometry.enclosure import CELLS, enclosure, light_between
 from glint.engine import scene as s
 
+pytestmark = pytest.mark.once
+
 RADIUS, LENGTH = 0.002, 0.1
 
 

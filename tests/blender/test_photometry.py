@@ -7,6 +7,8 @@ import pytest
 
 from glint.addon.export.photometry import WATTS_PER_CANDELA, PhotometryError, read_web
 
+pytestmark = pytest.mark.once
+
 
 def file(polar, azimuth, candelas, tilt="TILT=NONE", kind=1, factors=(1.0, 1.0, 1.0)) -> str:
     rows = [" ".join(map(str, row)) for row in (polar, azimuth, *np.atleast_2d(candelas))]

@@ -5,9 +5,12 @@ error and what remains.
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from glint import engine
 from glint.addon.render.progress import Progress
+
+pytestmark = pytest.mark.once
 
 SETTINGS = engine.Settings(samples=64, error_threshold=4.0)
 

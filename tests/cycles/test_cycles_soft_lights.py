@@ -104,8 +104,18 @@ def core(light: str) -> tuple[Film, np.ndarray]:
     return fine, (fine.combined[..., 0].astype(float) - coarse.combined[..., 0]) ** 2
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("light", SOFT_LIGHTS)
+@pytest.mark.parametrize(
+    ("light", "backend"),
+    [
+        pytest.param(
+            light,
+            backend,
+            marks=pytest.mark.slow if backend == "NUMPY" and number % 3 else (),
+        )
+        for number, light in enumerate(SOFT_LIGHTS)
+        for backend in BACKENDS
+    ],
+)
 def test_soft_light(light, backend):
     passes, mean, variance = reference(light)
     fine, own = core(light)

@@ -202,10 +202,10 @@ def lit(name: str, kind: str = "GGX") -> s.Scene:
 def test_both_tracers_draw_the_same(name: str, kind: str) -> None:
     passes = frozenset({"Diffuse", "Specular", "Shadow", "Combined"})
     films = [
-        render(lit(name, kind), Settings(samples=4, passes=passes, backend=backend))
+        render(lit(name, kind), Settings(samples=2, passes=passes, backend=backend))
         for backend in BACKENDS
     ]
-    plain = render(lit(name, "NONE"), Settings(samples=4, passes=passes))
+    plain = render(lit(name, "NONE"), Settings(samples=2, passes=passes))
     assert np.abs(plain.passes["Diffuse"] - films[0].passes["Diffuse"]).max() > 1e-3
     for each in films[0].passes:
         found, expected = (film.passes[each] for film in films)

@@ -177,7 +177,7 @@ def test_spheres_without_thickness_are_left_out(thickness: float, seen: bool, co
 
 @pytest.mark.parametrize("name", SCENES)
 def test_same_picture_antialiased(name: str) -> None:
-    core, reference = both(name, replace(SETTINGS, samples=4, passes=frozenset()))
+    core, reference = both(name, replace(SETTINGS, samples=2, passes=frozenset()))
     assert relative_error(core.combined, reference.combined).max() <= 1e-4
 
 

@@ -80,7 +80,9 @@ def test_rays_to_a_sky_that_varies_are_of_both_kinds(backend: str) -> None:
     up = np.maximum(directions(32, 64)[2].reshape(32, 64, 1), 0)
     lit = 4 * values * up * share
     of_sky = density**2 / (density**2 + 1 / (2 * np.pi**2))
-    settings = {"samples": 64, "light_samples": 16, "backend": backend, "region": (3, 3, 5, 5)}
+    samples = {"NATIVE": 64, "NUMPY": 8}[backend]
+    settings = {"samples": samples, "light_samples": 16, "backend": backend}
+    settings["region"] = (3, 3, 5, 5)
     for flag, kept in (("visible_diffuse", 1 - of_sky), ("visible_shadow", of_sky)):
         found = color(under_a_lid(VARIED, **{flag: False}), **settings)
         expected = (lit * kept).sum() * np.array(ALBEDO)
@@ -208,12 +210,6 @@ def scenes() -> list[s.Scene]:
     return found + [replace(scene, materials=(PAINT, glass)) for scene in found[:2] + found[6:]]
 
 
-@pytest.fixture
-def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Walks of light take most of the time, and what is the same is so of fewer."""
-    monkeypatch.setattr(sys.modules[bounced_light.__module__], "POINTS", 1 << 9)
-
-
 @pytest.mark.usefixtures("few_points")
 def test_both_tracers_draw_the_same() -> None:
     settings = {**BOUNCING, "samples": 2, "light_samples": 2}
@@ -228,7 +224,7 @@ def hashes(threads: int = 0) -> str:
     settings = {**BOUNCING, "samples": 2, "threads": threads}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys.modules[bounced_light.__module__], "POINTS", 1 << 9)
-        pictures = [color(scene, **settings).tobytes() for scene in scenes()]
+        pictures = [color(scene, **settings).tobytes() for scene in scenes()[::2]]
     return hashlib.sha256(b"".join(pictures)).hexdigest()
 
 

@@ -355,8 +355,10 @@ def test_each_pixel_is_explained_by_its_own_run_of_samples(name, soft_light):
     picture = render(scene, settings).combined
     shared = render(scene, replace(settings, soft_light="SHARED")).combined
     explainer = PixelExplainer(scene, replace(settings, samples=4, soft_light=soft_light))
-    rays = [explainer.pixel(x, y) for x, y in BLOCK]
-    for (x, y), ray in zip(BLOCK, rays, strict=True):
+    # the first sample of each is the same before light is averaged
+    block = BLOCK if soft_light == "DEALT" else BLOCK[::5]
+    for x, y in block:
+        ray = explainer.pixel(x, y)
         np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-5, atol=1e-9)
         told = "light is averaged over 4 x 4 pixels of this surface: Resolved"
         lines = [line for line in explanation_lines(ray) if told in line]

@@ -123,7 +123,7 @@ def on_small_floor(scene: Scene) -> Scene:
 
 @pytest.mark.parametrize("scene", [wall_with_ends(), shaded_floor()], ids=("wall", "shadow"))
 def test_both_tracers_gather_the_same(scene: Scene) -> None:
-    native, exact = (added(on_small_floor(scene), backend, samples=8) for backend in BACKENDS)
+    native, exact = (added(on_small_floor(scene), backend, samples=4) for backend in BACKENDS)
     apart = np.abs(native - exact).max(2) / exact.mean()
     assert np.median(apart) < 1e-6
     assert (apart > 1e-4).mean() < 0.01  # edges

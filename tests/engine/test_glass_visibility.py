@@ -154,7 +154,7 @@ def test_both_tracers_draw_the_same() -> None:
     for scene in scenes():
         films = [
             draw(
-                scene, "Mirror", "Transmission Indirect", samples=4, max_bounces=6, backend=backend
+                scene, "Mirror", "Transmission Indirect", samples=2, max_bounces=6, backend=backend
             )
             for backend in BACKENDS
         ]

@@ -129,10 +129,11 @@ def of_groups(film: engine.Film) -> list[np.ndarray]:
 
 
 @needs_core
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("name", sorted(SCENES.keys() - {"fog"}))  # which is part of `gas`
 def test_they_add_up_to_the_picture_and_the_tracers_agree(name: str) -> None:
     scene = smaller(grouped(SCENES[name]()), 3)
-    plan = LIT | {"crowd": {"lamp_shadows": 8}, "gas": {"samples": 1}}.get(name, {})
+    plan = LIT | {"samples": 1} | {"crowd": {"lamp_shadows": 8}}.get(name, {})
     films = [draw(scene, backend=backend, **plan) for backend in ("NATIVE", "NUMPY")]
     for film in films:
         picture = film.combined[..., :3]
@@ -145,6 +146,7 @@ def test_they_add_up_to_the_picture_and_the_tracers_agree(name: str) -> None:
 
 
 @needs_core
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("name", SCENES)
 def test_the_picture_keeps_its_bits_and_has_the_same_over_threads_and_regions(name: str) -> None:
     scene = smaller(SCENES[name](), 2)

@@ -292,6 +292,7 @@ def test_any_sequence_of_edits(seed):
         live.close()
 
 
+@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("seed", range(6))
 def test_any_sequence_of_edits_to_the_shading(seed):
     """What an earlier first wave found out serves, whichever light samples it had."""

@@ -45,7 +45,7 @@ def with_normals(
     )
 
 
-SETTINGS = {"samples": 4, "max_bounces": 2, "reflections": "ALL"}
+SETTINGS = {"samples": 2, "max_bounces": 2, "reflections": "ALL"}
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

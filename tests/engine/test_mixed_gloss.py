@@ -20,7 +20,6 @@ FLOOR = square((-4, -4, 0), (4, -4, 0), (4, 4, 0), (-4, 4, 0))
 WALL = square((-4, 1, 0), (-4, 1, 3), (4, 1, 3), (4, 1, 0))
 PANE = square((-4, -2, 1.5), (4, -2, 1.5), (4, 1, 1.5), (-4, 1, 1.5))
 # the floor shows nothing but what it reflects
-# the floor shows nothing but what it reflects
 LAMP = Light("lamp", "POINT", np.c_[np.eye(3), [0.5, -0.5, 0.8]], strength=4e3, lights_gloss=False)
 CLEAR = Material("clear", (Lobe("TRANSPARENT", (Input((1.0, 1.0, 1.0)),)),))
 
@@ -73,7 +72,7 @@ def test_neighbours_see_as_if_they_had_more_rays() -> None:
     def blocks(which: Scene, samples: int) -> np.ndarray:
         return seen(which, samples=samples).reshape(10, 8, 12, 8, 3).mean((1, 3))
 
-    truth = blocks(behind, 2048)
+    truth = blocks(behind, 1024)
     assert truth.max() > 0.05
     mixed, alone = (np.sqrt(((blocks(s, 8) - truth) ** 2).mean()) for s in (scene, behind))
     assert mixed < 0.2 * alone
@@ -199,11 +198,10 @@ def test_each_pixel_gives_back_in_its_own_color(backend: str) -> None:
         np.testing.assert_allclose(found[:, columns], alone[:, columns], rtol=2e-5, atol=1e-7)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_what_gives_back_none_of_a_channel_has_nothing_to_share_of_it(backend: str) -> None:
+def test_what_gives_back_none_of_a_channel_has_nothing_to_share_of_it() -> None:
     left, right, glow = (0.9, 0.0, 0.0), (0.0, 0.0, 0.8), 100.0
 
-    def bright(*colors: tuple[float, ...]) -> np.ndarray:
+    def bright(*colors: tuple[float, ...], backend: str = "NATIVE", samples: int = 512):
         """So bright that all is shown of what few rays find."""
         scene = two_metals(*colors)
         first, wall, second = scene.materials
@@ -212,7 +210,7 @@ def test_what_gives_back_none_of_a_channel_has_nothing_to_share_of_it(backend: s
             for dull, color in ((first, colors[0]), (second, colors[1]))
         ]
         scene = replace(scene, materials=(floors[0], wall, floors[1]))
-        return seen(scene, backend, samples=512, mesh_light="OFF")
+        return seen(scene, backend, samples=samples, mesh_light="OFF")
 
     found = bright(left, right)
     for color, channel, columns, beside in (
@@ -224,6 +222,9 @@ def test_what_gives_back_none_of_a_channel_has_nothing_to_share_of_it(backend: s
         alone = bright(color, color)
         both = (p[:8, beside, channel].mean() - glow * color[channel] for p in (found, alone))
         assert abs(next(both) / next(both) - 1) < 0.02  # fewer rays
+    few, exact = (bright(left, right, backend=backend, samples=16) for backend in BACKENDS)
+    np.testing.assert_allclose(few, exact, rtol=1e-6)  # of rays at edges
+    np.testing.assert_array_equal(few == 0, exact == 0)
 
 
 @pytest.mark.parametrize("front", FRONTS)
@@ -241,12 +242,12 @@ def test_explain_adds_up_what_neighbours_bring(front: str) -> None:
     picture = render(scene, plan).passes["Combined"]
     explainer = PixelExplainer(scene, plan)
     lit = 0
-    for x in range(13):
+    for x in range(0, 13, 2):
         for y in (0, 7, 8, 9, 10):
             ray = explainer.pixel(x, y)
             np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
             lit += any(after.kind == "reflection" and any(after.color) for after in ray.follow)
-    assert lit >= 10
+    assert lit >= 5
 
 
 def test_places_are_even_sets() -> None:

@@ -148,7 +148,8 @@ def test_a_white_surface_gives_back_all_of_a_uniform_sky(backend: str) -> None:
     sky = s.Light("sky", "DOME", np.eye(3, 4), radiance=np.ones((64, 128, 3), np.float32))
     lobes = rough(1.0, np.ones(3))
     scene = s.Scene(view_from_above(), (square(),), (placed(),), (material(*lobes),), lights=(sky,))
-    assert abs(color(scene, backend=backend, samples=64, light_samples=8).mean() - 1) < 1e-3
+    samples = {"NATIVE": 64, "NUMPY": 16}[backend]
+    assert abs(color(scene, backend=backend, samples=samples, light_samples=8).mean() - 1) < 1e-3
 
 
 def corner(*lobes: s.Lobe, turn: float = 0.0) -> s.Scene:

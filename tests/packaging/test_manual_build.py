@@ -8,6 +8,8 @@ import pytest
 from blender_process import ROOT
 from packed import manual
 
+pytestmark = pytest.mark.once
+
 
 @pytest.fixture
 def copy(tmp_path):

@@ -7,6 +7,8 @@ import pytest
 
 from packed import messages
 
+pytestmark = pytest.mark.once
+
 
 def test_the_page_is_the_codes_and_every_message_has_a_remedy():
     assert messages.problems() == []

@@ -10,6 +10,8 @@ import pytest
 
 from packed import bill_of_materials, blender, extension_zips, foreign, pack, release
 
+pytestmark = pytest.mark.once
+
 WHEELS = {
     "linux-x64": "glint_core-0.1.0+ab-py3-none-manylinux_2_17_x86_64.whl",
     "windows-arm64": "glint_core-0.1.0+ab-py3-none-win_arm64.whl",

@@ -6,7 +6,8 @@
 namespace glint {
 
 #if defined(GLINT_X86_KERNELS)
-const Stages& best_stages() { return chosen(stages_sse42, stages_avx2, stages_avx512); }
+// Names of those that are compiled (GLINT_STAGES in CMakeLists.txt).
+const Stages& best_stages() { return chosen(stages_for_sse42, stages_for_avx2, stages_for_avx512); }
 #else
 const Stages& best_stages() { return stages_generic; }
 #endif
