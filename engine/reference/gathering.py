@@ -16,6 +16,7 @@ from .blocks import Shares, shares_of
 from .bumps import bump_shadow
 from .coefficients import Coefficients
 from .gloss import even_gloss
+from .lobe_light import fibres, matt_lobes
 from .paths import Interaction, Paths, leaving, widened
 from .surface import Surface
 from .tabled_lights import far_share
@@ -52,7 +53,7 @@ def gathering(
     points = stage.gather_points(sample, places[at.pixel])
     for point in points:
         d = _direction(surface.n, point)
-        k = _thrown_back(surface, coefficients, gloss, d)
+        k = _thrown_back(surface, coefficients.diffuse, gloss, d)
         k = np.where(is_shared, 1.0, k) / len(points)
         go = np.flatnonzero(k.any(0) & (dot(d, surface.g) > 0))
         some, given = surface.take(go), pick(k, go)
@@ -72,7 +73,11 @@ def bouncing(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
         return []
     x, y, least = stage.bounce_point(sample, paths.bounced)
     d = _direction(surface.n, np.array([[x], [y]]))
-    k = _thrown_back(surface, at.coefficients, _gloss(stage, at), d)
+    every, cosine = np.arange(len(surface)), dot(surface.n, d)
+    lobes = matt_lobes(surface, at.coefficients, every, d)
+    lobes = lobes + fibres(surface, at.coefficients.fibres, every, d, matt=False)
+    lobes = np.where(cosine > 0, lobes / np.maximum(cosine, 2.0**-20), 0.0)
+    k = _thrown_back(surface, at.coefficients.diffuse + lobes, _gloss(stage, at), d)
     before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
     share = np.ones(len(hit))
     if paths.bounced:
@@ -91,11 +96,11 @@ def _past(paths: Paths) -> dict[str, Any]:
     return {**again, "gathers": True}
 
 
-def _thrown_back(surface: Surface, coefficients: Coefficients, gloss: Array, d: Array) -> Array:
+def _thrown_back(surface: Surface, matt: Array, gloss: Array, d: Array) -> Array:
     """(3, n) what points throw back as what is matt does, of light along d (3, n)."""
     hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
     low = lowered(surface.lowering, dot(surface.n, d))
-    return np.where(hidden, 0.0, low * (share * coefficients.diffuse + gloss))
+    return np.where(hidden, 0.0, low * (share * matt + gloss))
 
 
 def _gloss(stage: Stage, at: Interaction) -> Array:
@@ -138,17 +143,20 @@ def _as_diffuse(stage: Stage, at: Interaction) -> Coefficients:
     far = 0.0 if stage.bounces else far_share(dot(to, to), stage.reach)
     near = np.where(np.array(is_hair, bool)[block], 0.0, 1 - far)
     none = np.zeros_like(coefficients.diffuse)
+    even = 0.0 if stage.bounces else coefficients.thrown_on(surface)
+    lobes = (*coefficients.sheens, *coefficients.fibres) if stage.bounces else ()
+    matt = [replace(term, k=pick(near * np.ones((3, 1)), term.index) * term.k) for term in lobes]
     return replace(
         coefficients,
         ambient=none,
-        diffuse=near * (coefficients.diffuse + coefficients.thrown_on(surface) + gloss),
+        diffuse=near * (coefficients.diffuse + even + gloss),
         translucent=near * coefficients.translucent,
         emission=none,
         highlights=[],
         mirrors=[],
         refractions=[],
-        sheens=[],
-        fibres=[],
+        sheens=[term for term in matt if not term.lobe.kind.startswith("FIBRE")],
+        fibres=[term for term in matt if term.lobe.kind == "FIBRE_DIFFUSE"],
     )
 
 

@@ -26,15 +26,19 @@ void DirectLight::bounce(const Batch& batch, uint32_t sample, Queue& gathering, 
   look_around();
   const double* const at = plan_.bounce_point(sample, queue.bounced);
   for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), batch.size(), at[c]);
+  const bool before = stage_.matt_alone;
+  stage_.gathers_lobes = stage_.matt_alone = true;
   const size_t count = stages_.gather(stage_);
+  stage_.gathers_lobes = false;
+  stage_.matt_alone = before;
   for (size_t k = 0; k < count; ++k) {
     const uint32_t from = point_[k];
     if (is_on_strand(batch, from)) continue;
     Path path = queue.path(from);
-    const double before = max_abs(path.T);
+    const double whole = max_abs(path.T);
     path.T = row(stage_.diffuse_out, k);
     // of what bounced before, as much goes on as the surface gives back (Russian roulette)
-    const double share = queue.bounced > 0 ? std::min(max_abs(path.T) / before, 1.0) : 1;
+    const double share = queue.bounced > 0 ? std::min(max_abs(path.T) / whole, 1.0) : 1;
     if (!finite(path.T) || !(at[2] < share)) continue;
     path.T = (1 / share) * path.T;
     send(path, batch, k, gathering, counts);
@@ -135,7 +139,9 @@ void DirectLight::make_diffuse(Batch& batch) {
     stage_.shown = 0;
     stages_.make_diffuse(stage_, batch.diffuse);
   }
-  batch.clear_specular();
+  if (plan_.bounces == 0) return batch.clear_specular();
+  if (scene_.materials.max_specular == 0) return;
+  for (size_t k = 0; k < batch.size(); ++k) batch.clear_gloss(k, is_on_strand(batch, k));
 }
 
 /// They show what lights throw on surfaces, and nothing that these give of themselves: as much of

@@ -70,7 +70,7 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
   stage.primitive = batch_.primitive.data();
   stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
-  stage.gathers = queue.gathers;
+  stage.gathers = queue.gathers && plan_.bounces == 0;
   stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {

@@ -134,6 +134,7 @@ struct LightStage {
                         // is not in diffuse_out yet
   double gather2;       // kBouncedSource: one over the square of the distance from which on it
                         // gives all that it does (far_share); 0: everywhere
+  bool gathers_lobes;   // `gather`: light for matt lobes other than DIFFUSE ones too
   bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
   double shown;         // how much of dielectrics' gloss reflected rays show, 0 or 1
   bool has_sheen, has_fibre;     // among the lobes

@@ -45,6 +45,12 @@ size_t reflect(const LightStage& s) {
 inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l) {
   const BumpShadow bump = bump_shadow<true>(s, k, n, l);
   Three T = load3(s.diffuse, k);
+  if (s.gathers_lobes && s.has_sheen) {
+    const Doubles cosine = dot(n, l);
+    const Highlights seen = highlights<false, true>(s, k, n, l, cosine, nullptr);
+    const Three lobes = s.has_fibre ? seen.sheen + seen.fibre : seen.sheen;
+    T = T + where(cosine > 0, (1 / larger(cosine, splat(0x1p-20))) * lobes);
+  }
   if (bump.some) T = bump.share * T;
   if (s.gathers_gloss) T = T + lowered<true>(s, k, n, l) * even_gloss(s, k);
   return bump.some ? where(~bump.hidden, T) : T;
