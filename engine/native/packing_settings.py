@@ -17,6 +17,7 @@ from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable, mesh_table
 from ..lights.openings import opening_table
 from ..sampling import (
+    BOUNCE_PARTS,
     GATHER_BLOCK,
     bounce_points,
     dealt_samples,
@@ -290,7 +291,8 @@ def _add_bounces(
     """How light bounces along paths, where it does."""
     data.bounces = path_bounces(scene, settings)
     if data.bounces:
-        points = bounce_points(settings.samples)
+        parts = BOUNCE_PARTS if data.interleaving > 1 else 1
+        points = bounce_points(parts * settings.samples)
         data.bounce_levels, data.bounce_count = points.shape[:2]
         points = packer.lend(points, np.float64, (None, None, 3), "bounce points")
         data.bounce_points = address(points)

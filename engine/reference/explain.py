@@ -77,7 +77,7 @@ class Explainer:
         and its point of the lens: the first sample of a picture.
         """
         here, side = ((x, x + 1), (y, y + 1)), self.stage.interleaving
-        self._places = places_in_blocks(*here, self.stage.gather_block)
+        self._places = self.stage.places(*here)
         number = int(interleaving_classes(*here, side)[0])
         self._sample = dealt_sample(0, number, self.stage.settings.samples, side)
         self.stage.media.moment.sample = self._sample

@@ -37,7 +37,7 @@ def gathering(
     do not.
     """
     if stage.bounces:
-        return bouncing(stage, at, sample)
+        return bouncing(stage, at, sample, places)
     paths, hit, surface, coefficients = at.paths, at.hit, at.surface, at.coefficients
     if not stage.gathers(paths):
         return []
@@ -63,16 +63,16 @@ def gathering(
     return [found for found in result if len(found)]
 
 
-def bouncing(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
+def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[Paths]:
     """The ray along which light goes on that what is matt throws back; strands have points of
     bounced light. Of what bounced before, as much as the surface gives back (Russian roulette:
-    Arvo, Kirk 1990, Particle transport and image synthesis).
+    Arvo, Kirk 1990, Particle transport and image synthesis). places: as `gathering`.
     """
     paths, hit, surface = at.paths, at.hit, at.surface
     if not stage.gathers(paths):
         return []
-    x, y, least = stage.bounce_point(sample, paths.bounced)
-    d = _direction(surface.n, np.array([[x], [y]]))
+    *disc, least = stage.bounce_points(sample, paths.bounced, places[at.pixel])
+    d = _direction(surface.n, np.array(disc))
     every, cosine = np.arange(len(surface)), dot(surface.n, d)
     lobes = matt_lobes(surface, at.coefficients, every, d)
     lobes = lobes + fibres(surface, at.coefficients.fibres, every, d, matt=False)

@@ -21,6 +21,14 @@ ALIKE = 0.9
 """Cosine between normals from which on nothing is shared any more."""
 FLAT = 0.04
 """The same of the way between points along one's normal, squared, over its length."""
+SURE = 1.98
+"""Two estimates of one variance, each of the 25 pixels of a block, differ by more in one of twenty
+cases by chance: the quantile of Fisher's F for 24 and 24 degrees of freedom.
+"""
+WIDE = "Diffuse Indirect"
+"""What is averaged over blocks of twice the side, over which bounces are dealt; all of it
+of one sample.
+"""
 LIGHTS = tuple(name for name in (*BY_SURFACE, *VOLUME) if not name.endswith("Color"))
 """The passes of light that are resolved, each by itself."""
 COLORS = tuple(name for name in BY_SURFACE if name.endswith("Color"))
@@ -94,8 +102,10 @@ def resolved(
     sums. halves: (h, w) of the first half of the samples, the sums of the channels. sharp: (h, w)
     by pass of colour what `SHARP` names of it, the sum of the channels.
     """
-    block = list(_block(side))
-    on_surfaces = [share * guides.alike(x, y) for x, y, share in block]
+    block, wide = list(_block(side)), list(_block(2 * side))
+    on_surfaces, on_wide = (
+        [share * guides.alike(x, y) for x, y, share in pixels] for pixels in (block, wide)
+    )
     inside = np.ones_like(guides.surface)
     in_media = [share * _moved(inside, x, y) for x, y, share in block]
     found = {}
@@ -108,11 +118,15 @@ def resolved(
             half_color = halves[of_color]
             if of_color in SHARP:
                 images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
-        if not samples.max() > 1:
-            images = np.ones_like(images)  # there are no halves
         light = parts[name] / samples
-        noise = _noise(light, color, halves[name], half_color, samples)
-        found[name] = _resolved(side, guides, block, weights, light, color, noise, images)
+        noise: Array | None = _noise(light, color, halves[name], half_color, samples)
+        around = block
+        if name == WIDE:
+            around, weights = wide, on_wide
+        if not samples.max() > 1:  # there are no halves
+            images = np.full_like(images, name != WIDE)
+            noise = None
+        found[name] = _resolved(side, guides, around, weights, light, color, noise, images)
     return found
 
 
@@ -152,10 +166,12 @@ def _resolved(
     weights: list[Array],
     light: Array,
     color: Array,
-    noise: Array,
+    noise: Array | None,
     images: Array,
 ) -> Array:
-    """noise: as `_noise`. images: (h, w) how much of the light is of sharp images."""
+    """noise: as `_noise`; None where all may be. images: (h, w) how much of the light is of sharp
+    images.
+    """
 
     def over_block(values: Array) -> Array:
         """(3, h, w) sums over each pixel's block."""
@@ -175,8 +191,10 @@ def _resolved(
         own = weight * _moved(square, x, y)
         apart += own * (_moved(white, x, y) - mean) ** 2
         changed += own * _moved(change, x, y)
-        chance += own * _moved(noise, x, y) ** 2
-    seen, sure = np.minimum(changed, apart), np.maximum(apart - chance, 0.0)
+        if noise is not None:
+            chance += own * _moved(noise, x, y) ** 2
+    seen, sure = np.minimum(changed, apart), np.maximum(apart - SURE * chance, 0.0)
+    sure = np.zeros_like(sure) if noise is None else sure
     stays = images * seen + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
     return np.where(colors > 0, repeats * (_over(lights, colors) * color - light), 0.0)

@@ -18,13 +18,16 @@ from ..lights.interleaving import interleaving, path_bounces
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import (
+    BOUNCE_PARTS,
     GATHER_BLOCK,
+    bounce_parts,
     bounce_points,
     dealt_samples,
     gather_points,
     gloss_points,
     light_points,
     lobe_points,
+    places_in_blocks,
     scatter_offsets,
     subsurface_points,
 )
@@ -150,7 +153,8 @@ class Stage:
         self._gather_points = gather_points(
             self._samples, settings.gather_samples, self.gather_block
         )
-        self._bounce_points = bounce_points(self._samples)
+        parts = BOUNCE_PARTS if self.interleaving > 1 else 1
+        self._bounce_points = bounce_points(parts * self._samples)
         self._gloss_points = gloss_points(self._samples)
         self.asks_rays = scene.most_asked > 0
         self._node_points = points_of_nodes(self._samples, scene.most_asked)
@@ -260,10 +264,23 @@ class Stage:
         first = sample % max(points.shape[1] // each, 1) * each
         return points[:, first : first + each].transpose(1, 2, 0)[:, :, places]
 
-    def bounce_point(self, sample: int, bounced: int) -> Array:
-        """(3,) of `bounce_points`, of a ray by which a path bounces after so many bounces."""
-        points = self._bounce_points
-        return points[bounced % len(points), sample % points.shape[1]]
+    def bounce_points(self, sample: int, bounced: int, places: Array) -> Array:
+        """(3, n) of `bounce_points`, of rays by which paths bounce after so many bounces. places:
+        (n,) of their pixels.
+        """
+        points, run = self._bounce_points, 1 << max(self.settings.samples - 1, 0).bit_length()
+        number = np.full(len(places), sample)
+        if self.interleaving > 1:
+            number = (BOUNCE_PARTS * (sample // run) + places) * run + sample % run
+        return points[bounced % len(points), number % points.shape[1]].T
+
+    def places(self, x: tuple[int, int], y: tuple[int, int]) -> Array:
+        """(pixels,) of the pixels from x[0] and y[0] to before x[1] and y[1] of the frame, row by
+        row: in their blocks of gather rays, or among those that deal bounces.
+        """
+        if self.bounces and self.interleaving > 1:
+            return bounce_parts(x, y, self.interleaving)
+        return places_in_blocks(x, y, self.gather_block)
 
     def gloss_points(self, sample: int) -> Array:
         """(2, 2) where in wide lobes the pixels of pairs reflect their rays."""
@@ -278,7 +295,7 @@ class Stage:
     def subsurface_rows(self, sample: int, places: Array) -> Array:
         """(6, n) of `subsurface_points`. places: (n,) of pixels in their blocks."""
         points = self._subsurface_points
-        return points[places, sample % points.shape[1]].T
+        return points[places % len(points), sample % points.shape[1]].T
 
     def probes(self, sample: int, on_rays: Callable[[Array], None]) -> SceneQueries:
         """How light below surfaces finds where it comes out."""

@@ -20,7 +20,6 @@ from ..sampling import (
     gloss_blocks,
     interleaving_classes,
     pixel_offsets,
-    places_in_blocks,
 )
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
@@ -187,8 +186,7 @@ class Tracer:
             rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
             stage.cancellation.check()
             first = (y - y0) * (x1 - x0)
-            side = GATHER_BLOCK if self._deals == 1 else 1
-            places = places_in_blocks((x0, x1), (y, above), side)
+            places = stage.places((x0, x1), (y, above))
             across, up = (x0, x1), (y, above)
             blocks = (
                 blocks_of(across, up, GATHER_BLOCK),

@@ -3,6 +3,7 @@
 """
 
 from .patterns import (
+    BOUNCE_PARTS,
     GATHER_BLOCK,
     GLOSS_BLOCK,
     GLOSS_PLACES,
@@ -12,6 +13,7 @@ from .patterns import (
     TILE_SIDE,
     blackman_harris,
     blocks_of,
+    bounce_parts,
     bounce_points,
     chosen,
     concentric_disc,
@@ -40,6 +42,7 @@ from .patterns import (
 )
 
 __all__ = [
+    "BOUNCE_PARTS",
     "GATHER_BLOCK",
     "GLOSS_BLOCK",
     "GLOSS_PLACES",
@@ -49,6 +52,7 @@ __all__ = [
     "TILE_SIDE",
     "blackman_harris",
     "blocks_of",
+    "bounce_parts",
     "bounce_points",
     "chosen",
     "concentric_disc",

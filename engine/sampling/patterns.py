@@ -37,6 +37,8 @@ block together, are the least off in wedges of the disc with a soft side, at 16 
 pixel.
 """
 _BOUNCE, _BOUNCE_SCRAMBLES = (*_GATHER, 3), (*_GATHER_SCRAMBLES, 513)
+BOUNCE_PARTS = 4
+"""Bounces are dealt over blocks of pixels of twice the side: parts of the run of a class."""
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
 _POLYNOMIALS = (
@@ -472,6 +474,16 @@ def interleaving_classes(x: tuple[int, int], y: tuple[int, int], side: int) -> n
     """
     column, row = np.arange(*x) % side, np.arange(*y) % side
     return _bayer(side)[row[:, None], column].ravel()
+
+
+def bounce_parts(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
+    """(pixels,) which part of the run of its class the bounces of each pixel are of, of the blocks
+    of side² that deal samples, row by row, of those from x[0] and y[0] to before x[1] and y[1] of
+    the frame: the last digit of `interleaving_classes` of blocks twice as wide.
+    """
+    if side == 1:
+        return np.zeros((x[1] - x[0]) * (y[1] - y[0]), np.intp)
+    return interleaving_classes(x, y, 2 * side) % BOUNCE_PARTS
 
 
 def dealt_sample(sample: int, number: int, samples: int, side: int) -> int:

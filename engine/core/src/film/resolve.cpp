@@ -11,6 +11,10 @@ namespace {
 constexpr float kAlike = 0.9f;  // cosine between normals of which nothing is shared any more
 constexpr float kFlat = 0.04f;  // the same of the way between points along one's normal, squared
 
+// Two estimates of one variance, each of the 25 pixels of a block, differ by more in one of twenty
+// cases by chance (the quantile of Fisher's F for 24 and 24 degrees of freedom).
+constexpr float kSure = 1.98f;
+
 using Floats = std::vector<float>;
 
 /// Pixels of a window, row by row.
@@ -162,6 +166,7 @@ class LightResolve {
       color_[c] = window_.column(color_of(light) + c);
     }
     halves_ = window_.column(ResolveWindow::kNoise + light);
+    is_halved_ = is_halved;
     set_sharp(light, is_halved);
     bool any = false;
     for (size_t i = 0; i < window_.pixels(); ++i) {
@@ -202,7 +207,7 @@ class LightResolve {
   /// What pixel k of the span, q of the window, gets in a channel.
   float given(size_t k, size_t q, int c) const {
     const float sharp = sharp_[q], seen = std::min(changed_[k], apart_[k]),
-                sure = std::max(apart_[k] - noise_[k], 0.0f),
+                sure = is_halved_ ? std::max(apart_[k] - kSure * noise_[k], 0.0f) : 0,
                 stays = sharp * seen + (1 - sharp) * sure,
                 taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0,
                 resolved = over(light_sum_[c][k], color_sum_[c][k]) * color_[c][q],
@@ -215,7 +220,7 @@ class LightResolve {
   /// all of it where there are no halves.
   void set_sharp(int light, bool is_halved) {
     const bool shows = light >= kGlossyDirect && light < kVolumeDirect;
-    sharp_.assign(window_.pixels(), is_halved ? 0.0f : 1.0f);
+    sharp_.assign(window_.pixels(), is_halved || light == kDiffuseIndirect ? 0.0f : 1.0f);
     if (is_halved && shows) {
       const float* const own = window_.column(ResolveWindow::kSharp + (light - kGlossyDirect) / 2);
       std::copy_n(own, window_.pixels(), sharp_.begin());
@@ -248,7 +253,7 @@ class LightResolve {
   const uint32_t side_;
   std::optional<Changes> changes_;
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
-  bool is_sharp_ = false;
+  bool is_sharp_ = false, is_halved_ = false;
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
 };
@@ -267,11 +272,15 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
   const Block in_media(span, int(side_ / 2));
   Block on_surfaces = in_media;
   on_surfaces.keep_alike(window, span);
+  Block wide(span, int(side_));  // as bounces are dealt
+  wide.keep_alike(window, span);
   LightResolve one(window, span, side_);
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 3 * ((y0 + y) * width_ + x0), 3 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
-    const Block& block = light < kVolumeDirect ? on_surfaces : in_media;
+    const Block& block = light == kDiffuseIndirect ? wide
+                         : light < kVolumeDirect   ? on_surfaces
+                                                   : in_media;
     const bool any = one.choose(light, is_halved);
     if (any) {
       one.find_means(block);

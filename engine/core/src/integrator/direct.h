@@ -97,7 +97,8 @@ class DirectLight {
   void prepare(const Batch& batch);
   void find_matt(const Batch& batch);
   void look_around();
-  void bounce(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts);
+  void bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
+              Queue& gathering, RayCounts& counts);
   void send(Path& path, const Batch& batch, size_t k, Queue& gathering, RayCounts& counts) const;
   bool is_apart(const Batch& batch, size_t k) const;
   void place_in_lobes(size_t first, size_t end, const double* place);

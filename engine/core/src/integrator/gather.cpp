@@ -21,28 +21,37 @@ bool DirectLight::gathers(const Queue& queue) const {
   return reach_ > 0 && !queue.gathers && queue.reflections == 0;
 }
 
-void DirectLight::bounce(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts) {
+void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
+                         Queue& gathering, RayCounts& counts) {
   const Queue& queue = *batch.queue;
   look_around();
-  const double* const at = plan_.bounce_point(sample, queue.bounced);
-  for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), batch.size(), at[c]);
+  const double* at[RenderPlan::kBounceParts];
+  for (uint32_t part = 0; part < RenderPlan::kBounceParts; ++part)
+    at[part] = plan_.bounce_point(sample, queue.bounced, part);
+  place_.resize(batch.size());
+  for (size_t k = 0; k < batch.size(); ++k) {
+    place_[k] = uint8_t(plan_.bounce_part(pixels[k]));
+    for (size_t c = 0; c < 2; ++c) disc_[c][k] = at[place_[k]][c];
+  }
   const bool before = stage_.matt_alone;
   stage_.gathers_lobes = stage_.matt_alone = true;
   const size_t count = stages_.gather(stage_);
   stage_.gathers_lobes = false;
   stage_.matt_alone = before;
-  for (size_t k = 0; k < count; ++k) {
-    const uint32_t from = point_[k];
-    if (is_on_strand(batch, from)) continue;
-    Path path = queue.path(from);
-    const double whole = max_abs(path.T);
-    path.T = row(stage_.diffuse_out, k);
-    // of what bounced before, as much goes on as the surface gives back (Russian roulette)
-    const double share = queue.bounced > 0 ? std::min(max_abs(path.T) / whole, 1.0) : 1;
-    if (!finite(path.T) || !(at[2] < share)) continue;
-    path.T = (1 / share) * path.T;
-    send(path, batch, k, gathering, counts);
-  }
+  for (uint32_t part = 0; part < RenderPlan::kBounceParts; ++part)  // of one direction together
+    for (size_t k = 0; k < count; ++k) {
+      const uint32_t from = point_[k];
+      if (place_[from] != part) continue;
+      if (is_on_strand(batch, from)) continue;
+      Path path = queue.path(from);
+      const double whole = max_abs(path.T);
+      path.T = row(stage_.diffuse_out, k);
+      // of what bounced before, as much goes on as the surface gives back (Russian roulette)
+      const double share = queue.bounced > 0 ? std::min(max_abs(path.T) / whole, 1.0) : 1;
+      if (!finite(path.T) || !(at[place_[from]][2] < share)) continue;
+      path.T = (1 / share) * path.T;
+      send(path, batch, k, gathering, counts);
+    }
 }
 
 /// A gather ray along the direction of row k of the stage.
@@ -65,7 +74,7 @@ bool DirectLight::is_on_strand(const Batch& batch, size_t k) const {
 
 void DirectLight::gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
                          Queue& gathering, const BlockShares* blocks, RayCounts& counts) {
-  if (plan_.bounces > 0) return bounce(batch, sample, gathering, counts);
+  if (plan_.bounces > 0) return bounce(batch, pixels, sample, gathering, counts);
   const Queue& queue = *batch.queue;
   look_around();
   place_.resize(batch.size());

@@ -53,6 +53,7 @@ struct RenderPlan : GlintRenderSettings {
 
   static constexpr uint32_t kMostShared = 8;   // rays of a sample: a tile's stay in one queue
   static constexpr uint32_t kMostSharing = 4;  // pixels on a block's side
+  static constexpr uint32_t kBounceParts = 4;
   static constexpr uint32_t kGlossBlock = 4;   // the same where they mix gloss
   static constexpr uint32_t kGlossPlaces = 8;  // in lobes, for the rays of such a block in a sample
   /// Of the narrowest lobe of a point: what it reflects is seen too sharply to be mixed.
@@ -90,9 +91,23 @@ struct RenderPlan : GlintRenderSettings {
 
   /// For the ray by which a path bounces after so many bounces: where in the unit disc below its
   /// direction, and by what share of its light it may be left out.
-  const double* bounce_point(uint32_t sample, uint32_t bounced) const {
+  /// part: of the pixel.
+  const double* bounce_point(uint32_t sample, uint32_t bounced, uint32_t part) const {
     const size_t level = bounced % std::max(bounce_levels, 1u);
-    return bounce_points + 3 * (level * bounce_count + sample % bounce_count);
+    const uint32_t run = std::bit_ceil(samples);
+    const uint64_t number =
+        interleaving > 1 ? (uint64_t(kBounceParts) * (sample / run) + part) * run + sample % run
+                         : sample;
+    return bounce_points + 3 * (level * bounce_count + number % bounce_count);
+  }
+  /// Bounces are dealt over blocks twice as wide: which part of the run of its class a pixel of the
+  /// region has.
+  uint32_t bounce_part(uint32_t pixel) const {
+    if (interleaving <= 1) return 0;
+    const uint32_t column = region.x0 + pixel % region.width(),
+                   row = region.y0 + pixel / region.width();
+    const uint32_t x = (column & interleaving) != 0, y = (row & interleaving) != 0;
+    return 2 * (x ^ y) + y;
   }
 
   /// What of the light of such a pixel's points a sample brings back from below the surface.
