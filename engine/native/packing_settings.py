@@ -95,12 +95,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         data.gloss_points, data.gloss_count = address(places), len(places)
         data.gather_block = GATHER_BLOCK
     _add_scattering(data, packer, scene, dealt)
-    data.bounces = path_bounces(scene, settings)
-    if data.bounces:
-        points = bounce_points(dealt.samples)
-        data.bounce_levels, data.bounce_count = points.shape[:2]
-        points = packer.lend(points, np.float64, (None, None, 3), "bounce points")
-        data.bounce_points = address(points)
+    _add_path_bounces(data, packer, scene, dealt)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(dealt.samples * settings.light_samples)
         data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
@@ -193,6 +188,18 @@ def _add_media(
     data.medium_table, data.medium_count = _lend_points(packer, tables, "medium light samples")
     data.medium_samples = tables[0].each
     data.medium_shadows = settings.medium_shadows
+
+
+def _add_path_bounces(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    data.bounces = path_bounces(scene, settings)
+    if not data.bounces:
+        return
+    points = bounce_points(settings.samples)
+    data.bounce_levels, data.bounce_count = points.shape[:2]
+    points = packer.lend(points, np.float64, (None, None, 3), "bounce points")
+    data.bounce_points = address(points)
 
 
 def _add_bounced(

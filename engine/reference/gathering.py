@@ -64,25 +64,35 @@ def gathering(
 
 def bouncing(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     """The ray along which light goes on that what is matt throws back; strands have points of
-    bounced light. Of what bounced before, as much as the surface gives back (Russian roulette: Arvo,
-    Kirk 1990, Particle transport and image synthesis).
+    bounced light. Of what bounced before, as much as the surface gives back (Russian roulette:
+    Arvo, Kirk 1990, Particle transport and image synthesis).
     """
-    paths, hit, surface = at.paths, at.hit, at.surface
+    paths, hit = at.paths, at.hit
     if not stage.gathers(paths):
         return []
-    x, y, least = stage.bounce_point(sample, paths.bounced)
-    d = _direction(surface.n, np.array([[x], [y]]))
-    k = _thrown_back(surface, at.coefficients, _gloss(stage, at), d)
-    before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
-    share = np.ones(len(hit))
-    if paths.bounced:
-        share = np.minimum(after / np.where(before > 0, before, 1.0), 1.0)
-    is_strand = surface.primitive >= stage.geometry.first_rod
-    go = np.flatnonzero((after > 0) & (dot(d, surface.g) > 0) & (least < share) & ~is_strand)
+    d, k, share, least = bounce(stage, at, sample)
+    after = np.abs(at.weight * k).max(0)
+    is_strand = at.surface.primitive >= stage.geometry.first_rod
+    go = np.flatnonzero((after > 0) & (dot(d, at.surface.g) > 0) & (least < share) & ~is_strand)
     given = pick(k, go) / share[go]
-    found = leaving(paths, hit[go], surface.take(go), pick(d, go), given, 0.0)
+    found = leaving(paths, hit[go], at.surface.take(go), pick(d, go), given, 0.0)
     found = replace(found, skyless=np.ones(len(found), bool), **_past(paths))
     return [found] if len(found) else []
+
+
+def bounce(stage: Stage, at: Interaction, sample: int) -> tuple[Array, Array, Array, float]:
+    """Where light goes on, (3, n); what points throw back of what comes from there, (3, n); what
+    share of the rays goes on, (n,), and the number that this share has to be above.
+    """
+    surface = at.surface
+    x, y, least = stage.bounce_point(sample, at.paths.bounced)
+    d = _direction(surface.n, np.array([[x], [y]]))
+    k = _thrown_back(surface, at.coefficients, _gloss(stage, at), d)
+    share = np.ones(len(at.hit))
+    if at.paths.bounced:
+        before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
+        share = np.minimum(after / np.where(before > 0, before, 1.0), 1.0)
+    return d, k, share, float(least)
 
 
 def _past(paths: Paths) -> dict[str, Any]:

@@ -151,8 +151,8 @@ class Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
         lights it too.  bounces: how often surfaces scatter light onto others.  by_paths: the paths
-        of pixels find that light, where they can, and points of it light only the rest.  finding: the
-        openings of rooms to the sky, else its light keeps those that it has.  between_fibres:
+        of pixels find that light, where they can, and points of it light only the rest.  finding:
+        the openings of rooms to the sky, else its light keeps those that it has.  between_fibres:
         lobes of light between fibres stay; None: where light bounces. A scene with nothing of all
         that stays.
         """

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
-from functools import partial
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np

@@ -479,10 +479,10 @@ typedef struct GlintNeighbour {
  * looks along, 1 or 2. Null: all light comes out where it goes in. interleaving: side of the blocks
  * of pixels over which samples are dealt, a power of two up to 8, 1 for none: the tables of lights,
  * lobes and gather rays are then of the samples of all pixels of a block (engine/sampling,
- * dealt_sample). resolves: light with noise is averaged over the pixels of a block. bounces: how often
- * surfaces scatter light onto others along paths, which take the place of the points of a
- * GLINT_BOUNCED_LIGHT on what is no strand; bounce_points: (bounce_levels, bounce_count, 3), for each
- * bounce of a path, the first ones again after bounce_levels of them, and for each of as many
+ * dealt_sample). resolves: light with noise is averaged over the pixels of a block. bounces: how
+ * often surfaces scatter light onto others along paths, which take the place of the points of a
+ * GLINT_BOUNCED_LIGHT on what is no strand; bounce_points: (bounce_levels, bounce_count, 3), for
+ * each bounce of a path, the first ones again after bounce_levels of them, and for each of as many
  * samples, after which they begin again: a point of the unit disc below the direction, and a number
  * of [0, 1) below which the share of its light must not lie that a later bounce is worth. Null only
  * where bounces is 0. */

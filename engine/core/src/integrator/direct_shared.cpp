@@ -235,7 +235,8 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
     if (is_gathered && point.is_last) continue;
     LightStage stage = stage_;
     light.set(stage, point, all, plan_.physical());
-    if (light.is_bounced() && reach_ > 0 && reach_ < kInfinity && stage.gather2 == 0) light.widen(stage, point, all);
+    if (light.is_bounced() && reach_ > 0 && reach_ < kInfinity && stage.gather2 == 0)
+      light.widen(stage, point, all);
     if (parts > 1) stage.share = count;
     if (!light.lights_matt()) std::fill_n(stage.diffuse, 3, zeros_);
     if (light.is_medium() && !light.lights_gloss()) stage.gloss[0] = nullptr;

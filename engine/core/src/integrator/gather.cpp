@@ -21,8 +21,7 @@ bool DirectLight::gathers(const Queue& queue) const {
   return reach_ > 0 && !queue.gathers && queue.reflections == 0;
 }
 
-void DirectLight::bounce(const Batch& batch, uint32_t sample, Queue& gathering,
-                         RayCounts& counts) {
+void DirectLight::bounce(const Batch& batch, uint32_t sample, Queue& gathering, RayCounts& counts) {
   const Queue& queue = *batch.queue;
   look_around();
   const double* const at = plan_.bounce_point(sample, queue.bounced);
@@ -167,7 +166,8 @@ void Tracer::keep_gathered(const Queue& queue) {
   for (const bool seen : {true, false}) {
     double* const sums = paths_.sums(film_, seen ? GLINT_PASS_DIFFUSE : GLINT_PASS_MIRROR);
     for (size_t k = 0; sums && k < queue.size(); ++k)
-      if ((queue.depth(k) == queue.bounced) == seen) add_to_paths(queue, k, batch_.sums.total, sums);
+      if ((queue.depth(k) == queue.bounced) == seen)
+        add_to_paths(queue, k, batch_.sums.total, sums);
   }
 }
 
