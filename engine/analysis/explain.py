@@ -241,7 +241,7 @@ def _bounce_lines(bounce: Bounce) -> Iterator[str]:
     """How the path goes on, where that is not plain."""
     if bounce.before == bounce.most:
         times = "once" if bounce.most == 1 else f"{bounce.most} times"
-        yield f"from here light bounces {times} on its way to the pixel: Diffuse Bounces has no more"
+        yield f"from here light bounces {times} to the pixel: Diffuse Bounces has no more"
     elif bounce.before:
         way = "is not: the path ends here" if bounce.ends else "is, and T is divided by the chance"
         yield (
