@@ -13,7 +13,7 @@ from ..scene import Scene
 from ..settings import Settings
 
 if TYPE_CHECKING:
-    from ..reference.explained import Hit, LightTerm, Ray
+    from ..reference.explained import Bounce, Hit, LightTerm, Ray
 
 
 class PixelExplainer:
@@ -121,6 +121,7 @@ _WAYS = {
     "reflection": " (reflected by a rough surface)",
     "refraction": " (refracted)",
     "gather": " (thrown on by what is near)",
+    "bounce": " (thrown on by other surfaces)",
     "subsurface": " (from below the surface)",
 }
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -232,6 +233,21 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
     if any(hit.emission):
         yield f"k_e = {_rgb(hit.emission)}"
     yield from (line for term in hit.lights for line in _light_lines(term))
+    if hit.bounce is not None:
+        yield from _bounce_lines(hit.bounce)
+
+
+def _bounce_lines(bounce: Bounce) -> Iterator[str]:
+    """How the path goes on, where that is not plain."""
+    if bounce.before == bounce.most:
+        times = "once" if bounce.most == 1 else f"{bounce.most} times"
+        yield f"from here light bounces {times} to the pixel: Diffuse Bounces has no more"
+    elif bounce.before:
+        way = "is not: the path ends here" if bounce.ends else "is, and T is divided by the chance"
+        yield (
+            f"a ray goes on with a chance of {bounce.share:.6g}, where the sample's number is "
+            f"below that: {bounce.number:.6g} {way}"
+        )
 
 
 def _light_lines(term: LightTerm) -> Iterator[str]:

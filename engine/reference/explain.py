@@ -26,8 +26,8 @@ from .cancellation import Cancellation
 from .coefficients import Coefficients, Term
 from .explain_block import PixelBlock
 from .explain_shadows import shadow_of
-from .explained import Hit, LightTerm, Numbers, Ray
-from .gathering import gathering, seen_lobes
+from .explained import Bounce, Hit, LightTerm, Numbers, Ray
+from .gathering import bounce, gathering, seen_lobes
 from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
@@ -42,7 +42,7 @@ from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .subsurface import coming_out, entering, one_by_one
 from .surface import Surface, surface_at
-from .tabled_lights import Dome
+from .tabled_lights import BouncedSource, Dome
 from .terminator import lowered, mean_lowered
 from .translucent import other_side
 from .vectors import dot, length, unit
@@ -196,14 +196,14 @@ class Explainer:
         if about.holdout:
             near = []
         elif near is None:
-            near = gathering(stage, at, self._sample, self._places)
+            near, about = self._gathering(at, about)
         is_seen = not about.holdout and about.caught is None
         after = self._next(replace(at, paths=sent), depth, is_first and is_seen)
         if is_seen and coefficients.translucent.any():
             other = other_side(stage, at, depth)
             near = [*near, *gathering(stage, other, self._sample, self._places)]
         out = () if below is None else self._coming_out(below)
-        follow = (*(self.follow(one, "gather") for one in near), *out, *after)
+        follow = (*self._gathered(near), *out, *after)
         if about.holdout:
             pass
         elif about.caught is None:
@@ -213,6 +213,23 @@ class Explainer:
             own, ray = own + paths.weight[:, 0] * caught, replace(ray, background=_numbers(caught))
         color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
+
+    def _gathering(self, at: Interaction, about: Hit) -> tuple[list[Paths], Hit]:
+        """The gather rays of the point, and what is told of them."""
+        stage, paths = self.stage, at.paths
+        found = gathering(stage, at, self._sample, self._places)
+        if stage.bounces == 0 or at.surface.primitive[0] >= stage.geometry.first_rod:
+            return found, about
+        _, k, share, number = bounce(stage, at, self._sample, self._places)
+        if not k.any():
+            return found, about
+        told = Bounce(paths.bounced, stage.bounces, float(share[0]), float(number[0]))
+        return found, replace(about, bounce=told)
+
+    def _gathered(self, near: list[Paths]) -> Iterator[Ray]:
+        """What gather rays find."""
+        kind = "bounce" if self.stage.bounces else "gather"
+        return (self.follow(one, kind) for one in near)
 
     def _is_unseen(self, at: Interaction) -> bool:
         kinds = ("holdout", "catcher") if at.paths.depth == 0 else ()
@@ -226,8 +243,8 @@ class Explainer:
         for at in () if found is None else one_by_one(found):
             way = at.surface.x - start
             about = self._hit(at.surface, at.coefficients, length(way), at.paths, False)
-            near = gathering(stage, at, self._sample, self._places)
-            follow = tuple(self.follow(one, "gather") for one in near)
+            near, about = self._gathering(at, about)
+            follow = tuple(self._gathered(near))
             own = at.weight[:, 0] * np.array(about.light)
             color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
             place = (_numbers(start[:, 0] + stage.eye), _numbers(unit(way)[:, 0]))
@@ -261,6 +278,8 @@ class Explainer:
         """What comes from media on the way."""
         stage, near = self.stage, paths.rays.near
         given: dict[str, Array] = {}
+        if paths.gathers:  # media take of what they find, and add nothing
+            return
         if stage.media.emits:
             given[""] = stage.media.pieces(spans, near, depth).glow()[:, 0]
         for found in scattered(stage, paths.rays, spans, depth, self._sample):
@@ -320,6 +339,7 @@ class Explainer:
         first = int(np.flatnonzero(stage.geometry.placements.block == block)[0])
         number = int(surface.material[0])
         materials = stage.scene.materials
+        by_paths = self._lighting(surface, paths).by_paths
         return Hit(
             thing=instances.name,
             place=int(row) - first,
@@ -345,7 +365,7 @@ class Explainer:
             if paths.depth == 0 and stage.scene.neighbours is not None
             else None,
             shared=(stage.lighting.marks, stage.shared_samples),
-            shared_bounced=stage.shared_bounced,
+            shared_bounced=(0, 0) if by_paths else stage.shared_bounced,
             shared_media=stage.shared_media,
             turns=self._block.turns if is_first else 1,
             resolved=self._resolved if is_first else 1,
@@ -365,6 +385,8 @@ class Explainer:
     ) -> Iterator[LightTerm]:
         lighting, weight = self._lighting(surface, paths), paths.weight
         for source in lighting.sources:
+            if lighting.by_paths and isinstance(source, BouncedSource):
+                continue
             margin, j = 0, 0
             hidden = source.hidden_counts if isinstance(source, Dome) else 1
             for j, (narrow, sample, diffuse) in enumerate(

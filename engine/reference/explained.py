@@ -40,6 +40,23 @@ class LightTerm:
 
 
 @dataclass(frozen=True)
+class Bounce:
+    """How a path goes on from what is matt: it has bounced `before` times of `most`; of rays there
+    the share `share` goes on, those whose number `number` of [0, 1) is below it.
+    """
+
+    before: int
+    most: int
+    share: float
+    number: float
+
+    @property
+    def ends(self) -> bool:
+        """Whether the path does not go on."""
+        return self.before == self.most or not self.number < self.share
+
+
+@dataclass(frozen=True)
 class Hit:
     """Where a ray meets a surface, world space.
 
@@ -56,7 +73,8 @@ class Hit:
     without such.  turns: of how many pixels one asks for those of bounced light in a sample, for
     all of them.  resolved: side of the blocks of pixels over which the picture averages what light
     is met here, 1 where it does not.  open: the share of an even sky, as the pass Ambient Occlusion
-    has it of one sample; None where it is not asked for.
+    has it of one sample; None where it is not asked for.  bounce: how light goes on from here along
+    the path; None where it does not bounce.
     """
 
     thing: str
@@ -81,6 +99,7 @@ class Hit:
     turns: int = 1
     resolved: int = 1
     open: Numbers | None = None
+    bounce: Bounce | None = None
 
     @property
     def light(self) -> tuple[float, ...]:
@@ -97,14 +116,14 @@ class Ray:
     """A ray and those that follow from it.
 
     kind: camera, or lens for one through a point of the camera's, mirror, refraction, reflection
-    (by a rough surface), gather (for what throws light on near by), subsurface (to where light that
-    went below a surface comes out) or transparent (the same ray beyond a surface).  weight: T.
-    origin, direction: world. hit: None for the surroundings, of which it sees `background`.
-    passed: what media leave of it on its way, which `shapes` have in them.  media: what these
-    scatter of lights, by their names, and "" what they give of themselves.  shapes: (name,
-    radiance) of the lights whose shape it sees. own: what it brings to the pixel itself, T times
-    its terms; color: with all that follow from it.  cells: in how many parts it sees media that
-    vary.
+    (by a rough surface), gather (for what throws light on near by), bounce (by which light bounces
+    along a path), subsurface (to where light that went below a surface comes out) or transparent
+    (the same ray beyond a surface).  weight: T. origin, direction: world. hit: None for the
+    surroundings, of which it sees `background`. passed: what media leave of it on its way, which
+    `shapes` have in them.  media: what these scatter of lights, by their names, and "" what they
+    give of themselves.  shapes: (name, radiance) of the lights whose shape it sees. own: what it
+    brings to the pixel itself, T times its terms; color: with all that follow from it.  cells: in
+    how many parts it sees media that vary.
     """
 
     kind: str

@@ -68,26 +68,39 @@ def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[
     bounced light. Of what bounced before, as much as the surface gives back (Russian roulette:
     Arvo, Kirk 1990, Particle transport and image synthesis). places: as `gathering`.
     """
-    paths, hit, surface = at.paths, at.hit, at.surface
+    paths, hit = at.paths, at.hit
     if not stage.gathers(paths):
         return []
-    *disc, least = stage.bounce_points(sample, paths.bounced, places[at.pixel])
-    d = _direction(surface.n, np.array(disc))
-    every, cosine = np.arange(len(surface)), dot(surface.n, d)
-    lobes = matt_lobes(surface, at.coefficients, every, d)
-    lobes = lobes + fibres(surface, at.coefficients.fibres, every, d, matt=False)
-    lobes = np.where(cosine > 0, lobes / np.maximum(cosine, 2.0**-20), 0.0)
-    k = _thrown_back(surface, at.coefficients.diffuse + lobes, _gloss(stage, at), d)
-    before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
-    share = np.ones(len(hit))
-    if paths.bounced:
-        share = np.minimum(after / np.where(before > 0, before, 1.0), 1.0)
-    is_strand = surface.primitive >= stage.geometry.first_rod
-    go = np.flatnonzero((after > 0) & (dot(d, surface.g) > 0) & (least < share) & ~is_strand)
+    d, k, share, least = bounce(stage, at, sample, places)
+    after = np.abs(at.weight * k).max(0)
+    is_strand = at.surface.primitive >= stage.geometry.first_rod
+    go = np.flatnonzero((after > 0) & (dot(d, at.surface.g) > 0) & (least < share) & ~is_strand)
     given = pick(k, go) / share[go]
-    found = leaving(paths, hit[go], surface.take(go), pick(d, go), given, 0.0)
+    found = leaving(paths, hit[go], at.surface.take(go), pick(d, go), given, 0.0)
     found = replace(found, skyless=np.ones(len(found), bool), **_past(paths))
     return [found] if len(found) else []
+
+
+def bounce(
+    stage: Stage, at: Interaction, sample: int, places: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Where light goes on, (3, n); what points throw back of what comes from there, (3, n); what
+    share of the rays goes on, and the number that this share has to be above, (n,) each. places: as
+    `gathering`.
+    """
+    surface, coefficients = at.surface, at.coefficients
+    *disc, least = stage.bounce_points(sample, at.paths.bounced, places[at.pixel])
+    d = _direction(surface.n, np.array(disc))
+    every, cosine = np.arange(len(surface)), dot(surface.n, d)
+    lobes = matt_lobes(surface, coefficients, every, d)
+    lobes = lobes + fibres(surface, coefficients.fibres, every, d, matt=False)
+    lobes = np.where(cosine > 0, lobes / np.maximum(cosine, 2.0**-20), 0.0)
+    k = _thrown_back(surface, coefficients.diffuse + lobes, _gloss(stage, at), d)
+    share = np.ones(len(at.hit))
+    if at.paths.bounced:
+        before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
+        share = np.minimum(after / np.where(before > 0, before, 1.0), 1.0)
+    return d, k, share, least
 
 
 def _past(paths: Paths) -> dict[str, Any]:

@@ -150,7 +150,8 @@ void DirectLight::make_diffuse(Batch& batch) {
   }
   if (plan_.bounces == 0) return batch.clear_specular();
   if (scene_.materials.max_specular == 0) return;
-  for (size_t k = 0; k < batch.size(); ++k) batch.clear_gloss(k, is_on_strand(batch, k));
+  for (size_t k = 0; k < batch.size(); ++k)
+    if (!batch.missed(k)) batch.clear_gloss(k, is_on_strand(batch, k));
 }
 
 /// They show what lights throw on surfaces, and nothing that these give of themselves: as much of

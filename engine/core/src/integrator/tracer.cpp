@@ -63,7 +63,7 @@ Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool gathers, bool
 
 /// For gather rays from what those of a queue meet.
 Queue Tracer::take_gathering(const Queue& from, bool shared) {
-  Queue queue = take(kDiffuse, from.reflections + 1, true, shared);
+  Queue queue = take(kDiffuse, from.reflections + 1, true, shared, from.mixed);
   queue.bounced = from.bounced + 1;
   return queue;
 }
