@@ -497,7 +497,7 @@ def _is_region(region: Any) -> bool:
 
 
 OFFERED = Settings(
-    samples=16,
+    samples=8,
     light_samples=2,
     soft_light="RESOLVED",
     max_bounces=12,

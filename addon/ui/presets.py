@@ -21,12 +21,11 @@ _FOLDER = "glint/sampling"
 PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "PREVIEW": (
         "Preview",
-        "For a look at light and form: few samples, no light from wall to wall",
+        "For a look at light and form: few samples, light goes from wall to wall once",
         {
-            "samples": 8,
-            "error_threshold": 8.0,
+            "samples": 4,
             "reflections": "METALS",
-            "diffuse_bounces": 0,
+            "diffuse_bounces": 1,
             "max_bounces": 4,
             "cutoff": 0.01,
             "volume_samples": 2,

@@ -41,7 +41,7 @@ answer({{
     )
     assert run.returncode == 0, run.output
     assert run.answer == {
-        "fresh": 16,
+        "fresh": 8,
         "final": VALUES,
         "viewport": 2,
         "mirror": True,

@@ -100,12 +100,12 @@ answer({"switched": list(switched), "carried": carried, "told": told, "taken": t
 """,  # noqa: E501 - a script for another Blender
     )
     assert got["switched"] == ["FINISHED"] and got["back"] == ["FINISHED"]
-    assert got["carried"] == [8, 0.0, 6, 3, 16, 0.0, 6, "GLINT"]
+    assert got["carried"] == [8, 0.0, 6, 3, 8, 0.0, 6, "GLINT"]
     assert [text for text in got["taken"] if text.startswith(("Samples", "Threshold"))] == [
         "Samples (Render) 8 (Cycles: Max Samples 1000; without noise, and as pixels share what "
         "they find, about a quarter of the root is enough)",
         "Threshold (Render) 0 (Cycles: Noise Threshold 0.02; so few samples go to all pixels)",
-        "Samples (Viewport) 16 (Cycles: Max Samples 0, without a limit)",
+        "Samples (Viewport) 8 (Cycles: Max Samples 0, without a limit)",
         "Threshold (Viewport) 0 (Cycles: Noise Threshold off)",
     ]
     assert got["kept"] and got["as it was"] and got["engine"] == "CYCLES"
@@ -214,7 +214,7 @@ answer([[final.samples, viewport.samples, final.diffuse_bounces], told, scene.re
 """,  # noqa: E501 - a script for another Blender
     )
     carried, told, is_back, is_as_it_was = got
-    assert carried == [24, 16, 4] and is_back and is_as_it_was
+    assert carried == [24, 8, 4] and is_back and is_as_it_was
     assert any(names == ["Cube"] and "Ray Visibility" in text for text, names in told)
     assert any(text.startswith("Surfaces throw light") for text, _ in told)
 
