@@ -225,12 +225,16 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
   for (int kind = 0; kind < kColoredKinds; ++kind)
     means(color_pass(kind), ResolveWindow::kColor + 3 * kind);
   for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 3 * kColoredKinds + c, 1);
-  if (n < 2) return;
   const auto whole = [&](int pass) {
     if (at_[pass] < 0) return 0.0;
     const double* const sum = column_at(tile, at_[pass]) + slot;
     return sum[0] + sum[stride] + sum[2 * stride];
   };
+  for (int kind = 1; kind < kColoredKinds; ++kind) {
+    const double color = whole(color_pass(kind)), sharp = guide(kSharpColor + kind - 1);
+    put(ResolveWindow::kSharp + kind - 1, color > 0 ? std::clamp(sharp / color, 0.0, 1.0) : 0);
+  }
+  if (n < 2) return;
   const double half = std::bit_floor(uint32_t(n) - 1), rest = n - half;
   for (int light = 0; light < kResolvedLights; ++light) {
     const int kind = light / 2;
@@ -241,10 +245,6 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
     if (color > 0 && all > color)
       put(ResolveWindow::kNoise + light,
           (before / color - after / (all - color)) * std::sqrt(half * rest) / n);
-  }
-  for (int kind = 1; kind < kColoredKinds; ++kind) {
-    const double color = whole(color_pass(kind)), sharp = guide(kSharpColor + kind - 1);
-    put(ResolveWindow::kSharp + kind - 1, color > 0 ? std::clamp(sharp / color, 0.0, 1.0) : 0);
   }
 }
 
@@ -258,7 +258,7 @@ void Film::resolve(const Tile& tile, uint32_t samples) {
       if (x < region_.width() && y < region_.height())
         read(window, size_t(j) * window.width + i, x, y, samples);
     }
-  resolve_.run(window, tile.x0, tile.y0, samples > 1);
+  resolve_.run(window, tile.x0, tile.y0, samples >= 4);
 }
 
 void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {

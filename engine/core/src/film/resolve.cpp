@@ -167,7 +167,7 @@ class LightResolve {
     }
     halves_ = window_.column(ResolveWindow::kNoise + light);
     is_halved_ = is_halved;
-    set_sharp(light, is_halved);
+    set_sharp(light);
     bool any = false;
     for (size_t i = 0; i < window_.pixels(); ++i) {
       const float all = light_[0][i] + light_[1][i] + light_[2][i];
@@ -216,12 +216,11 @@ class LightResolve {
   }
 
  private:
-  /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show;
-  /// all of it where there are no halves.
-  void set_sharp(int light, bool is_halved) {
+  /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show.
+  void set_sharp(int light) {
     const bool shows = light >= kGlossyDirect && light < kVolumeDirect;
-    sharp_.assign(window_.pixels(), is_halved || light == kDiffuseIndirect ? 0.0f : 1.0f);
-    if (is_halved && shows) {
+    sharp_.assign(window_.pixels(), 0.0f);
+    if (shows) {
       const float* const own = window_.column(ResolveWindow::kSharp + (light - kGlossyDirect) / 2);
       std::copy_n(own, window_.pixels(), sharp_.begin());
     }

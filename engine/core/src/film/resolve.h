@@ -89,7 +89,7 @@ class Resolve {
   static constexpr uint32_t looks_at(uint32_t side) { return side / 2 + side; }
   uint32_t looks_at() const { return looks_at(side_); }
   /// Resolves the pixels of a window but for `looks_at` at its ends; the first of them is (x0, y0)
-  /// of the region. is_halved: pixels have two halves of samples.
+  /// of the region. is_halved: pixels have two halves of several samples.
   void run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is_halved);
   /// Of a pixel, to the mean of Combined.
   const float* added(uint32_t pixel) const { return added_.data() + 3 * size_t(pixel); }
