@@ -95,8 +95,9 @@ _SOFT_LIGHTS = (
     (
         "RESOLVED",
         "Resolved",
-        "For nearly everything: neighbours look at different points, and light is averaged over "
-        "those that show the same surface, no wider than it is soft",
+        "For nearly everything: neighbours look at different points and follow light along paths "
+        "of their own, and it is averaged over those that show the same surface, no wider than it "
+        "is soft",
     ),
     (
         "DEALT",
@@ -106,8 +107,8 @@ _SOFT_LIGHTS = (
     (
         "SHARED",
         "Shared Points",
-        "For teaching: all pixels look at the same points, as the formulas have it. Many samples "
-        "are needed",
+        "For teaching: all pixels look at the same points, as the formulas have it, also of what "
+        "surfaces throw onto each other. Many samples are needed",
     ),
 )
 _ACCELERATIONS = (
@@ -351,9 +352,9 @@ class Settings:
     diffuse_bounces: int = _setting(
         0,
         "Diffuse Bounces",
-        "How often surfaces throw light onto others. Choose 4 for most pictures, 0 for lights "
-        "alone, which takes about a quarter less time; 1 to 8 all take the same. With Classic "
-        "illumination there are none",
+        "How often surfaces throw light onto others. Choose 4 for most pictures, 1 or 2 for quick "
+        "ones, 0 for lights alone. Each bounce takes a ray and its shadows, later ones fewer, the "
+        "darker surfaces are. With Classic illumination there are none",
         high=8,
         remedy="0 to 8",
     )

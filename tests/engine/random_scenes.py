@@ -286,7 +286,8 @@ def settings(draw: Any) -> Settings:
         max_bounces=draw(st.integers(0, 3)),
         illumination=draw(st.sampled_from(("PHYSICAL", "PHYSICAL", "CLASSIC"))),
         reflections=draw(st.sampled_from(("OFF", "METALS", "ALL"))),
-        diffuse_bounces=draw(st.sampled_from((0, 0, 1))),
+        diffuse_bounces=draw(st.sampled_from((0, 0, 1, 2))),
+        soft_light=draw(st.sampled_from(("SHARED", "DEALT"))),
         world_light=draw(st.sampled_from(("OCCLUDED", "CONSTANT"))),
         mesh_light=draw(st.sampled_from(("ON", "OFF"))),
     )

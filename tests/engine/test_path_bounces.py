@@ -19,18 +19,19 @@ from glint.engine import native
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines, summary
 from glint.engine.film import LIGHTING, PARTS
-from glint.engine.lights.interleaving import path_bounces
+from glint.engine.lights.interleaving import SIDE, path_bounces
 from glint.engine.native import packing_settings
 from glint.engine.reference import stage, trace
 from glint.engine.reference.explained import Ray
 from glint.engine.reference.path_tracer import trace_paths
+from glint.engine.sampling import interleaving_classes
 from native_tools import constant, hashes_with, needs_core, view_from_above
 from test_bump_shadow import bumpy
-from test_path_tracer import NOISE, box, glowing, level, placed
+from test_path_tracer import box, glowing, level, placed
 
 pytestmark = needs_core
 BACKENDS = ("NATIVE", "NUMPY")
-CLASSES = 16
+CLASSES = SIDE * SIDE
 """Of pixels in a block, each with samples of its own."""
 
 
@@ -42,6 +43,16 @@ def film(scene: s.Scene, bounces: int, backend: str = "NATIVE", **more) -> engin
 
 def color(scene: s.Scene, bounces: int, backend: str = "NATIVE", **more) -> np.ndarray:
     return film(scene, bounces, backend, **more).combined[..., :3].astype(np.float64)
+
+
+def noise_of(values: np.ndarray) -> np.ndarray:
+    """(3,) the standard error of the mean of (h, w, 3) what dealt samples are off by: pixels of a
+    class see the same, others what is left of one sequence.
+    """
+    rows, columns, _ = values.shape
+    classes = interleaving_classes((0, columns), (0, rows), SIDE)
+    means = [values.reshape(-1, 3)[classes == k].mean(0) for k in range(CLASSES)]
+    return np.std(means, axis=0, ddof=1) / np.sqrt(CLASSES)
 
 
 # --- closed forms
@@ -85,15 +96,21 @@ def test_light_between_two_planes_comes_back_every_other_time(backend: str) -> N
     assert abs(means[2] - straight - thrown) <= thrown / (CLASSES * samples * 0.6) + 1e-5
 
 
-def test_a_closed_box_that_glows_is_a_geometric_series() -> None:
-    """Radiance e (1 + a + ... + a^(n + 1)) after n bounces: what glows lights things straight."""
-    scene = placed(replace(room().camera, resolution=(16, 16)), (box(), glowing(2.0, 0.5)))
-    for bounces in range(3):
-        picture = color(scene, bounces, samples=32)
-        noise = picture.std((0, 1)) / np.sqrt(picture[..., 0].size)
-        truth = 2.0 * sum(0.5**k for k in range(bounces + 2))
-        assert (np.abs(picture.mean((0, 1)) - truth) <= NOISE * noise).all(), bounces
-        assert (noise < 0.01 * truth).all()
+def test_a_ball_spreads_what_glows_in_it_evenly() -> None:
+    """An integrating sphere: from each point the cosine finds all others alike, so that a bounce
+    brings the same everywhere, wherever the light falls first. A black box glows there, which takes
+    little of what bounces.
+    """
+    size, glow = 0.02, 100.0
+    scene = room(more=(box(size),), materials=(glowing(glow),))
+    scene = replace(scene, camera=replace(scene.camera, resolution=(16, 16)))
+    area = 6 * (2 * size) ** 2
+    one, passed = ALBEDO * glow * area / (4 * np.pi), 1 - area / (4 * np.pi)
+    pictures = [color(scene, n, samples=256) for n in range(4)]
+    for bounces, added in enumerate(np.diff(pictures, axis=0), 1):
+        truth, noise = one * (passed * ALBEDO) ** bounces, noise_of(added)
+        assert (np.abs(added.mean((0, 1)) - truth) <= 4 * noise).all(), bounces
+        assert (noise < 0.04 * truth).all(), bounces
 
 
 def test_there_are_none_where_points_bring_the_light() -> None:
@@ -154,11 +171,13 @@ def residuals(bounces: int, **more) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", ["DEALT", "RESOLVED"])
 @pytest.mark.parametrize("bounces", [0, 1, 3])
 def test_the_mean_is_the_path_tracers(bounces: int, kind: str) -> None:
-    """But for the noise of both, which says how much the pixels differ from the truth."""
-    off, _ = residuals(bounces, samples=16, soft_light=kind)
-    noise = off.std((0, 1)) / np.sqrt(off[..., 0].size)
+    """But for the noise of both."""
+    off, errors = residuals(bounces, samples=64, soft_light=kind)
+    dealt, _ = residuals(bounces, samples=64)
+    own = np.sqrt((errors**2).sum((0, 1))) / off[..., 0].size
+    noise = np.hypot(noise_of(dealt), own)
     assert (np.abs(off.mean((0, 1))) <= 4 * noise).all()
-    assert (noise < 0.01 * truth(bounces)[0].mean()).all()
+    assert (noise < 0.01 * truth(bounces)[0].mean((0, 1))).all()
 
 
 @pytest.mark.parametrize("kind", ["DEALT", "RESOLVED"])
