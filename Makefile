@@ -38,7 +38,7 @@ slow:
 	@$(GO)/run_tests.py --bpy "$(BPY)" $(if $(ARGS),,--parallel) -- -m slow $(ARGS)
 
 test-blenders:
-	@$(GO)/blender_matrix.py
+	@$(GO)/blender_matrix.py $(ARGS)
 
 sanitize:
 	@$(GO)/sanitize.py

@@ -28,6 +28,10 @@ import wheels
 FOLDER = tree.BUILD / "foreign"
 TAPE, PICTURES = FOLDER / "reference.tape", FOLDER / "reference.pictures"
 ISAS = ("sse42", "avx2", "avx512")
+STAGES = "sse42;avx2"
+"""Sets of stages that are built: they take most of the time, and what the third shows of a platform
+these do.
+"""
 TESTS = {"accel_tests": (), "core_tests": (), "fuzz": ("1000", "60")}
 """The core's test programs and their arguments, as engine/core/tests/CMakeLists.txt has them."""
 
@@ -189,7 +193,7 @@ def main() -> None:
     except CannotRun as reason:
         print(f"glint: {options.platform} left out: {reason}")
         return
-    wheel = wheels.build(blender, options.platform)
+    wheel = wheels.build(blender, options.platform, STAGES)
     scenes = record(blender)
     with tree.step(f"drawing the reference renders with the library for {options.platform}"):
         sets = play(blender, options.platform, wheel)

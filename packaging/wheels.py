@@ -66,9 +66,9 @@ def install_tools(blender: tree.Blender) -> None:
         tree.write_stamp(stamp, "\n".join(requirements))
 
 
-def build(blender: tree.Blender, platform: str) -> Path:
-    """The wheel of one platform. Raises SetupError with the end of the compiler's output, or when
-    the wheel lacks its library.
+def build(blender: tree.Blender, platform: str, stages: str = "") -> Path:
+    """The wheel of one platform, with these of the core's GLINT_STAGES alone where some are named.
+    Raises SetupError with the end of the compiler's output, or when the wheel lacks its library.
     """
     target = PLATFORMS[platform]
     folder = core_wheel.WHEELS / platform
@@ -77,7 +77,7 @@ def build(blender: tree.Blender, platform: str) -> Path:
         core_wheel.pip_wheel(
             blender,
             folder,
-            variables(blender, target),
+            variables(blender, target, stages),
             ["--config-settings", f"build-dir={BUILDS / platform}"],
         )
     [wheel] = folder.glob("*.whl")
@@ -91,14 +91,16 @@ def build(blender: tree.Blender, platform: str) -> Path:
     return wheel
 
 
-def variables(blender: tree.Blender, target: Target) -> dict[str, str]:
+def variables(blender: tree.Blender, target: Target, stages: str = "") -> dict[str, str]:
     """What engine/core/zig.cmake reads."""
+    arguments = [f"-DCMAKE_TOOLCHAIN_FILE={TOOLCHAIN}"]
+    arguments += [f"-DGLINT_STAGES={stages}"] if stages else []
     return {
         "GLINT_ZIG_PYTHON": str(blender.interpreter),
         "GLINT_ZIG_TARGET": target.zig,
         "GLINT_ZIG_SYSTEM": target.system,
         "GLINT_ZIG_PROCESSOR": target.processor,
-        "CMAKE_ARGS": f"-DCMAKE_TOOLCHAIN_FILE={TOOLCHAIN}",
+        "CMAKE_ARGS": " ".join(arguments),
     }
 
 
