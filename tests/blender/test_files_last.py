@@ -160,7 +160,7 @@ answer([settings("Scene"), settings("Cycles'")])
     assert run.returncode == 0, run.output
     ours, other = run.answer
     assert ours == [3, [16, 0.25, 8], [16, 0.01, 8]]
-    assert other == [0, [16, 0.001, 2], [16, 0.001, 2]]
+    assert other == [0, [8, 0.001, 2], [8, 0.001, 2]]
 
 
 def test_a_file_of_the_first_version_keeps_its_samples_and_shared_points(tmp_path):
@@ -186,7 +186,7 @@ answer([saved(1), saved(former_settings.VERSION)])
     assert run.returncode == 0, run.output
     assert run.answer == [
         [[32, 4.0, "SHARED"], [64, 4.0, "SHARED"]],
-        [[32, 0.0, "RESOLVED"], [16, 0.0, "RESOLVED"]],
+        [[32, 0.0, "RESOLVED"], [8, 0.0, "RESOLVED"]],
     ]
 
 

@@ -120,7 +120,12 @@ def surface_interior(passes: dict[str, np.ndarray], bend: float = 0.35) -> np.nd
 
 def shadow_interior(passes: dict[str, np.ndarray]) -> np.ndarray:
     """Pixels whose nine neighbours are all lit or all dark."""
-    return same_around(passes["Combined"][..., :3].sum(-1) != 0)
+    return same_around(is_lit(passes["Combined"][..., :3]))
+
+
+def is_lit(colors: np.ndarray) -> np.ndarray:
+    """(h, w) bool: more than what rounding leaves of light and shadow, of either sign."""
+    return np.abs(colors.sum(-1)) > 1e-12
 
 
 def interior(pair: Pair, bend: float = 0.35) -> np.ndarray:
@@ -169,7 +174,7 @@ def check_radiance(
     """
     truth, picture = (c.astype(float) for c in pair.colors())
     inside = inside & shadow_interior(pair.cycles) & shadow_interior(pair.glint)
-    lit, lit_here = truth.sum(-1) != 0, picture.sum(-1) != 0
+    lit, lit_here = is_lit(truth), is_lit(picture)
     assert lit[inside].mean() > 0.05, f"{pair.name}: nearly nothing is lit, so nothing is checked"
     verdict(pair, "shadow", (lit != lit_here) & inside, 0)
     error = np.abs(picture - truth) / np.maximum(
