@@ -252,7 +252,7 @@ struct RenderPlan : GlintRenderSettings {
     }
     LightPoint point;
     point.group = light.group;
-    if (light_samples <= 1 || !light_square) return point;
+    if (light_samples <= 1 || !light_square || !light.extended) return point;
     const size_t at = 2 * (size_t(sample) * light_samples + j);
     point.a = light_square[at];
     point.b = light_square[at + 1];
