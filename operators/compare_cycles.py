@@ -284,7 +284,8 @@ class _Cycles:
     ) -> Steps[np.ndarray]:
         """A picture of as many samples at a time as take a step's seconds."""
         done, total, count = 0, np.zeros(()), samples
-        if self._in_window:
+        # before Blender 4.5 Cycles has other samples where it takes fewer of them
+        if self._in_window and hasattr(self._scene.cycles, "use_sample_subset"):
             count = min(samples, _FIRST_STEP)
         while done < samples:
             yield number, who, done / samples
@@ -309,10 +310,7 @@ def _take_samples(cycles: bpy.types.PropertyGroup, first: int, count: int) -> No
     if count == cycles.samples:
         return
     cycles.sample_offset = first
-    if hasattr(cycles, "use_sample_subset"):
-        cycles.use_sample_subset, cycles.sample_subset_length = True, count
-    else:  # before Blender 4.5
-        cycles.samples = count
+    cycles.use_sample_subset, cycles.sample_subset_length = True, count
 
 
 def _mean_and_noise(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, float]:

@@ -83,7 +83,10 @@ def test_places_of_lamps(scene, scale):  # noqa: F811
 
 SHADERS = [
     *("BsdfPrincipled", "BsdfDiffuse", "BsdfAnisotropic", "BsdfGlass", "BsdfRefraction"),
-    *("BsdfTransparent", "BsdfTranslucent", "BsdfSheen", "BsdfToon", "BsdfMetallic"),
+    *("BsdfTransparent", "BsdfTranslucent", "BsdfSheen", "BsdfToon"),
+    *(
+        ("BsdfMetallic",) if hasattr(bpy.types, "ShaderNodeBsdfMetallic") else ()
+    ),  # from Blender 4.3
     *("SubsurfaceScattering", "Emission", "VolumeScatter", "VolumeAbsorption", "VolumePrincipled"),
 ]
 IDLE = {"Weight", "Normal", "Coat Normal", "Tangent"}
