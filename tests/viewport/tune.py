@@ -44,13 +44,14 @@ def scenario():
     with window.context():
         bpy.ops.glint.measure_scene("INVOKE_DEFAULT")
     image = sys.modules[window.package + ".operators.measure_scene"].IMAGE_NAME
-    yield lambda: bpy.data.images.get(image) is not None
+    windows = bpy.context.window_manager.windows
+    # the window opens once the operator has let go of its event
+    yield lambda: bpy.data.images.get(image) is not None and len(windows) > 1
     told = {
         "processor": time.process_time() - before,
         "seconds": time.perf_counter() - began,
         "render": render,
     }
-    windows = bpy.context.window_manager.windows
     told["windows"] = len(windows)
     yield lambda: share(windows[-1]) != share_of_zoom(windows[-1], 1.0)
     told["plot"] = share(windows[-1])
