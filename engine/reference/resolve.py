@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..film import BY_SURFACE, VOLUME
+from ..film import BY_SURFACE, FIRST_ESTIMATE, VOLUME
 
 Array = np.ndarray
 
@@ -123,7 +123,7 @@ def resolved(
         around = block
         if name == WIDE:
             around, weights = wide, on_wide
-        if samples.max() < 4:  # halves of one sample each tell nothing
+        if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
         found[name] = _resolved(side, guides, around, weights, light, color, noise, images)
     return found

@@ -58,8 +58,7 @@ def test_the_events_of_a_day_show_what_a_render_gives(blender):
         assert 0 <= result["framebuffer"] <= 1, (
             f"{name}: drawing may add 1, the screen differs from F12 by {result['framebuffer']}"
         )
-    # that it is the pixel's own is tests/engine/test_explain.py's to say, sample by sample
-    assert all(value >= 0 for value in told["explained"]["color"])
+    assert told["explained"]["color"] == pytest.approx(told["explained"]["pixel"], rel=1e-4)
 
 
 def test_tune_settings_shows_something_soon(blender):

@@ -182,7 +182,10 @@ explained = {}
 
 
 def explain():
-    """Explain Pixel against the picture of one sample: the pixel in the middle."""
+    """Explain Pixel against the picture of one sample, before neighbours are averaged: the pixel in
+    the middle.
+    """
+    bpy.context.scene.glint.final.soft_light = "DEALT"  # the view takes the final render's
     bpy.context.scene.glint.viewport.samples = 1
     window.region.tag_redraw()
     yield lambda: window.films["all"].samples == 1

@@ -258,7 +258,7 @@ void Film::resolve(const Tile& tile, uint32_t samples) {
       if (x < region_.width() && y < region_.height())
         read(window, size_t(j) * window.width + i, x, y, samples);
     }
-  resolve_.run(window, tile.x0, tile.y0, samples >= 4);
+  resolve_.run(window, tile.x0, tile.y0, samples >= Refinement::kFirst);
 }
 
 void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {

@@ -53,9 +53,9 @@ struct RenderPlan : GlintRenderSettings {
 
   static constexpr uint32_t kMostShared = 8;   // rays of a sample: a tile's stay in one queue
   static constexpr uint32_t kMostSharing = 4;  // pixels on a block's side
-  static constexpr uint32_t kBounceParts = 4;
   static constexpr uint32_t kGlossBlock = 4;   // the same where they mix gloss
   static constexpr uint32_t kGlossPlaces = 8;  // in lobes, for the rays of such a block in a sample
+  static constexpr uint32_t kBounceParts = 4;  // of a class of pixels, that deal bounces
   /// Of the narrowest lobe of a point: what it reflects is seen too sharply to be mixed.
   static constexpr double kLeastUnmixed = 128;
 
