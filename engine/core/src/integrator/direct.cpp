@@ -134,9 +134,7 @@ uint32_t DirectLight::find_kinds(const Batch& batch) {
   for (size_t k = 0; k < batch.size(); ++k) {
     kinds_[k] = queue.exits || (bounced && max_abs(queue.weight(k)) < kFaint) ? kIsFaint : 0;
     if (!batch.lit[k]) continue;
-    if (strands &&
-        scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS)
-      kinds_[k] |= kOnStrand;
+    if (is_on_strand(batch, k)) kinds_[k] |= kOnStrand;
     found |= 1u << kinds_[k];
   }
   return found;

@@ -121,7 +121,7 @@ bool DirectLight::is_apart(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
   return bounced_linked_ || material.has(GLINT_FIBRE_DIFFUSE) ||
          material.has(GLINT_FIBRE_SPECULAR) || material.has(GLINT_FIBRE_TRANSMISSION) ||
-         scene_.instances.geometry(scene_.instances.group(batch.instance[k])).kind == GLINT_STRANDS;
+         is_on_strand(batch, k);
 }
 
 /// What points throw back of light from all sides, but for those that get less of some.
