@@ -136,25 +136,21 @@ ILLUMINATIONS, BACKENDS, ACCELERATIONS = (
 @dataclass(frozen=True)
 class _Shares:
     """Points of lights that have tables, for each sample of another light: the sky is all round,
-    glowing meshes and bounced light are everywhere. bounced_shadows: so many rays share bounced
-    light's. gathers: rays of a sample that look for surfaces near by that throw light on.
+    glowing meshes are everywhere.
     """
 
     dome: int
     mesh: int
-    bounced: int
-    bounced_shadows: int
-    gathers: int
 
 
-_SHARED = _Shares(dome=8, mesh=4, bounced=16, bounced_shadows=4, gathers=2)
+_SHARED = _Shares(dome=8, mesh=4)
 """Where each pixel sees but the points of its own samples."""
-_DEALT = _Shares(dome=2, mesh=2, bounced=4, bounced_shadows=2, gathers=1)
+_DEALT = _Shares(dome=2, mesh=2)
 """Where pixels of a block see others: each needs few."""
 MEDIUM_SHARE, MEDIUM_SHADOWS = 32, 4
 """The same of a MEDIUM light, in which near points count most, and of the rays that they share."""
-MOST_BOUNCED = 256
-"""Light samples from which on they are no more: there are some 2¹³ points in all."""
+MOST_MEDIUM = 256
+"""Light samples from which on they are no more."""
 BUILDS = ACCELERATIONS[1:]
 """Ways to build the core's trees, in the order of their time."""
 MOST_LIGHT_POINTS = 1 << 23
@@ -168,7 +164,6 @@ class Lighting(TypedDict):
     by_world: bool
     by_meshes: bool
     bounces: int
-    by_paths: bool
 
 
 @dataclass(frozen=True)
@@ -233,8 +228,7 @@ class Settings:
     pixels (the Blackman-Harris window spans twice that); 0 samples the centre only. crypto_ids:
     how many things Cryptomatte passes tell of a pixel. passes: names from `film.PASSES` beyond
     Combined. region: (x0, y0, x1, y1) half-open pixel rectangle of the full frame, origin bottom
-    left; None for all of it. apart: whether what pixels mix in blocks ends at the region, so that
-    no more is traced than it takes, and it is not quite what the whole frame has there.
+    left; None for all of it.
     """
 
     samples: int = _setting(
@@ -358,6 +352,15 @@ class Settings:
         high=8,
         remedy="0 to 8",
     )
+    volume_bounces: int = _setting(
+        0,
+        "Volume Bounces",
+        "Whether light that surfaces throw onto others lights volumes that scatter, too. Choose 0 "
+        "for lights alone, as Cycles has it to begin with, 1 for fog in rooms and between bright "
+        "walls, which takes a ray more for each sample",
+        high=1,
+        remedy="0 or 1",
+    )
     backend: str = _setting(
         "NATIVE", "Tracer", "Which of the two tracers draws the picture", choices=_BACKENDS
     )
@@ -380,7 +383,6 @@ class Settings:
     crypto_ids: int = _setting(6, low=1, high=64, remedy="1 to 64")
     passes: frozenset[str] = frozenset()
     region: tuple[int, int, int, int] | None = None
-    apart: bool = False
 
     def __post_init__(self) -> None:
         """NumPy's whole numbers become Python's, and names of passes a set."""
@@ -393,14 +395,13 @@ class Settings:
     @property
     def lighting(self) -> Lighting:
         """What `Scene.as_lit` is told: whether surfaces hide the world's light, whether what glows
-        lights, how often light bounces, and whether it does along the paths of the pixels.
+        lights, and how often light bounces.
         """
         physical = self.illumination == "PHYSICAL"
         return {
             "by_world": physical and self.world_light == "OCCLUDED",
             "by_meshes": physical and self.mesh_light == "ON",
             "bounces": self.diffuse_bounces if physical else 0,
-            "by_paths": self.soft_light != "SHARED",
         }
 
     @property
@@ -419,11 +420,6 @@ class Settings:
         return _SHARED.dome * self.light_samples
 
     @property
-    def gather_samples(self) -> int:
-        """Rays of a sample of a pixel that look for surfaces near by that throw light on."""
-        return self._shares.gathers
-
-    @property
     def dome_samples(self) -> int:
         """Directions of a DOME light for each sample of a pixel."""
         return self._shares.dome * self.light_samples
@@ -439,24 +435,14 @@ class Settings:
         return self._shares.mesh * self.light_samples
 
     @property
-    def bounced_samples(self) -> int:
-        """Points of a BOUNCED light for each sample of a pixel."""
-        return self._shares.bounced * min(self.light_samples, MOST_BOUNCED)
-
-    @property
-    def bounced_shadows(self) -> int:
-        """Shadow rays that the points of a BOUNCED light share for each sample of a pixel."""
-        return self._shares.bounced_shadows * min(self.light_samples, MOST_BOUNCED)
-
-    @property
     def medium_samples(self) -> int:
         """Points of a MEDIUM light for each sample of a pixel."""
-        return MEDIUM_SHARE * min(self.light_samples, MOST_BOUNCED)
+        return MEDIUM_SHARE * min(self.light_samples, MOST_MEDIUM)
 
     @property
     def medium_shadows(self) -> int:
         """Shadow rays that these share for each sample of a pixel."""
-        return MEDIUM_SHADOWS * min(self.light_samples, MOST_BOUNCED)
+        return MEDIUM_SHADOWS * min(self.light_samples, MOST_MEDIUM)
 
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""

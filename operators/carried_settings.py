@@ -83,6 +83,12 @@ def _of_cycles(scene: Any) -> Iterator[Carried]:
         _within("diffuse_bounces", diffuse),
         f"Diffuse {cycles.diffuse_bounces}, Total {cycles.max_bounces}",
     )
+    yield Carried(
+        "final",
+        "volume_bounces",
+        _within("volume_bounces", cycles.volume_bounces),
+        f"Volume {cycles.volume_bounces}",
+    )
 
 
 def _of_eevee(scene: Any) -> Iterator[Carried]:

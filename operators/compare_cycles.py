@@ -104,15 +104,20 @@ def _plain_sampling(scene: bpy.types.Scene, samples: int, seed: int) -> None:
 
 
 def match_cycles(
-    scene: bpy.types.Scene, samples: int, bounces: int, seed: int = 0, diffuse: int = 0
+    scene: bpy.types.Scene,
+    samples: int,
+    bounces: int,
+    seed: int = 0,
+    diffuse: int = 0,
+    volume: int = 0,
 ) -> None:
     """Cycles with Glint's pixel filter and Glint's light: after `bounces` mirror reflections and
-    refractions, and `diffuse` bounces from surfaces that scatter it.
+    refractions, `diffuse` bounces from surfaces that scatter it, and `volume` from media.
     """
     scene.render.engine = "CYCLES"
     direct_light_only(scene, samples, seed)
     scene.cycles.glossy_bounces = scene.cycles.transmission_bounces = bounces
-    scene.cycles.diffuse_bounces = diffuse
+    scene.cycles.diffuse_bounces, scene.cycles.volume_bounces = diffuse, volume
     scene.cycles.max_bounces = max(bounces, diffuse)
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = (
         "BLACKMAN_HARRIS",
@@ -255,8 +260,9 @@ class _Cycles:
         samples = max(_FEWEST, self._options.samples // 2)
 
         def choose(copy: bpy.types.Scene) -> None:
-            diffuse = copy.glint.final.diffuse_bounces
-            match_cycles(copy, samples, self._options.bounces, seed, diffuse)
+            final = copy.glint.final
+            diffuse, volume = final.diffuse_bounces, final.volume_bounces
+            match_cycles(copy, samples, self._options.bounces, seed, diffuse, volume)
 
         path = self._folder / f"cycles_direct_{seed}.exr"
         return self._drawn(2 + seed, "by Cycles", "cycles", samples, choose, path)

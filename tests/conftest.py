@@ -21,16 +21,6 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     _STATUS.append(int(exitstatus))
 
 
-@pytest.fixture
-def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Walks of bounced light take most of the time of small pictures, and what is the same in two
-    of them is so of fewer.
-    """
-    from glint.engine.lights.bounced_light import bounced_light
-
-    monkeypatch.setattr(sys.modules[bounced_light.__module__], "POINTS", 1 << 9)
-
-
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure(config: pytest.Config) -> None:
     if _STATUS and "bpy" in sys.modules:

@@ -125,6 +125,9 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         draw_reason(column, not is_physical, "Classic illumination has none of these")
         draw_wide(physical, final, "soft_light", pixels=CHOICES)
         draw_wide(physical, final, "diffuse_bounces")
+        volumes = physical.column()
+        volumes.active = final.diffuse_bounces > 0
+        draw_wide(volumes, final, "volume_bounces")
         reflections = physical.column()
         reflections.active = bounces > 0
         draw_wide(reflections, final, "reflections", pixels=CHOICES)

@@ -59,6 +59,7 @@ OF_LIGHT = (
     "subsurface",
     "soft_light",
     "diffuse_bounces",
+    "volume_bounces",
 )
 """What light does; the viewport takes the final render's."""
 OF_SAMPLES = ("samples", "error_threshold", "light_samples", "lamp_shadows", "volume_samples")

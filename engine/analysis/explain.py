@@ -79,17 +79,11 @@ def _sharing(hit: Hit | None) -> list[str]:
     """What is told where lights share shadow rays."""
     if hit is None:
         return []
-    turns = (
-        [f"{hit.turns} pixels that show one surface take turns with shadows of bounced light"]
-        if hit.turns > 1
-        else []
-    )
-    return turns + [
+    return [
         f"each sample of the picture looks for the shadows of {rays} of {samples} {of}, here all "
         "are looked for"
         for (rays, samples), of in (
             (hit.shared, "samples of lamps (Lamp Shadows)"),
-            (hit.shared_bounced, "points of bounced light"),
             (hit.shared_media, "points of glowing media"),
         )
         if samples
@@ -120,7 +114,6 @@ _WAYS = {
     "mirror": " (mirrored)",
     "reflection": " (reflected by a rough surface)",
     "refraction": " (refracted)",
-    "gather": " (thrown on by what is near)",
     "bounce": " (thrown on by other surfaces)",
     "subsurface": " (from below the surface)",
 }

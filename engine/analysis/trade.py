@@ -319,7 +319,6 @@ class _Work:
                 samples=1,
                 light_samples=1,
                 region=crops[len(crops) // 2],
-                apart=True,
             )
         )
         pilot_seconds = time.perf_counter() - start

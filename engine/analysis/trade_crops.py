@@ -160,7 +160,7 @@ class CropRenderer:
         """All crops, or those given. Raises StoppedError when should_stop says so."""
         each, rays, pictures = [], 0.0, []
         for crop in crops or self.crops:
-            film = self.film(replace(settings, region=crop, apart=True))
+            film = self.film(replace(settings, region=crop))
             size = (crop[2] - crop[0], crop[3] - crop[1])
             frame = threads_at_work(settings, self.scene.camera.resolution)
             each.append(film.stats["trace"] * threads_at_work(settings, size) / frame)

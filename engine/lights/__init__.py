@@ -1,1 +1,1 @@
-"""Lights that are tables of samples which all pixels share: skies, what glows, bounced light."""
+"""Lights that are tables of samples which all pixels share: skies, and what glows."""

@@ -14,10 +14,9 @@ from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Instances, Light, Material, Medium, Rods, Scene, World
 from .dome import LARGEST
+from .enclosures import Surfaces, camera_at, joined
 from .mesh_lights import MeshTable, along_a_curve, box_light, linked_as
-from .met_surfaces import joined
 from .same import Same
-from .walk_media import Surfaces, camera_at
 
 if TYPE_CHECKING:
     from ..reference.media import Media
@@ -232,6 +231,5 @@ def medium_table(light: Light, samples: int, each: int) -> MeshTable:
         np.cbrt(3 / (4 * np.pi) * ball),
         concentric_disc(2 * u - 1),
         each,
-        np.zeros(count, bool),
         rods.light_group[index],
     )

@@ -1,6 +1,4 @@
-"""Over blocks of how many pixels the points of lights, lobes and gather rays are dealt, and how
-often light bounces along the paths of the pixels.
-"""
+"""Over blocks of how many pixels the points of lights, lobes and gather rays are dealt."""
 
 from __future__ import annotations
 
@@ -11,14 +9,6 @@ from .lamps import is_soft
 
 SIDE = 4
 """Of a block, pixels."""
-
-
-def path_bounces(scene: Scene, settings: Settings) -> int:
-    """How often surfaces of a scene as it is lit scatter light onto others along paths; 0 where the
-    points of a BOUNCED light bring it, or nothing does.
-    """
-    by_paths = settings.lighting["by_paths"] and scene.bounces_by_paths
-    return settings.lighting["bounces"] if by_paths and scene.lights else 0
 
 
 def interleaving(scene: Scene, settings: Settings) -> int:
@@ -33,13 +23,13 @@ def _is_soft(scene: Scene, settings: Settings) -> bool:
     """Whether anything in the scene is seen by points or directions of which there are many."""
     if settings.illumination != "PHYSICAL":
         return False
-    tabled = any(light.kind in ("DOME", "MESH", "BOUNCED", "MEDIUM") for light in scene.lights)
+    tabled = any(light.kind in ("DOME", "MESH", "MEDIUM") for light in scene.lights)
     lamps = settings.light_samples > 1 and any(is_soft(light) for light in scene.lights)
     lobes = [lobe for material in scene.materials for lobe in material.lobes]
     glossy = settings.reflecting != "OFF" and any(lobe.is_glossy for lobe in lobes)
     below = settings.subsurface == "ON" and scene.has_subsurface
     rough = any(lobe.is_rough_glass for lobe in lobes)
-    bounces = path_bounces(scene, settings) > 0
+    bounces = settings.lighting["bounces"] > 0 and bool(scene.lights)
     return (
         tabled
         or bounces

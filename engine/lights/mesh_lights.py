@@ -371,11 +371,7 @@ class MeshTable:
 
     point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
     their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
-    unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
-    light_group: (k,) int, -1 for none.  near: within that distance, world units, rays look for
-    surfaces that throw light on, in place of these points; 0: none do.  last: (k,) bool, points
-    that do not light those surfaces.  wide: (k,) `spread` of the discs that light what gather rays
-    and rough reflections meet.  pixels: that deal these points among themselves.
+    unit disc.  each: how many a sample of a pixel takes.  light_group: (k,) int, -1 for none.
     """
 
     point: Array
@@ -386,17 +382,7 @@ class MeshTable:
     reach: Array
     disc: Array
     each: int
-    caught: Array
     light_group: Array
-    near: float = 0.0
-    last: Array | None = None
-    wide: Array | None = None
-    pixels: int = 1
-
-    @property
-    def together(self) -> int:
-        """Points of a sample of all these pixels."""
-        return self.each * self.pixels
 
     def first(self, count: int) -> MeshTable:
         """The first `count` of the points of each sample."""
@@ -434,7 +420,6 @@ def mesh_table(light: Light, samples: int, each: int) -> MeshTable:
         emitters.reaches[index],
         concentric_disc(2 * u - 1),
         each,
-        np.zeros(count, bool),
         emitters.light_group[index],
     )
 

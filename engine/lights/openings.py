@@ -18,17 +18,17 @@ import numpy as np
 from ..accelerator import Accelerator, Hits
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Instances, Light, Material, Mesh, Openings, Scene
-from .met_surfaces import joined
+from .enclosures import joined
 from .same import Same
 
 Array = np.ndarray
 
-PROBES, PLACES = 1024, 256
-"""Points on surfaces at which sky is looked for, on so many placements at most."""
+PROBES, PLACES, TRIANGLES = 1024, 256, 1 << 12
+"""Points on surfaces at which sky is looked for, on so many placements at most, of each on so many
+triangles that lie evenly among all.
+"""
 FIRST, THEN = 32, 256
 """Rays from each side of a point, and from those that see some sky."""
-LOOKS = 8
-"""Rays that tell how much of the sky a point sees."""
 MOST_ENCLOSED = 256
 """Sides of points that send the second ones."""
 LARGEST_SHARE = 0.4
@@ -172,7 +172,9 @@ def _probes(scene: Scene) -> tuple[Array, Array]:
 
 def _on(mesh: Mesh, matrix: Array, count: int, seed: int) -> tuple[Array, Array]:
     """Points and unit normals (m, 3), m <= count, of a mesh placed by a (3, 4) matrix."""
-    corners = mesh.vertices[mesh.triangles].astype(np.float64) @ matrix[:, :3].T + matrix[:, 3]
+    step = -(-len(mesh.triangles) // TRIANGLES)
+    corners = mesh.vertices[mesh.triangles[::step]].astype(np.float64)
+    corners = corners @ matrix[:, :3].T + matrix[:, 3]
     with np.errstate(over="ignore", invalid="ignore"):
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.sqrt((across * across).sum(1))
@@ -233,16 +235,6 @@ class _Sky:
         slots = self._scene.geometries[block.geometry].material_slots
         slot = 0 if slots is None else np.minimum(slots[primitive], len(materials) - 1)
         return self._clear[materials[slot]]
-
-
-def sky_seen(
-    scene: Scene, surfaces: Accelerator, origin: Array, points: Array, normals: Array
-) -> Array:
-    """(m,) the share of the sky by the cosine that is seen from points (m, 3), counted from the
-    origin, on the side of their normals. surfaces: of the scene.
-    """
-    o, d = _around(points.T, normals.T, LOOKS)
-    return _Sky(scene, surfaces, origin).reached(o, d).reshape(LOOKS, -1).mean(0)
 
 
 def _lets_light_through(material: Material) -> bool:

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 71
+ABI_VERSION = 72
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -111,8 +111,7 @@ class LightKind(IntEnum):
     AREA = 3
     DOME = 4
     MESH = 5
-    BOUNCED = 6
-    MEDIUM = 7
+    MEDIUM = 6
 
 
 class LightFlags(IntEnum):
@@ -242,7 +241,6 @@ class Feature(IntEnum):
     MESH_LIGHT = 1024
     DEPTH_OF_FIELD = 2048
     CAMERA_MOTION = 4096
-    BOUNCED_LIGHT = 8192
     OBJECT_MOTION = 16384
     MEDIA = 32768
     SHADOW_CATCHER = 65536
@@ -424,25 +422,22 @@ class NeighbourData(Structure):
 class RenderSettingsData(Structure):
     _fields_ = [
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table"),
-        *_each(c_size_t, "bounced_table medium_table lobe_points dome_cells dome_irradiance"),
-        *_each(c_size_t, "openings opening_points scatter_offsets lens_points camera_frames"),
-        *_each(c_size_t, "occlusion_points node_points gather_points gloss_points"),
-        *_each(c_size_t, "subsurface_points bounce_points neighbours"),
-        *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count medium_count"),
-        *_each(c_uint64, "lobe_count lens_point_count camera_frame_count scatter_count"),
-        *_each(c_uint64, "occlusion_count node_point_count opening_count opening_point_count"),
-        *_each(c_uint64, "gather_count gloss_count subsurface_count bounce_count passes"),
+        *_each(c_size_t, "medium_table lobe_points dome_cells dome_irradiance openings"),
+        *_each(c_size_t, "opening_points scatter_offsets lens_points camera_frames"),
+        *_each(c_size_t, "occlusion_points node_points subsurface_points bounce_points neighbours"),
+        *_each(c_uint64, "light_point_count dome_count mesh_count medium_count lobe_count"),
+        *_each(c_uint64, "lens_point_count camera_frame_count scatter_count occlusion_count"),
+        *_each(c_uint64, "node_point_count opening_count opening_point_count subsurface_count"),
+        *_each(c_uint64, "bounce_count passes"),
         *_each(c_double * 9, "dome_axes"),
-        *_each(c_double, "error_threshold cutoff lens_focus gather_reach"),
+        *_each(c_double, "error_threshold cutoff lens_focus"),
         *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
-        *_each(c_uint32, "bounced_samples bounced_shadows medium_samples medium_shadows"),
-        *_each(c_uint32, "lamp_shadows occlusion_samples opening_samples gather_samples"),
-        *_each(c_uint32, "gather_block interleaving bounces bounce_levels dome_rows dome_columns"),
-        *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns camera_block lobe_levels"),
-        *_each(c_uint32, "crypto_ids max_bounces threads"),
+        *_each(c_uint32, "medium_samples medium_shadows lamp_shadows occlusion_samples"),
+        *_each(c_uint32, "opening_samples interleaving bounces volume_bounces bounce_levels"),
+        *_each(c_uint32, "dome_rows dome_columns dome_irradiance_rows dome_irradiance_columns"),
+        *_each(c_uint32, "camera_block lobe_levels crypto_ids max_bounces threads"),
         *_each(c_uint32 * 4, "region"),
-        *_each(c_int32, "illumination waves acceleration remember reflections moving apart"),
-        *_each(c_int32, "resolves"),
+        *_each(c_int32, "illumination waves acceleration remember reflections moving resolves"),
     ]
 
 

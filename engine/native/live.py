@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from .. import native
 from ..film import Film
 from ..sampling.motion import is_moving
-from ..scene import Light, Openings, Scene, left_out
+from ..scene import Openings, Scene, left_out
 from ..scene.delta import SceneDelta
 from ..scene.view_axes import ViewAxes, narrow_view_axes
 from ..settings import Lighting, Settings
@@ -47,7 +47,6 @@ class NativeLive:
         self._packer = ScenePacker()
         self._held: _Held | None = None
         self._asked: tuple[Scene, Lighting, bool, Scene] | None = None
-        self._bounced: Light | None = None
         self._openings: Openings | None = None
 
     def render(
@@ -129,8 +128,8 @@ class NativeLive:
         self, scene: Scene, settings: Settings, exact: bool, delta: SceneDelta | None
     ) -> Scene:
         """The scene as the settings want it lit, the same value for the same. exact: else light
-        bounces, and comes through openings, as in the last picture that was: to find out anew takes
-        longer than a redraw.
+        comes through openings as in the last picture that was: to find out anew takes longer than a
+        redraw.
         """
         lighting, asked = settings.lighting, self._asked
         if asked is not None and asked[1] == lighting and asked[2] >= exact:
@@ -142,17 +141,13 @@ class NativeLive:
                 return lit
         if exact:
             lit = scene.as_lit(**lighting)
-            self._bounced = next((x for x in lit.lights if x.kind == "BOUNCED"), None)
             self._openings = next((x.openings for x in lit.lights if x.kind == "DOME"), None)
         else:
             lights = tuple(
                 replace(x, openings=self._openings) if x.kind == "DOME" else x for x in scene.lights
             )
             known = replace(scene, lights=lights)
-            fibres = lighting["bounces"] > 0
-            lit = known.as_lit(**lighting | {"bounces": 0}, finding=False, between_fibres=fibres)
-            if lighting["bounces"] and self._bounced is not None:
-                lit = replace(lit, lights=(*lit.lights, self._bounced))
+            lit = known.as_lit(**lighting, finding=False)
         self._asked = (scene, lighting, exact, lit)
         return lit
 

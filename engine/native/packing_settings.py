@@ -9,20 +9,16 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import OCCLUSION, PASSES
-from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
-from ..lights.interleaving import interleaving, path_bounces
+from ..lights.interleaving import interleaving
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable, mesh_table
 from ..lights.openings import opening_table
 from ..sampling import (
     BOUNCE_PARTS,
-    GATHER_BLOCK,
     bounce_points,
     dealt_samples,
-    gather_points,
-    gloss_points,
     light_points,
     lobe_points,
     node_points,
@@ -83,18 +79,12 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.acceleration = number(build, core_types.Build, "acceleration")
     data.reflections = number(settings.reflecting, core_types.Reflect, "reflections")
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
-    data.apart = settings.apart
     dealt = replace(settings, samples=dealt_samples(settings.samples, data.interleaving))
     if settings.reflecting != "OFF" or _has_rough_glass(scene):
         points = lobe_points(dealt.samples)
         data.lobe_levels, data.lobe_count = len(points), points.size // 2
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
         data.lobe_points = address(points)
-    if settings.reflecting != "OFF" and data.interleaving == 1:
-        places = gloss_points(dealt.samples).reshape(-1, 2)
-        places = packer.lend(places, np.float64, (None, 2), "gloss points")
-        data.gloss_points, data.gloss_count = address(places), len(places)
-        data.gather_block = GATHER_BLOCK
     _add_scattering(data, packer, scene, dealt)
     _add_bounces(data, packer, scene, dealt)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
@@ -105,8 +95,6 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     for light in scene.lights:
         if light.kind == "DOME":
             _add_dome(data, packer, light, dealt)
-        if light.kind == "BOUNCED":
-            _add_bounced(data, packer, light, dealt)
     _add_meshes(data, packer, [x for x in scene.lights if x.kind == "MESH"], dealt)
     _add_media(data, packer, [x for x in scene.lights if x.kind == "MEDIUM"], dealt)
     if scene.camera.lens:
@@ -191,30 +179,10 @@ def _add_media(
     data.medium_shadows = settings.medium_shadows
 
 
-def _add_bounced(
-    data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
-) -> None:
-    pixels = data.interleaving * data.interleaving
-    table = bounced_table(light, settings.samples, settings.bounced_samples, pixels)
-    data.bounced_table, data.bounced_count = _lend_points(packer, [table], "bounced light samples")
-    data.bounced_samples = table.each
-    data.bounced_shadows = settings.bounced_shadows
-    if data.bounces:
-        return
-    data.gather_reach = table.near
-    data.gather_block = GATHER_BLOCK if data.interleaving == 1 else 1
-    points = gather_points(settings.samples, settings.gather_samples, data.gather_block)
-    points = packer.lend(points, np.float64, (None, None, 2), "gather points")
-    data.gather_points, data.gather_count = address(points), points.shape[1]
-    data.gather_samples = settings.gather_samples
-
-
 def _point_rows(t: MeshTable) -> np.ndarray:
     """(k, 18) as glint.h has mesh_table."""
-    flags = t.caught + 2 * (0 if t.last is None else t.last)
-    back = t.back if t.wide is None else np.column_stack((t.wide, t.back[:, 1:]))
-    columns = (t.point, t.normal, t.front, back, t.spread, t.reach, t.disc, flags)
-    return np.column_stack((*columns, 1 + t.light_group))
+    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
+    return np.column_stack((*columns, np.zeros(len(t.point)), 1 + t.light_group))
 
 
 def _add_motion(
@@ -279,17 +247,16 @@ def _add_subsurface(
 ) -> None:
     """What comes out of surfaces elsewhere, where some do."""
     if settings.subsurface == "ON" and scene.has_subsurface:
-        data.gather_block = GATHER_BLOCK if data.interleaving == 1 else 1
-        points = subsurface_points(settings.samples, data.gather_block)
-        points = packer.lend(points, np.float64, (None, None, 6), "subsurface points")
-        data.subsurface_points, data.subsurface_count = address(points), points.shape[1]
+        points = subsurface_points(settings.samples)
+        points = packer.lend(points, np.float64, (None, 6), "subsurface points")
+        data.subsurface_points, data.subsurface_count = address(points), len(points)
 
 
 def _add_bounces(
     data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
 ) -> None:
     """How light bounces along paths, where it does."""
-    data.bounces = path_bounces(scene, settings)
+    data.bounces = settings.lighting["bounces"] if scene.lights else 0
     if data.bounces:
         parts = BOUNCE_PARTS if data.interleaving > 1 else 1
         points = bounce_points(parts * settings.samples)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..scene import Light
 from .rectangle import rectangle_point
-from .vectors import basis_around, dot, length, pick, unit
+from .vectors import dot, length, pick, unit
 
 if TYPE_CHECKING:
     from .lights import LightSample, Source
@@ -24,7 +24,6 @@ NEAR = 4.0
 """Half diagonals of a rectangle within which it is seen large."""
 _LEAST, _FULL = 1e-4, np.pi / 2 - 5e-5
 """Half angles: narrower ones count as the least, wider ones as no cone."""
-_STEPS = 4096
 
 
 def half_spread(light: Light) -> float | None:
@@ -94,14 +93,3 @@ def seen_rectangle(
 def _on_ellipse(source: Source, q: Array) -> Array:
     a, b = (dot(q - source.position, side) / dot(side, side) for side in (source.right, source.up))
     return a * a + b * b <= 1
-
-
-def around(axis: Array, half: float, u: Array, v: Array) -> Array:
-    """(3, n) unit directions round `axis` (3, n), as densely as such a light shines there on what
-    faces it: `between` times the cosine over π.
-    """
-    angles = np.linspace(0.0, half, _STEPS)
-    within = np.tan(half) * np.sin(angles) ** 2 - angles + np.sin(angles) * np.cos(angles)
-    angle, turn = np.interp(u * within[-1], within, angles), 2 * np.pi * v
-    first, second = basis_around(axis)
-    return np.cos(angle) * axis + np.sin(angle) * (np.cos(turn) * first + np.sin(turn) * second)

@@ -18,7 +18,7 @@ Array = np.ndarray
 MOST_RATIO = 1000.0
 
 
-def ratio(
+def lights(
     stage: Stage,
     surface: Surface,
     coefficients: Coefficients,
@@ -26,9 +26,9 @@ def ratio(
     sample: int,
     on_reach: Callable[[Source, Array, bool], None] = lambda source, seen, is_soft: None,
     on_cut: Callable[[Array], None] = lambda seen: None,
-) -> Array:
-    """(3, n) the light on catchers over that which they had if there were nothing else; arguments
-    as of `Lighting.direct`.
+) -> tuple[Array, Array]:
+    """(3, n) each: the light that catchers have straight from lights, times weight, and that which
+    they had if there were nothing else; arguments as of `Lighting.direct`.
     """
     glow = stage.even_light(surface, coefficients) + coefficients.emission
     with_all, alone = (
@@ -38,6 +38,11 @@ def ratio(
             for lighting in (stage.lighting, stage.lighting_of_catchers)
         )
     )
+    return with_all, alone
+
+
+def ratio(with_all: Array, alone: Array) -> Array:
+    """(3, n) of such light."""
     lit = alone > 0
     with np.errstate(over="ignore"):
         found = np.where(lit, with_all, 1.0) / np.where(lit, alone, 1.0)

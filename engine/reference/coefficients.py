@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene import Lobe
-from .optics import MEAN_LOST, NEVER_LOST, lost_once, toon_albedo
+from .optics import NEVER_LOST
 from .surface import Surface
 from .vectors import add_at, dot, pick
 
@@ -73,16 +73,6 @@ class Coefficients:
                 add_at(total, term.index, _OF_COLOR.get(term.lobe.kind, 1.0) * term.k)
         return total
 
-    def thrown_on(self, surface: Surface) -> Array:
-        """(3, n): what of even light TOON_DIFFUSE and OREN_NAYAR lobes give back to the viewer, and
-        so throw back to all sides.
-        """
-        total = np.zeros_like(self.diffuse)
-        for term in self.sheens:
-            if term.lobe.kind != "SHEEN":
-                add_at(total, term.index, _albedo(term, surface) * term.k)
-        return total
-
     def glossy(self) -> Array:
         """(3, n): about what of even light the highlights give back."""
         total = np.zeros_like(self.diffuse)
@@ -126,14 +116,6 @@ class Coefficients:
 
 _OF_COLOR = {"OREN_NAYAR": NEVER_LOST, "OREN_NAYAR_MULTIPLE": 0.0}
 """What of k counts as the colour of a surface: with its DIFFUSE lobe it is that of a smooth one."""
-
-
-def _albedo(term: Term, surface: Surface) -> Array:
-    """(m,) what of even light a lobe of `sheens` but SHEEN gives back to the viewer, for k = 1."""
-    if term.lobe.kind == "TOON_DIFFUSE":
-        return toon_albedo(term.exponent, term.masking)
-    lost = lost_once(dot(pick(surface.n, term.index), pick(surface.v, term.index)))
-    return NEVER_LOST - lost if term.lobe.kind == "OREN_NAYAR" else MEAN_LOST * lost
 
 
 def taken(number: Array | float, chosen: Array | slice) -> Array | float:

@@ -10,11 +10,8 @@ import numpy as np
 from ..film import OCCLUSION
 from ..lights.interleaving import interleaving
 from ..sampling import (
-    GATHER_BLOCK,
-    GLOSS_BLOCK,
     dealt_sample,
     interleaving_classes,
-    places_in_blocks,
 )
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
@@ -24,10 +21,9 @@ from .bumps import bump_shadow
 from .camera import Spread
 from .cancellation import Cancellation
 from .coefficients import Coefficients, Term
-from .explain_block import PixelBlock
 from .explain_shadows import shadow_of
 from .explained import Bounce, Hit, LightTerm, Numbers, Ray
-from .gathering import bounce, gathering, seen_lobes
+from .gathering import bounce, bouncing, dimmed, seen_lobes
 from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
@@ -37,19 +33,18 @@ from .motion_vectors import motion_vectors
 from .occlusion import openness
 from .paths import Interaction, Paths, bounced, camera_paths, met, straight_on
 from .reflections import reflected
-from .scattering import scattered
+from .scattering import scattered, scattered_on
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .subsurface import coming_out, entering, one_by_one
 from .surface import Surface, surface_at
-from .tabled_lights import BouncedSource, Dome
+from .tabled_lights import Dome
 from .terminator import lowered, mean_lowered
 from .translucent import other_side
 from .vectors import dot, length, unit
 from .visibility import NOTHING
 
 Array = np.ndarray
-Square = tuple[tuple[int, int], tuple[int, int]]
 
 
 class Explainer:
@@ -70,7 +65,6 @@ class Explainer:
         self._looks_round = OCCLUSION in settings.passes
         self._places = np.zeros(1, np.intp)
         self._sample = 0  # of the tables
-        self._block = PixelBlock()
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
@@ -81,46 +75,12 @@ class Explainer:
         number = int(interleaving_classes(*here, side)[0])
         self._sample = dealt_sample(0, number, self.stage.settings.samples, side)
         self.stage.media.moment.sample = self._sample
-        self._block = self._block_of(x, y)
         paths = self._camera_paths(*here)
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def _camera_paths(self, x: tuple[int, int], y: tuple[int, int]) -> Paths:
         rays = self.stage.camera.rays(x, y, np.zeros(2), self._spread)[0]
         return camera_paths(rays, self.stage.camera.weights(rays))
-
-    def _block_of(self, x: int, y: int) -> PixelBlock:
-        found = PixelBlock()
-        if self.stage.shares_gathers:
-            found.near = []
-            if block := self._meets(x, y, GATHER_BLOCK):
-                own, square, at = block
-                found.share_gathers(self.stage, at, own, places_in_blocks(*square, GATHER_BLOCK))
-        if self.stage.mixes_gloss:  # in squares that lie so in the first sample
-            block = self._meets(x, y, GLOSS_BLOCK)
-            found.mixed = list(found.mix(self.stage, block[2], block[0])) if block else []
-        return found
-
-    def _meets(self, x: int, y: int, side: int) -> tuple[int, Square, Interaction] | None:
-        """Which pixel it is of its square, `side` on a side, where that lies, what it shows."""
-        stage, (width, height) = self.stage, self.stage.scene.camera.resolution
-        x0, y0 = (at // side * side for at in (x, y))
-        square = (x0, min(x0 + side, width)), (y0, min(y0 + side, height))
-        paths = self._camera_paths(*square)
-        hits = stage.visibility.closest(paths.rays, paths.visibility)
-        hit = np.flatnonzero(hits.primitive != NOTHING)
-        if not len(hit):
-            return None
-        if stage.media:
-            spans = stage.media.spans(paths.rays, paths.visibility, hits.depth)
-            passed = stage.media.passed(spans, paths.rays.near, hits.depth)
-            paths = replace(paths, weight=paths.weight * passed)
-        surface = self._surface(paths, hit, hits.primitive[hit], hits.depth[hit])
-        shown = np.flatnonzero(~stage.per_object("holdout", surface.row).astype(bool))
-        hit, surface = hit[shown], surface.take(shown)
-        coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(self._sample))
-        at, _ = entering(stage, Interaction(paths, hit, surface, coefficients))
-        return (y - y0) * (square[0][1] - x0) + x - x0, square, at
 
     def _surface(self, paths: Paths, hit: Array, primitive: Array, depth: Array) -> Surface:
         stage = self.stage
@@ -139,7 +99,7 @@ class Explainer:
         """One ray and all that follow from it."""
         stage = self.stage
         o, d = paths.rays.lines(np.zeros(1, np.intp))
-        found = stage.visibility.closest(paths.rays, paths.visibility)
+        found = stage.closest(paths)
         spans = (
             stage.media.spans(paths.rays, paths.visibility, found.depth) if stage.media else None
         )
@@ -149,7 +109,10 @@ class Explainer:
         if spans is not None:
             passed = stage.media.passed(spans, paths.rays.near, found.depth)
             media = tuple(self._media(paths, spans, found.depth))
+        scattered_rays = self._bounced_in_media(paths, spans, found.depth)
         paths = replace(paths, weight=paths.weight * passed)
+        if paths.around:
+            paths = dimmed(stage, paths, found.depth)
         ray = Ray(
             kind,
             paths.depth,
@@ -168,56 +131,55 @@ class Explainer:
         )
         own = sent * sum((np.array(light) for _, light in (*shapes, *media)), np.zeros(3))
         if found.primitive[0] == NOTHING:
-            even = np.array(ray.weight) * self._block.share(paths, None)[:, 0]
-            ray = replace(ray, weight=_numbers(even))
             own = own + paths.weight[:, 0] * np.array(ray.background)
-            return replace(ray, own=_numbers(own), color=_numbers(own))
+            return _finished(ray, own, scattered_rays)
         ray = replace(ray, background=(0.0, 0.0, 0.0))
-        return self._at_surface(ray, paths, found, own)
+        return self._at_surface(ray, paths, found, own, scattered_rays)
 
-    def _at_surface(self, ray: Ray, paths: Paths, found, own: Array) -> Ray:
+    def _bounced_in_media(self, paths: Paths, spans: Spans | None, depth: Array) -> tuple[Ray, ...]:
+        """What bounces to media on the way."""
+        if spans is None or paths.gathers:
+            return ()
+        found = scattered_on(self.stage, paths, spans, depth, self._sample, self._places)
+        return () if found is None else (self.follow(found, "bounce"),)
+
+    def _at_surface(
+        self, ray: Ray, paths: Paths, found, own: Array, scattered_rays: tuple[Ray, ...]
+    ) -> Ray:
         stage, hit, depth = self.stage, np.zeros(1, np.intp), found.depth
         surface = self._surface(paths, hit, found.primitive, depth)
-        sent, share = paths, self._block.share(paths, surface)
-        paths = replace(paths, weight=paths.weight * share)
-        ray = replace(ray, weight=_numbers(np.array(ray.weight) * share[:, 0]))
         coefficients = stage.shader.coefficients(surface, paths.kind, stage.queries(self._sample))
         at = seen_lobes(stage, Interaction(paths, hit, surface, coefficients))
         at, below = (at, None) if self._is_unseen(at) else entering(stage, at)
         coefficients = at.coefficients
         if paths.reflections and stage.is_lit_by_meshes:
             coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
-        is_first = ray.kind in ("camera", "lens")
-        about = self._hit(surface, coefficients, depth, paths, is_first)
-        if about.holdout or about.caught is not None:
+        about = self._hit(surface, coefficients, depth, paths, ray.kind in ("camera", "lens"))
+        near: tuple[Ray, ...] = ()
+        if self._is_unseen(at):
+            if not about.holdout:
+                about, near = self._caught(at, about)
             coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
-        at = replace(at, coefficients=coefficients)
-        near = self._block.near if is_first else None
-        if about.holdout:
-            near = []
-        elif near is None:
-            near, about = self._gathering(at, about)
-        is_seen = not about.holdout and about.caught is None
-        after = self._next(replace(at, paths=sent), depth, is_first and is_seen)
-        if is_seen and coefficients.translucent.any():
-            other = other_side(stage, at, depth)
-            near = [*near, *gathering(stage, other, self._sample, self._places)]
-        out = () if below is None else self._coming_out(below)
-        follow = (*self._gathered(near), *out, *after)
-        if about.holdout:
-            pass
-        elif about.caught is None:
-            own = own + paths.weight[:, 0] * np.array(about.light)
+            at = replace(at, coefficients=coefficients)
         else:
+            near, about = self._bouncing(at, about)
+            if coefficients.translucent.any():
+                other = other_side(stage, at, depth)
+                near = (*near, *self._gathered(bouncing(stage, other, self._sample, self._places)))
+        after = self._next(at, depth)
+        out = () if below is None else self._coming_out(below)
+        if about.caught is not None:
             caught = self._behind(paths, coefficients, np.array(about.caught))
             own, ray = own + paths.weight[:, 0] * caught, replace(ray, background=_numbers(caught))
-        color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
-        return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
+        elif not about.holdout:
+            own = own + paths.weight[:, 0] * np.array(about.light)
+        told = replace(ray, hit=about)
+        return _finished(told, own, (*scattered_rays, *near, *out, *after))
 
-    def _gathering(self, at: Interaction, about: Hit) -> tuple[list[Paths], Hit]:
-        """The gather rays of the point, and what is told of them."""
+    def _bouncing(self, at: Interaction, about: Hit) -> tuple[tuple[Ray, ...], Hit]:
+        """The rays along which light bounced to the point, and what is told of them."""
         stage, paths = self.stage, at.paths
-        found = gathering(stage, at, self._sample, self._places)
+        found = tuple(self._gathered(bouncing(stage, at, self._sample, self._places)))
         if stage.bounces == 0 or at.surface.primitive[0] >= stage.geometry.first_rod:
             return found, about
         _, k, share, number = bounce(stage, at, self._sample, self._places)
@@ -227,9 +189,8 @@ class Explainer:
         return found, replace(about, bounce=told)
 
     def _gathered(self, near: list[Paths]) -> Iterator[Ray]:
-        """What gather rays find."""
-        kind = "bounce" if self.stage.bounces else "gather"
-        return (self.follow(one, kind) for one in near)
+        """What rays of bounced light find."""
+        return (self.follow(one, "bounce") for one in near)
 
     def _is_unseen(self, at: Interaction) -> bool:
         kinds = ("holdout", "catcher") if at.paths.depth == 0 else ()
@@ -238,13 +199,12 @@ class Explainer:
     def _coming_out(self, below: Interaction) -> Iterator[Ray]:
         """Where light comes out again."""
         stage, start = self.stage, below.surface.x
-        rows = stage.subsurface_rows(self._sample, self._places)
-        found = coming_out(stage, below, stage.probes(self._sample, lambda index: None), rows)
+        row = stage.subsurface_row(self._sample)
+        found = coming_out(stage, below, stage.probes(self._sample, lambda index: None), row)
         for at in () if found is None else one_by_one(found):
             way = at.surface.x - start
             about = self._hit(at.surface, at.coefficients, length(way), at.paths, False)
-            near, about = self._gathering(at, about)
-            follow = tuple(self._gathered(near))
+            follow, about = self._bouncing(at, about)
             own = at.weight[:, 0] * np.array(about.light)
             color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
             place = (_numbers(start[:, 0] + stage.eye), _numbers(unit(way)[:, 0]))
@@ -299,28 +259,29 @@ class Explainer:
         left = catchers.light_left(ratio[:, None]) * catchers.opacity(coefficients)
         return left[:, 0] * self._background(paths)
 
-    def _caught(self, surface: Surface, coefficients: Coefficients, paths: Paths) -> Numbers | None:
-        stage = self.stage
-        if paths.depth > 0 or not stage.per_object("catcher", surface.row)[0]:
-            return None
-        if stage.per_object("holdout", surface.row)[0]:
-            return None
-        ratio = catchers.ratio(stage, surface, coefficients, paths.weight, self._sample)
-        return _numbers(ratio[:, 0])
+    def _caught(self, at: Interaction, about: Hit) -> tuple[Hit, tuple[Ray, ...]]:
+        """What is told of a shadow catcher, and the rays by which light bounces to it; what these
+        bring is in the ratio of its light.
+        """
+        stage, paths = self.stage, at.paths
+        lights = catchers.lights(stage, at.surface, at.coefficients, paths.weight, self._sample)
+        rays: list[Ray] = []
+        for caught, light in zip(("with all", "alone"), lights, strict=True):
+            mine = replace(at, paths=replace(paths, caught=caught))
+            for ray in self._gathered(bouncing(stage, mine, self._sample, self._places)):
+                light += np.array(ray.color)[:, None]
+                rays.append(ray.times((0.0, 0.0, 0.0)))
+        return replace(about, caught=_numbers(catchers.ratio(*lights)[:, 0])), tuple(rays)
 
-    def _next(self, at: Interaction, depth: Array, is_first: bool) -> Iterator[Ray]:
+    def _next(self, at: Interaction, depth: Array) -> Iterator[Ray]:
         paths = at.paths
         if paths.depth < self.stage.settings.max_bounces and not paths.gathers:
             for after in bounced(self.stage, at, self._sample):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 is_mirror = dot(d, at.surface.g)[0] > 0
                 yield self.follow(after, "mirror" if is_mirror else "refraction")
-            mixed = self._block.mixed if is_first else None
-            if mixed is None:
-                own = reflected(self.stage, at, self._sample)
-                mixed = [(found, np.ones(3)) for found in own]
-            for after, share in mixed:
-                yield self.follow(after, "reflection").times(_numbers(share))
+            for after in reflected(self.stage, at, self._sample):
+                yield self.follow(after, "reflection")
         straight = straight_on(at, depth, np.zeros(1, bool))
         if straight is not None:
             yield self.follow(straight, "transparent")
@@ -339,7 +300,6 @@ class Explainer:
         first = int(np.flatnonzero(stage.geometry.placements.block == block)[0])
         number = int(surface.material[0])
         materials = stage.scene.materials
-        by_paths = self._lighting(surface, paths).by_paths
         return Hit(
             thing=instances.name,
             place=int(row) - first,
@@ -360,14 +320,12 @@ class Explainer:
             ),
             holdout=instances.holdout and paths.depth == 0,
             hole=_numbers(coefficients.holdout[:, 0] * (paths.depth == 0)),
-            caught=self._caught(surface, coefficients, paths),
+            caught=None,
             moved=_numbers(motion_vectors(stage, surface)[:, 0])
             if paths.depth == 0 and stage.scene.neighbours is not None
             else None,
             shared=(stage.lighting.marks, stage.shared_samples),
-            shared_bounced=(0, 0) if by_paths else stage.shared_bounced,
             shared_media=stage.shared_media,
-            turns=self._block.turns if is_first else 1,
             resolved=self._resolved if is_first else 1,
             open=_numbers(openness(stage, surface, self._sample, lambda: None)[:, 0])
             if paths.depth == 0 and self._looks_round
@@ -385,8 +343,6 @@ class Explainer:
     ) -> Iterator[LightTerm]:
         lighting, weight = self._lighting(surface, paths), paths.weight
         for source in lighting.sources:
-            if lighting.by_paths and isinstance(source, BouncedSource):
-                continue
             margin, j = 0, 0
             hidden = source.hidden_counts if isinstance(source, Dome) else 1
             for j, (narrow, sample, diffuse) in enumerate(
@@ -483,11 +439,10 @@ class Explainer:
             all_ = fibres(surface, coefficients.fibres, seen, sample.direction, matt=False)
             specular = specular + all_[:, 0]
         even = lighting.even_gloss(source, surface, coefficients)[:, 0]
-        far = lighting.far_share(source, surface.x, sample)
         low = lowered(surface.lowering, dot(surface.n, sample.direction))
-        specular = specular + low * even * max(n_dot_l, 0.0) * far
+        specular = specular + low * even * max(n_dot_l, 0.0)
         matt = matt_lobes(surface, coefficients, seen, sample.direction)
-        diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) * far + matt[:, 0]
+        diffuse = coefficients.diffuse[:, 0] * max(n_dot_l, 0.0) + matt[:, 0]
         diffuse = low * share * diffuse
         diffuse, specular = source.on_lobes(diffuse, specular)
         shadow, blocker, distance = (
@@ -515,6 +470,12 @@ class Explainer:
 
     def _highlight(self, surface: Surface, sample: LightSample, term: Term) -> float:
         return float(highlight(term, slice(None), surface.n, surface.v, sample.direction)[0])
+
+
+def _finished(ray: Ray, own: Array, follow: tuple[Ray, ...]) -> Ray:
+    """With what it brings itself (3,), and what follows from it."""
+    color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
+    return replace(ray, own=_numbers(own), color=_numbers(color), follow=follow)
 
 
 def _numbers(values: Array) -> Numbers:

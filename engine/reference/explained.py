@@ -60,21 +60,18 @@ class Bounce:
 class Hit:
     """Where a ray meets a surface, world space.
 
-    thing: name of the object.  place: which row of its matrices.  primitive: which triangle,
-    sphere, polygon or segment of hair. barycentric: weights of a triangle's corners or of a
-    segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
-    normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
-    here.  hole: what HOLDOUT lobes take of the camera's ray.  caught: of a shadow catcher that the
-    camera sees, the share of its light that other
-    things leave to it; None elsewhere.  moved: (4,) pixels, as the pass Vector has them; None
-    where the scene has no neighbours.  shared: of how many shadow rays of a sample how many
-    samples of lamps have a share; zeros where each has its own.
-    shared_bounced, shared_media: the same of points of bounced light and of glowing media; zeros
-    without such.  turns: of how many pixels one asks for those of bounced light in a sample, for
-    all of them.  resolved: side of the blocks of pixels over which the picture averages what light
-    is met here, 1 where it does not.  open: the share of an even sky, as the pass Ambient Occlusion
-    has it of one sample; None where it is not asked for.  bounce: how light goes on from here along
-    the path; None where it does not bounce.
+    thing: name of the object. place: which row of its matrices. primitive: which triangle, sphere,
+    polygon or segment of hair. barycentric: weights of a triangle's corners or of a segment's ends,
+    zeros elsewhere. depth: ray parameter; of camera rays the depth along the view. normal: n,
+    turned to the viewer. ambient, emission: k_a I_a and k_e. holdout: nothing is seen here. hole:
+    what HOLDOUT lobes take of the camera's ray. caught: of a shadow catcher that the camera sees,
+    the share of its light that other things leave to it; None elsewhere. moved: (4,) pixels, as the
+    pass Vector has them; None where the scene has no neighbours. shared: of how many shadow rays of
+    a sample how many samples of lamps have a share; zeros where each has its own. shared_media: the
+    same of points of glowing media; zeros without such. resolved: side of the blocks of pixels over
+    which the picture averages what light is met here, 1 where it does not. open: the share of an
+    even sky, as the pass Ambient Occlusion has it of one sample; None where it is not asked for.
+    bounce: how light goes on from here along the path; None where it does not bounce.
     """
 
     thing: str
@@ -94,9 +91,7 @@ class Hit:
     caught: Numbers | None = None
     moved: Numbers | None = None
     shared: tuple[int, int] = (0, 0)
-    shared_bounced: tuple[int, int] = (0, 0)
     shared_media: tuple[int, int] = (0, 0)
-    turns: int = 1
     resolved: int = 1
     open: Numbers | None = None
     bounce: Bounce | None = None
@@ -116,7 +111,7 @@ class Ray:
     """A ray and those that follow from it.
 
     kind: camera, or lens for one through a point of the camera's, mirror, refraction, reflection
-    (by a rough surface), gather (for what throws light on near by), bounce (by which light bounces
+    (by a rough surface), bounce (by which light bounces
     along a path), subsurface (to where light that went below a surface comes out) or transparent
     (the same ray beyond a surface).  weight: T. origin, direction: world. hit: None for the
     surroundings, of which it sees `background`. passed: what media leave of it on its way, which

@@ -1,7 +1,6 @@
-"""Bounced light from near by: each sample of a point looks along rays for what throws light on it
-(final gathering), where the few points that stand for all of it would be spots, and blur the
-shadows of what they lie on (Kollig and Keller 2004, Illumination in the presence of weak
-singularities).
+"""Light that surfaces throw onto each other: from each point one ray goes on where what is matt
+there scatters light to; what it meets is lit and scatters the next (Kajiya 1986, The rendering
+equation).
 """
 
 from __future__ import annotations
@@ -12,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..scene import Strands
-from .blocks import Shares, shares_of
 from .bumps import bump_shadow
 from .coefficients import Coefficients
 from .gloss import even_gloss
-from .lobe_light import fibres, matt_lobes
+from .lights import LightSample
+from .lobe_light import fibres, matt_lobes, ways_through
 from .paths import Interaction, Paths, leaving, widened
 from .surface import Surface
-from .tabled_lights import far_share
 from .terminator import lowered
 from .vectors import basis_around, dot, pick
 
@@ -29,56 +27,37 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-def gathering(
-    stage: Stage, at: Interaction, sample: int, places: Array, shares: Shares | None = None
-) -> list[Paths]:
-    """Rays from the points that throw light back as what is matt does. places: (n,) of the tile's
-    pixels in their blocks.  shares: how pixels of a block share what the rays find; None where they
-    do not.
-    """
-    if stage.bounces:
-        return bouncing(stage, at, sample, places)
-    paths, hit, surface, coefficients = at.paths, at.hit, at.surface, at.coefficients
-    if not stage.gathers(paths):
-        return []
-    gloss = _gloss(stage, at)
-    past = {**_past(paths), "shared": shares is not None}
-    is_shared = np.zeros(len(hit), bool)
-    if shares is not None:
-        is_shared = shares.group[at.pixel] >= 0
-        weight = paths.weight.copy()
-        weight[:, hit[is_shared]] = 1.0
-        paths = replace(paths, weight=weight)
-    result = []
-    points = stage.gather_points(sample, places[at.pixel])
-    for point in points:
-        d = _direction(surface.n, point)
-        k = _thrown_back(surface, coefficients.diffuse, gloss, d)
-        k = np.where(is_shared, 1.0, k) / len(points)
-        go = np.flatnonzero(k.any(0) & (dot(d, surface.g) > 0))
-        some, given = surface.take(go), pick(k, go)
-        found = leaving(paths, hit[go], some, pick(d, go), given, 0.0)
-        rays = replace(found.rays, far=np.full(len(found), stage.reach))
-        result.append(replace(found, rays=rays, skyless=np.ones(len(found), bool), **past))
-    return [found for found in result if len(found)]
-
-
 def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[Paths]:
-    """The ray along which light goes on that what is matt throws back; strands have points of
-    bounced light. Of what bounced before, as much as the surface gives back (Russian roulette:
-    Arvo, Kirk 1990, Particle transport and image synthesis). places: as `gathering`.
+    """The rays along which light goes on that what is matt throws back, those of strands by
+    themselves. Of what bounced before, as much as the surface gives back (Russian roulette: Arvo,
+    Kirk 1990, Particle transport and image synthesis). places: (n,) of the tile's pixels, as
+    `Stage.places`.
     """
-    paths, hit = at.paths, at.hit
+    paths, hit, surface = at.paths, at.hit, at.surface
     if not stage.gathers(paths):
         return []
     d, k, share, least = bounce(stage, at, sample, places)
     after = np.abs(at.weight * k).max(0)
-    is_strand = at.surface.primitive >= stage.geometry.first_rod
-    go = np.flatnonzero((after > 0) & (dot(d, at.surface.g) > 0) & (least < share) & ~is_strand)
-    given = pick(k, go) / share[go]
-    found = leaving(paths, hit[go], at.surface.take(go), pick(d, go), given, 0.0)
-    found = replace(found, skyless=np.ones(len(found), bool), **_past(paths))
-    return [found] if len(found) else []
+    is_strand = surface.primitive >= stage.geometry.first_rod
+    side = np.where(dot(d, surface.n) < 0, -1.0, 1.0)
+    goes = (after > 0) & (side * dot(d, surface.g) > 0) & (is_strand | (least < share))
+    found = []
+    for of_strands in (False, True):
+        go = np.flatnonzero(goes & (is_strand == of_strands))
+        if not len(go) or (of_strands and paths.gathers):
+            continue
+        given = pick(k, go) if of_strands else pick(k, go) / share[go]
+        some, along = surface.take(go), pick(d, go)
+        gone = leaving(paths, hit[go], some, along, given, 0.0)
+        if of_strands:
+            sample_there = LightSample(along, np.ones(len(go)), None, np.zeros(len(go)))
+            through = ways_through(surface, at.coefficients.fibres, go, sample_there)
+            if through is not None:
+                rays = replace(gone.rays, origin=gone.rays.origin + through * along)
+                gone = replace(gone, rays=rays)
+        skyless = np.ones(len(gone), bool)
+        found.append(replace(gone, skyless=skyless, around=of_strands, **_past(paths)))
+    return found
 
 
 def bounce(
@@ -86,16 +65,13 @@ def bounce(
 ) -> tuple[Array, Array, Array, Array]:
     """Where light goes on, (3, n); what points throw back of what comes from there, (3, n); what
     share of the rays goes on, and the number that this share has to be above, (n,) each. places: as
-    `gathering`.
+    `bouncing`.
     """
     surface, coefficients = at.surface, at.coefficients
     *disc, least = stage.bounce_points(sample, at.paths.bounced, places[at.pixel])
-    d = _direction(surface.n, np.array(disc))
-    every, cosine = np.arange(len(surface)), dot(surface.n, d)
-    lobes = matt_lobes(surface, coefficients, every, d)
-    lobes = lobes + fibres(surface, coefficients.fibres, every, d, matt=False)
-    lobes = np.where(cosine > 0, lobes / np.maximum(cosine, 2.0**-20), 0.0)
-    k = _thrown_back(surface, coefficients.diffuse + lobes, _gloss(stage, at), d)
+    side = _sides(stage, surface, coefficients, least)
+    d, factor = _onward(surface.n, np.array(disc), side)
+    k = factor * _thrown_back(stage, at, d)
     share = np.ones(len(at.hit))
     if at.paths.bounced:
         before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
@@ -103,66 +79,77 @@ def bounce(
     return d, k, share, least
 
 
+def dimmed(stage: Stage, paths: Paths, depth: Array) -> Paths:
+    """Those of strands after what their like on the way take. depth: (n,) of what they meet."""
+    met = np.flatnonzero(np.isfinite(depth))
+    weight, shadows = paths.weight.copy(), stage.shadows.of_strands().met_by("diffuse")
+    weight[:, met] *= shadows.along(paths.rays.take(met), depth[met])
+    return replace(paths, weight=weight)
+
+
+def _sides(stage: Stage, surface: Surface, coefficients: Coefficients, number: Array) -> Array:
+    """(n,) 0, or of points on strands -1 where their ray goes to the back, else 1, times how many
+    sides it stands for: of strands that let light pass, half go to the back.
+    """
+    passes = np.zeros(len(surface), bool)
+    for term in coefficients.fibres:
+        if term.lobe.kind == "FIBRE_TRANSMISSION":
+            passes[term.index] = True
+    is_strand = surface.primitive >= stage.geometry.first_rod
+    return is_strand * np.where(passes, np.where(number < 0.5, 2.0, -2.0), 1.0)
+
+
 def _past(paths: Paths) -> dict[str, Any]:
-    """Of gather rays from what the paths meet."""
+    """Of rays from what the paths meet."""
     again = {"reflections": paths.reflections + 1, "bounced": paths.bounced + 1}
     return {**again, "gathers": True}
 
 
-def _thrown_back(surface: Surface, matt: Array, gloss: Array, d: Array) -> Array:
+def _thrown_back(stage: Stage, at: Interaction, d: Array) -> Array:
     """(3, n) what points throw back as what is matt does, of light along d (3, n)."""
-    hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
-    low = lowered(surface.lowering, dot(surface.n, d))
-    return np.where(hidden, 0.0, low * (share * matt + gloss))
-
-
-def _gloss(stage: Stage, at: Interaction) -> Array:
-    cosine = dot(at.surface.n, at.surface.v)
-    return even_gloss(cosine, at.coefficients.highlights, stage.settings.reflecting)
-
-
-def sharing(stage: Stage, at: Interaction, blocks: Array) -> Shares:
-    """How pixels of a tile share what bounced light camera rays' points get. blocks: (n,) of the
-    pixels.
-    """
     surface, coefficients = at.surface, at.coefficients
-    matt = coefficients.diffuse + _gloss(stage, at)
-    some = matt.any(0) & np.isfinite(matt).all(0) & ~surface.unbent.any(0)
-    some &= (dot(surface.n, surface.g) > 0) & (surface.lowering == 1)
-    given = np.where(some, at.weight * matt, 0.0)
-    apart = given.any(0) & stage.points_apart(surface)
-    return shares_of(surface, at.pixel, given, apart, blocks)
+    every, cosine = np.arange(len(surface)), dot(surface.n, d)
+    lobes = np.where(cosine > 0, matt_lobes(surface, coefficients, every, d), 0.0)
+    lobes = lobes + fibres(surface, coefficients.fibres, every, d, matt=False)
+    lobes = lobes / np.maximum(np.abs(cosine), 2.0**-20)
+    matt = np.where(cosine > 0, coefficients.diffuse, 0.0) + lobes
+    seen = dot(surface.n, surface.v)
+    gloss = even_gloss(seen, coefficients.highlights, stage.settings.reflecting)
+    gloss = np.where(cosine > 0, gloss, 0.0)
+    hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
+    return np.where(hidden, 0.0, lowered(surface.lowering, cosine) * (share * matt + gloss))
 
 
-def _direction(n: Array, point: Array) -> Array:
-    """(3, n) at points (2, n) of the unit disc below the directions round n (Malley's method)."""
+def _onward(n: Array, point: Array, side: Array) -> tuple[Array, Array]:
+    """(3, m) where rays go on, at points (2, m) of the unit disc: as densely as the cosine round n
+    (Malley's method); from strands, whose lobes know none, evenly over half of the sphere. And (m,)
+    the cosine's density over that. side: (m,) as `_sides`.
+    """
     x, y = point
     first, second = basis_around(n)
-    return np.sqrt(np.maximum(1 - x * x - y * y, 0.0)) * n + x * first + y * second
+    rest = np.maximum(1 - x * x - y * y, 0.0)
+    up = np.where(side != 0, np.sign(side) * rest, np.sqrt(rest))
+    across = np.where(side != 0, np.sqrt(1 + rest), 1.0)
+    factor = np.where(side != 0, 2 * np.abs(side) * rest, 1.0)
+    return up * n + across * (x * first + y * second), factor
 
 
 def _as_diffuse(stage: Stage, at: Interaction) -> Coefficients:
-    """What throws light on alike to all sides, as walks have it, and gives nothing of itself: as
-    much of it as the points of bounced light do not have. Strands throw no light on.
-    """
+    """What throws light on, and gives nothing of itself. Strands throw no light on."""
     surface, coefficients = at.surface, at.coefficients
     scene, block = stage.scene, stage.geometry.placements.block[surface.row]
     varnished = [any(lobe.kind == "AMBIENT" for lobe in m.lobes) for m in scene.materials]
     is_hair = [isinstance(scene.geometries[b.geometry], Strands) for b in scene.instances]
     gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights)
     gloss = np.where(np.array(varnished, bool)[surface.material], gloss, 0.0)
-    o, _ = at.paths.rays.lines(at.hit)
-    to = surface.x - o
-    far = 0.0 if stage.bounces else far_share(dot(to, to), stage.reach)
-    near = np.where(np.array(is_hair, bool)[block], 0.0, 1 - far)
-    none = np.zeros_like(coefficients.diffuse)
-    even = 0.0 if stage.bounces else coefficients.thrown_on(surface)
-    lobes = (*coefficients.sheens, *coefficients.fibres) if stage.bounces else ()
-    matt = [replace(term, k=pick(near * np.ones((3, 1)), term.index) * term.k) for term in lobes]
+    near = np.where(np.array(is_hair, bool)[block], 0.0, 1.0)
+    none, ones = np.zeros_like(coefficients.diffuse), np.ones((3, 1))
+    lobes = (*coefficients.sheens, *coefficients.fibres)
+    matt = [replace(term, k=pick(near * ones, term.index) * term.k) for term in lobes]
     return replace(
         coefficients,
         ambient=none,
-        diffuse=near * (coefficients.diffuse + even + gloss),
+        diffuse=near * (coefficients.diffuse + gloss),
         translucent=near * coefficients.translucent,
         emission=none,
         highlights=[],

@@ -11,8 +11,7 @@ import numpy as np
 
 from ..film import CATCHER, VOLUME
 from . import catchers
-from .blocks import Shares, Turns
-from .gathering import gathering, seen_lobes, sharing
+from .gathering import bouncing, dimmed, seen_lobes
 from .lighting import DirectLight
 from .lights import Source
 from .media import Spans
@@ -29,9 +28,9 @@ from .paths import (
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
-from .reflections import Mixing, reflected, reflected_in_blocks, shown
+from .reflections import reflected, shown
 from .resolve import SHARP
-from .scattering import scattered
+from .scattering import scattered, scattered_on
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .seen_passes import SeenPasses
@@ -39,23 +38,43 @@ from .stage import Stage
 from .subsurface import coming_out, entering
 from .surface import Surface, surface_at
 from .translucent import other_side
-from .vectors import dot, pick
+from .vectors import pick
 from .visibility import NOTHING, Hits
 
 Array = np.ndarray
 
-NEAR_SHARE = 0.5
-"""Of 1 - d² / R², from where gather rays bring light: pixels wait for more light samples."""
 AT_ONCE = 1 << 13
 """Rays whose scattered light is worked out together."""
 
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    names = ["reflections", "transmitted", "gathers", "bounced", "shared", "through_glass", "mixed"]
+    names = ["reflections", "transmitted", "gathers", "bounced", "through_glass", "in_medium"]
+    names += ["around", "caught"]
     pasts = [tuple(getattr(p, name) for name in names) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
+
+
+class Caught:
+    """What shadow catchers show to n pixels, (3, n) each: how much of the rays ends there, what is
+    behind, and the catchers' light with all things there and as if they were alone.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.seen, self.behind, self.with_all, self.alone = np.zeros((4, 3, count))
+
+    def meet(self, pixel: Array, seen: Array, behind: Array, with_all: Array, alone: Array) -> None:
+        """Rays of pixels (m,) meet catchers."""
+        self.behind[:, pixel] = behind
+        for total, values in ((self.seen, seen), (self.with_all, with_all), (self.alone, alone)):
+            total[:, pixel] += values
+
+    def bring(self, caught: str, pixel: Array, light: Array) -> None:
+        """Light (3, m) that bounced there; caught: of the paths."""
+        total = self.alone if caught == "alone" else self.with_all
+        for sums, values in zip(total, light, strict=True):
+            sums += np.bincount(pixel, values, len(sums))
 
 
 class Generations:
@@ -68,20 +87,14 @@ class Generations:
         sample: int,
         dealt: int,
         places: Array,
-        blocks: tuple[Array, Array],
     ) -> None:
-        """sample: of the pixels, which is `dealt` in the tables.  places: (pixels,) of each in its
-        block of `gather_points`.  blocks: (pixels,) which block each is in, where pixels share what
-        gather rays find, and (2, pixels) `gloss_blocks`.
+        """sample: of the pixels, which is `dealt` in the tables.  places: (pixels,) as
+        `Stage.places`.
         """
         self._stage, self._tile, self._sample, self._places = stage, tile, dealt, places
         self._number = sample
-        self._blocks: tuple[Array, Array] | None = blocks
-        self._shares: Shares | None = None
-        self._mixing: Mixing | None = None
-        self._gloss, self._shared = (
-            Tile(len(places), frozenset(), 0, len(stage.scene.light_groups)) for _ in range(2)
-        )
+        self._gloss = Tile(len(places), frozenset(), 0, len(stage.scene.light_groups))
+        self._caught = Caught(len(places)) if stage.catches else None
         self._thrown = np.zeros(len(places))
         self._seen = SeenPasses(stage, tile, dealt, self._queries)
         stage.media.moment.sample = dealt
@@ -99,17 +112,15 @@ class Generations:
                     here = self._follow(here, strips, deeper)
                     strips = None
             generation = list(_alike(deeper))
-        every = np.arange(len(self._places))
-        if self._mixing is not None:
-            self._gloss.take(self._shared, every, *self._mixing.shares())
+        self._show_caught()
         part = shown(self._tile, self._gloss, self._thrown, self._number)
-        self._tile.take(self._gloss, every, every, every, part)
+        self._tile.take(self._gloss, part)
 
     def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
         """A step of the paths; what rough surfaces reflect is kept apart."""
         if not paths.is_gloss:
             return self._step(paths, strips, deeper)
-        tile, self._tile = self._tile, self._shared if paths.mixed else self._gloss
+        tile, self._tile = self._tile, self._gloss
         passed = self._step(paths, strips, deeper)
         self._tile = tile
         return passed
@@ -118,15 +129,16 @@ class Generations:
         """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are
         returned.
         """
-        stage, blocks = self._stage, self._blocks
-        self._blocks = None  # only what camera rays meet first is shared
+        stage = self._stage
         stage.rays["gather" if paths.gathers else paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
-        hits = stage.visibility.closest(paths.rays, paths.visibility, strips)
+        hits = stage.closest(paths, strips)
         if stage.media:
-            paths = self._dim(paths, hits.depth)
+            paths = self._dim(paths, hits.depth, deeper)
         else:
             self._see_lights(paths, hits.depth)
+        if paths.around:
+            paths = dimmed(stage, paths, hits.depth)
         self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
         hit = np.flatnonzero(hits.primitive != NOTHING)
         if not len(hit):
@@ -139,26 +151,19 @@ class Generations:
                 self._seen.see(at)
             if stage.scene.aovs:
                 self._seen.give_aovs(at)
-            at = self._catch(at)
+            at = self._catch(at, deeper)
             self._seen.guide(at)
             self._tile.lose(at.pixel, at.weight * at.coefficients.holdout)
             self._seen.add_openness(at)
         at = seen_lobes(stage, at)
         at, below = entering(stage, at)
-        shares = None
-        if blocks is not None and stage.shares_gathers:
-            shares = self._shares = sharing(stage, at, blocks[0])
-        self._light(at, shares)
-        deeper += gathering(stage, at, self._sample, self._places, shares)
+        deeper += self._light(at)
         if below is not None and (out := self._coming_out(below)) is not None:
-            self._light(out)
-            deeper += gathering(stage, out, self._sample, self._places)
+            deeper += self._light(out)
         if at.coefficients.translucent.any():
-            behind = other_side(stage, at, hits.depth[at.hit])
-            self._light(behind)
-            deeper += gathering(stage, behind, self._sample, self._places)
+            deeper += self._light(other_side(stage, at, hits.depth[at.hit]))
         if paths.depth < stage.settings.max_bounces and not paths.gathers:
-            deeper += self._bounce(at, blocks[1] if blocks and stage.mixes_gloss else None)
+            deeper += self._bounce(at)
         return passed
 
     def _interaction(self, paths: Paths, hit: Array, hits: Hits) -> tuple[Interaction, Array]:
@@ -187,20 +192,12 @@ class Generations:
             self._seen.find_gaps(at, depth)
         return at, depth
 
-    def _bounce(self, at: Interaction, blocks: Array | None) -> list[Paths]:
-        """Rays of mirrors, glass and rough surfaces. blocks: as those of all pixels, where they mix
-        what wide lobes reflect.
-        """
+    def _bounce(self, at: Interaction) -> list[Paths]:
+        """Rays of mirrors, glass and rough surfaces."""
         stage = self._stage
         deeper = bounced(stage, at, self._sample)
         self._note_rough_glass(at)
-        if blocks is None:
-            reflections = reflected(stage, at, self._sample)
-        else:
-            reflections, mixing = reflected_in_blocks(stage, at, self._sample, blocks)
-            if mixing is not None:
-                self._thrown = np.where(mixing.group < 0, 0.0, np.abs(mixing.given).max(0))
-            self._mixing = mixing
+        reflections = reflected(stage, at, self._sample)
         for some in reflections:
             np.maximum.at(self._thrown, some.pixel, np.abs(some.weight).max(0))
             self._tile.soft_light[some.pixel] = True
@@ -215,8 +212,8 @@ class Generations:
             stage.rays["probe"] += len(index)
             self._tile.charge(pixel[index])
 
-        rows = stage.subsurface_rows(self._sample, self._places[pixel])
-        return coming_out(stage, below, stage.probes(self._sample, on_rays), rows)
+        row = stage.subsurface_row(self._sample)
+        return coming_out(stage, below, stage.probes(self._sample, on_rays), row)
 
     def _queries(self, pixel: Array, surface: Surface) -> SceneQueries | None:
         """How programs ask for rays at a surface's points, of these pixels."""
@@ -231,28 +228,40 @@ class Generations:
 
         return self._stage.queries(self._sample, on_rays)
 
-    def _catch(self, at: Interaction) -> Interaction:
-        """Adds what shadow catchers show; what is left are the other surfaces."""
+    def _catch(self, at: Interaction, deeper: list[Paths]) -> Interaction:
+        """Keeps the light of shadow catchers, and the rays to `deeper` by which more of it bounces
+        to them; what is left are the other surfaces.
+        """
         stage, paths, hit, surface = self._stage, at.paths, at.hit, at.surface
-        if not stage.catches:
+        if self._caught is None:
             return at
         is_caught = stage.per_object("catcher", surface.row)
         here = np.flatnonzero(is_caught)
         if not len(here):
             return at
         some, weight = surface.take(here), pick(at.weight, here)
-        queries = stage.queries(self._sample)
-        given = stage.shader.coefficients(some, paths.kind, queries)
+        given = stage.shader.coefficients(some, paths.kind, stage.queries(self._sample))
         on_reach, on_cut = self._listeners(at.pixel[here])
-        ratio = catchers.ratio(stage, some, given, weight, self._sample, on_reach, on_cut)
-        self._show_caught(paths, hit[here], weight * catchers.opacity(given), ratio)
+        lights = catchers.lights(stage, some, given, weight, self._sample, on_reach, on_cut)
+        behind = np.zeros((3, len(here)))
+        if CATCHER not in stage.settings.passes and not stage.scene.world.transparent:
+            behind = behind + stage.background_of(*paths.rays.lines(hit[here]), paths.kind)
+        seen = weight * catchers.opacity(given)
+        self._caught.meet(at.pixel[here], seen, behind, *lights)
+        for caught in ("with all", "alone"):
+            mine = Interaction(replace(paths, caught=caught), hit[here], some, given)
+            deeper += bouncing(stage, mine, self._sample, self._places)
         return self._of(at, np.flatnonzero(~is_caught))
 
-    def _show_caught(self, paths: Paths, hit: Array, seen: Array, ratio: Array) -> None:
+    def _show_caught(self) -> None:
         """The surroundings behind catchers, and over them their shadows; or nothing, where the
-        pass has these. seen: (3, m) what of the rays ends there.
+        pass has these.
         """
-        stage, pixel = self._stage, paths.pixel[hit]
+        stage, caught = self._stage, self._caught
+        if caught is None:
+            return
+        pixel = np.flatnonzero(caught.seen.any(0))
+        seen, ratio = caught.seen[:, pixel], catchers.ratio(caught.with_all, caught.alone)[:, pixel]
         if CATCHER in stage.settings.passes:
             self._tile.catch(pixel, seen * (1 - ratio))
             self._tile.lose(pixel, seen)
@@ -261,7 +270,7 @@ class Generations:
         if stage.scene.world.transparent:
             self._tile.lose(pixel, shown)
             return
-        behind = shown * stage.background_of(*paths.rays.lines(hit), paths.kind)
+        behind = shown * caught.behind[:, pixel]
         self._tile.add("Environment", pixel, behind)
         self._tile.add_to_groups(stage.scene.world.light_group, pixel, behind)
 
@@ -271,8 +280,10 @@ class Generations:
             if term.lobe.is_rough_glass:
                 self._tile.cut[at.pixel[term.index]] = True
 
-    def _dim(self, paths: Paths, depth: Array) -> Paths:
-        """The paths with what media let through of them, once lights before these are seen."""
+    def _dim(self, paths: Paths, depth: Array, deeper: list[Paths]) -> Paths:
+        """The paths with what media let through of them, once lights before these are seen; rays
+        that bring bounced light to media go to `deeper`.
+        """
         media = self._stage.media
         spans = media.spans(paths.rays, paths.visibility, depth)
         self._see_lights(paths, depth, spans)
@@ -283,12 +294,12 @@ class Generations:
                 part = media.of_group(group).pieces(spans, paths.rays.near, depth).glow()
                 self._tile.add_to_groups(group, paths.pixel, paths.weight * part)
         if not paths.gathers:
-            self._scatter(paths, spans, depth)
+            self._scatter(paths, spans, depth, deeper)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
 
-    def _scatter(self, paths: Paths, spans: Spans, depth: Array) -> None:
-        """What media along the rays scatter of the lights."""
+    def _scatter(self, paths: Paths, spans: Spans, depth: Array, deeper: list[Paths]) -> None:
+        """What media along the rays scatter of the lights, and of what bounced."""
         stage, tile = self._stage, self._tile
         scattering = stage.media.scattering_rays(spans, paths.rays.near, depth)
         tile.soft_light[paths.pixel[scattering]] = tile.cut[paths.pixel[scattering]] = True
@@ -305,8 +316,10 @@ class Generations:
                     light = light + dark
                 tile.add_to_groups(found.group, here, light)
                 if stage.splits and paths.depth == 0:
-                    is_bounced = found.source.light.kind == "BOUNCED"
-                    tile.add(VOLUME[is_bounced], here, light)
+                    tile.add(VOLUME[0], here, light)
+        gone = scattered_on(stage, paths, spans, depth, self._sample, self._places[paths.pixel])
+        if gone is not None:
+            deeper.append(gone)
 
     def _see_lights(self, paths: Paths, depth: Array, spans: Spans | None = None) -> None:
         """spans: of the media between, or None."""
@@ -353,14 +366,27 @@ class Generations:
         coefficients = self._stage.shader.coefficients(surface, at.paths.kind, queries)
         return Interaction(at.paths, at.hit[places], surface, coefficients)
 
-    def _light(self, at: Interaction, shares: Shares | None = None) -> None:
-        """shares: how pixels share bounced light."""
-        if at.paths.shared:
-            self._share(at)
+    def _light(self, at: Interaction) -> list[Paths]:
+        """Adds the light there; the rays along which more of it bounces to there."""
+        if at.paths.caught:
+            self._light_caught(at)
         else:
-            self._shade(at, shares.turns(at.pixel, self._sample) if shares else None)
+            self._shade(at)
+        found = bouncing(self._stage, at, self._sample, self._places)
+        for paths in found:
+            self._tile.soft_light[paths.pixel] = True
+        return found
 
-    def _shade(self, at: Interaction, turns: Turns | None = None) -> None:
+    def _light_caught(self, at: Interaction) -> None:
+        """The same to the light of catchers."""
+        assert self._caught is not None
+        light = self._stage.lighting_of(at.paths).direct(
+            at.surface, at.coefficients, at.weight, self._sample, *self._listeners(at.pixel)
+        )
+        found = at.weight * (light.diffuse + light.specular + light.shadow)
+        self._caught.bring(at.paths.caught, at.pixel, found)
+
+    def _shade(self, at: Interaction) -> None:
         """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each
         part by itself.
         """
@@ -376,19 +402,10 @@ class Generations:
         if not (paths.reflections and self._stage.is_lit_by_meshes):
             group = stage.per_object("light_group", surface.row)
             add("Emission", coefficients.emission, group)
-        if stage.shared_bounced[0] and not stage.bounces:
-            # the few points of the first samples may miss what is matt
-            matt = pixel[coefficients.diffuse.any(0)]
-            self._tile.soft_light[matt] = self._tile.bounced[matt] = True
         on_reach, on_cut = self._listeners(pixel)
         light = self._stage.lighting_of(paths).direct(
-            surface, coefficients, weight, self._sample, on_reach, on_cut, turns
+            surface, coefficients, weight, self._sample, on_reach, on_cut
         )
-        if paths.gathers:
-            to = surface.x - paths.rays.lines(at.hit)[0]
-            far = 0.0 if stage.bounces else dot(to, to) / stage.reach**2
-            is_near = (1 - far >= NEAR_SHARE) & np.ones(len(surface), bool)
-            self._tile.near[pixel[is_near & coefficients.diffuse.any(0)]] = True
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)
@@ -397,18 +414,6 @@ class Generations:
             self._tile.add_to_groups(number, pixel, given)
         if stage.splits and paths.depth == 0:
             self._split(at, light)
-
-    def _share(self, at: Interaction) -> None:
-        """The same for all pixels that get a share of it."""
-        tile, hit = self._tile, at.hit
-        number = np.zeros(len(at.paths), np.intp)
-        number[hit] = np.arange(len(hit))
-        self._tile = Tile(len(hit), frozenset(), 0, len(self._stage.scene.light_groups))
-        self._shade(replace(at, paths=replace(at.paths, pixel=number)))
-        found, self._tile = self._tile, tile
-        assert self._shares is not None
-        ray, receiver, share = self._shares.given(at.pixel, at.surface.x, at.surface.g)
-        tile.take(found, at.pixel, ray, receiver, share)
 
     def _add(
         self, paths: Paths, part: str, pixel: Array, values: Array, group: Array | int = -1
@@ -420,7 +425,7 @@ class Generations:
         self._tile.add_to_groups(group, pixel, values)
         if self._stage.splits and paths.depth > 0:
             if paths.gathers and paths.depth == paths.bounced:
-                self._tile.add("Diffuse Indirect", pixel, values)
+                self._tile.add(VOLUME[1] if paths.in_medium else "Diffuse Indirect", pixel, values)
                 return
             is_direct = paths.depth == 1 and part in ("Emission", "Environment")
             surface = "Transmission" if paths.transmitted else "Glossy"
@@ -436,10 +441,8 @@ class Generations:
         ambient = self._stage.even_light(at.surface, coefficients)
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
-            "Diffuse Indirect": light.lit_bounced,
             "Diffuse Color": coefficients.matt() + (0.0 if below is None else below),
             "Glossy Direct": light.lit_specular,
-            "Glossy Indirect": light.lit_glossy_bounced,
             "Glossy Color": coefficients.glossy() + mirrored,
             "Transmission Color": refracted,
             SHARP["Glossy Color"]: mirrored,
@@ -460,8 +463,6 @@ class Generations:
                 self._tile.charge(pixel[seen])
             if is_soft:
                 self._tile.soft_light[pixel[seen]] = True
-            if source.light.kind == "BOUNCED":
-                self._tile.bounced[pixel[seen]] = True
 
         def on_cut(seen: Array) -> None:
             self._tile.cut[pixel[seen]] = True

@@ -155,7 +155,8 @@ def gather(scene: Scene, eye: Array) -> Geometry:
         lower,
         upper,
         float(reach),
-        {kind: _visible(scene, ordered, kind) for kind in KINDS},
+        {kind: _visible(scene, ordered, kind) for kind in KINDS}
+        | {"solid": _solid(scene, ordered)},
         any(block.visible_mirror != block.visible_shadow for block in scene.instances),
         any(block.visible_mirror != block.visible_diffuse for block in scene.instances),
         any(block.visible_mirror != block.visible_transmission for block in scene.instances),
@@ -396,8 +397,22 @@ def _shape_bounds(
     return np.concatenate(lower, 1), np.concatenate(upper, 1)
 
 
+def _solid(scene: Scene, ordered: list[_Drawn]) -> Array | None:
+    """What diffuse rays see that is no strand."""
+    flags = [
+        d.instances.visible_diffuse
+        and not isinstance(scene.geometries[d.instances.geometry], Strands)
+        for d in ordered
+    ]
+    return _of_all(flags, ordered)
+
+
 def _visible(scene: Scene, ordered: list[_Drawn], kind: str) -> Array | None:
-    flags = [getattr(d.instances, "visible_" + kind) for d in ordered]
+    return _of_all([getattr(d.instances, "visible_" + kind) for d in ordered], ordered)
+
+
+def _of_all(flags: list[bool], ordered: list[_Drawn]) -> Array | None:
+    """(p,) bool of the primitives, None for all."""
     return (
         None if all(flags) else np.repeat(np.array(flags, bool), [len(d.number) for d in ordered])
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from .blocks import Turns
 from .vectors import add_at
 
 Array = np.ndarray
@@ -44,11 +43,6 @@ class SharedGroups:
         if len(self._given):
             add_at(self._asked[self._of(group)], at, asked)
             add_at(self._passed[self._of(group)], at, passed)
-
-    def asked_by_all(self, turns: Turns) -> None:
-        """What points that share rays have asked together."""
-        for sums in (*self._asked, *self._passed):
-            sums[:] = turns.of_all(sums)
 
     def shared_out(self, all_: Array, open_: Array) -> Array:
         """(3 g, n) what each group gives: by what of it got through, and of what is left between

@@ -13,7 +13,6 @@ import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
-from .blocks import Turns
 from .bumps import bump_shadow
 from .cancellation import Cancellation
 from .coefficients import Coefficients
@@ -26,21 +25,17 @@ from .lobe_light import fibres, highlights, is_apart, is_toon, matt_lobes, ways_
 from .shadows import Shadows
 from .shared_lamps import Given, Sharing, share_shadows
 from .surface import Surface
-from .tabled_lights import FEW_PARTS, BouncedSource, Dome, MeshSource, far_share
+from .tabled_lights import FEW_PARTS, Dome, MeshSource
 from .terminator import lowered, mean_lowered
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
 
-ASK_FEW = BouncedSource, MediumSource
-"""Of whose points some are asked for their shadows, for all."""
-
 
 @dataclass(frozen=True, eq=False)
 class DirectLight:
     """(3, n) each: light before shadows, and what blockers take away. lit_*: what is left of light
-    from where it is made, and of what surfaces throw on (lit_bounced by matt ones).
-    groups: (3 g, n) what is left of that of light groups.
+    from where it is made. groups: (3 g, n) what is left of that of light groups.
     """
 
     diffuse: Array
@@ -48,16 +43,13 @@ class DirectLight:
     shadow: Array
     lit_diffuse: Array
     lit_specular: Array
-    lit_bounced: Array
-    lit_glossy_bounced: Array
     groups: Array
 
 
 @dataclass(frozen=True, eq=False)
 class _Receivers:
     """n points that get light in one sample of their pixels. weight: (3, n) T of the rays that see
-    them.  given: (n,) bool, those that light is for.  turns: how they share shadow rays to points
-    of bounced light; None where they do not.
+    them.  given: (n,) bool, those that light is for.
     """
 
     surface: Surface
@@ -65,23 +57,19 @@ class _Receivers:
     weight: Array
     sample: int
     given: Array
-    turns: Turns | None
 
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
-    of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
+    of a pixel. sets: (r,) `Instances.light_set` of each row of the placements. marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
-    bounced_marks, medium_marks: how many the points of bounced light, and of media, share.
-    reflecting: what reflected rays show of gloss, which shows their light evenly but for that.
-    catchers_alone: lights are as if shadow catchers were the only things there. light_groups: how
-    many light is told apart by.  reach: how far gather rays look for what bounced light has the
-    rest of; 0 where there are none.  gathered: these are surfaces that they found.  first_rod: the
-    first primitive that is of strands.  faint: weights of points below this take few samples.
-    dealt: pixels of a block deal the samples among themselves, so that each sees few of the sky.
-    by_paths: paths find what the points of bounced light bring, but to strands. each_once: of its
-    samples each light takes one, another in each sample of a pixel.
+    medium_marks: how many the points of media share. reflecting: what reflected rays show of gloss,
+    which shows their light evenly but for that. catchers_alone: lights are as if shadow catchers
+    were the only things there. light_groups: how many light is told apart by. first_rod: the first
+    primitive that is of strands. faint: weights of points below this take few samples. dealt:
+    pixels of a block deal the samples among themselves, so that each sees few of the sky.
+    each_once: of its samples each light takes one, another in each sample of a pixel.
     """
 
     sources: tuple[Source, ...]
@@ -91,17 +79,13 @@ class Lighting:
     cancellation: Cancellation
     sets: Array
     marks: int = 0
-    bounced_marks: int = 1
     medium_marks: int = 1
     catchers_alone: bool = False
     light_groups: int = 0
     reflecting: str = "OFF"
-    reach: float = 0.0
-    gathered: bool = False
     first_rod: int = 0
     faint: float = 0.0
     dealt: bool = False
-    by_paths: bool = False
     each_once: bool = False
 
     @cached_property
@@ -110,21 +94,15 @@ class Lighting:
         tabled = (Dome, MeshSource)
         parts = [s.in_parts(FEW_PARTS) if isinstance(s, tabled) else s for s in self.sources]
 
-        def marks(kind: type[MeshSource], of_all: int) -> int:
-            divisors = (s.parts for s in parts if isinstance(s, kind))
-            return max(of_all // max(divisors, default=1), 1)
-
-        bounced, media = (
-            marks(BouncedSource, self.bounced_marks),
-            marks(MediumSource, self.medium_marks),
-        )
-        return replace(self, sources=tuple(parts), bounced_marks=bounced, medium_marks=media)
+        divisors = (s.parts for s in parts if isinstance(s, MediumSource))
+        media = max(self.medium_marks // max(divisors, default=1), 1)
+        return replace(self, sources=tuple(parts), medium_marks=media)
 
     @cached_property
     def of_strands(self) -> Lighting:
         """As strands see it."""
         few = self.of_few_samples
-        return replace(few, shadows=self.shadows.of_strands(), by_paths=False)
+        return replace(few, shadows=self.shadows.of_strands())
 
     def kinds(self, surface: Surface, weight: Array) -> Iterator[tuple[Lighting, Array]]:
         """What lights points of a kind, and (n,) bool which points these are. weight: (3, n) T."""
@@ -139,12 +117,9 @@ class Lighting:
 
     @cached_property
     def scattered_sources(self) -> tuple[Source, ...]:
-        """Those that light media: each point has a ray of its own there, so those of which few are
-        asked elsewhere have fewer.
-        """
-        marks = {BouncedSource: self.bounced_marks, MediumSource: self.medium_marks}
+        """Those that light media: each point has a ray of its own there, so few of MEDIUM ones."""
         lit = (source for source in self.sources if source.light.lights_media)
-        return tuple(s.fewer(marks[type(s)]) if isinstance(s, ASK_FEW) else s for s in lit)
+        return tuple(s.fewer(self.medium_marks) if isinstance(s, MediumSource) else s for s in lit)
 
     def lights(self, source: Source, surface: Surface) -> Array:
         """(n,) bool: points of instances that a light is for."""
@@ -162,11 +137,7 @@ class Lighting:
         """As if the rows (r,) bool of the placements were the only things there; none of them
         glows.
         """
-        sources = tuple(
-            source
-            for source in self.sources
-            if not isinstance(source, MeshSource) or isinstance(source, BouncedSource)
-        )
+        sources = tuple(source for source in self.sources if not isinstance(source, MeshSource))
         shadows = self.shadows.cast_by(caught)
         return replace(self, sources=sources, shadows=shadows, catchers_alone=True)
 
@@ -182,22 +153,20 @@ class Lighting:
         sample: int,
         on_reach: Callable[[Source, Array, bool], None],
         on_cut: Callable[[Array], None],
-        turns: Turns | None = None,
     ) -> DirectLight:
         """What all lights add at the points of `surface` in sample `sample` of their pixels.
         weight: (3, n) T of the rays that see them. on_reach: told which points each sample of a
         light reaches, or which ask for its shadow, and whether its pixels take more samples before
         they may stop.  on_cut: told the points whose horizon cuts a light of more than one sample.
-        turns: as `_Receivers` has them.
         """
-        rows = (3,) * 7 + (3 * self.light_groups,)
+        rows = (3,) * 5 + (3 * self.light_groups,)
         total = DirectLight(*(np.zeros((count, len(surface))) for count in rows))
         given = coefficients.diffuse.any(0)
         for term in (*coefficients.highlights, *coefficients.sheens, *coefficients.fibres):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for lighting, points in self.kinds(surface, weight):
             if (given & points).any():
-                at = _Receivers(surface, coefficients, weight, sample, given & points, turns)
+                at = _Receivers(surface, coefficients, weight, sample, given & points)
                 lighting._light(at, on_reach, on_cut, total)
         return total
 
@@ -252,17 +221,13 @@ class Lighting:
             yield brought, light_sample, is_drawn
 
     def _shares(self, source: Source) -> bool:
-        return isinstance(source, ASK_FEW) or (self.marks > 0 and may_share(source.light))
+        return isinstance(source, MediumSource) or (self.marks > 0 and may_share(source.light))
 
     def _groups(self, at: _Receivers, total: DirectLight) -> Iterator[Sharing]:
-        """Lamps that share shadow rays, and bounced light, the points of which do."""
+        """Lamps that share shadow rays, and media that glow, the points of which do."""
         if self.marks:
             lit = total.lit_diffuse, total.lit_specular
             yield Sharing(lambda: self._lamps(at), self.marks, *lit)
-        bounced = [(x, None) for x in self.sources if isinstance(x, BouncedSource)]
-        if bounced and not self.by_paths:
-            lit = total.lit_bounced, total.lit_glossy_bounced
-            yield Sharing(lambda: bounced, self.bounced_marks, *lit, at.turns)
         media = [(x, None) for x in self.sources if isinstance(x, MediumSource)]
         if media:
             lit = total.lit_diffuse, total.lit_specular
@@ -295,7 +260,6 @@ class Lighting:
             at.sample,
             lambda points: on_reach(current[0], points, True),
             self.light_groups,
-            group.turns,
         )
         for sums, light in (
             (total.diffuse, diffuse),
@@ -372,21 +336,10 @@ class Lighting:
         glossy = source.has_highlights and source.light.lights_gloss
         terms = coefficients.highlights if glossy else []
         narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ(source))
-        numbers = [
-            number
-            for number in source.surface_numbers(sample, n)
-            if not isinstance(source, BouncedSource)
-            or (
-                not (self.catchers_alone and not source.is_caught(number))
-                and not (self.gathered and source.is_last(number))
-            )
-        ]
+        numbers = source.surface_numbers(sample, n)
         seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
         once = self.each_once and not self._shares(source)
         numbers = numbers[sample % n :: n] if once else numbers
-        if isinstance(source, BouncedSource):
-            through = coefficients.lets_through() if coefficients.fibres else None
-            seen = source.discs_from(surface, through)
         for number in numbers:
             point = points[number]
             given = seen(point)
@@ -429,18 +382,9 @@ class Lighting:
 
     def even_gloss(self, source: Source, surface: Surface, coefficients: Coefficients) -> Array:
         """(3, n) what gloss gives back of a light as if it were matt."""
-        if not isinstance(source, ASK_FEW):
+        if not isinstance(source, MediumSource):
             return np.zeros((3, len(surface)))
         return even_gloss(dot(surface.n, surface.v), coefficients.highlights, self.reflecting)
-
-    def far_share(self, source: Source, x: Array, sample: LightSample) -> Array | float:
-        """(k,) what of a sample of bounced light the points x (3, k) get from it, and not from
-        what gather rays find.
-        """
-        if not (isinstance(source, BouncedSource) and self.reach > 0):
-            return 1.0
-        to = sample.end - x
-        return far_share(dot(to, to), self.reach)
 
     def _given(
         self,
@@ -473,8 +417,7 @@ class Lighting:
         light = chosen.light_of(source)
         terms = coefficients.highlights if glossy else []
         front = cosine[seen] > 0
-        far = self.far_share(source, pick(surface.x, seen), chosen)
-        diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0) * far
+        diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0)
         if not is_drawn:
             diffuse = diffuse + matt_lobes(surface, coefficients, seen, chosen.direction) * light
             diffuse = low[seen] * matt[seen] * diffuse
@@ -485,7 +428,7 @@ class Lighting:
         )
         gloss = pick(self.even_gloss(source, surface, coefficients), seen)
         gloss = low[seen] * gloss
-        specular = specular + gloss * light * np.where(front, cosine[seen], 0.0) * far
+        specular = specular + gloss * light * np.where(front, cosine[seen], 0.0)
         if not is_drawn and coefficients.fibres:
             shine = fibres(surface, coefficients.fibres, seen, chosen.direction, matt=False)
             specular = specular + shine * light

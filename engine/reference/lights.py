@@ -22,8 +22,6 @@ Array = np.ndarray
 
 HUGE = 1e100
 """Intensities saturate here, far beyond any float32, so that products stay finite."""
-CUT_OFF = 4 - 32 / (3 * np.pi)
-"""16 times by how much (1 + c)² / 4 is more than the exact 2 / 3π at c = 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +45,9 @@ class LightSample:
     light of no extent.  color: (3, 1) or (3, n) instead of the light's, None for that.  inner:
     (n,) bool where it is the inner side of a surface; such light does not reach faces that turn
     away from it, as the outside of the same body. None for nowhere.  short: by how much of the
-    end's coordinates the segments are shorter, for what the light is part of.  round: (n,) of what
-    the horizon may cut in part, sin² of the half angle of a ball that gives as much light.  group:
-    (1,) or (n,) light groups instead of the light's, None for that.  counts: whether it tells how
-    much of a sky is hidden.  behind: (n,) bool, points that it does not light from before, whatever
-    its direction says, None for none.  leaves: whether points may lie on what segments leave on the
+    end's coordinates the segments are shorter, for what the light is part of.  group: (1,) or (n,)
+    light groups instead of the light's, None for that.  counts: whether it tells how much of a sky
+    is hidden.  leaves: whether points may lie on what segments leave on the
     other side, so that these begin there and not at the light.  met_by: whose visibility rays of
     surfaces obey; of those drawn from lobes that of mirrors.
     """
@@ -63,10 +59,8 @@ class LightSample:
     color: Array | None = None
     inner: Array | None = None
     short: float = ULPS
-    round: Array | None = None
     group: Array | None = None
     counts: bool = True
-    behind: Array | None = None
     leaves: bool = False
     met_by: str = "shadow"
 
@@ -75,22 +69,15 @@ class LightSample:
         return self.met_by == "mirror"
 
     def cosine(self, n: Array) -> Array:
-        """(k,) n·l of points with the normals n (3, k), or what stands for it: how much of this
-        light they get, over what they would get from straight above.
-        """
-        cosine = dot(n, self.direction)
-        if self.round is not None:
-            cosine = above_horizon(cosine, self.round)
-        return (
-            cosine if self.behind is None else np.where(self.behind, np.minimum(cosine, 0), cosine)
-        )
+        """(k,) n·l of points with the normals n (3, k)."""
+        return dot(n, self.direction)
 
     def reaches(self, g: Array, n: Array, through: Array | bool = False) -> Array:
         """(k,) bool: points with the normals g, n (3, k), whatever stands between. through: (k,)
         bool, those that light from behind reaches too.
         """
         cosine = self.cosine(n)
-        behind = through & (dot(n, self.direction) < 0) if through is not False else False
+        behind = through & (cosine < 0) if through is not False else False
         reached = ((cosine > 0) | behind) & (self.intensity != 0)
         return (
             reached
@@ -112,8 +99,6 @@ class LightSample:
             spread=self.spread[index],
             color=some(self.color),
             inner=None if self.inner is None else self.inner[index],
-            round=None if self.round is None else self.round[index],
-            behind=None if self.behind is None else self.behind[index],
             group=some(self.group),
         )
 
@@ -125,20 +110,6 @@ class LightSample:
     def group_of(self, source: Source) -> Array | int:
         """(1,), (n,) or one number: light groups, -1 for none."""
         return source.light.light_group if self.group is None else self.group
-
-
-def above_horizon(cosine: Array, sine2: Array) -> Array:
-    """(k,) the mean cosine to a ball of which the horizon cuts a part off: exact where it cuts
-    nothing and for one that fills half of the view, within 0.03 between. cosine: to its middle.
-    sine2: of its half angle.
-    """
-    sine = np.sqrt(sine2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        part = np.maximum(0.5 + 0.5 * (cosine / sine), 0.0)
-    rest = 1 - part
-    small = part * part * (1 - CUT_OFF * rest * rest)
-    wide = 1 - np.sqrt(np.maximum(1 - sine2 * sine2, 0.0))
-    return np.where(cosine >= sine, cosine, sine * (small + wide * (part - small)))
 
 
 class Source:

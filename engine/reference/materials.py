@@ -165,6 +165,11 @@ def most_passed(material: Material, to_fibres: bool = False) -> float:
     return float(total.max()) if is_fibre and total.max() < 1 else 1.0
 
 
+def _lifts(material: Material) -> bool:
+    """Whether normals are lifted where its microfacets have them."""
+    return material.program is not None and material.bump_shadowing in ("CHIANG", "GGX")
+
+
 class Shader:
     """Evaluates the materials of a scene."""
 
@@ -205,7 +210,8 @@ class Shader:
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
             if lobe.exponent > 0 and lobe.kind in _SEEN:
-                seen = dot(pick(surface.n, index), pick(surface.v, index))
+                n = self._lifted(surface, index, pick(surface.n, index))
+                seen = dot(n, pick(surface.v, index))
                 exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
                 k = k * (1 - np.clip(seen, 0.0, 1.0)) ** exponent
             if lobe.kind.startswith("FIBRE"):
@@ -246,14 +252,20 @@ class Shader:
         n, bump = surface.n.copy(), surface.bump.copy()
         for material, index in self._by_material(surface):
             index = index[surface.primitive[index] < self._first_rod]
-            is_lifted = material.program and material.bump_shadowing in ("CHIANG", "GGX")
-            if not (is_lifted and len(index)):
+            if not (_lifts(material) and len(index)):
                 continue
-            m, g, v = (pick(x, index) for x in (surface.unbent, surface.g, surface.v))
-            n[:, index] = lifted(pick(n, index), g, v)
+            m = pick(surface.unbent, index)
+            n[:, index] = self._lifted(surface, index, pick(n, index))
             bent = np.where(m.any(0), bump_of(material.bump_shadowing, dot(m, n[:, index])), 0.0)
             bump[index] = bent
         return n, bump
+
+    def _lifted(self, surface: Surface, index: Array, n: Array) -> Array:
+        """(3, m) normals n of points of one material as microfacets have them."""
+        if not len(index) or not _lifts(self._materials[surface.material[index[0]]]):
+            return n
+        strands = surface.primitive[index] >= self._first_rod
+        return np.where(strands, n, lifted(n, pick(surface.g, index), pick(surface.v, index)))
 
     def _turned(
         self, lobe: Lobe, surface: Surface, index: Array, k: Array, outputs: list[Array]
@@ -270,9 +282,7 @@ class Shader:
         n = _normal(outputs, lobe.normal_output, n)
         if not is_micro:
             return n, k
-        if material.bump_shadowing in ("CHIANG", "GGX"):
-            strands = surface.primitive[index] >= self._first_rod
-            n = np.where(strands, n, lifted(n, pick(surface.g, index), v))
+        n = self._lifted(surface, index, n)
         return n, np.where(dot(n, v) > 0, np.broadcast_to(k, n.shape), 0.0)
 
     def aovs(

@@ -310,15 +310,15 @@ class Media:
         return np.where(np.isinf(far), last + dark / least / spans.speed, far)
 
     def scattering(
-        self, spans: Spans, t: Array, to_light: Array, along: Array, source: Source
+        self, spans: Spans, t: Array, to_light: Array, along: Array, source: Source | None
     ) -> Array:
         """(3, n) how much light from the unit directions to_light (3, n) is scattered at t of each
-        ray, against its unit direction, a world unit and steradian.
+        ray, against its unit direction, a world unit and steradian. source: None for no light.
         """
         at = t[spans.ray]
         here = (spans.start < at) | ((spans.start == at) & (spans.start == spans.whole[0]))
         here &= at <= spans.end
-        if source.light.receivers != EVERYTHING:
+        if source is not None and source.light.receivers != EVERYTHING:
             reached = self._lit_rows(source.light.receivers)
             here &= (spans.row < 0) | reached[spans.row]
         ray, matter = spans.ray[here], spans.matter.take(np.flatnonzero(here))

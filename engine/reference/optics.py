@@ -119,8 +119,6 @@ def oren_nayar(n: Array, v: Array, l: Array) -> Array:  # noqa: E741
 
 NEVER_LOST = 0.5 - 2 / (3 * np.pi)
 """What A leaves of 1, over B: as much at normal incidence is lost to facets."""
-MEAN_LOST = NEVER_LOST - (2 * np.pi - 5.6) / (3 * np.pi)
-"""The mean of `lost_once` over even light."""
 
 
 def lost_once(cosine: Array) -> Array:

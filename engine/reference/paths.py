@@ -41,10 +41,11 @@ class Paths:
     many of their bounces were refractions, refracted: (n,) bool, the last one was. transmitted: the
     first surface that they left refracted them, where passes ask for that. through_glass: they obey
     `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
-    they look for surfaces that throw light on. bounced: how often such rays did so far, with these.
-    shared: what they find goes to the pixels
-    that `gathering.Shares` has for theirs. mixed: so does what they bring, as `reflections.Mixing`
-    has it. comes_out: they end where light comes out that went below other points.
+    what is matt scattered them last: they look for surfaces that throw light on. bounced: how often
+    it did so far. in_medium: a medium did so first. around: it was on a strand, whose like only dim
+    them. caught: they bring light to a catcher of shadows, "with all" things there or "alone", as
+    if catchers were the only ones. comes_out: they end where light comes out that went below other
+    points.
     """
 
     rays: Rays
@@ -60,9 +61,10 @@ class Paths:
     transmitted: bool = False
     gathers: bool = False
     bounced: int = 0
-    shared: bool = False
     through_glass: bool = False
-    mixed: bool = False
+    in_medium: bool = False
+    around: bool = False
+    caught: str = ""
     comes_out: bool = False
 
     def __len__(self) -> int:
@@ -77,7 +79,7 @@ class Paths:
     def visibility(self) -> str:
         """Which flag of an object they obey."""
         if self.gathers:
-            return "diffuse"
+            return "solid" if self.around else "diffuse"
         return "transmission" if self.through_glass else self.kind
 
     @property
@@ -342,7 +344,8 @@ def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cuto
         paths.reflections,
         transmitted=paths.transmitted,
         bounced=paths.bounced,
-        mixed=paths.mixed,
+        in_medium=paths.in_medium,
+        caught=paths.caught,
     )
 
 

@@ -34,23 +34,22 @@ LARGEST = float(np.finfo(np.float32).max)
 
 class Tile:
     """One sample of n pixels. parts: (3, n) per part that anything was added to. lost: (n,) alpha.
-    cost: (n,) rays. soft_light, cut, bounced: (n,) bool, whether a light of more than one sample
-    reached them, whether their horizon cuts one, and whether bounced light reached them. near:
-    whether gather rays brought some. data: (channels, n) for the passes named. wanted: (n,) bool,
-    pixels whose data is still to come. clear: (n,) what is seen and no mist before it. caught: (3,
-    n) what shadows on catchers take away. open: (3, n) what is open over what is seen. aovs: (4
-    each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels whose ray has
-    met nothing that hides what is behind. groups: (3 each, n) light of light groups. met: of each
-    Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was met. brought: (2,
-    n) the largest channel of what rough surfaces reflect, and of the rest; before: the sums of
-    these over earlier samples.
+    cost: (n,) rays. soft_light, cut: (n,) bool, whether a light of more than one sample reached
+    them, and whether their horizon cuts one. data: (channels, n) for the passes named. wanted: (n,)
+    bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before it.
+    caught: (3, n) what shadows on catchers take away. open: (3, n) what is open over what is seen.
+    aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels whose
+    ray has met nothing that hides what is behind. groups: (3 each, n) light of light groups. met:
+    of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was met.
+    brought: (2, n) the largest channel of what rough surfaces reflect, and of the rest; before: the
+    sums of these over earlier samples.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0, groups: int = 0):
         self._count = count
         self.parts: dict[str, Array] = {}
         self.lost, self.cost = np.zeros(count), np.zeros(count)
-        self.soft_light, self.cut, self.bounced, self.near = np.zeros((4, count), bool)
+        self.soft_light, self.cut = np.zeros((2, count), bool)
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
@@ -61,19 +60,17 @@ class Tile:
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
-    def take(self, found: Tile, pixel: Array, ray: Array, receiver: Array, share: Array) -> None:
-        """What rays of pixels (m,) found, each in a pixel of its own there: to the pixels (k,) that
-        get the shares (3, k) of some of the rays (k,).
-        """
+    def take(self, found: Tile, share: Array) -> None:
+        """So much (3, n) of what another tile of the same pixels has."""
+        every = np.arange(self._count)
         for name, columns in found.parts.items():
-            self.add(name, receiver, share * columns[:, ray])
+            self.add(name, every, share * columns)
         for group in range(len(found.groups) // 3):
             part = found.groups[3 * group : 3 * group + 3]
-            self.add_to_groups(group, receiver, share * part[:, ray])
-        np.add.at(self.cost, pixel, found.cost)
-        for name in ("soft_light", "cut", "bounced"):
-            getattr(self, name)[pixel[getattr(found, name)]] = True
-        self.near[receiver[found.near[ray]]] = True
+            self.add_to_groups(group, every, share * part)
+        self.cost += found.cost
+        self.soft_light |= found.soft_light
+        self.cut |= found.cut
 
     def guide(self, pixel: Array, values: Array) -> None:
         """Adds what tells pixels' surfaces apart (7, m), as `resolve.Guides` reads it."""

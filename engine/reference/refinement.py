@@ -15,10 +15,8 @@ _LIGHT_POINTS = 16
 """Of each soft light, that a pixel has looked at before it may stop."""
 _LENS_SAMPLES = 16
 """The same of a lens, or of a camera that moves."""
-_NEAR_POINTS = 64
-"""The same where bounced light comes from near by."""
 _DIM_POINTS = 32
-"""The same where it is black so far, its horizon cuts the light, or bounced light is met."""
+"""The same where it is black so far, or its horizon cuts the light."""
 _MOST = 1e30
 """Squared levels of what is not finite."""
 
@@ -62,7 +60,7 @@ class Refinement:
             settings.light_samples,
             traced,
         )
-        self._soft_light, self._cut, self._bounced, self._near = np.zeros((4, traced.size), bool)
+        self._soft_light, self._cut = np.zeros((2, traced.size), bool)
         self._samples = 0
         self._least = _LENS_SAMPLES if spread else 0
         self.active = np.ones(traced.size, bool)
@@ -80,18 +78,13 @@ class Refinement:
         values: Array,
         soft_light: Array,
         cut: Array,
-        bounced: Array,
-        near: Array,
     ) -> None:
         """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft
-        light reached them, whether their horizon cuts one, whether bounced light reached them, and
-        whether gather rays brought some.
+        light reached them, and whether their horizon cuts one.
         """
         if self._samples < FIRST_ESTIMATE:
             self._soft_light[pixel] |= soft_light
             self._cut[pixel] |= cut
-            self._bounced[pixel] |= bounced
-            self._near[pixel] |= near
         self._low[:, pixel] = np.minimum(self._low[:, pixel], values)
         self._high[:, pixel] = np.maximum(self._high[:, pixel], values)
 
@@ -113,10 +106,9 @@ class Refinement:
                 (self._low[:3] == 0).all(0) & (self._high[:3] == 0).all(0),
                 samples * self._light_samples,
             )
-            met = self._soft_light | self._cut | self._bounced | self._near
-            dim = black | self._cut | self._bounced
+            met = self._soft_light | self._cut
+            dim = black | self._cut
             least = np.where(dim, _DIM_POINTS, _LIGHT_POINTS)
-            least = np.where(self._near, _NEAR_POINTS, least)
             waits = met & (points < least) | black & self._cut
             self.active &= waits | ~(
                 np.maximum(self._range, self._around) / samples**0.75 <= self._threshold

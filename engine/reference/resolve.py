@@ -25,7 +25,7 @@ SURE = 1.98
 """Two estimates of one variance, each of the 25 pixels of a block, differ by more in one of twenty
 cases by chance: the quantile of Fisher's F for 24 and 24 degrees of freedom.
 """
-WIDE = "Diffuse Indirect"
+WIDE = ("Diffuse Indirect", VOLUME[1])
 """What is averaged over blocks of twice the side, over which bounces are dealt; all of it
 of one sample.
 """
@@ -107,7 +107,9 @@ def resolved(
         [share * guides.alike(x, y) for x, y, share in pixels] for pixels in (block, wide)
     )
     inside = np.ones_like(guides.surface)
-    in_media = [share * _moved(inside, x, y) for x, y, share in block]
+    in_media, in_wide_media = (
+        [share * _moved(inside, x, y) for x, y, share in pixels] for pixels in (block, wide)
+    )
     found = {}
     for k, name in enumerate(LIGHTS):
         weights, color = in_media, np.ones_like(parts[name])
@@ -121,8 +123,8 @@ def resolved(
         light = parts[name] / samples
         noise: Array | None = _noise(light, color, halves[name], half_color, samples)
         around = block
-        if name == WIDE:
-            around, weights = wide, on_wide
+        if name in WIDE:
+            around, weights = wide, in_wide_media if name in VOLUME else on_wide
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
         found[name] = _resolved(side, guides, around, weights, light, color, noise, images)

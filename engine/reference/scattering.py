@@ -8,14 +8,15 @@ s²)), in which the light of a lamp is spread nearly evenly.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..sampling import scatter_share
 from .lights import CENTER, LightPoint, LightSample, Source
 from .media import Media, Pieces, Spans
-from .rays import Rays
+from .paths import Paths
+from .rays import IncoherentRays, Rays
 from .vectors import dot, length, pick, unit
 
 Array = np.ndarray
@@ -67,6 +68,10 @@ class Ladder:
         nearer = 2 / (1 + v * v)
         ends = ends * np.stack([nearer[:, :-1], nearer[:, 1:]])
         return Aim(self, edges, v, ends, nearest, off[:, 0])
+
+    def even(self) -> Aim:
+        """The rungs as light from everywhere has them."""
+        return Aim(self, self.edges, self.edges * self.speed[:, None], self.density, None, None)
 
     def _density(self, cut: Array) -> Array:
         """(2, n, m) at the ends of the rungs where they are cut to these edges."""
@@ -120,7 +125,7 @@ class Aim:
 def nearness(source: Source, point: LightPoint) -> float:
     """Half of how near a light is before it seems no brighter."""
     light = source.light
-    if light.kind in ("MESH", "BOUNCED", "MEDIUM"):
+    if light.kind in ("MESH", "MEDIUM"):
         return source.least_distance(point) / 2
     if light.kind == "AREA":
         return float(np.hypot(light.size_x, light.size_y)) / 4
@@ -210,6 +215,54 @@ def scattered(stage, rays: Rays, spans: Spans, far: Array, sample: int) -> Itera
             shadow = _shadow(stage, source, pick(x, lit), _some(seen, lit))
             ray, group = chosen[found[lit]], seen.group_of(source)
             yield Scattered(source, ray, pick(light, lit), shadow, group)
+
+
+def scattered_on(
+    stage, paths: Paths, spans: Spans, far: Array, sample: int, places: Array
+) -> Paths | None:
+    """A ray from a place on each of the rays at which media scatter light, up to far (n,), on to
+    where light comes from that surfaces throw there, to all sides alike; None for no ray. places:
+    (n,) of their pixels, as `Stage.places`.
+    """
+    media: Media = stage.media
+    if not stage.settings.volume_bounces or not stage.gathers(paths):
+        return None
+    chosen = media.scattering_rays(spans, paths.rays.near, far)
+    if not len(chosen):
+        return None
+    rays, spans, far = paths.rays.take(chosen), spans.take(chosen), far[chosen]
+    ladder = Ladder.of(
+        media.pieces(spans, rays.near, media.reach(spans, rays.near, far, DARK)), rays
+    )
+    t, spread = ladder.even().at(float(scatter_share(stage.scatter_offsets, sample, 0, 1)))
+    x, y, _ = stage.bounce_points(sample, paths.bounced, places[chosen])
+    r2 = np.minimum(x * x + y * y, 1.0)
+    across = 2 * np.sqrt(1 - r2)
+    direction = np.stack([across * x, across * y, 1 - 2 * r2])
+    k = media.scattering(spans, t, direction, unit(ladder.d), None)
+    k = 4 * np.pi * spread * media.passed(spans, rays.near, t) * k
+    weight = pick(paths.weight, chosen) * k
+    go = np.flatnonzero(weight.any(0) & np.isfinite(weight).all(0))
+    if not len(go):
+        return None
+    hit, none = chosen[go], np.zeros(len(go))
+    start = pick(ladder.o, go) + t[go] * pick(ladder.d, go)
+    return replace(
+        paths,
+        rays=IncoherentRays.of(start, pick(direction, go), none, none + np.inf),
+        weight=pick(weight, go),
+        pixel=paths.pixel[hit],
+        straight=np.zeros(len(go), np.intp),
+        depth=paths.depth + 1,
+        skyless=np.ones(len(go), bool),
+        widest=paths.widest[hit],
+        refractions=paths.refractions[hit],
+        refracted=np.zeros(len(go), bool),
+        reflections=paths.reflections + 1,
+        bounced=paths.bounced + 1,
+        gathers=True,
+        in_medium=True,
+    )
 
 
 def _points(stage, source: Source, sample: int) -> Iterator[tuple[LightPoint, float, int, float]]:

@@ -101,6 +101,13 @@ class Shadows:
         shadows = self.met_by(sample.met_by)
         return shadows.from_points(start, sample, counted=True)
 
+    def along(self, rays: IncoherentRays, far: Array) -> Array:
+        """(3, n) what gets along rays up to far (n,), short of what is there."""
+        self._rays["shadow"] += len(rays)
+        o, d = rays.lines(np.arange(len(rays)))
+        margin = ULPS * np.maximum(np.abs(o).max(0), np.abs(o + far * d).max(0))
+        return self._blocked(replace(rays, far=far - margin)).T
+
     def near(self, surface: Surface, direction: Array, reach: float) -> Array:
         """(3, n) what is open over all points of the surface in the unit directions (3, n), as far
         as `reach`.

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..lights.lamps import first_mark
-from .blocks import Turns
 from .lamp_clusters import FarLight
 from .light_groups import SharedGroups, share_open
 from .lights import Source
@@ -39,28 +38,23 @@ class Given:
 class Sharing:
     """Lights that share so many shadow rays of a point and sample. sources: gives them, the same
     each time, with what n points get of those that they see in clusters.  matt, glossy: (3, n), the
-    sums to which what such lobes throw back is added.  turns: how points share these;
-    None where they do not.
+    sums to which what such lobes throw back is added.
     """
 
     sources: Callable[[], Iterable[tuple[Source, FarLight | None]]]
     marks: int
     matt: Array
     glossy: Array
-    turns: Turns | None = None
 
 
-def choose(given: Array, marks: int, sample: int, turns: Turns | None = None) -> Array:
+def choose(given: Array, marks: int, sample: int) -> Array:
     """(s, n) how many of the marks of a pixel's sample lie in each of s samples of lamps, which
-    give (s, n) to n points, all channels together. turns: which of them each point has; None where
-    it has all.
+    give (s, n) to n points, all channels together.
     """
     sums = np.cumsum(given, 0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         along = sums * np.where(sums[-1] > 0, marks / sums[-1], 0.0) - first_mark(sample)
     upto = np.clip(np.nan_to_num(np.ceil(along)), 0, marks)
-    if turns is not None:
-        upto = np.maximum(np.ceil((upto - turns.number) / turns.count), 0)
     return np.diff(np.maximum.accumulate(upto, 0), axis=0, prepend=0.0)
 
 
@@ -71,12 +65,11 @@ def share_shadows(
     sample: int,
     on_ask: Callable[[Array], None],
     light_groups: int = 0,
-    turns: Turns | None = None,
 ) -> tuple[Array, Array, Array, Array]:
     """(3, n) each: diffuse and specular light of all the samples at n points before shadows, and
     the share of it that arrives; and (3 light_groups, n) what of it is of each. samples: gives
     them, the same each time.  weight: (3, n) T of the rays that see the points.  on_ask: told the
-    points that ask a sample.  turns: as `Sharing` has them.
+    points that ask a sample.
     """
     diffuse, specular, asked, passed = (np.zeros_like(weight) for _ in range(4))
     groups = SharedGroups(light_groups, weight.shape[1])
@@ -91,7 +84,7 @@ def share_shadows(
     if not rows:
         return diffuse, specular, np.ones_like(weight), np.zeros((3 * light_groups, len(weight.T)))
     given = np.stack(rows)
-    times = choose(given, marks, sample, turns)
+    times = choose(given, marks, sample)
     for each, row, count in zip(samples(), given, times, strict=True):
         asking = np.flatnonzero(count[each.seen] > 0)
         if not len(asking):
@@ -104,8 +97,5 @@ def share_shadows(
         arrived = light * each.open(asking)
         add_at(passed, point, arrived)
         groups.ask(each.group, point, light, arrived)
-    if turns is not None:
-        asked, passed = turns.of_all(asked), turns.of_all(passed)
-        groups.asked_by_all(turns)
     open_ = share_open(asked, passed)
     return diffuse, specular, open_, groups.shared_out(open_ * (diffuse + specular), open_)

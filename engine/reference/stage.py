@@ -11,27 +11,22 @@ import numpy as np
 
 from ..cryptomatte import id_bits
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
-from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
-from ..lights.interleaving import interleaving, path_bounces
+from ..lights.interleaving import interleaving
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import (
     BOUNCE_PARTS,
-    GATHER_BLOCK,
     bounce_parts,
     bounce_points,
     dealt_samples,
-    gather_points,
-    gloss_points,
     light_points,
     lobe_points,
-    places_in_blocks,
     scatter_offsets,
     subsurface_points,
 )
-from ..scene import EVERYTHING, Light, Scene
+from ..scene import Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
 from .camera import CameraRays
@@ -46,6 +41,8 @@ from .lights import CENTER, LightPoint, Source
 from .materials import Shader
 from .media import Media
 from .paths import Paths
+from .raster import Strips
+from .rays import IncoherentRays
 from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .seen_lights import has_shape
 from .shadows import Shadows
@@ -54,28 +51,15 @@ from .surface import Surface
 from .tabled_lights import (
     FAINT,
     SKY_PARTS,
-    BouncedSource,
     Dome,
     MeshSource,
     OpeningPoints,
 )
 from .textures import Image
 from .vectors import unit
-from .visibility import Visibility
+from .visibility import Hits, Visibility
 
 Array = np.ndarray
-
-GATHERED_SHARE = 4
-"""One in so many of the shadow rays of bounced light are asked by what gather rays meet, which a
-block of pixels blurs.
-"""
-
-
-def mixes_gloss(scene: Scene) -> bool:
-    """Whether something may reflect in blocks of pixels, which media that vary do not know."""
-    media = (scene.world.medium, *(material.medium for material in scene.materials))
-    is_glossy = any(lobe.is_glossy for material in scene.materials for lobe in material.lobes)
-    return is_glossy and all(x is None or x.program is None for x in media)
 
 
 class Stage:
@@ -88,7 +72,7 @@ class Stage:
         self.scene, self.settings, self.cancellation = scene, settings, cancellation
         self.interleaving = interleaving(scene, settings)
         self._samples = dealt_samples(settings.samples, self.interleaving)  # of tables
-        self.bounces = path_bounces(scene, settings)
+        self.bounces = settings.lighting["bounces"] if scene.lights else 0
         self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
         self.geometry = gather(scene, self.eye)
         cancellation.check()
@@ -101,9 +85,6 @@ class Stage:
         self.rays: Counter[str] = Counter()
         self.sources = tuple(self._source(light) for light in scene.lights)
         self.shared_samples = shared_samples(scene.lights, settings)
-        asked, points = settings.bounced_shadows, settings.bounced_samples
-        bounced = any(light.kind == "BOUNCED" for light in scene.lights)
-        self.shared_bounced = (asked, points) if bounced else (0, 0)
         media = any(light.kind == "MEDIUM" for light in scene.lights)
         of_media = settings.medium_shadows, settings.medium_samples
         self.shared_media = of_media if media else (0, 0)
@@ -118,48 +99,35 @@ class Stage:
             cancellation,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
             shared_rays(scene.lights, settings),
-            asked,
             medium_marks=settings.medium_shadows,
             light_groups=len(scene.light_groups),
             reflecting=settings.reflecting,
             first_rod=self.geometry.first_rod,
             dealt=self.interleaving > 1,
-            by_paths=self.bounces > 0,
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())
-        self.lighting_of_catchers = (
-            self.lighting.of_catchers(caught.astype(bool)) if self.catches else self.lighting
+        blurred = tuple(
+            source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
+            for source in self.sources
         )
-        near = [source.reach for source in self.sources if isinstance(source, BouncedSource)]
-        self.reach = 0.0 if self.catches or self.bounces or not near else near[0]
-        far = replace(self.lighting, reach=self.reach)
-        blurred = tuple(self._blurred(source) for source in self.sources)
-        self._lighting_of_near = replace(
-            self.lighting,
-            sources=self.sources if self.bounces else blurred,
-            gathered=True,
-            each_once=self.bounces > 0,
-            bounced_marks=max(settings.bounced_shadows // GATHERED_SHARE, 1),
-        )
+        self._lighting_of_near = replace(self.lighting, each_once=True)
+        self.lighting_of_catchers = self._near_of_catchers = self.lighting
+        if self.catches:
+            self.caught = caught.astype(bool)
+            self.lighting_of_catchers = self.lighting.of_catchers(self.caught)
+            self._near_of_catchers = self._lighting_of_near.of_catchers(self.caught)
         self._lighting_of_blurred = replace(self.lighting, sources=blurred, faint=FAINT)
         # of what rays meet before they bounce, and after that
-        self._lighting_of_far = (far, replace(far, faint=FAINT))
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
-        self._lighting_of_exits = tuple(
-            replace(lighting, faint=np.inf) for lighting in (self.lighting, far)
-        )
+        self._lighting_of_exits = replace(self.lighting, faint=np.inf)
         self._lobe_points = lobe_points(self._samples)
-        self._gather_points = gather_points(
-            self._samples, settings.gather_samples, self.gather_block
-        )
         parts = BOUNCE_PARTS if self.interleaving > 1 else 1
         self._bounce_points = bounce_points(parts * self._samples)
-        self._gloss_points = gloss_points(self._samples)
         self.asks_rays = scene.most_asked > 0
         self._node_points = points_of_nodes(self._samples, scene.most_asked)
         self.scatter_offsets = scatter_offsets(self._samples)
-        self._subsurface_points = subsurface_points(self._samples, self.gather_block)
+        self._subsurface_points = subsurface_points(self._samples)
         self._goes_below = settings.subsurface == "ON" and scene.has_subsurface
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]
@@ -167,12 +135,6 @@ class Stage:
         self.ambient, self.background = (
             np.array(c, np.float64)[:, None] for c in (scene.world.ambient, scene.world.background)
         )
-
-    def _blurred(self, source: Source) -> Source:
-        """A light as rough reflections and gather rays show what it lights."""
-        if isinstance(source, BouncedSource):
-            return source.widened() if self.reach > 0 else source
-        return source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
 
     def even_light(self, surface: Surface, coefficients: Coefficients) -> Array:
         """(3, n) what AMBIENT lobes of n points give back of the world's radiance."""
@@ -202,67 +164,30 @@ class Stage:
         )
 
     def gathers(self, paths: Paths) -> bool:
-        """Whether rays look for surfaces near by that throw light on what the paths meet: but for
-        what rough reflections show.
-        """
-        if self.bounces:
-            return paths.bounced < self.bounces
-        return self.reach > 0 and not paths.gathers and paths.reflections == 0
+        """Whether light bounces on at what the paths meet."""
+        return paths.bounced < self.bounces
 
-    @property
-    def gather_block(self) -> int:
-        """Side of the squares of pixels that share rays; what is dealt is not shared."""
-        return GATHER_BLOCK if self.interleaving == 1 else 1
-
-    @property
-    def shares_gathers(self) -> bool:
-        """Whether pixels of a block share what gather rays find: media that vary are traced with
-        few pixels at once.
-        """
-        return self.reach > 0 and not self.media.varies and self.interleaving == 1
-
-    def points_apart(self, surface: Surface) -> Array:
-        """(n,) bool: which ask the points of bounced light for their shadows themselves: fibres,
-        that these light from behind as well, and all where such lights light but some.
-        """
-        bounced = [source for source in self.sources if isinstance(source, BouncedSource)]
-        if any(source.light.receivers != EVERYTHING for source in bounced):
-            return np.ones(len(surface), bool)
-        soft = [
-            any(lobe.kind.startswith("FIBRE") for lobe in material.lobes)
-            for material in self.scene.materials
-        ]
-        is_strand = surface.primitive >= self.geometry.first_rod
-        return np.array(soft, bool)[surface.material] | is_strand
-
-    @property
-    def mixes_gloss(self) -> bool:
-        """Whether pixels of a block share what wide lobes reflect, as `shares_gathers`."""
-        off = self.settings.reflecting == "OFF" or self.interleaving > 1
-        return not off and mixes_gloss(self.scene)
+    def closest(self, paths: Paths, strips: Strips | None = None) -> Hits:
+        """What the paths meet first. strips: as `Visibility.closest`."""
+        if paths.caught != "alone":
+            return self.visibility.closest(paths.rays, paths.visibility, strips)
+        assert isinstance(paths.rays, IncoherentRays)
+        seen = self.geometry.visible[paths.visibility]
+        mine = self.caught[self.geometry.row]
+        return self.visibility.closest_of(paths.rays, mine if seen is None else mine & seen)
 
     def lighting_of(self, paths: Paths) -> Lighting:
         """Of what the paths meet."""
         if paths.comes_out:
-            return self._lighting_of_exits[self.gathers(paths)]
+            return self._lighting_of_exits
         if paths.gathers:
-            return self._lighting_of_near
-        if self.reach > 0 and self.gathers(paths):
-            return self._lighting_of_far[paths.depth > 0]
+            return self._near_of_catchers if paths.caught == "alone" else self._lighting_of_near
         return self._lighting_of_blurred if paths.reflections else self._lighting[paths.depth > 0]
 
     def lobe_point(self, sample: int, reflections: int) -> LightPoint:
         """Where in the lobes of rough surfaces a sample is reflected that was so often before."""
         levels, tabled, _ = self._lobe_points.shape
         return LightPoint(CENTER.square, self._lobe_points[reflections % levels, sample % tabled])
-
-    def gather_points(self, sample: int, places: Array) -> Array:
-        """(gather_samples, 2, n) of the unit disc, below which directions a sample looks for
-        surfaces that throw light on. places: (n,) of its pixels in their blocks.
-        """
-        points, each = self._gather_points, self.settings.gather_samples
-        first = sample % max(points.shape[1] // each, 1) * each
-        return points[:, first : first + each].transpose(1, 2, 0)[:, :, places]
 
     def bounce_points(self, sample: int, bounced: int, places: Array) -> Array:
         """(3, n) of `bounce_points`, of rays by which paths bounce after so many bounces. places:
@@ -276,15 +201,11 @@ class Stage:
 
     def places(self, x: tuple[int, int], y: tuple[int, int]) -> Array:
         """(pixels,) of the pixels from x[0] and y[0] to before x[1] and y[1] of the frame, row by
-        row: in their blocks of gather rays, or among those that deal bounces.
+        row, among those that deal bounces.
         """
-        if self.bounces and self.interleaving > 1:
+        if self.interleaving > 1:
             return bounce_parts(x, y, self.interleaving)
-        return places_in_blocks(x, y, self.gather_block)
-
-    def gloss_points(self, sample: int) -> Array:
-        """(2, 2) where in wide lobes the pixels of pairs reflect their rays."""
-        return self._gloss_points[sample % len(self._gloss_points)]
+        return np.zeros((x[1] - x[0]) * (y[1] - y[0]), np.intp)
 
     def scatters_below(self, paths: Paths) -> bool:
         """Whether light comes out of what the paths meet elsewhere: where they are neither blurred
@@ -292,10 +213,10 @@ class Stage:
         """
         return self._goes_below and not paths.gathers and paths.reflections == 0
 
-    def subsurface_rows(self, sample: int, places: Array) -> Array:
-        """(6, n) of `subsurface_points`. places: (n,) of pixels in their blocks."""
+    def subsurface_row(self, sample: int) -> Array:
+        """(6,) of `subsurface_points`."""
         points = self._subsurface_points
-        return points[places % len(points), sample % points.shape[1]].T
+        return points[sample % len(points)]
 
     def probes(self, sample: int, on_rays: Callable[[Array], None]) -> SceneQueries:
         """How light below surfaces finds where it comes out."""
@@ -322,10 +243,6 @@ class Stage:
         if light.kind == "MEDIUM":
             table = medium_table(light, samples, self.settings.medium_samples)
             return MediumSource(light, self.eye, table)
-        if light.kind == "BOUNCED":
-            pixels = self.interleaving**2
-            table = bounced_table(light, samples, self.settings.bounced_samples, pixels)
-            return BouncedSource(light, self.eye, table)
         if light.kind != "DOME":
             emission = None
             if light.program is not None:

@@ -125,16 +125,16 @@ def _least_radius(stage: Stage, x: Array) -> Array | float:
 
 
 def coming_out(
-    stage: Stage, at: Interaction, queries: SceneQueries, rows: Array
+    stage: Stage, at: Interaction, queries: SceneQueries, row: Array
 ) -> Interaction | None:
     """Where the light of the points comes out, as white matt surfaces that rays meet which weigh as
-    much as comes out there; None for nowhere. rows: (6, m) of `sampling.subsurface_points`.
+    much as comes out there; None for nowhere. row: (6,) of `sampling.subsurface_points`.
     """
     lobes, surface = at.coefficients, at.surface
     assert lobes.below is not None and lobes.radius is not None
     on = lobes.below != 0
     profile = Profile(np.where(on, lobes.radius, 1.0), on)
-    low, own, high, cosine, sine, across = rows
+    low, own, high, cosine, sine, across = np.tile(row[:, None], len(surface))
     r = profile.radius(own)
     given = at.weight * lobes.below * profile.ring(profile.radius(low), profile.radius(high))
     height = np.sqrt(np.maximum(profile.reach**2 - r * r, 0.0))

@@ -12,14 +12,12 @@ from typing import Self
 
 import numpy as np
 
-from ..lights.bounced_light import MERGED as BOUNCES_MERGED
 from ..lights.dome import DomeTable
 from ..lights.mesh_lights import MERGED, MeshTable, merged
 from ..lights.openings import density, opening_table, points_on
 from ..scene import Light, Openings
 from .lights import HUGE, LightSample, Source
-from .surface import Surface
-from .vectors import cross, dot, length, unit
+from .vectors import cross, dot, unit
 
 Array = np.ndarray
 
@@ -274,7 +272,7 @@ class MeshSource(Source):
     def least_distance(self, point: MeshPoint) -> float:
         """From which a point is seen as if it were no nearer."""
         spread = self._table.spread[point.number]
-        return float(np.sqrt(merged(spread, self._table.together, self.merged)))
+        return float(np.sqrt(merged(spread, self._table.each, self.merged)))
 
     def sample(self, x: Array, point: MeshPoint, n: int) -> LightSample:
         row = [column[point.number] for column in vars(self._table).values() if np.ndim(column)]
@@ -307,7 +305,7 @@ class MeshSource(Source):
     ) -> LightSample:
         """The points q (3, k) or (3, 1) with these normals, radiances and shares of the area."""
         to = q - x
-        direction, near2 = unit(to), merged(spread, self._table.together, self.merged)
+        direction, near2 = unit(to), merged(spread, self._table.each, self.merged)
         z = -dot(direction, normal)
         solid_angle = spread * np.abs(z) / np.maximum(dot(to, to), near2)
         light = np.where(z > 0, front, back)
@@ -323,144 +321,6 @@ class MeshSource(Source):
             z <= 0,
             ROUNDED,
         )
-
-
-class BouncedSource(MeshSource):
-    """Surfaces that are lit: their light is spread out too far to be seen in highlights."""
-
-    has_highlights = False
-    merged = BOUNCES_MERGED
-    _is_wide = False
-
-    def drawn_at(self, number: int, point: MeshPoint) -> None:
-        return None
-
-    def is_cut(self, x: Array, n: Array) -> Array:
-        """Never, as of a dome."""
-        return np.zeros(x.shape[1], bool)
-
-    def fewer(self, count: int) -> BouncedSource:
-        """The first so many of the points of each sample, in place of them all."""
-        return BouncedSource(self.light, self._eye, self._table.first(count))
-
-    def widened(self) -> BouncedSource:
-        """The same light of discs no smaller than their points' density says, but for the largest:
-        where no rays look for what is near, small ones of much power would be spots.
-        """
-        found = copy.copy(self)
-        found._is_wide = True
-        return found
-
-    def seen_from(
-        self, x: Array, n: Array, numbers: Sequence[int], count: int
-    ) -> Callable[[MeshPoint], LightSample]:
-        """As discs."""
-        return lambda point: self.seen_disc(x, n, point.number)
-
-    def discs_from(
-        self, surface: Surface, through: Array | None = None
-    ) -> Callable[[MeshPoint], LightSample]:
-        """The same from points of a surface; through: (k,) bool, those that are seen from behind
-        too.
-        """
-        x, n, sides = surface.x, surface.n, (surface.start, surface.g)
-
-        def seen(point: MeshPoint) -> LightSample:
-            if through is None:
-                return self.seen_disc(x, n, point.number, sides)
-            behind = through & (dot(n, self._placed(point.number)[0] - x) < 0)
-            side = np.where(behind, -1.0, 1.0)
-            turned = sides[0], side * sides[1]
-            found = self.seen_disc(x, side * n, point.number, turned)
-            return replace(found, behind=behind)
-
-        return seen
-
-    def _radius2(self, number: int) -> float:
-        wide = self._table.wide if self._is_wide else None
-        spread = self._table.spread if wide is None else wide
-        return float(merged(spread[number], self._table.together, self.merged))
-
-    def _disc(
-        self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None
-    ) -> tuple[Array, Array]:
-        """The way (3, k) to a point, and whether it and the points x with the normals n face each
-        other, from where shadow rays begin too, which may be beyond a ridge; the surface that is
-        near round x shines to its own side alone.
-        """
-        q, m = self._placed(number)
-        to, least = q - x, 4 * ROUNDED * (np.abs(q).max() + self._table.reach[number])
-        facing = (dot(to, m) < -least) & (dot(n, to) > least)
-        if sides is None:
-            return to, facing
-        start, g = sides
-        is_before = (dot(to, g) > 0) | (dot(to, to) >= 4 * self._radius2(number))
-        return to, facing & (dot(start - q, m) > 0) & is_before
-
-    def _placed(self, number: int) -> tuple[Array, Array]:
-        """(3, 1) each: a point and its normal."""
-        at, normal = self._table.point[number], self._table.normal[number]
-        return self._axes @ at[:, None] + self.position, unit(self._axes @ normal[:, None])
-
-    def seen_disc(
-        self, x: Array, n: Array, number: int, sides: tuple[Array, Array] | None = None
-    ) -> LightSample:
-        """The disc of a point as x (3, k) with the normals n (3, k) see it: by its vector form
-        factor, that of a ball in its direction. sides: (3, k) each, where shadow rays begin and the
-        normals of faces, where these are not x and n.
-        """
-        q, m = self._placed(number)
-        to, facing = self._disc(x, n, number, sides)
-        r2 = self._radius2(number)
-        h, d2 = -dot(to, m), dot(to, to)
-        outside = d2 - r2
-        apart = np.hypot(outside, 2 * np.sqrt(r2) * h)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = np.where(
-                outside > 0,
-                2 * r2 * h * h / (apart * (apart + outside)),
-                (apart - outside) / (2 * apart),
-            )
-            form = (2 * r2 * h / (apart * (apart + d2 + r2))) * (to + h * m) - along * m
-        form = np.where(facing, form, 0.0)
-        size = length(form)
-        share = self.parts * self._table.spread[number] / (np.pi * self._table.each)
-        z = dot(n, m)
-        more = mirrored(dot(n, to), np.sqrt(r2 * np.maximum(1 - z * z, 0.0)), size)
-        more = 1 + np.clip(2 * (1 - z), 0.0, 1.0) * more
-        return LightSample(
-            unit(form),
-            np.where(facing, share / r2 * size * more, 0.0),
-            q,
-            size,
-            np.clip(self._table.front[number], -HUGE, HUGE)[:, None],
-            None,
-            ROUNDED,
-            size,
-            self._group(number),
-            met_by="diffuse",
-        )
-
-    @property
-    def reach(self) -> float:
-        """How far gather rays look for what lights points as well."""
-        return self._table.near
-
-    def is_last(self, number: int) -> bool:
-        """Whether its light has bounced as often as asked for once it arrives."""
-        return self._table.last is not None and bool(self._table.last[number])
-
-    def is_caught(self, number: int) -> bool:
-        """Whether a point of the table is on a shadow catcher."""
-        return bool(self._table.caught[number])
-
-
-def far_share(square: Array, reach: float) -> Array:
-    """What of the bounced light from a place gather rays do not look for. square: of its
-    distance.
-    """
-    t = np.minimum(square / reach**2, 1.0)
-    return t * (2 - t)
 
 
 def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:
@@ -485,14 +345,3 @@ def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:
         t = np.where(hit, t, np.inf)
         index[here], distance[here] = t.argmin(1), t.min(1)
     return distance, index
-
-
-def mirrored(height: Array, reach: Array, near: Array) -> Array:
-    """(k,) how much more discs give because what they have beyond the plane of a point's surface is
-    light of places before it, as a share. height: of their middle above
-    the plane. reach: how far they go from there towards it. near: the length of the form factor.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.where((height >= 0) & (height < reach), height / reach, 1.0)
-    q = (1 - t) ** 4
-    return q + near**3 * (1 - q) * (1 - t**3)

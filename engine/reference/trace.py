@@ -13,11 +13,7 @@ from ..film import FIRST_ESTIMATE, Film
 from ..lights.interleaving import interleaving
 from ..lights.lamps import group_stats, sharing_stats
 from ..sampling import (
-    GATHER_BLOCK,
-    TILE_SIDE,
-    blocks_of,
     dealt_sample,
-    gloss_blocks,
     interleaving_classes,
     pixel_offsets,
 )
@@ -32,7 +28,7 @@ from .raster import Strips
 from .rays import Rays
 from .refinement import ErrorEstimate, Refinement, widened
 from .resolve import reach
-from .stage import Stage, mixes_gloss
+from .stage import Stage
 
 Array = np.ndarray
 
@@ -64,17 +60,11 @@ class Tracer:
         self._deals = interleaving(scene, settings)
         resolves = self._deals > 1 and settings.soft_light == "RESOLVED"
         margin = reach(self._deals) if resolves else 0
-        gathers = self._deals == 1 and any(light.kind == "BOUNCED" for light in scene.lights)
-        self._side = GATHER_BLOCK if gathers else 1  # of squares whose pixels share rays
-        mixes = self._deals == 1 and settings.reflecting != "OFF" and mixes_gloss(scene)
-        if mixes and not settings.apart:
-            self._side = TILE_SIDE
-        self._strip = TILE_SIDE if mixes else self._side  # of rows that are traced at once
         resolution = scene.camera.resolution
-        self._region = self._traced = widened(self._blocks_of(self._shown), margin, resolution)
+        self._region = self._traced = widened(self._shown, margin, resolution)
         refines = settings.error_threshold > 0 or "Error" in settings.passes
         if refines and settings.samples >= FIRST_ESTIMATE:
-            self._region = self._blocks_of(widened(self._traced, 1 + margin, resolution))
+            self._region = widened(self._traced, 1 + margin, resolution)
         x0, y0, x1, y1 = self._region
         self.picture = Picture(
             x1 - x0,
@@ -155,13 +145,6 @@ class Tracer:
             notes,
         )
 
-    def _blocks_of(self, region: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
-        """The region with the pixels that share rays with its own."""
-        (x0, y0, x1, y1), (width, height) = region, self._scene.camera.resolution
-        side = self._side
-        end = min(-(-x1 // side) * side, width), min(-(-y1 // side) * side, height)
-        return (x0 // side * side, y0 // side * side, *end)
-
     def _is_traced(self) -> Array:
         """(h, w) bool of the region."""
         (x0, y0, x1, y1), (left, bottom, right, top) = self._traced, self._region
@@ -180,7 +163,7 @@ class Tracer:
     def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
         """Traces one sample of every pixel tile by tile; yields the finished fraction."""
         x0, y0, x1, y1 = self._region
-        rows = max(TILE // (x1 - x0) // self._strip, 1) * self._strip
+        rows = max(TILE // (x1 - x0), 1)
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
             rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
@@ -188,19 +171,15 @@ class Tracer:
             first = (y - y0) * (x1 - x0)
             places = stage.places((x0, x1), (y, above))
             across, up = (x0, x1), (y, above)
-            blocks = (
-                blocks_of(across, up, GATHER_BLOCK),
-                gloss_blocks(across, up, sample, (self._traced[::2], self._traced[1::2])),
-            )
             every = np.arange(len(rays))
             if self._refinement:
                 every = np.flatnonzero(self._refinement.active[first : first + len(rays)])
             for chosen, dealt in self._dealt(every, across, up, sample):
                 if len(chosen) == len(rays):
-                    self._trace(stage, first + chosen, sample, dealt, rays, strips, places, blocks)
+                    self._trace(stage, first + chosen, sample, dealt, rays, strips, places)
                     continue
-                some, own = rays.take(chosen), (blocks[0][chosen], blocks[1][:, chosen])
-                self._trace(stage, first + chosen, sample, dealt, some, None, places[chosen], own)
+                some = rays.take(chosen)
+                self._trace(stage, first + chosen, sample, dealt, some, None, places[chosen])
             yield (above - y0) / (y1 - y0)
 
     def _dealt(
@@ -224,7 +203,6 @@ class Tracer:
         rays: Rays,
         strips: Strips | None,
         places: Array,
-        blocks: tuple[Array, Array],
     ) -> None:
         """A sample of the pixels `here`."""
         tile = Tile(
@@ -235,12 +213,11 @@ class Tracer:
         )
         tile.before = self.picture.brought[:, here]
         if len(rays):
-            Generations(stage, tile, sample, dealt, places, blocks).run(rays, strips)
+            Generations(stage, tile, sample, dealt, places).run(rays, strips)
         self.picture.keep(here, tile)
         if self._refinement:
             values = np.concatenate([tile.color(), tile.lost[None]])
-            met = tile.soft_light, tile.cut, tile.bounced, tile.near
-            self._refinement.note(here, values, *met)
+            self._refinement.note(here, values, tile.soft_light, tile.cut)
 
     def _clock(self, name: str) -> _Clock:
         return _Clock(self._seconds, name)

@@ -20,23 +20,15 @@ LOBE_LEVELS = 8
 """Reflections of a path whose directions are independent."""
 _ASIDE = 0.7
 """Radians."""
-GATHER_BLOCK = 2
-"""Side of the squares of pixels whose gather rays look in directions of their own."""
-GLOSS_BLOCK, GLOSS_PLACES = 4, 8
-"""Side of the squares of pixels that mix what wide lobes reflect; places in lobes of their rays."""
 TILE_SIDE = 32
-"""Of the squares of the frame that cut those: the core's tiles."""
-MOST_GATHER_POINTS = MOST_GLOSS_SAMPLES = 1 << 13
+"""Of the squares of the frame that are traced one by one: the core's tiles."""
 MOST_SUBSURFACE_POINTS = 1 << 12
 _GOLDEN = (5**0.5 - 1) / 2
-_GATHER_LEVEL = 3
-"""Of `lobe_points`, an order that first reflections do not take."""
-_GATHER, _GATHER_SCRAMBLES = (2, 1), (511, 512)
-"""Of the pairs of the Sobol' sequence below 13 the one of which a pixel's points, and those of a
-block together, are the least off in wedges of the disc with a soft side, at 16 to 512 points a
-pixel.
+_BOUNCE, _BOUNCE_SCRAMBLES = (2, 1, 3), (511, 512, 513)
+"""The first two are, of the pairs of the Sobol' sequence below 13, the one of which a pixel's
+points, and those of a block together, are the least off in wedges of the disc with a soft side, at
+16 to 512 points a pixel.
 """
-_BOUNCE, _BOUNCE_SCRAMBLES = (*_GATHER, 3), (*_GATHER_SCRAMBLES, 513)
 BOUNCE_PARTS = 4
 """Bounces are dealt over blocks of pixels of twice the side: parts of the run of a class."""
 _WORD = np.uint64((1 << 32) - 1)
@@ -268,71 +260,12 @@ def places_in_blocks(x: tuple[int, int], y: tuple[int, int], side: int) -> np.nd
     return ((np.arange(*y) % side)[:, None] * side + np.arange(*x) % side).ravel()
 
 
-def blocks_of(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
-    """(pixels,) the numbers of the squares that the same pixels are in."""
-    return ((np.arange(*y) // side)[:, None] * (x[1] // side + 1) + np.arange(*x) // side).ravel()
-
-
-def gloss_blocks(
-    x: tuple[int, int],
-    y: tuple[int, int],
-    sample: int,
-    inner: tuple[tuple[int, int], tuple[int, int]] | None = None,
-) -> np.ndarray:
-    """(2, pixels): the numbers of the squares in which the same pixels mix what wide lobes reflect
-    in a sample, and in which order they are counted there: by squares of 8 × 8, row by row. A pixel
-    takes the square of GLOSS_BLOCK a side that lies along the frame at its own place, or at that of
-    a neighbour in the same square of TILE_SIDE from x[0] and y[0] on, in nine samples at all nine
-    places, so that no square shows.  inner: of x and y, across whose ends nothing is mixed.
-    """
-    most = TILE_SIDE // GLOSS_BLOCK + 3
-    width = (x[1] - x[0] + TILE_SIDE) * most
-
-    def squares(ends: tuple[int, int], shown: tuple[int, int], moved: int) -> np.ndarray:
-        p = np.arange(*ends)
-        tile = (p - ends[0]) // TILE_SIDE
-        begin = ends[0] + tile * TILE_SIDE
-        after = sum((p >= end).astype(int) for end in shown)
-        first = np.maximum(begin, np.choose(after, (ends[0], *shown)))
-        last = np.minimum(begin + TILE_SIDE, np.choose(after, (*shown, ends[1]))) - 1
-        inside = np.clip(p + moved, first, last) // GLOSS_BLOCK - begin // GLOSS_BLOCK
-        return tile * most + inside + after
-
-    left, below = (sample + 1) % 3 - 1, (sample + sample // 3 + 1) % 3 - 1
-    shown_x, shown_y = inner or (x, y)
-    square = squares(y, shown_y, below)[:, None] * width + squares(x, shown_x, left)
-    column, row = np.meshgrid(np.arange(x[1] - x[0]), np.arange(y[1] - y[0]))
-    counted = (row // 8 * width + column // 8) * 64 + row % 8 * 8 + column % 8
-    return np.stack([square.ravel(), counted.ravel()])
-
-
-@functools.lru_cache(maxsize=4)
-def gather_points(samples: int, each: int, block: int = GATHER_BLOCK) -> np.ndarray:
-    """(block², k, 2) float64 in the unit disc, not to be written to: what lies below the
-    directions in which samples look for surfaces that throw light on, by pixel of a block, row by
-    row: `each` of one sample after those of the one before; samples beyond k =
-    MOST_GATHER_POINTS take these again. A block's pixels deal the points of one sequence among
-    themselves (Keller, Heidrich 2001, Interleaved sampling). Turned, so that rays do not lie in
-    faces along the axes.
-    """
-    count = min(samples * each, MOST_GATHER_POINTS)
-    bits = max(count - 1, 0).bit_length()
-    order = _shuffled(bits, _GATHER_LEVEL)[:count]
-    pixels = block * block
-    square = _sobol(pixels << bits, _GATHER, _GATHER_SCRAMBLES).reshape(-1, pixels, 2)[order]
-    x, y = concentric_disc(2 * square.transpose(1, 0, 2).reshape(-1, 2) - 1).T
-    cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
-    points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
-    points = points.reshape(pixels, count, 2)
-    points.flags.writeable = False
-    return points
-
-
 @functools.lru_cache(maxsize=4)
 def bounce_points(samples: int) -> np.ndarray:
     """(LOBE_LEVELS, k, 3) float64, not to be written to: how light bounces, at each of the first
     bounces of a path; later ones, and samples beyond k = MOST_LOBE_POINTS, take these again. A
-    point of the unit disc below the direction, turned as `gather_points`; and a number of [0, 1)
+    point of the unit disc below the direction, turned so that rays do not lie in faces along the
+    axes; and a number of [0, 1)
     that what goes on of the light is not below, else the path ends there (Russian roulette: Arvo,
     Kirk 1990, Particle transport and image synthesis). The same points in another order each time,
     as `lobe_points`.
@@ -349,66 +282,26 @@ def bounce_points(samples: int) -> np.ndarray:
     return points
 
 
-def gloss_points(samples: int) -> np.ndarray:
-    """(k, GLOSS_PLACES, 2) float64 in the unit disc: where in wide lobes the pixels of a block
-    whose turn it is reflect their rays, of each sample; those beyond k = MOST_GLOSS_SAMPLES take
-    these again. As `lobe_points` of so many times as many samples, dealt out.
-    """
-    count = min(samples, MOST_GLOSS_SAMPLES)
-    bits = max(count - 1, 0).bit_length()
-    disc = concentric_disc(2 * _sobol(GLOSS_PLACES << bits, _DOME) - 1)
-    return disc.reshape(-1, GLOSS_PLACES, 2)[_shuffled(bits, 0)[:count]]
-
-
 @functools.lru_cache(maxsize=4)
-def subsurface_points(samples: int, block: int = GATHER_BLOCK) -> np.ndarray:
-    """(block², k, 6) float64, not to be written to: where samples look for the light that
-    comes out of a surface elsewhere, by pixel of a block, row by row; samples beyond k =
-    MOST_SUBSURFACE_POINTS take these again.
+def subsurface_points(samples: int) -> np.ndarray:
+    """(k, 6) float64, not to be written to: where samples look for the light that comes out of a
+    surface elsewhere; samples beyond k = MOST_SUBSURFACE_POINTS take these again.
 
     Each sample stands for one of k equal shares of the light, the rings round the point that it
     comes out of, in the order of van der Corput: where a share begins, its middle, where it ends;
-    the cosine and sine of an angle, which turns by the golden ratio from ring to ring (Vogel 1979)
-    and by a quarter from pixel to pixel; and an axis across the normal, 1 or 2.
+    the cosine and sine of an angle, which turns by the golden ratio from ring to ring (Vogel 1979);
+    and an axis across the normal, 1 or 2.
     """
-    count, pixels = min(samples, MOST_SUBSURFACE_POINTS), block * block
+    count = min(samples, MOST_SUBSURFACE_POINTS)
     ring = np.argsort(np.argsort(_sobol(count, _SCATTER, _SCATTER_SCRAMBLES)[:, 0]))
-    points = np.zeros((pixels, count, 6))
-    points[..., 0], points[..., 1] = ring / count, (ring + 0.5) / count
-    points[..., 2] = (ring + 1) / count
-    for pixel, place in enumerate(_bayer(block).ravel()):
-        turn = 2 * np.pi * (ring * _GOLDEN % 1 + place / pixels) + _ASIDE
-        points[pixel, :, 3], points[pixel, :, 4] = np.cos(turn), np.sin(turn)
-    points[..., 5] = 1 + ring % 2
+    points = np.zeros((count, 6))
+    points[:, 0], points[:, 1] = ring / count, (ring + 0.5) / count
+    points[:, 2] = (ring + 1) / count
+    turn = 2 * np.pi * (ring * _GOLDEN % 1) + _ASIDE
+    points[:, 3], points[:, 4] = np.cos(turn), np.sin(turn)
+    points[:, 5] = 1 + ring % 2
     points.flags.writeable = False
     return points
-
-
-KEPT_WALKS = 1 << 13
-"""Points of so many walks at most are kept from step to step."""
-
-
-def walk_points(count: int, level: int) -> np.ndarray:
-    """(count, 2) float64 in (0, 1), not to be written to: where walks of light turn at their steps,
-    the same points in another order at each level, as `lobe_points` has them. Many lamps ask for
-    the same, and each step for two.
-    """
-    kept = count <= KEPT_WALKS
-    return _walk_points(count, level) if kept else _walk_points.__wrapped__(count, level)
-
-
-@functools.lru_cache(maxsize=128)  # two for each step of a walk, of at most 128 KB
-def _walk_points(count: int, level: int) -> np.ndarray:
-    bits = max(count - 1, 0).bit_length()
-    points = _walk_square(bits)[_shuffled(bits, LOBE_LEVELS + level)[:count]]
-    points.flags.writeable = False
-    return points
-
-
-@functools.lru_cache(maxsize=4)
-def _walk_square(bits: int) -> np.ndarray:
-    """(2^bits, 2): a walk asks for them at every step."""
-    return _sobol(1 << bits, _DOME)
 
 
 def _shuffled(bits: int, seed: int) -> np.ndarray:

@@ -22,7 +22,7 @@ from .model_geometry import (
     Spheres,
     Strands,
 )
-from .model_lights import LIGHT_SHAPES, LIGHTS, Bounces, Emitters, Light, Openings, Rods
+from .model_lights import LIGHT_SHAPES, LIGHTS, Emitters, Light, Openings, Rods
 from .model_surfaces import (
     BUMP_SHADOWING,
     CHANNELS,
@@ -59,7 +59,6 @@ __all__ = [
     "POINT",
     "Array",
     "Attribute",
-    "Bounces",
     "Camera",
     "Emitters",
     "Geometry",

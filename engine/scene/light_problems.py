@@ -55,8 +55,6 @@ def light_problems(light: Light) -> Found:
         yield from _radiance(light.radiance)
     if light.kind == "MESH":
         yield "kind 'MESH' is made by the tracers: give surfaces EMISSION"
-    if light.kind == "BOUNCED":
-        yield "kind 'BOUNCED' is made by the tracers: set diffuse_bounces"
     if light.kind == "MEDIUM":
         yield "kind 'MEDIUM' is made by the tracers: give media emission"
     if light.program is not None:

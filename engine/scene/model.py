@@ -144,19 +144,14 @@ class Scene:
         by_world: bool,
         by_meshes: bool,
         bounces: int,
-        by_paths: bool = False,
         finding: bool = True,
-        between_fibres: bool | None = None,
     ) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
-        lights it too.  bounces: how often surfaces scatter light onto others.  by_paths: the paths
-        of pixels find that light, where they can, and points of it light the rest.  finding: the
-        openings of rooms to the sky, else its light keeps those that it has.  between_fibres:
-        lobes of light between fibres stay; None: where light bounces. A scene with nothing of all
-        that stays.
+        lights it too.  bounces: how often surfaces scatter light onto others; lobes of light
+        between fibres stay where they do.  finding: the openings of rooms to the sky, else its
+        light keeps those that it has. A scene with nothing of all that stays.
         """
-        from ..lights.bounced_light import bounced_light
         from ..lights.glowing_media import medium_lights
         from ..lights.lamps import in_order
         from ..lights.mesh_lights import mesh_lights
@@ -176,14 +171,11 @@ class Scene:
         scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
         shining = tuple(light for light in scene.lights if self._shines(light))
         scene = replace(scene, lights=shining) if len(shining) < len(scene.lights) else scene
-        if not (bounces > 0 if between_fibres is None else between_fibres):
+        if not bounces:
             materials = tuple(material.of_single_fibres() for material in scene.materials)
             if any(a is not b for a, b in zip(materials, scene.materials, strict=True)):
                 scene = replace(scene, materials=materials)
-        if by_paths and self.bounces_by_paths and not (self.scatters or self.has_strands):
-            return scene
-        bounced = bounced_light(scene, bounces)
-        return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
+        return scene
 
     def _shines(self, light: Light) -> bool:
         """False for a sky, and for what glows, where nothing gets their light."""
@@ -196,18 +188,6 @@ class Scene:
         """Whether some medium scatters light."""
         media = (self.world.medium, *(material.medium for material in self.materials))
         return any(medium is not None and medium.scatters for medium in media)
-
-    @property
-    def has_strands(self) -> bool:
-        """Whether some thing is made of strands."""
-        return any(isinstance(self.geometries[x.geometry], Strands) for x in self.instances)
-
-    @property
-    def bounces_by_paths(self) -> bool:
-        """Whether paths may find the light that surfaces throw onto each other: catchers of shadows
-        tell by its points what they hide of it.
-        """
-        return not any(instances.catcher for instances in self.instances)
 
     @property
     def has_glowing_media(self) -> bool:

@@ -64,32 +64,6 @@ class Emitters:
 
 
 @dataclass(frozen=True, eq=False)
-class Bounces:
-    """m points from which light goes on that surfaces scatter.
-
-    points, normals: (m, 3) float64, in the light's axes, unit normals to the side that scatters.
-    radiance: (m, 3) of the surface there.  spreads: (m,) one over how densely, by area, points are
-    taken there. weights: (m,) how likely each is taken, but for a factor.  reaches: (m,) how far
-    the ends of shadow rays stay off it.  numbers: (m,) from 0 to 1, of its own, evenly spread.
-    caught: (m,) bool, on a shadow catcher.  light_group: (m,) int, of the light that they pass on.
-    bends: (m,) one over the radius in which the surface bends away from there, 0 where it does not.
-    last: (m,) bool, light that has bounced as often as asked for once it arrives.
-    """
-
-    points: Array
-    normals: Array
-    radiance: Array
-    spreads: Array
-    weights: Array
-    reaches: Array
-    numbers: Array
-    caught: Array
-    light_group: Array
-    bends: Array
-    last: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Rods:
     """m pieces of lines through media that glow, each of one brightness.
 
@@ -151,7 +125,7 @@ class Openings:
     shares: Array
 
 
-LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED", "MEDIUM")
+LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "MEDIUM")
 
 
 LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
@@ -160,8 +134,7 @@ LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
 @dataclass(frozen=True, eq=False)
 class Light:
     """A light. kind: POINT, SUN, SPOT, AREA, DOME, which shines from all around, or MESH, which
-    `Scene.as_lit` makes of surfaces that glow, BOUNCED, which it makes of those that are lit, or
-    MEDIUM, of media that glow.
+    `Scene.as_lit` makes of surfaces that glow, or MEDIUM, of media that glow.
 
     world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z. color: RGB;
     strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be negative. radius:
@@ -176,12 +149,12 @@ class Light:
     none. textures: what it refers to. radiance: of a DOME, times color and strength: (h, w, 3)
     float32 in the light's axes, equirectangular as `engine.lights.dome` says. emitters: of a MESH,
     whose bounds are size_x, size_y and twice the radius along the light's axes, round its origin.
-    bounces, rods: of a BOUNCED and a MEDIUM one, the same. openings: of a DOME, points on which are
+    rods: of a MEDIUM one, the same. openings: of a DOME, points on which are
     samples of it too; `Scene.as_lit` finds them. receivers: a bit for each light_set of the
     instances that it lights, blockers: of those that cast shadows in it. motion: (k, 3, 4) float64,
     k >= 2, world_from_light at even times while the shutter is open; None for one that stands
-    still, and of a DOME, MESH, BOUNCED or MEDIUM one. light_group: of `Scene.light_groups`, -1 for
-    none; emitters, bounces and rods have their own.
+    still, and of a DOME, MESH or MEDIUM one. light_group: of `Scene.light_groups`, -1 for
+    none; emitters and rods have their own.
     """
 
     name: str
@@ -206,7 +179,6 @@ class Light:
     textures: tuple[Texture, ...] = ()
     radiance: Array | None = None
     emitters: Emitters | None = None
-    bounces: Bounces | None = None
     rods: Rods | None = None
     openings: Openings | None = None
     receivers: int = EVERYTHING

@@ -124,12 +124,16 @@ def principled(**inputs) -> Shader:
 
 
 def layer_share(
-    ior: float = 1.5, roughness: float = 0.5, cosine: float = 1.0, tint: float = 1.0
+    ior: float = 1.5,
+    roughness: float = 0.5,
+    cosine: float = 1.0,
+    tint: float = 1.0,
+    kind: str = "LAYER",
 ) -> float:
     """What a Principled's dielectric layer keeps from what is below where it is seen at an angle of
-    that cosine.
+    that cosine; kind DIELECTRIC: what it reflects of an even world.
     """
-    world, f0 = dielectric_world(roughness, ior), tint * normal_reflectance(ior)
+    world, f0 = dielectric_world(roughness, ior, kind), tint * normal_reflectance(ior)
     x = (1 - cosine) ** world.q
     once, again = (
         world.a0 + world.a1 * x,

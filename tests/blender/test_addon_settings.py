@@ -93,7 +93,7 @@ answer({{"given": given, "fixed": fixed, "auto": settings_from(scene.glint.final
     )
     assert run.returncode == 0, run.output
     expected = {**VALUES, "filter_width": 2.5, "crypto_ids": 6}
-    expected |= {"passes": ["Depth"], "region": [1, 2, 3, 4], "apart": False}
+    expected |= {"passes": ["Depth"], "region": [1, 2, 3, 4]}
     assert run.answer == {"given": expected, "fixed": 3, "auto": 0, "problems": []}
 
 

@@ -19,10 +19,12 @@ from export_support import (  # noqa: F401
     total,
 )
 from glint.addon.export.materials.rough_diffuse import oren_nayar
-from glint.engine.reference.optics import MEAN_LOST, NEVER_LOST, lost_once
+from glint.engine.reference.optics import NEVER_LOST, lost_once
 
 COLOR = np.array(RED[:3])
 ROUGH = ("OREN_NAYAR", "OREN_NAYAR_MULTIPLE")
+MEAN_LOST = NEVER_LOST - (2 * np.pi - 5.6) / (3 * np.pi)
+"""The mean of `lost_once` over even light."""
 
 
 def wanted(roughness: float, color: np.ndarray = COLOR) -> np.ndarray:

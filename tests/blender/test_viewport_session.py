@@ -31,7 +31,7 @@ def settings():
 
 
 @pytest.fixture
-def view(scene, settings, few_points, monkeypatch):  # noqa: F811
+def view(scene, settings, monkeypatch):  # noqa: F811
     """Two quads, a sun and a point light; what Blender hands to a render engine for a 3D view that
     looks at them.
     """

@@ -6,7 +6,9 @@ stand for Cycles' microfacets.
 Lobes: Σ s_k (n·h)^p_k is fitted to π D / 4 of GGX, by the largest ratio between the two up to 75°
 from the half vector, up to 25 α where roughness is below 0.3. World: GGX's reflectance of a uniform
 world, integrated with Schlick's weight or a dielectric's Fresnel reflectance, by its largest
-relative error from 6° to 90° for F0 = 0.03 and 0.04.
+relative error from 6° to 90° for F0 = 0.03 and 0.04. Layer: the same for what a dielectric layer
+keeps from what lies below it, by its largest error: A as it is and B where it scatters until light
+is out, 1 and B / A where it scatters once, as Cycles has it.
 
 Measured in Cycles: the single lobe that stands for the Blinn-Phong node there, and GGX's albedo.
 Set-up: ORTHO camera along -z, one sun of angle 0, a wall of small quads, one per pixel, each turned
@@ -300,14 +302,32 @@ def dielectric(cosine: np.ndarray) -> np.ndarray:
     return (reflectance - 0.04) / 0.96
 
 
+COSINES = np.sin(np.radians([6, 8, 10, 12, 15, 20, 25, 30, 37, 45, 53, 60, 70, 80, 90]))
+
+
 def fit_world(roughness: float, weight, f0: float) -> tuple[float, float, np.ndarray]:
     """The largest relative error, q, and (a0, a1, b0, b1)."""
-    cosines = np.sin(np.radians([6, 8, 10, 12, 15, 20, 25, 30, 37, 45, 53, 60, 70, 80, 90]))
-    a, b = np.array([reflected(c, roughness, weight) for c in cosines]).T
-    kinds = ((a, 1 / a), (b, (1 - f0) / (f0 * a + (1 - f0) * b)))
+    a, b = np.array([reflected(c, roughness, weight) for c in COSINES]).T
+    return _fit(((a, 1 / a), (b, (1 - f0) / (f0 * a + (1 - f0) * b))))
+
+
+def kept(cosine: float, roughness: float, once: bool) -> tuple[float, float]:
+    """A and B of what a dielectric layer of IOR 1.5 keeps; once: of one that scatters once."""
+    a, b = reflected(cosine, roughness, dielectric)
+    return (1.0, b / a) if once else (a, b)
+
+
+def fit_layer(roughness: float, once: bool) -> tuple[float, float, np.ndarray]:
+    """The largest error, q, and (a0, a1, b0, b1)."""
+    a, b = np.array([kept(c, roughness, once) for c in COSINES]).T
+    return _fit(((a, np.full_like(a, 0.04)), (b, np.full_like(b, 0.96))))
+
+
+def _fit(kinds) -> tuple[float, float, np.ndarray]:
+    """The same of (values at `COSINES`, weights of their errors), which share q."""
     fits = []
     for q in np.arange(1.0, 6.01, 0.1):
-        basis = np.stack([np.ones_like(cosines), (1 - cosines) ** q], 1)
+        basis = np.stack([np.ones_like(COSINES), (1 - COSINES) ** q], 1)
         found = [_least_worst(basis, value, scale) for value, scale in kinds]
         fits.append(
             (max(worst for worst, _ in found), float(q), np.concatenate([c for _, c in found]))
@@ -341,6 +361,14 @@ def main() -> None:
             worst, q, found = fit_world(roughness, weight, f0)
             print(
                 f"{kind} {roughness:.2f}: off by {worst:.3f}; q {q:.1f};",
+                *(f"{x:.4f}" for x in found),
+                flush=True,
+            )
+    for kind, once in (("LAYER", False), ("LAYER_ONCE", True)):
+        for roughness in ROUGHNESS:
+            worst, q, found = fit_layer(roughness, once)
+            print(
+                f"{kind} {roughness:.2f}: off by {worst:.4f}; q {q:.1f};",
                 *(f"{x:.4f}" for x in found),
                 flush=True,
             )

@@ -57,7 +57,12 @@ def both() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     scene = scene_of_groups()
     plan = {"samples": 64, "light_samples": 2, "filter_width": 0.0, "max_bounces": 8}
     passes = frozenset({"Position"})
-    lit = {"diffuse_bounces": 4, "mesh_light": "ON", "world_light": "OCCLUDED"}
+    lit = {
+        "diffuse_bounces": 4,
+        "soft_light": "DEALT",
+        "mesh_light": "ON",
+        "world_light": "OCCLUDED",
+    }
     ours = render_glint(scene, "NATIVE", passes=passes, **plan, **lit).passes
     cycles.make_exact(scene, 2048, bounces=8)
     scene.cycles.diffuse_bounces = 4

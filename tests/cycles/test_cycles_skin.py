@@ -41,7 +41,7 @@ def both_means(scene, samples: int) -> tuple[np.ndarray, np.ndarray]:
     cycles.make_exact(scene, 16, 0, 8)
     scene.cycles.transmission_bounces = scene.cycles.diffuse_bounces = 8
     truth = cycles.render_passes(scene)["Combined"]
-    film = render_glint(scene, "NATIVE", samples=samples, diffuse_bounces=4)
+    film = render_glint(scene, "NATIVE", samples=samples, diffuse_bounces=4, soft_light="DEALT")
     assert truth.shape == film.combined.shape == (28, 48, 4)
     return tuple(f[..., :3].mean((0, 1)) for f in (truth, film.combined))
 

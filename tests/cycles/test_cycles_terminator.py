@@ -184,7 +184,9 @@ def test_shading_offset_of_what_is_thrown_on():
         ball = build.ball(8, 6, True, build.lambert((0.8, 0.8, 0.8)))
         thing = build.add(scene, "Ball", ball, build.moved(0, 0, 1.2, 1.2, 1.2, 1.2))
         set_offset(thing, "shading", offset)
-        film = render_glint(scene, "NATIVE", samples=64, light_samples=4, diffuse_bounces=2)
+        film = render_glint(
+            scene, "NATIVE", samples=64, light_samples=4, diffuse_bounces=2, soft_light="DEALT"
+        )
         cycles.make_exact(scene, 256, 0, 2)
         scene.cycles.diffuse_bounces = 2
         reference = cycles.render_passes(scene)

@@ -83,7 +83,13 @@ def test_a_room_behind_a_curtain() -> None:
     curtain = looking_at((-0.1, 2.0, 1.5), (9.0, 2.0, 1.5))
     add(scene, "curtain", plane(1.0, translucent((0.7, 0.65, 0.5))), curtain)
     film = render_glint(
-        scene, "NATIVE", samples=64, light_samples=2, filter_width=0.01, diffuse_bounces=4
+        scene,
+        "NATIVE",
+        samples=64,
+        light_samples=2,
+        filter_width=0.01,
+        diffuse_bounces=4,
+        soft_light="DEALT",
     )
     cycles.make_exact(scene, 128)
     scene.cycles.max_bounces = 12

@@ -30,6 +30,11 @@ def matt(color, *gloss: Lobe) -> Material:
     return Material("matt", (Lobe("DIFFUSE", (Input(tuple(color)),)), *gloss))
 
 
+def quad(*corners: tuple[float, float, float]) -> Mesh:
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+    return Mesh("quad", np.array(corners, np.float32), triangles)
+
+
 def ball(radius: float = 1.0, center=(0.0, 0.0, 0.0)) -> Spheres:
     return Spheres("ball", np.array([center], np.float32), np.array([radius], np.float32))
 
@@ -67,17 +72,9 @@ def drawn(scene: Scene, bounces: int, backend: str = "NATIVE", **settings) -> np
 
 
 def added(scene: Scene, backend: str = "NATIVE", bounces: int = 1, **settings) -> np.ndarray:
-    """What bounces add."""
-    return drawn(scene, bounces, backend, **settings) - drawn(scene, 0, backend, **settings)
-
-
-def each_asks(scene: Scene) -> Scene:
-    """The same, but no pixel asks the points of bounced light for others: a fibre's lobe that gives
-    nothing back.
-    """
-    fibre = Lobe("FIBRE_DIFFUSE", (Input((0.0,) * 3),))
-    materials = tuple(replace(m, lobes=(*m.lobes, fibre)) for m in scene.materials)
-    return replace(scene, materials=materials)
+    """What bounces add, along paths that pixels deal among themselves."""
+    chosen = {"soft_light": "DEALT", **settings}
+    return drawn(scene, bounces, backend, **chosen) - drawn(scene, 0, backend, **chosen)
 
 
 def lamp(kind: str = "POINT", at=(0.0, 0.0, 0.0), **more) -> Light:

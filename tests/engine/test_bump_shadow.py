@@ -138,6 +138,26 @@ def test_highlights_are_hidden_from_behind_alone(backend: str) -> None:
         np.testing.assert_array_equal(found["GGX"], share * found["NONE"])
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_layers_are_seen_as_their_microfacets(kind: str, backend: str) -> None:
+    """What lies below gloss, (1 - n·v)^p, over the normal that the gloss has: seen from above a
+    lifted one mirrors the view to 0.01 over the plane.
+    """
+    direction, p = np.array((0.9, -0.4, 0.5)), 3.0
+    scene = plane(lights=(sun_from(direction),))
+    for n in ((0.5, 0.0, 1.0), (2.0, 0.3, 0.6), (0.2, 0.1, -0.5)):
+        lobes = s.Lobe("DIFFUSE"), s.Lobe("DIFFUSE", exponent=p)
+        always, both = (
+            in_middle(replace(scene, materials=(tilted(lobes[:k], kind, n),)), backend)
+            for k in (1, 2)
+        )
+        seen = max(n[2] / np.linalg.norm(n), 0)
+        if kind != "SIDES":
+            seen = max(seen, math.sqrt((1 + 0.01) / 2))
+        np.testing.assert_allclose(both, always * (1 + (1 - seen) ** p), rtol=1e-5, err_msg=str(n))
+
+
 def integral(kind: str, n, of=lambda l: 1.0) -> float:  # noqa: E741
     """∫ n·l B(l) L(l) / π over the directions before n."""
     count, up = 400, np.array([0.0, 0.0, 1.0])
@@ -189,10 +209,11 @@ def lights() -> dict[str, tuple[s.Light, ...]]:
 MATT = s.Lobe("DIFFUSE", constant(0.5, 0.4, 0.3))
 NARROW = s.Lobe("SPECULAR", constant(0.3), 60.0, masking=0.2)
 SHEEN = s.Lobe("SHEEN", constant(0.2), 0.3, masking=0.1)
+BELOW = s.Lobe("DIFFUSE", constant(-0.2), 2.0)
 
 
 def lit(name: str, kind: str = "GGX") -> s.Scene:
-    material = bumpy((MATT, NARROW, SHEEN), kind)
+    material = bumpy((MATT, BELOW, NARROW, SHEEN), kind)
     return replace(balls(MATT, lights=lights()[name]), materials=(material,))
 
 

@@ -9,9 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bounced_scenes import mixed
 from engine_scenes import at, box_mesh
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
+from glint.engine.lights.enclosures import joined
 from glint.engine.lights.glowing_media import medium_lights, medium_table
 from glint.engine.scene import (
     Input,
@@ -212,6 +214,22 @@ def test_a_thousand_things_make_one_light():
     np.testing.assert_allclose(total(wanted), 1000 * np.pi / 6 * RGB, rtol=0.02)
 
 
+def test_blocks_that_differ_in_what_is_drawn_stay_apart() -> None:
+    block = mixed().instances[0]
+    others = [
+        replace(block, **change)
+        for change in (
+            {"geometry": 1},
+            {"materials": (2,)},
+            {"visible_shadow": False},
+            {"light_set": 3},
+            {"catcher": True},
+        )
+    ]
+    together = joined([block, *others, replace(block, name="again", object_index=5)])
+    assert [len(b.world_from_object) for b in together] == [4, *[2] * 5]
+
+
 def test_one_light_for_those_that_light_the_same():
     wanted = scene((UNIT, at((0, 0, 2))), (UNIT, at((3, 0, 2))))
     floor, one, other = wanted.instances
@@ -298,7 +316,7 @@ def test_what_gives_less_than_nothing_darkens():
     np.testing.assert_allclose(value, np.array([-1.0, 2.0, 0.0]) * below_a_ball(2.0), rtol=0.02)
 
 
-def test_walks_leave_what_glows():
+def test_what_gas_lights_throws_its_light_on():
     """A white ceiling's second bounce: what a floor gets from one that it lights itself."""
     wanted = scene((UNIT, at((0, 0, 1.5))))
     ceiling = Mesh("ceiling", FLOOR.vertices + np.float32([0, 0, 4]), FLOOR.triangles[:, ::-1])

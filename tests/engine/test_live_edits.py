@@ -292,7 +292,6 @@ def test_any_sequence_of_edits(seed):
         live.close()
 
 
-@pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("seed", range(6))
 def test_any_sequence_of_edits_to_the_shading(seed):
     """What an earlier first wave found out serves, whichever light samples it had."""
@@ -394,29 +393,18 @@ def test_what_is_shaded_anew_traces_no_ray(change):
         live.close()
 
 
-def test_a_quick_picture_is_lit_as_the_last_exact_one_was(monkeypatch):
-    """What bounces is found out for exact pictures, which have the bits of a render alone."""
-    from glint.engine.lights import bounced_light
+def test_a_quick_picture_has_the_light_that_bounces():
+    """All of it, at once and after each edit of a lamp."""
     from glint.engine.native.live import NativeLive
 
-    asked = []
-    found = bounced_light.bounced_light
-    monkeypatch.setattr(
-        bounced_light, "bounced_light", lambda s, n: (asked.append(n), found(s, n))[1]
-    )
     settings = replace(SETTINGS, diffuse_bounces=2)
     live, scene = NativeLive(), first_scene(random.Random(0))
-    moved = replace(scene, lights=scene.lights[:1])
+    fewer = replace(scene, lights=scene.lights[:1])
     try:
-        direct = shown(live, scene, False, settings)
-        assert_same_bits(direct, render(scene, SETTINGS), "nothing known")
-        exact = shown(live, scene, True, settings)
-        assert_same_bits(exact, render(scene, settings), "exact")
-        asked.clear()
-        quick = shown(live, moved, False, settings)
-        assert not any(asked)
-        assert (quick.combined != render(moved, SETTINGS).combined).any()
-        assert_same_bits(shown(live, moved, True, settings), render(moved, settings), "moved")
-        assert any(asked)
+        assert (render(scene, settings).combined != render(scene, SETTINGS).combined).any()
+        for wanted, exact in ((scene, False), (scene, True), (fewer, False), (fewer, True)):
+            assert_same_bits(
+                shown(live, wanted, exact, settings), render(wanted, settings), f"exact: {exact}"
+            )
     finally:
         live.close()

@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bounced_scenes import added, room
+from bounced_scenes import lamp as bulb
 from engine_scenes import at, ball_mesh, box_mesh, constant, grid_mesh, surface
 from glint import engine
 from glint.engine import scene as s
@@ -317,3 +319,24 @@ def test_features() -> None:
     assert engine.render(rich(), engine.Settings(samples=1)).stats["feature: media"]
     scene = things((ball_mesh(4), at(), filled("none", None, GLASS)), (box_mesh(), at(), surface()))
     assert "feature: media" not in engine.render(scene, engine.Settings(samples=1)).stats
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_each_way_of_bounced_light_is_dimmed(backend: str) -> None:
+    """A lamp in the middle of a matt ball in a foggy world: to the wall, from there to all others,
+    as far as twice the cosine, and from these to the eye.
+    """
+    sigma = np.array([0.3, 0.6, 1.2])
+    fog = s.World(medium=s.Medium(absorption=tuple(sigma)))
+    scene = replace(room(bulb()), world=fog)
+    samples = {"NATIVE": 64, "NUMPY": 8}[backend]
+    found = added(scene, backend, samples=samples)
+    clear = added(room(bulb()), backend, samples=samples)
+    chord = (1 - (1 + 2 * sigma) * np.exp(-2 * sigma)) / (2 * sigma**2)
+    cells = (np.arange(8) + 0.5) / 4 - 1
+    x, y = np.meshgrid(cells, cells)
+    z = -1 / np.sqrt(x * x + y * y + 1)  # of the unit ray from (0, 0, 0.3)
+    to_the_eye = -0.3 * z + np.sqrt((0.3 * z) ** 2 + 1 - 0.09)
+    truth = np.exp(-sigma) * chord * np.exp(-sigma * to_the_eye[..., None])
+    np.testing.assert_allclose(clear, clear.mean((0, 1)) + 0 * clear, rtol=1e-4)
+    assert np.abs((found / clear / truth).mean((0, 1)) - 1).max() < 0.01

@@ -19,7 +19,7 @@ from glint.engine import native
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines, summary
 from glint.engine.film import LIGHTING, PARTS
-from glint.engine.lights.interleaving import SIDE, path_bounces
+from glint.engine.lights.interleaving import SIDE
 from glint.engine.native import packing_settings
 from glint.engine.reference import stage, trace
 from glint.engine.reference.explained import Ray
@@ -27,6 +27,7 @@ from glint.engine.reference.path_tracer import trace_paths
 from glint.engine.sampling import interleaving_classes
 from native_tools import constant, hashes_with, needs_core, view_from_above
 from test_bump_shadow import bumpy
+from test_fibres import TANGENT, of_strands
 from test_path_tracer import box, glowing, level, placed
 
 pytestmark = needs_core
@@ -113,18 +114,34 @@ def test_a_ball_spreads_what_glows_in_it_evenly() -> None:
         assert (noise < 0.04 * truth).all(), bounces
 
 
-def test_there_are_none_where_points_bring_the_light() -> None:
-    scene, chosen = room(lamp()), engine.Settings(diffuse_bounces=3, soft_light="RESOLVED")
-    assert path_bounces(scene, chosen) == 3
-    assert path_bounces(scene, replace(chosen, soft_light="SHARED")) == 0
-    assert path_bounces(scene, replace(chosen, illumination="CLASSIC")) == 0
-    assert path_bounces(replace(scene, lights=()), chosen) == 0
-    caught = tuple(replace(x, catcher=True) for x in scene.instances)
-    assert path_bounces(replace(scene, instances=caught), chosen) == 0
-    kinds = [light.kind for light in scene.as_lit(**chosen.lighting).lights]
-    assert "BOUNCED" not in kinds
-    shared = replace(chosen, soft_light="SHARED")
-    assert "BOUNCED" in [light.kind for light in scene.as_lit(**shared.lighting).lights]
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_thin_fog_in_a_ball_scatters_what_its_wall_throws_where_it_is_asked_for(
+    backend: str,
+) -> None:
+    """The wall is as bright all over, so that fog adds its share of that along each ray, however
+    it scatters.
+    """
+    share = np.array([2e-3, 1e-3, 5e-4])
+    fog = s.World(medium=s.Medium(scattering=tuple(share), anisotropy=0.4))
+    scene = replace(room(lamp()), world=fog)
+    samples = 4 if backend == "NUMPY" else 256
+    more = {"samples": samples, "passes": frozenset({"Volume Direct", "Volume Indirect"})}
+    without, with_it = (film(scene, 1, backend, volume_bounces=n, **more) for n in (0, 1))
+    assert not without.passes["Volume Indirect"].any()
+    given = with_it.passes["Volume Indirect"].astype(float)
+    added = with_it.combined[..., :3].astype(float) - without.combined[..., :3]
+    cells = (np.arange(8) + 0.5) / 4 - 1
+    x, y = np.meshgrid(cells, cells)
+    z = -1 / np.sqrt(x * x + y * y + 1)  # of the unit ray from (0, 0, 0.3)
+    way = -0.3 * z + np.sqrt((0.3 * z) ** 2 + 1 - 0.09)
+    truth = share * ALBEDO * 100 / (4 * np.pi**2) * way.mean()
+    noise = noise_of(given)
+    assert (np.abs(given.mean((0, 1)) - truth) <= 4 * noise + 4e-3 * truth).all()
+    assert (noise < {"NATIVE": 0.02, "NUMPY": 0.1}[backend] * truth).all()
+    np.testing.assert_allclose(given.mean((0, 1)), added.mean((0, 1)), rtol=0.01)
+    np.testing.assert_allclose(
+        with_it.passes["Volume Direct"], without.passes["Volume Direct"], rtol=1e-6
+    )
 
 
 # --- beside the path tracer
@@ -229,6 +246,28 @@ def hair(**more) -> s.Scene:
     return corner((strands, s.Material("hair", (fibre,))), **more)
 
 
+def fibres() -> s.Scene:
+    """Strands that let light pass, before others that dim it, in fog."""
+    scene = hair()
+    lobes = (
+        s.Lobe("FIBRE_SPECULAR", constant(0.3), 5.0, fibre_output=0),
+        s.Lobe("FIBRE_TRANSMISSION", constant(0.4, 0.3, 0.2), 3.0, fibre_output=0),
+        s.Lobe("TRANSPARENT", constant(0.3, 0.2, 0.1)),
+    )
+    *matt, hairs = scene.materials
+    own = of_strands(*(replace(lobe, fibre_output=0) for lobe in hairs.lobes), *lobes)
+    *shapes, strands = scene.geometries
+    ways = np.repeat(np.diff(strands.vertices.reshape(2, 2, 3), axis=1), 2, 1).reshape(4, 3)
+    along = s.Attribute(
+        TANGENT,
+        s.POINT,
+        np.float32(np.column_stack([ways / np.linalg.norm(ways, axis=1)[:, None], np.zeros(4)])),
+    )
+    strands = replace(strands, attributes=(along,))
+    world = replace(scene.world, medium=FOG)
+    return replace(scene, geometries=(*shapes, strands), materials=(*matt, own), world=world)
+
+
 def caught() -> s.Scene:
     scene = thing(MATT)
     floor, *others = scene.instances
@@ -262,13 +301,14 @@ SCENES: dict[str, Callable[[], s.Scene]] = {
     "groups": grouped,
     "textures": textured,
     "strands": hair,
+    "fibres": fibres,
     "fog": lambda: replace(thing(MATT), world=s.World(medium=FOG)),
     "skin": lambda: thing(replace(MATT, radius=(0.2, 0.1, 0.05)), SHINE),
     "catcher": caught,
     "linked": linked,
     "sky": lambda: corner((box(0.4), s.Material("m", (MATT, CLEAR))), **SKIES),
 }
-PLAN = {"samples": 2, "max_bounces": 2, "reflections": "ALL"}
+PLAN = {"samples": 2, "max_bounces": 2, "reflections": "ALL", "volume_bounces": 1}
 PASSES = frozenset({*PARTS, *LIGHTING})
 EDGES = 2 / 144
 """Share of the pixels where rounding says what a ray meets."""
@@ -344,24 +384,6 @@ def test_diffuse_indirect_is_what_bounces_add_where_nothing_mirrors(backend: str
     np.testing.assert_allclose(all_["Diffuse Direct"], none["Diffuse Direct"], rtol=1e-6)
 
 
-def test_points_of_bounced_light_light_strands_alone() -> None:
-    """A strand that nothing sees, and that sees nothing, brings these points: others do not show
-    it.
-    """
-    without = corner(size=16)
-    strand = hair(size=16)
-    *others, own = strand.instances
-    unseen = {f"visible_{x}": False for x in ("camera", "mirror", "shadow", "transmission")}
-    hidden = replace(own, visible_diffuse=False, visible_media=False, **unseen)
-    scene = replace(strand, instances=(*others, hidden))
-    plan = {"samples": 2, "soft_light": "RESOLVED"}
-    lit = scene.as_lit(**engine.Settings(diffuse_bounces=2, soft_light="RESOLVED").lighting)
-    assert "BOUNCED" in [light.kind for light in lit.lights]
-    np.testing.assert_allclose(
-        color(scene, 2, **plan), color(without, 2, **plan), rtol=1e-5, atol=1e-7
-    )
-
-
 # --- one pixel explained
 
 
@@ -371,7 +393,7 @@ def rays_of(ray: Ray) -> Iterator[Ray]:
         yield from rays_of(after)
 
 
-EXPLAINED = ("matt", "mirror", "rough gloss", "leaf", "strands", "fog", "skin")
+EXPLAINED = ("matt", "mirror", "rough gloss", "leaf", "strands", "fibres", "fog", "skin", "catcher")
 
 
 @pytest.mark.parametrize("name", EXPLAINED)
@@ -416,20 +438,6 @@ def test_an_explained_pixel_tells_where_light_bounces() -> None:
     assert ways == {(0, False), (1, False), (1, True), (2, True)}
     shares = [summary(tree) for tree in trees]
     assert any("(thrown on by other surfaces)" in line for line in shares)
-
-
-def test_strands_and_what_they_stand_on_are_told_apart() -> None:
-    """Points of bounced light share shadow rays on strands, elsewhere there are none."""
-    settings = engine.Settings(samples=1, diffuse_bounces=2, soft_light="DEALT")
-    explainer, points = PixelExplainer(hair(), settings), {}
-    for x in range(12):
-        hit = explainer.pixel(x, 6).hit
-        if hit is not None:
-            names = {term.light for term in hit.lights}
-            points.setdefault(hit.material == "hair", set()).add(
-                (any(hit.shared_bounced), len(names) > 1, hit.bounce is None)
-            )
-    assert points == {True: {(True, True, True)}, False: {(False, False, False)}}
 
 
 # --- the same bits

@@ -83,10 +83,11 @@ def under_a_sky(material: Material) -> Scene:
 def test_a_metal_shows_surfaces_as_it_shows_the_sky(backend, exponent):
     sky = drawn(under_a_sky(metal(exponent)), samples=1024)
     samples = {"NATIVE": 256, "NUMPY": 64}[backend]
-    reflected = drawn(enclosed(metal(exponent)), backend, mesh_light="OFF", samples=samples)
+    dealt = {"samples": samples, "mesh_light": "OFF", "soft_light": "DEALT"}
+    reflected = drawn(enclosed(metal(exponent)), backend, **dealt)
     assert sky.mean() > 0.2
     blocks = [picture.reshape(3, 4, 3, 4, 3).mean((1, 3)) for picture in (reflected, sky)]
-    np.testing.assert_allclose(*blocks, rtol=0.01)  # whose pixels share what they reflect
+    np.testing.assert_allclose(*blocks, rtol=0.01)  # among whose pixels directions are dealt
 
 
 @pytest.mark.parametrize("exponent", [20.0, 100.0, 5000.0])
@@ -288,3 +289,134 @@ def test_what_rough_metals_reflect_is_glossy(backend):
     found = render(room_of_metals(), Settings(passes=passes, backend=backend, **plan)).passes
     assert found["Glossy Indirect"].any()
     assert not found["Transmission Indirect"].any() and not found["Transmission Direct"].any()
+
+
+# --- before mirrors and glass
+
+
+FLOOR = square((-4, -4, 0), (4, -4, 0), (4, 4, 0), (-4, 4, 0))
+PAINTED = square((-4, 1, 0), (-4, 1, 3), (4, 1, 3), (4, 1, 0))
+# the floor shows nothing but what it reflects
+LAMP = Light("lamp", "POINT", np.c_[np.eye(3), [0.5, -0.5, 0.8]], strength=4e3, lights_gloss=False)
+
+
+def tinted(color: tuple[float, ...], exponent: float = 40.0) -> Material:
+    (lobe,) = metal(exponent).lobes
+    return Material("metal", (replace(lobe, factors=(Input(color),)),))
+
+
+def paint(*color: float) -> Material:
+    return Material("paint", (Lobe("DIFFUSE", (Input(color),)),))
+
+
+def above(size: tuple[int, int], half: float = 0.9) -> Camera:
+    """Looks down on the floor before the wall."""
+    frame = np.column_stack([np.eye(3), (0.0, 0.0, 2.5)])
+    width = half * size[0] / size[1]
+    return Camera("ORTHOGRAPHIC", frame, (-width, width, -half, half), size)
+
+
+def floor_before_wall(size: tuple[int, int] = (24, 20), *more: Lobe) -> Scene:
+    """A dull metal floor beside a painted wall, which has a mirror or glass in front of some."""
+    front = square((-4, 0.95, 0), (-4, 0.95, 3), (0, 0.95, 3), (0, 0.95, 0))
+    things = [Instances(f"{k}", k, np.eye(3, 4)[None], (k,)) for k in range(2)]
+    materials = [tinted((0.9, 0.7, 0.4)), paint(0.2, 0.5, 0.8)]
+    geometries = [FLOOR, PAINTED]
+    if more:
+        geometries.append(front)
+        things.append(Instances("front", 2, np.eye(3, 4)[None], (2,)))
+        materials.append(Material("front", more))
+    return Scene(above(size), tuple(geometries), tuple(things), tuple(materials), (), (LAMP,))
+
+
+FRONTS = {
+    "alone": (),
+    "mirror": (Lobe("MIRROR", (Input((0.8, 0.8, 0.8)),)),),
+    "glass": (
+        Lobe("REFRACTION", (Input((0.6, 0.8, 0.8)),), ior=1.4),
+        Lobe("MIRROR", (Input((0.3, 0.3, 0.3)),)),
+    ),
+    "clear": (
+        Lobe("TRANSPARENT", (Input((0.5, 0.6, 0.5)),)),
+        Lobe("DIFFUSE", (Input((0.1, 0.1, 0.1)),)),
+    ),
+}
+PASSES = frozenset({"Mirror", "Glossy Direct", "Glossy Indirect", "Diffuse Direct", "Cost"})
+
+
+@pytest.mark.parametrize("front", FRONTS)
+def test_both_tracers_reflect_the_same_behind_others(front: str) -> None:
+    """Straight on, and in what a mirror, glass or a pane before the wall shows: all passes."""
+    scene = floor_before_wall((35, 11), *FRONTS[front])
+    named = replace(LAMP, light_group=0)
+    scene = replace(scene, lights=(named,), light_groups=("lamps",))
+    plan = {"samples": 8, "filter_width": 0.0, "max_bounces": 4, "reflections": "ALL"}
+    core, reference = (
+        render(scene, Settings(**plan, passes=PASSES, backend=b)).passes for b in BACKENDS
+    )
+    assert core.keys() == reference.keys()
+    assert reference["Glossy Indirect"].any()
+    for name in core:
+        wrong = np.abs(core[name] - reference[name]) > 1e-4 * (1 + np.abs(reference[name]))
+        assert wrong.mean() <= 0.01, name  # rays may turn at an edge
+    lit = [name for name in core if "lamps" in name]
+    assert lit
+    np.testing.assert_allclose(
+        core[lit[0]][..., :3], core["Combined"][..., :3], rtol=1e-5, atol=1e-6
+    )
+
+
+def two_metals(left: tuple[float, ...], right: tuple[float, ...]) -> Scene:
+    """In one plane: 7 columns of pixels of the one, 5 of the other."""
+    scene, edge = floor_before_wall((12, 12)), 0.015
+    floors = (
+        square((-4, -4, 0), (edge, -4, 0), (edge, 4, 0), (-4, 4, 0)),
+        square((edge, -4, 0), (4, -4, 0), (4, 4, 0), (edge, 4, 0)),
+    )
+    return replace(
+        scene,
+        camera=above((12, 12), 0.09),
+        geometries=(floors[0], PAINTED, floors[1]),
+        instances=(*scene.instances, Instances("right", 2, np.eye(3, 4)[None], (2,))),
+        materials=(tinted(left), scene.materials[1], tinted(right)),
+    )
+
+
+@pytest.mark.parametrize("soft_light", ["SHARED", "RESOLVED"])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_each_pixel_gives_back_in_its_own_color(backend: str, soft_light: str) -> None:
+    """Beside a metal of another color as much as if all were like it; averaging mixes no colors of
+    metals.
+    """
+    plan = {"samples": 16, "max_bounces": 4, "soft_light": soft_light}
+    left, right = (0.9, 0.6, 0.0), (0.0, 0.3, 0.8)
+    found = drawn(two_metals(left, right), backend, **plan)
+    assert found.max() > 0.05
+    for color, columns in ((left, slice(0, 7)), (right, slice(7, 12))):
+        alone = drawn(two_metals(color, color), backend, **plan)
+        assert not found[:, columns][..., np.array(color) == 0].any()
+        near = {"rtol": 2e-5, "atol": 1e-7} if soft_light == "SHARED" else {"rtol": 0.2}
+        np.testing.assert_allclose(found[:, columns], alone[:, columns], **near)
+
+
+@pytest.mark.parametrize("front", FRONTS)
+def test_explain_tells_what_is_reflected_behind_others(front: str) -> None:
+    """Under a roof: the first sample's place is where the normal mirrors."""
+    scene = floor_before_wall((13, 11), *FRONTS[front])
+    roof = square((-4, -4, 3), (4, -4, 3), (4, 4, 3), (-4, 4, 3))
+    number = len(scene.geometries)
+    scene = replace(
+        scene,
+        geometries=(*scene.geometries, roof),
+        instances=(*scene.instances, Instances("roof", number, np.eye(3, 4)[None], (1,))),
+    )
+    plan = Settings(samples=1, filter_width=0.0, max_bounces=4, reflections="ALL")
+    picture = render(scene, plan).passes["Combined"]
+    explainer = PixelExplainer(scene, plan)
+    lit = 0
+    for x in range(0, 13, 2):
+        for y in (0, 7, 8, 9, 10):
+            ray = explainer.pixel(x, y)
+            np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
+            lit += any(after.kind == "reflection" and any(after.color) for after in ray.follow)
+    assert lit >= 5

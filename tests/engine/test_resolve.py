@@ -85,8 +85,8 @@ def corner(size: int = 48) -> s.Scene:
 
 @cache
 def truth() -> np.ndarray:
-    """(h, w, 3) of so many shared samples that their points leave next to nothing."""
-    film = engine.render(corner(), settings("SHARED", 256, light_samples=8))
+    """(h, w, 3) of so many samples that their points leave next to nothing."""
+    film = engine.render(corner(), settings("DEALT", 1024))
     return film.combined[..., :3].astype(float)
 
 

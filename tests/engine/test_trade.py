@@ -24,7 +24,7 @@ from glint.engine.analysis import (
 )
 from glint.engine.analysis.trade_rows import Row, Trade, advice, with_bounds, with_front
 from glint.engine.scene import Lobe, Material, Medium, World
-from test_mixed_gloss import floor_before_wall
+from test_reflections import floor_before_wall
 
 BACKEND = available_backends()[0]
 TUNABLES = {"samples": 1, "light_samples": 1, "max_bounces": 0}
@@ -76,7 +76,7 @@ def test_crops_cost_and_show_what_a_render_does_however_often_they_are_drawn(sam
 
 
 def test_a_small_crop_takes_no_more_rays_than_its_share_of_the_frame():
-    """Where pixels mix what they find, too."""
+    """Where rough surfaces reflect, too."""
     scene, settings = floor_before_wall((96, 80)), Settings(samples=4, reflections="ALL")
     film = engine.render(scene, settings)
     crops = [(x, y, x + 12, y + 12) for x, y in ((6, 4), (25, 26), (80, 66))]

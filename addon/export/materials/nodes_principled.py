@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+from ....engine.program.graph import Value
 from ....engine.program.operations_vector import VectorMeasure
 from .anisotropy import Brush
 from .closures import Closure, LobeKey, add_closures, scale_closure
@@ -22,16 +23,27 @@ from .nodes_shader import (
     filmed_glass,
     glossy_closure,
     is_multiscatter,
+    kept_by_layer,
     note_left_out,
     under_alpha,
 )
 from .nodes_sheen import Fibres
 from .rough_diffuse import roughened
-from .roughness import layer_loss
 from .subsurface import WALKS_IOR, note_constants, subsurface
-from .terms import ONE, ZERO, Sum, complement, constant, constant_value, is_constant, mix, multiply
+from .terms import (
+    ONE,
+    ZERO,
+    Sum,
+    add,
+    complement,
+    constant,
+    constant_value,
+    is_constant,
+    mix,
+    multiply,
+)
 from .thin_film import film_of
-from .varying import Ior, Of, Roughness
+from .varying import Ior, Roughness
 
 
 def _principled(view: NodeView) -> Closure:
@@ -127,14 +139,46 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     ior = view.ior("Coat IOR", least=1.0)
     tint = _absorbed(view, view.reflectance("Coat Tint", 1.0), ior)
     roughness = view.roughness("Coat Roughness", 0.03)
-    lost = multiply(weight, roughness.number(Of(_layer_loss, (ior.number,))))
+    lost = _kept_by_coat(view, weight, roughness, ior)
     through = multiply(rest(lost), mix(view.factor("Coat Weight"), ONE, tint))
     coat = _turned(view, coat_closure(weight, roughness, ior))
     return add_closures(scale_closure(surface, through), coat)
 
 
-def _layer_loss(ior: float, roughness: float) -> float:
-    return layer_loss(roughness, ior)
+def _kept_by_coat(view: NodeView, weight: Sum, roughness: Roughness, ior: Ior) -> Sum:
+    """What a coat keeps from what lies below, seen from where it is: one term, as all lobes below
+    are times it.
+    """
+    if ior.number == 1.0:
+        return ZERO
+    expressions = view.evaluator.expressions
+    do, math = expressions.apply, expressions.math
+    always, grazing, q = kept_by_layer(roughness, ior)
+    power, _, _ = expressions.parts(expressions.value_of(q))
+    cosine = math("MAXIMUM", _seen_at(view), 0.0)
+    aslant = do("combine_xyz", *[math("POWER", math("SUBTRACT", 1.0, cosine), power)] * 3)
+    share = add(always, multiply(grazing, expressions.sum_of(aslant)))
+    return expressions.sum_of(expressions.value_of(multiply(weight, share)))
+
+
+def _seen_at(view: NodeView) -> Value:
+    """The cosine between a coat's normal and the viewer. A bent one counts as if it mirrored him to
+    the horizon of its face where it does not face him more, as Cycles turns it.
+    """
+    expressions = view.evaluator.expressions
+    do, math = expressions.apply, expressions.math
+    normal, incoming = view.evaluator.normal_at(view.input("Coat Normal")), do("incoming")
+
+    def cosine(other: Value) -> Value:
+        product = do("vector_measure", incoming, other, measure=VectorMeasure.DOT_PRODUCT)
+        return math("MINIMUM", product, 1.0)
+
+    if normal is do("normal"):
+        return cosine(normal)
+    face = cosine(do("face_normal"))
+    aside = math("SQRT", math("SUBTRACT", 1.0, math("MULTIPLY", face, face)))
+    least = math("SQRT", math("MULTIPLY", math("SUBTRACT", 1.0, aside), 0.5))
+    return math("MAXIMUM", cosine(normal), least)
 
 
 def _absorbed(view: NodeView, tint: Sum, ior: Ior) -> Sum:

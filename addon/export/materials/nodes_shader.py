@@ -111,7 +111,7 @@ def _minus(of: Of, roughness: float) -> float:
 
 
 def _world(roughness: float, kind: str, ior: float) -> World:
-    return dielectric_world(roughness, ior) if kind == "DIELECTRIC" else world_of(roughness, kind)
+    return world_of(roughness, kind) if kind == "METAL" else dielectric_world(roughness, ior, kind)
 
 
 def _highlights(weight: Sum, roughness: Roughness, **more: Any) -> Closure:
@@ -207,29 +207,42 @@ def _reflected(kind: str, f0: Sum, world: WorldShares, roughness: Roughness, aga
     """What of a uniform world a dielectric layer reflects; again: the share of what is not sent out
     at once.
     """
+    return _seen(kind, *_shares(f0, world, roughness, again), world)
+
+
+def _shares(f0: Sum, world: WorldShares, roughness: Roughness, again: Of) -> tuple[Sum, Sum]:
+    """The same, always and times (1 - n·v)^q."""
     rest, once = complement(f0), multiply(f0, roughness.number(Of(_rest, (again,))))
     more = multiply(f0, roughness.number(again))
     always = add(more, multiply(once, world.a0), multiply(rest, world.b0))
-    grazing = add(multiply(once, world.a1), multiply(rest, world.b1))
-    return _seen(kind, always, grazing, world)
+    return always, add(multiply(once, world.a1), multiply(rest, world.b1))
 
 
 def below_coat(base: Sum, tint: Sum, roughness: Roughness, ior: Ior, multiscatter: bool) -> Closure:
     """A diffuse layer under a dielectric one, which by Cycles keeps what it reflects of a uniform
-    world in the direction of view.
-
-    Scattering once it keeps the rough share of F0 too.
+    world in the direction of view; of an even world just what its AMBIENT lobes show, where it
+    scatters until light is out.
     """
-    world = WorldShares(roughness, "DIELECTRIC", ior.number)
-    if not multiscatter:
-        world.a0, world.a1 = ONE, ZERO
-    again = _scattered_again(ior, multiscatter)
-    kept = _reflected("DIFFUSE", multiply(tint, ior.f0), world, roughness, again)
-    always, grazing = kept[LobeKey("DIFFUSE")], kept[LobeKey("DIFFUSE", **world.exponent)]
-    through, less = multiply(base, complement(always)), scale(multiply(base, grazing), -1.0)
-    return add_closures(
-        _seen("DIFFUSE", through, less, world), _seen("AMBIENT", through, less, world)
-    )
+    f0, again = multiply(tint, ior.f0), _scattered_again(ior, multiscatter)
+
+    def left(kind: str, table: str) -> Closure:
+        world = WorldShares(roughness, table, ior.number)
+        always, grazing = _shares(f0, world, roughness, again)
+        through, less = multiply(base, complement(always)), scale(multiply(base, grazing), -1.0)
+        return _seen(kind, through, less, world)
+
+    if multiscatter:
+        return add_closures(left("DIFFUSE", "LAYER"), left("AMBIENT", "DIELECTRIC"))
+    return add_closures(left("DIFFUSE", "LAYER_ONCE"), left("AMBIENT", "LAYER_ONCE"))
+
+
+def kept_by_layer(roughness: Roughness, ior: Ior) -> tuple[Sum, Sum, Sum]:
+    """What a dielectric layer that scatters until light is out keeps from all that lies below it:
+    always, times (1 - n·v)^q, and q.
+    """
+    world = WorldShares(roughness, "LAYER", ior.number)
+    shares = _shares(ior.f0, world, roughness, _scattered_again(ior, True))
+    return *shares, roughness.number(Of(_share_of_world, ("LAYER", ior.number, "q")))
 
 
 def glass_closure(reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior) -> Closure:

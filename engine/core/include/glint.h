@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 71
+#define GLINT_ABI_VERSION 72
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -216,7 +216,6 @@ enum GlintLightKind {
   GLINT_AREA,
   GLINT_DOME,
   GLINT_MESH_LIGHT,
-  GLINT_BOUNCED_LIGHT,
   GLINT_MEDIUM_LIGHT
 };
 enum GlintLightFlags {
@@ -234,15 +233,14 @@ enum GlintLightFlags {
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
  * and counted. program: 0, or 1 plus the number of the program that says, sample by sample, what
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
- * attributes or triangles. DOME, MESH, BOUNCED and MEDIUM lights have none. A MESH light is the
+ * attributes or triangles. DOME, MESH and MEDIUM lights have none. A MESH light is the
  * scene's emitters from first_emitter on, emitter_count of them; its bounds, and those of a MEDIUM
  * light, are size_x, size_y and twice the radius. spread: of an AREA light, the full angle of what
- * it shines in; pi or more: all that is before it. A BOUNCED light, of which there is one at most,
- * and MEDIUM lights have no highlights. excluded_sets: a
- * bit for each light_set of the instances that it does not light, passed_sets: of those that its
+ * it shines in; pi or more: all that is before it. MEDIUM lights have no highlights. excluded_sets:
+ * a bit for each light_set of the instances that it does not light, passed_sets: of those that its
  * shadow rays pass. level: of a POINT lamp that far points see in clusters with others, where in
  * their tree it is parted from the one before it, 0 to 127 (engine/lights/lamps.py,
- * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH, BOUNCED and
+ * cluster_levels); -1 for all others. light_group: as of GlintInstances; of MESH and
  * MEDIUM lights their triangles and points have one each. */
 typedef struct GlintLight {
   double world_from_light[12];
@@ -411,9 +409,8 @@ typedef struct GlintNeighbour {
   uint64_t row_count, shape_count;
 } GlintNeighbour;
 
-/* region: x0, y0, x1, y1 half open in the full frame. apart: whether what pixels mix in blocks ends
- * there. threads: 0 for one a core. waves: whether anybody looks before the end; if nobody does,
- * more samples are traced at once, to the same bits.
+/* region: x0, y0, x1, y1 half open in the full frame. threads: 0 for one a core. waves: whether
+ * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
  * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
  * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
  * light has an extent; else they may be null. dome_table: (dome_count, 10), of as many samples as
@@ -434,10 +431,7 @@ typedef struct GlintNeighbour {
  * point of the unit disc, 0, and its light_group. medium_table: the same of each
  * GLINT_MEDIUM_LIGHT; front is what the medium gives a world unit, spread one over the density of
  * points by volume, reach the radius of the ball that each stands for, normal and back are unused.
- * bounced_table: the same of a GLINT_BOUNCED_LIGHT,
- * with 1 for points on catchers in place of the 0, and 2 more for those whose light goes on from no
- * other surface that gather rays find, and in place of back[0] the spread of the disc where no rays
- * gather what is near. Tables may be null where the scene has no such light.
+ * Tables may be null where the scene has no such light.
  * lobe_points: (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a
  * path, where in the lobes of rough surfaces its rays are reflected; null only where none are.
  * error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it
@@ -456,23 +450,14 @@ typedef struct GlintNeighbour {
  * how many of a pixel Cryptomatte passes tell, 1 to 64 where one is asked for, two numbers each.
  * lamp_shadows: where more than twice as many lamps cast shadows and have no program, a point sends
  * so many of its rays to them, times the samples of a soft one; 0: one to each, up to 1024.
- * bounced_shadows: how many rays of a point and sample the points of a GLINT_BOUNCED_LIGHT share, 1
- * to bounced_samples; medium_shadows: the same of all of a GLINT_MEDIUM_LIGHT. gather_reach: within
- * that distance, world units, each sample looks along gather_samples rays, 1 to 64, for what throws
- * light on, in place of those points; 0: none does. gather_points: (gather_block², gather_count, 2)
- * of the unit disc, below the directions of those rays, of as many samples as divide gather_count,
- * after which they begin again; row by row for the pixels of squares of the frame, gather_block, 1
- * to 8, on a side. Those on one surface share what they find, and one of them asks for the points,
- * for all. Null only where gather_reach is 0. gloss_points: null, or (gloss_count, 2) of the unit
- * disc, eight for each of as many samples as divide it, after which they begin again: where in wide
- * lobes the rays of some pixels of squares of 4 x 4 are reflected; all share what these bring.
- * neighbours: null where nothing moves, else two, of the frame before and of the one after.
- * occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
+ * medium_shadows: how many rays of a point and sample the points of all GLINT_MEDIUM_LIGHTs share,
+ * 1 to medium_samples. neighbours: null where nothing moves, else two, of the frame before and of
+ * the one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
  * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
  * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
- * axis, 0 to 2; null only where none does. subsurface_points: (gather_block², subsurface_count, 6),
- * by pixel of a square as gather_points, of as many samples, after which they begin again: the
+ * axis, 0 to 2; null only where none does. subsurface_points: (subsurface_count, 6),
+ * of as many samples, after which they begin again: the
  * shares of the light of a point that come out of the surface within the nearest and the farthest
  * radius that a sample stands for, and within its own, in this order: least, own, most; the cosine
  * and the sine of the angle round the point; which of the two axes across the normal the sample
@@ -480,19 +465,17 @@ typedef struct GlintNeighbour {
  * of pixels over which samples are dealt, a power of two up to 8, 1 for none: the tables of lights,
  * lobes and gather rays are then of the samples of all pixels of a block (engine/sampling,
  * dealt_sample). resolves: light with noise is averaged over the pixels of a block. bounces: how
- * often surfaces scatter light onto others along paths, which take the place of the points of a
- * GLINT_BOUNCED_LIGHT on what is no strand; bounce_points: (bounce_levels, bounce_count, 3), for
- * each bounce of a path, the first ones again after bounce_levels of them, and for each of as many
- * samples, after which they begin again: a point of the unit disc below the direction, and a number
- * of [0, 1) below which the share of its light must not lie that a later bounce is worth. Null only
- * where bounces is 0. */
+ * often surfaces scatter light onto others, volume_bounces: 0, or 1 where that lights media, too;
+ * bounce_points: (bounce_levels, bounce_count, 3), for each bounce of a path, the first ones again
+ * after bounce_levels of them, and for each of as many samples, after which they begin again: a
+ * point of the unit disc below the direction, and a number of [0, 1) below which the share of its
+ * light must not lie that a later bounce is worth. Null only where bounces is 0. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
   const double* light_disc;
   const double* dome_table;
   const double* mesh_table;
-  const double* bounced_table;
   const double* medium_table;
   const double* lobe_points;
   const float* dome_cells;
@@ -504,25 +487,22 @@ typedef struct GlintRenderSettings {
   const double* camera_frames;
   const double* occlusion_points;
   const double* node_points;
-  const double* gather_points;
-  const double* gloss_points;
   const double* subsurface_points;
   const double* bounce_points;
   const GlintNeighbour* neighbours;
-  uint64_t light_point_count, dome_count, mesh_count, bounced_count, medium_count, lobe_count,
-      lens_point_count, camera_frame_count, scatter_count, occlusion_count, node_point_count,
-      opening_count, opening_point_count, gather_count, gloss_count, subsurface_count, bounce_count,
-      passes;
+  uint64_t light_point_count, dome_count, mesh_count, medium_count, lobe_count, lens_point_count,
+      camera_frame_count, scatter_count, occlusion_count, node_point_count, opening_count,
+      opening_point_count, subsurface_count, bounce_count, passes;
   double dome_axes[9];
-  double error_threshold, cutoff, lens_focus, gather_reach;
-  uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
-      bounced_shadows, medium_samples, medium_shadows, lamp_shadows, occlusion_samples,
-      opening_samples, gather_samples, gather_block, interleaving, bounces, bounce_levels;
+  double error_threshold, cutoff, lens_focus;
+  uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, medium_samples,
+      medium_shadows, lamp_shadows, occlusion_samples, opening_samples, interleaving, bounces,
+      volume_bounces, bounce_levels;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;
   uint32_t region[4];
-  int32_t illumination, waves, acceleration, remember, reflections, moving, apart, resolves;
+  int32_t illumination, waves, acceleration, remember, reflections, moving, resolves;
 } GlintRenderSettings;
 
 enum GlintState {
@@ -557,7 +537,6 @@ enum GlintFeature {
   GLINT_FEATURE_MESH_LIGHT = 1024,
   GLINT_FEATURE_DEPTH_OF_FIELD = 2048,
   GLINT_FEATURE_CAMERA_MOTION = 4096,
-  GLINT_FEATURE_BOUNCED_LIGHT = 8192,
   GLINT_FEATURE_OBJECT_MOTION = 16384,
   GLINT_FEATURE_MEDIA = 32768,
   GLINT_FEATURE_SHADOW_CATCHER = 65536,

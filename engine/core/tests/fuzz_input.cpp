@@ -76,10 +76,6 @@ void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
     for (size_t k = 1 + dice.below(20); k > 0; --k) emitters.push_back(emitter(dice));
     set_emitters(dice, lights, emitters.size());
   }
-  if (lights.size() > 1 && lights.front().kind != GLINT_MESH_LIGHT && dice.chance(0.3)) {
-    lights.front().kind = GLINT_BOUNCED_LIGHT;
-    lights.front().program = 0;
-  }
   for (GlintLight& l : lights) {
     if (l.kind <= GLINT_AREA && dice.chance(0.1)) {
       l.kind = GLINT_MEDIUM_LIGHT;

@@ -56,20 +56,6 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.medium_count = uint64_t(s.medium_samples) * (1 + dice.below(s.samples));
   s.medium_table = arena.fill<double>(3 * 18 * s.medium_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.medium_table = nullptr;
-  s.bounced_samples = uint32_t(1 + dice.below(5));
-  s.bounced_shadows = uint32_t(dice.below(6));
-  s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));
-  s.bounced_table = arena.fill<double>(18 * s.bounced_count, [&] { return dice.number(); });
-  if (dice.chance(0.05 * dice.wildness)) s.bounced_count = 0;
-  if (dice.chance(0.3)) return;
-  s.gather_reach = positive(dice);
-  s.gather_samples = uint32_t(1 + dice.below(3));
-  s.gather_count = uint64_t(s.gather_samples) * (1 + dice.below(s.samples));
-  s.gather_block = uint32_t(1 + dice.below(4));
-  s.gather_points = arena.fill<double>(2 * s.gather_block * s.gather_block * s.gather_count,
-                                       [&] { return 0.5 * dice.number(); });
-  if (dice.chance(0.05 * dice.wildness)) s.gather_reach = -dice.number();
-  if (dice.chance(0.05 * dice.wildness)) s.gather_count = 0;
 }
 
 void set_bounces(Dice& dice, Arena& arena, GlintRenderSettings& s) {
@@ -77,6 +63,7 @@ void set_bounces(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.resolves = dice.chance(0.5);
   if (dice.chance(0.5)) return;
   s.bounces = uint32_t(dice.below(6));
+  s.volume_bounces = uint32_t(dice.below(2));
   s.bounce_levels = uint32_t(1 + dice.below(3));
   s.bounce_count = 1 + dice.below(s.samples);
   s.bounce_points = arena.fill<double>(3 * s.bounce_levels * s.bounce_count,
@@ -107,10 +94,6 @@ void set_reflections(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.lobe_points = arena.fill<double>(2 * s.lobe_count, [&] { return 0.5 * dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.lobe_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.lobe_points = nullptr;
-  s.gloss_count = 8 + dice.below(24);
-  if (dice.chance(0.5))
-    s.gloss_points = arena.fill<double>(2 * s.gloss_count, [&] { return 0.5 * dice.number(); });
-  if (dice.chance(0.05 * dice.wildness)) s.gloss_count = dice.below(8);
 }
 
 GlintNeighbour neighbour(Dice& dice, Arena& arena, const GlintSceneData& scene) {

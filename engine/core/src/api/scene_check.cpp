@@ -93,16 +93,13 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
              "camera: %d clip planes", c.clip_plane_count);
   bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
   report.add(sized, "camera: resolution %u by %u", c.width, c.height);
-  uint64_t bounced_lights = 0;
   for (uint64_t i = 0; i < d.light_count; ++i) {
     const GlintLight& light = d.lights[i];
-    bounced_lights += light.kind == GLINT_BOUNCED_LIGHT;
     report.add(light.kind != GLINT_MESH_LIGHT ||
                    (light.emitter_count > 0 &&
                     range(light.first_emitter, light.emitter_count, d.emitter_count)),
                "light %llu: triangles beyond the table, or none", ull(i));
   }
-  report.add(bounced_lights <= 1, "%llu bounced lights", ull(bounced_lights));
   for (uint64_t i = 0; i < d.light_count; ++i)
     report.add(within(d.lights[i].kind, GLINT_MEDIUM_LIGHT), "light %llu: unknown kind %d", ull(i),
                d.lights[i].kind);

@@ -59,15 +59,6 @@ bool enough_medium_points(const GlintRenderSettings& g, const Scene& scene) {
          (g.medium_samples >= 1 && g.medium_table && g.medium_count >= g.medium_samples);
 }
 
-bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
-  return !(scene.features & GLINT_FEATURE_BOUNCED_LIGHT) ||
-         (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples &&
-          g.gather_reach >= 0 && g.gather_reach < kInfinity &&
-          (g.gather_reach == 0 ||
-           (g.gather_points && g.gather_samples >= 1 && g.gather_samples <= 64 &&
-            g.gather_block >= 1 && g.gather_block <= 8 && g.gather_count >= g.gather_samples)));
-}
-
 /// Points of the unit disc, and shares.
 bool sound_bounces(const GlintRenderSettings& g) {
   if (g.bounces == 0) return true;
@@ -103,9 +94,9 @@ bool enough_occlusion(const GlintRenderSettings& g) {
 /// Shares between 0 and 1 in their order, and an axis across the normal.
 bool sound_subsurface(const GlintRenderSettings& g) {
   if (!g.subsurface_points) return true;
-  if (g.gather_block < 1 || g.gather_block > 8 || g.subsurface_count < 1) return false;
-  const uint64_t rows = g.gather_block * g.gather_block * g.subsurface_count;
-  for (const double* row = g.subsurface_points; row < g.subsurface_points + 6 * rows; row += 6)
+  if (g.subsurface_count < 1) return false;
+  const double* const end = g.subsurface_points + 6 * g.subsurface_count;
+  for (const double* row = g.subsurface_points; row < end; row += 6)
     if (!(row[0] >= 0 && row[0] < row[1] && row[1] < row[2] && row[2] <= 1 &&
           std::abs(row[3]) <= 1 && std::abs(row[4]) <= 1 && (row[5] == 1 || row[5] == 2)))
       return false;
@@ -156,8 +147,6 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: fewer points of a mesh light than those of a sample");
   add(enough_medium_points(g, scene),
       "settings: fewer points of a medium light than those of a sample");
-  add(enough_bounced_points(g, scene),
-      "settings: fewer points of bounced light than those of a sample");
   add(sound_bounces(g), "settings: no points for bounces of light, or points that are none");
   add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
@@ -187,8 +176,6 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
           (g.reflections == GLINT_REFLECT_OFF ||
            (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");
-  add(!g.gloss_points || g.gloss_count >= RenderPlan::kGlossPlaces,
-      "settings: gloss points of no sample");
   add(sound_subsurface(g),
       "settings: no points for subsurface scattering, or points that are none");
   add(!scene.materials.has_rough_glass ||

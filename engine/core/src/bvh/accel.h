@@ -19,6 +19,7 @@ enum Visibility : uint32_t {
   kShadow = 4,
   kTransmission = 32,
   kDiffuse = 64,
+  kSolid = 128,  // kDiffuse of what is no strand
   kAnyRay = kCamera | kMirror | kShadow | kTransmission | kDiffuse
 };
 

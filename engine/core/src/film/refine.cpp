@@ -119,9 +119,7 @@ bool Refinement::may_stop(size_t row, uint64_t light_points) const {
   const uint8_t met = soft_light_.data()[row];
   if (!met) return true;
   const bool black = is_black(row), cut = met & kCut;
-  const uint32_t least = met & kNear                      ? kNearPoints
-                         : black || cut || met & kBounced ? kDimPoints
-                                                          : kLightPoints;
+  const uint32_t least = black || cut ? kDimPoints : kLightPoints;
   return light_points >= least && !(black && cut);
 }
 

@@ -42,15 +42,12 @@ class Refinement {
   static constexpr uint32_t kLightPoints =
       16;  // of each soft light that a pixel has looked at before it may stop
   static constexpr uint32_t kDimPoints =
-      32;  // where it is black so far, the horizon cuts the light, or bounced light is met
-  static constexpr uint32_t kNearPoints = 64;   // where bounced light comes from near by
+      32;  // where it is black so far, or the horizon cuts the light
   static constexpr uint32_t kLensSamples = 16;  // the same of a lens
   enum SoftLight : uint8_t {
     kReached = 1,
-    kCut = 2,
-    kBounced = 4,
-    kNear = 8
-  };  // by one sample, whatever stands between; by the horizon; by bounced light; by gather rays
+    kCut = 2
+  };  // by one sample, whatever stands between; by the horizon
   static constexpr float kUnknown =
       256;  // the error of a pixel with fewer samples: beyond all levels
 

@@ -277,14 +277,14 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 3 * ((y0 + y) * width_ + x0), 3 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
-    const Block& block = light == kDiffuseIndirect ? wide
-                         : light < kVolumeDirect   ? on_surfaces
-                                                   : in_media;
     const bool any = one.choose(light, is_halved);
-    if (any) {
+    const auto find = [&](const Block& block) {
       one.find_means(block);
       one.find_spread(block);
-    }
+    };
+    if (any && light == kVolumeIndirect) find(Block(span, int(side_)));
+    else if (any)
+      find(light == kDiffuseIndirect ? wide : light < kVolumeDirect ? on_surfaces : in_media);
     for (size_t k = 0; (any || lights_.size()) && k < span.count(); ++k) {
       const uint32_t pixel = pixel_of(span, k, x0, y0, width_);
       const size_t q = span.first + k / span.width * span.stride + k % span.width;

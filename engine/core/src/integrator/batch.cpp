@@ -10,7 +10,7 @@ constexpr size_t kSmooth = 3 + 3;                     // n, origin
 constexpr size_t kBumps = 3 + 1;                      // unbent, bump
 constexpr size_t kBehind = 3 + 3 + 3 + 1;             // translucent, behind, lifted, lifted_bump
 constexpr size_t kBelow = 3 + 3;                      // below, radius
-constexpr size_t kParts = 6 * 3, kSplit = 6 * 3;
+constexpr size_t kParts = 6 * 3, kSplit = 3 * 3;
 
 size_t group_columns_of(const Scene& scene, Passes passes) {
   return passes >> GLINT_PASS_LIGHT_GROUPS & 1 ? 3 * size_t(scene.light_group_count) : 0;
@@ -49,8 +49,7 @@ void Batch::begin(const Queue& rays) {
     only_total.emission[c] = parts_.emission[c];
     only_total.environment[c] = parts_.environment[c];
     if (!splits_) continue;
-    for (double* column : {lit_diffuse[c], lit_bounced[c], lit_specular[c], lit_glossy_bounced[c],
-                           lit_volume[c], lit_volume_bounced[c]})
+    for (double* column : {lit_diffuse[c], lit_specular[c], lit_volume[c]})
       std::fill_n(column, primary ? count_ : 0, 0.0);
   }
   std::fill(given_.begin(), given_.end(), uint8_t(0));
@@ -136,8 +135,7 @@ void Batch::place_columns() {
     three(parts_.specular);
     three(parts_.shadow);
   }
-  for (auto* to : {&lit_diffuse, &lit_bounced, &lit_specular, &lit_glossy_bounced, &lit_volume,
-                   &lit_volume_bounced})
+  for (auto* to : {&lit_diffuse, &lit_specular, &lit_volume})
     if (splits_) three(*to);
   if (has_groups()) three(glow);
   for (double*& column : groups_) column = one();

@@ -125,8 +125,7 @@ class Batch {
                                                                                      // LightStage
   SumColumns sums{};  // parts that are not kept are null
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
-  double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {},
-         *lit_glossy_bounced[3] = {}, *lit_volume[3] = {}, *lit_volume_bounced[3] = {};
+  double *lit_diffuse[3] = {}, *lit_specular[3] = {}, *lit_volume[3] = {};
   double* glow[3] = {};  // of surfaces; null where no light groups are asked for
   double *diffuse[3] = {}, *translucent[3] = {};   // T k; translucent: null without such lobes
   double *lifted[3] = {}, *lifted_bump = nullptr;  // as EvaluateStage has them

@@ -22,9 +22,8 @@ Vec3d Tracer::take_sums(size_t k) {
   const Batch& batch = batch_;
   const SumColumns& s = batch.sums;
   const Vec3d total = row(s.total, k);
-  for (double* const* columns :
-       {s.total, s.ambient, s.emission, s.environment, s.diffuse, s.specular, s.shadow,
-        batch.lit_diffuse, batch.lit_bounced, batch.lit_specular, batch.lit_glossy_bounced})
+  for (double* const* columns : {s.total, s.ambient, s.emission, s.environment, s.diffuse,
+                                 s.specular, s.shadow, batch.lit_diffuse, batch.lit_specular})
     for (size_t c = 0; columns[0] && c < 3; ++c) columns[c][k] = 0;
   for (size_t group = 0; group < batch.group_count(); ++group)
     for (size_t c = 0; batch.gives(group) && c < 3; ++c) batch.group(group)[c][k] = 0;
@@ -45,13 +44,15 @@ void Tracer::set_aside_caught(const Queue& queue) {
       const Vec3d passed = shader_.passed(batch_, k),
                   held{share(passed.x), share(passed.y), share(passed.z)};
       paths_.lost_alpha()[queue.slot(k)] += mean(queue.path(k).T * held);
-    } else caught_.push_back({k, all - take_sums(k), {}});
+    } else caught_.push_back({k, all - take_sums(k)});
   }
 }
 
-/// What the catchers' points show, now that the lights were added to them as to all others.
+/// What the catchers' points have of light, now that the lights were added to them as to all
+/// others, and the rays by which more of it bounces to them.
 void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
-  for (Caught& point : caught_) point.with = point.glow + take_sums(point.row);
+  std::vector<Vec3d> with;
+  for (const Caught& point : caught_) with.push_back(point.glow + take_sums(point.row));
   lit_.assign(batch_.lit.begin(), batch_.lit.end());
   std::fill(batch_.lit.begin(), batch_.lit.end(), int64_t(0));
   for (const Caught& point : caught_) {
@@ -59,44 +60,77 @@ void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
     lit_[point.row] = 0;  // nothing is reflected there
   }
   direct_.illuminate_catchers(batch_, sample, counts_);
+  for (const auto caught : {Queue::Past::kWithAll, Queue::Past::kAlone}) {
+    Queue::Past past = queue.past.scattered();
+    past.caught = caught;
+    Queue gathering = take(kDiffuse, past);
+    bounce(queue, sample, gathering);
+    wait(std::move(gathering));
+  }
   std::copy(lit_.begin(), lit_.end(), batch_.lit.begin());  // in place: reflections read it there
-  for (const Caught& point : caught_) {
-    const Vec3d without = point.glow + take_sums(point.row);
-    see_lights(point.row);
-    show_caught(queue, point.row,
-                {ratio_of(point.with.x, without.x), ratio_of(point.with.y, without.y),
-                 ratio_of(point.with.z, without.z)});
+  for (size_t i = 0; i < caught_.size(); ++i) {
+    const uint32_t k = caught_[i].row;
+    CaughtPath& path = caught_paths_[queue.slot(k)];
+    const Vec3d passed = shader_.passed(batch_, k);
+    path.seen += queue.path(k).T * Vec3d{share(passed.x), share(passed.y), share(passed.z)};
+    path.behind = behind_caught(queue, k);
+    path.with += with[i];
+    path.without += caught_[i].glow + take_sums(k);
+    see_lights(k);
   }
 }
 
-/// The surroundings behind a catcher's point, and over them a shadow as dark as the ratio of its
-/// light says; or nothing, where the pass has the ratio.
-void Tracer::show_caught(const Queue& queue, uint32_t k, Vec3d ratio) {
-  const size_t path = queue.slot(k);
-  const Vec3d passed = shader_.passed(batch_, k), T = queue.path(k).T,
-              seen = T * Vec3d{share(passed.x), share(passed.y), share(passed.z)};
+/// The surroundings behind a catcher's point, where they are seen.
+Vec3d Tracer::behind_caught(const Queue& queue, uint32_t k) {
+  if (scene_.world.transparent_film || film_.wants(GLINT_PASS_SHADOW_CATCHER)) return {};
+  if (!scene_.world.sky_program) return scene_.world.background;
+  const double* const slot = run_sky(queue, &k, 1);
+  Vec3d behind;
+  for (int c = 0; c < 3; ++c) {
+    const double radiance = slot[size_t(c) * kBlock];
+    behind[c] = std::isfinite(radiance) ? radiance : 0;
+  }
+  return behind;
+}
+
+/// What bounced to catchers.
+void Tracer::keep_caught(const Queue& queue) {
+  for (uint32_t k = 0; k < queue.size(); ++k) {
+    CaughtPath& path = caught_paths_[queue.slot(k)];
+    (queue.past.caught == Queue::Past::kWithAll ? path.with : path.without) +=
+        row(batch_.sums.total, k);
+  }
+}
+
+/// The surroundings behind the catchers of each path, and over them a shadow as dark as the ratio
+/// of their light says; or nothing, where the pass has the ratio.
+void Tracer::show_caught() {
   double* const lost = paths_.lost_alpha();
-  if (double* const sums = paths_.sums(film_, GLINT_PASS_SHADOW_CATCHER)) {
-    for (size_t c = 0; c < 3; ++c)
-      sums[c * paths_.stride() + path] += seen[int(c)] * (1 - ratio[int(c)]);
-    lost[path] += mean(seen);
-    return;
-  }
-  const double light = std::clamp(mean(ratio), 0.0, 1.0);
-  if (scene_.world.transparent_film) {
-    lost[path] += light * mean(seen);
-    return;
-  }
-  Vec3d behind = scene_.world.background;
-  if (scene_.world.sky_program) {
-    const double* const slot = run_sky(queue, &k, 1);
-    for (int c = 0; c < 3; ++c) {
-      const double radiance = slot[size_t(c) * kBlock];
-      behind[c] = std::isfinite(radiance) ? radiance : 0;
+  const auto add = [&](double* sums, size_t path, Vec3d c) {
+    for (size_t i = 0; sums && i < 3; ++i) sums[i * paths_.stride() + path] += c[int(i)];
+  };
+  for (size_t k = 0; k < paths_.size(); ++k) {
+    const CaughtPath& path = caught_paths_[k];
+    if (!any(path.seen)) continue;
+    const Vec3d ratio{ratio_of(path.with.x, path.without.x), ratio_of(path.with.y, path.without.y),
+                      ratio_of(path.with.z, path.without.z)};
+    if (double* const sums = paths_.sums(film_, GLINT_PASS_SHADOW_CATCHER)) {
+      add(sums, k, path.seen - path.seen * ratio);
+      lost[k] += mean(path.seen);
+      continue;
     }
+    const double light = std::clamp(mean(ratio), 0.0, 1.0);
+    if (scene_.world.transparent_film) {
+      lost[k] += light * mean(path.seen);
+      continue;
+    }
+    const Vec3d seen = light * (path.seen * path.behind);
+    add(paths_.sums(film_, GLINT_PASS_COMBINED), k, seen);
+    add(paths_.sums(film_, GLINT_PASS_ENVIRONMENT), k, seen);
+    double* const groups = paths_.sums(film_, GLINT_PASS_LIGHT_GROUPS);
+    if (groups && scene_.world.light_group >= 0)
+      add(groups + 3 * size_t(scene_.world.light_group) * paths_.stride(), k, seen);
   }
-  batch_.add(k, batch_.sums.environment, light * (seen * behind));
-  batch_.add_to_group(scene_.world.light_group, k, light * (seen * behind));
 }
 
 }  // namespace glint

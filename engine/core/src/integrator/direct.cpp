@@ -104,10 +104,9 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.evenly = scene_.instances.mirrors_differ;
 }
 
-void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts,
-                             const BlockShares* blocks) {
+void DirectLight::illuminate(Batch& batch, uint32_t sample, bool alone, RayCounts& counts) {
   sample_ = sample;
-  blocks_ = blocks;
+  alone_ = alone;
   prepare(batch);
   const uint32_t kinds = find_kinds(batch);
   if (kinds <= 1) return add_lights(batch, sample, counts);
@@ -126,7 +125,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts,
 /// What kinds of points that lights may reach there are, a bit for each; which they are.
 uint32_t DirectLight::find_kinds(const Batch& batch) {
   const Queue& queue = *batch.queue;
-  const bool bounced = queue.visibility != kCamera && !queue.gathers,
+  const bool bounced = queue.visibility != kCamera && !queue.gathers(),
              strands = scene_.instances.has_strands;
   if (!bounced && !strands && !queue.exits) return 0;
   kinds_.resize(batch.size());
@@ -144,12 +143,12 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   stage_.lit = batch.lit.data();
   size_t number = 0;
   for (const Light& light : scene_.lights) {
-    const bool one = plan_.bounces > 0 && batch.queue->gathers;  // each is of many
+    const bool one = batch.queue->gathers();  // each is of many
     const uint32_t parts = one ? plan_.samples_of(light)
                                : plan_.parts_of(light, batch.queue->sees_blurred(), takes_few_),
                    count = plan_.samples_of(light) / parts;
     if (alone_ && (light.is_mesh() || light.is_medium())) continue;  // catchers do not glow
-    const bool asks_few = light.is_bounced() || light.is_medium(),
+    const bool asks_few = light.is_medium(),
                shares = asks_few || (lamps_.on && lamps_.takes_part[light.number]),
                notes = batch.soft_light && count > 1 && sample < Refinement::kFirst;
     if (!shares || notes) find_lit(batch, light);
@@ -196,9 +195,8 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   }
   stage_.evenly = scene_.instances.mirrors_differ;
   for (int c = 0; c < 3; ++c) stage_.diffuse[c] = batch.diffuse[c];
-  for (SharedLight* shared : {&lamps_, &bounced_, &glow_})
-    if (shared->on && !cancel_ && !(alone_ && shared == &glow_) &&
-        !(shared == &bounced_ && plan_.bounces > 0 && !on_strands_))
+  for (SharedLight* shared : {&lamps_, &glow_})
+    if (shared->on && !cancel_ && !(alone_ && shared == &glow_))
       share(*shared, batch, sample, counts);
   stage_.lit = batch.lit.data();  // for reflections
 }
@@ -284,7 +282,7 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
                                   met_by_);
   }
   if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
-  add(batch, light, count);
+  add(batch, count);
 }
 
 /// Where the shadow ray along l of a point of the batch leaves the surface, as the stage has it.
@@ -409,7 +407,7 @@ void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
 }
 
-void DirectLight::add(const Batch& batch, const Light& light, size_t count) const {
+void DirectLight::add(const Batch& batch, size_t count) const {
   const SumColumns& sums = batch.sums;
   if (batch.has_groups()) add_to_groups(batch, count);
   if (!glassy_ && !sums.diffuse[0]) {
@@ -427,7 +425,7 @@ void DirectLight::add(const Batch& batch, const Light& light, size_t count) cons
     parts.specular[c] = stage_.specular_out[c];
   }
   stages_.sum_parts(parts);
-  if (batch.splits()) split(batch, light, count);
+  if (batch.splits()) split(batch, count);
 }
 
 /// The same after shadows, to the light's group.
@@ -447,11 +445,9 @@ void DirectLight::add_to_groups(const Batch& batch, size_t count) const {
   }
 }
 
-/// The same after shadows, by the kind of light and surface.
-void DirectLight::split(const Batch& batch, const Light& light, size_t count) const {
-  double* const* const direct = scattering_ ? batch.lit_volume : batch.lit_diffuse;
-  double* const* const bounced = scattering_ ? batch.lit_volume_bounced : batch.lit_bounced;
-  double* const* const diffuse = light.is_bounced() ? bounced : direct;
+/// The same after shadows, by the kind of surface.
+void DirectLight::split(const Batch& batch, size_t count) const {
+  double* const* const diffuse = scattering_ ? batch.lit_volume : batch.lit_diffuse;
   for (size_t k = 0; k < count; ++k) {
     const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
     for (size_t c = 0; c < 3; ++c) {

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "integrator/batch.h"
-#include "integrator/block_shares.h"
 #include "integrator/lamp_tree.h"
 #include "integrator/plan.h"
 #include "integrator/scatter_depths.h"
@@ -14,7 +13,7 @@
 
 namespace glint {
 
-/// Many samples of lamps, of bounced light or of media that glow that share the shadow rays of a
+/// Many samples of lamps or of media that glow that share the shadow rays of a
 /// pixel's sample, and what points get of them all.
 struct SharedLight {
   bool on = false;
@@ -30,10 +29,10 @@ struct SharedLight {
   std::vector<double> color_sums;              // as ShareStage has them
   std::vector<int64_t> near;                   // mask of points
   std::vector<std::vector<int64_t>> receives;  // masks, of lamps that light but some
-  Columns columns{19};
+  Columns columns{17};
   double *diffuse[3] = {}, *specular[3] = {}, *total = nullptr;  // as ShareStage has them
   double *asked[3] = {}, *passed[3] = {};  // of the samples asked: light, and what got through
-  double *ones = nullptr, *gloss[3] = {}, *turn = nullptr, *turns = nullptr;
+  double *ones = nullptr, *gloss[3] = {};
   std::vector<double> given;
   std::vector<uint32_t> reaching;
   std::vector<AskedLamp> chosen, sorted;  // sorted: by sample
@@ -50,21 +49,19 @@ class DirectLight {
   DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
               const std::atomic<bool>& cancel, Scratch& scratch);
 
-  /// Adds all lights to the points of `batch`, for pixel sample `sample`. blocks: which of them
-  /// share what they get of the points of bounced light, as `find_blocks` has it; or null.
-  void illuminate(Batch& batch, uint32_t sample, RayCounts& counts,
-                  const BlockShares* blocks = nullptr);
-  /// Which points of the batch share bounced light. pixels: of the region, of each.
-  void find_blocks(const Batch& batch, const std::vector<uint32_t>& pixels, BlockShares& blocks);
+  /// Adds all lights to the points of `batch`, for pixel sample `sample`.
+  void illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
+    illuminate(batch, sample, batch.queue->past.caught == Queue::Past::kAlone, counts);
+  }
   /// The same as if catchers of shadows were the only things there.
   void illuminate_catchers(Batch& batch, uint32_t sample, RayCounts& counts) {
-    alone_ = true;
-    illuminate(batch, sample, counts);
-    alone_ = false;
+    illuminate(batch, sample, true, counts);
   }
   /// Adds what media before the hits scatter of the lights, and give of themselves, to the rays of
-  /// `batch`, of which `spans` are. clear: their weights before media dim them.
-  void scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear, uint32_t sample,
+  /// `batch`, of which `spans` are, and to `gathering` the rays along which light bounced there.
+  /// clear: their weights before media dim them.  pixels: of the region, of each ray.
+  void scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+               const std::vector<uint32_t>& pixels, uint32_t sample, Queue& gathering,
                RayCounts& counts);
   /// Whether lamps are so many that they share the shadow rays of a sample.
   bool shares() const { return lamps_.on; }
@@ -75,33 +72,27 @@ class DirectLight {
   /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
   /// `illuminate` was told last.
   void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
-  /// The same of camera rays; `mixed` gets those that wide lobes reflect, what they bring goes to
-  /// paths as `shares` tells. pixels: of the region, of each point of the batch.
-  void reflect_in_blocks(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-                         Queue& glossy, Queue& mixed, BlockShares& shares, RayCounts& counts);
-  /// How far gather rays look for surfaces that throw light on; 0: there are none.
-  double reach() const { return reach_; }
-  /// Adds to `gathering` the gather rays of the points that `illuminate` was told last: what is
-  /// nearer than `reach` of bounced light. pixels: of the region, of each point of the batch.
-  /// blocks: which paths get what they find, where pixels share; null where they do not.
-  void gather(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-              Queue& gathering, const BlockShares* blocks, RayCounts& counts);
-  /// Whether what the batch of this queue meets asks for gather rays.
-  bool gathers(const Queue& queue) const;
+  /// Whether light bounces on at what the rays of a queue meet.
+  bool bounces(const Queue& queue) const { return queue.past.bounced < plan_.bounces; }
+  /// Adds to `gathering` the rays along which light came that bounced, to the points that
+  /// `illuminate` was told last. pixels: of the region, of each point of the batch.  around: those
+  /// of points on strands, whose like only dim them; null where there are none.
+  void bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
+              Queue& gathering, Queue* around, RayCounts& counts);
+  /// Takes from such rays, which met what `batch` has, what strands on their way take.
+  void dim_by_strands(Queue& queue, const Batch& batch, RayCounts& counts);
   /// Whether point k of a batch is on a strand.
   bool is_on_strand(const Batch& batch, size_t k) const;
   /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
   void make_diffuse(Batch& batch);
 
  private:
+  void illuminate(Batch& batch, uint32_t sample, bool alone, RayCounts& counts);
   void prepare(const Batch& batch);
-  void find_matt(const Batch& batch);
-  void look_around();
-  void bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-              Queue& gathering, RayCounts& counts);
-  void send(Path& path, const Batch& batch, size_t k, Queue& gathering, RayCounts& counts) const;
-  bool is_apart(const Batch& batch, size_t k) const;
-  void place_in_lobes(size_t first, size_t end, const double* place);
+  const double* choose_sides(const Batch& batch,
+                             const double* const (&at)[RenderPlan::kBounceParts]);
+  void send(Path& path, const double* const (&x)[3], uint32_t from, size_t k, uint32_t visibility,
+            Queue& gathering, RayCounts& counts) const;
   void push_reflected(const Batch& batch, size_t k, Queue& glossy, RayCounts& counts);
   const Opacity* opacity(const Light& light) const {
     return alone_ ? scene_.trees.opacity_of_catchers(light) : scene_.trees.opacity(light);
@@ -129,6 +120,9 @@ class DirectLight {
   void apply_program(const Light& light, size_t count);
   void add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear);
   void place_points(const Batch& batch);
+  void scatter_bounce(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                      const std::vector<uint32_t>& pixels, uint32_t sample, Queue& gathering,
+                      RayCounts& counts);
   void scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                      const Light& light, uint32_t sample, RayCounts& counts);
   void scatter_sample(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
@@ -137,21 +131,20 @@ class DirectLight {
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool read_shadow_cache(const uint8_t* known, size_t count);
-  void add(const Batch& batch, const Light& light, size_t count) const;
-  void split(const Batch& batch, const Light& light, size_t count) const;
+  void add(const Batch& batch, size_t count) const;
+  void split(const Batch& batch, size_t count) const;
   void add_to_groups(const Batch& batch, size_t count) const;
   void find_sharing();
   void share(SharedLight& shared, const Batch& batch, uint32_t sample, RayCounts& counts);
   void list_samples(SharedLight& shared, const Batch& batch, uint32_t sample);
-  void list_samples_of(SharedLight& shared, const Light& light, uint32_t sample, const int64_t* lit,
-                       bool is_gathered);
+  void list_samples_of(SharedLight& shared, const Light& light, uint32_t sample,
+                       const int64_t* lit);
   uint32_t shared_parts(const SharedLight& shared) const;
   bool is_clustered(const Light& light) const;
   const int64_t* receivers(SharedLight& shared, const Batch& batch, const Light& light);
   void choose(SharedLight& shared, const Batch& batch, uint32_t sample);
   void ask(SharedLight& shared, const Batch& batch, size_t number, const AskedLamp* begin,
            const AskedLamp* end, RayCounts& counts);
-  void mark_matt(const Batch& batch) const;
   void add_shared(const SharedLight& shared, const Batch& batch) const;
   void share_groups(const SharedLight& shared, const Batch& batch, size_t k, Vec3d open) const;
 
@@ -161,22 +154,17 @@ class DirectLight {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   uint32_t sample_ = 0;
-  double reach_ = 0;             // as reach()
-  bool bounced_linked_ = false;  // bounced light lights but some
-  bool alone_ = false;           // catchers of shadows are the only things there
-  bool on_strands_ = false;      // only points on strands are lit
-  bool takes_few_ = false;       // of them, or of what is faint
+  bool alone_ = false;       // catchers of shadows are the only things there
+  bool on_strands_ = false;  // only points on strands are lit
+  bool takes_few_ = false;   // of them, or of what is faint
   std::vector<uint8_t> kinds_;
   std::vector<int64_t> whole_;   // the batch's mask of points that lights may reach
   bool scattering_ = false;      // points are of media and not of surfaces
   const bool glassy_;            // some surface lets light through
   LightStage stage_{};           // what it writes: a row for each point that a light sample reaches
-  std::vector<uint8_t> place_;   // in its block, of the pixel of each point; or whose turn it is
+  std::vector<uint8_t> place_;   // RenderPlan::bounce_part of each point
   std::vector<double> disc_[2];  // below the direction of the gather ray of each point; in lobes
-  std::vector<double> exponents_;        // of the narrowest lobe of each point
-  std::vector<Vec3d> given_;             // of each point, as BlockShares has it
-  std::vector<uint8_t> apart_;           // the same
-  const BlockShares* blocks_ = nullptr;  // of points that are lit
+  std::vector<double> side_;     // as the stage has it
   Columns columns_;
   double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where
@@ -195,7 +183,7 @@ class DirectLight {
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
   MediaSpans media_;
-  SharedLight lamps_, bounced_, glow_;  // glow_: of media
+  SharedLight lamps_, glow_;  // glow_: of media
   // Of light that media scatter: where each ray's points lie, their weights, and which there are.
   ScatterDepths depths_;
   Columns scattered_;

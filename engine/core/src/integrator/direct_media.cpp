@@ -30,6 +30,12 @@ Vec3d glow_of(const std::vector<MediaSpans::Piece>& pieces) {
   return sum;
 }
 
+/// The direction for a point of the unit disc: as many go to each part of the sphere.
+Vec3d on_ball(double x, double y) {
+  const double r2 = std::min(x * x + y * y, 1.0), across = 2 * std::sqrt(1 - r2);
+  return {across * x, across * y, 1 - 2 * r2};
+}
+
 /// Balls of a medium light's points are so much wider where each has a ray (WIDER of
 /// engine/reference/glowing_media.py).
 constexpr double kFewerWider = 2;
@@ -75,7 +81,8 @@ void DirectLight::place_points(const Batch& batch) {
 }
 
 void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,
-                          uint32_t sample, RayCounts& counts) {
+                          const std::vector<uint32_t>& pixels, uint32_t sample, Queue& gathering,
+                          RayCounts& counts) {
   if (spans.empty()) return;
   sample_ = sample;
   ends_of_rays_.resize(batch.size());
@@ -93,13 +100,42 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
   for (const Light& light : scene_.lights)
     if (light.lights_media()) scatter_light(batch, spans, clear, light, sample, counts);
   scattering_ = false;
+  if (plan_.volume_bounces > 0 && bounces(*batch.queue))
+    scatter_bounce(batch, spans, clear, pixels, sample, gathering, counts);
+}
+
+/// From a place on each ray one goes on to where light comes from that surfaces throw there, to all
+/// sides alike.
+void DirectLight::scatter_bounce(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                                 const std::vector<uint32_t>& pixels, uint32_t sample,
+                                 Queue& gathering, RayCounts& counts) {
+  const Queue& queue = *batch.queue;
+  const Rays rays = queue.rays();
+  depths_.aim(nullptr, {true, {}, 0}, rays);
+  const double share = plan_.scatter_share(sample, 0, 1);
+  double* const x[3] = {scattered_[0], scattered_[1], scattered_[2]};
+  for (uint32_t k = 0; k < batch.size(); ++k) {
+    if (!depths_.any(k)) continue;
+    const ScatterDepths::Place place = depths_.at(k, share);
+    if (!(place.spread > 0)) continue;
+    const double* const point =
+        plan_.bounce_point(sample, queue.past.bounced, plan_.bounce_part(pixels[k]));
+    const Vec3d d = row(rays.d, k), l = on_ball(point[0], point[1]);
+    Path path = queue.path(k);
+    path.T = 4 * kPi * place.spread *
+             (spans.passed(k, rays.t_min[k], place.t) * clear[k] *
+              spans.scattering(k, place.t, d, l, 0));
+    if (!any(path.T) || !finite(path.T)) continue;
+    set_row(x, k, row(rays.o, k) + place.t * d);
+    set_row(stage_.o, k, row(x, k));
+    set_row(stage_.to, k, l);
+    send(path, x, k, k, kDiffuse, gathering, counts);
+  }
 }
 
 void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                                 const Light& light, uint32_t sample, RayCounts& counts) {
-  const uint32_t all = light.is_bounced()  ? plan_.bounced_shadows
-                       : light.is_medium() ? plan_.medium_shadows
-                                           : plan_.samples_of(light),
+  const uint32_t all = light.is_medium() ? plan_.medium_shadows : plan_.samples_of(light),
                  parts = light.endless() ? parts_of_light(all, plan_.volume_samples) : 1,
                  count = all / parts, each = (plan_.volume_samples + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
@@ -111,9 +147,9 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
     if (light.is_medium()) stage_.near2 *= kFewerWider * kFewerWider;
     if (light.is_tabled()) {
       const Vec3d end{stage_.end[0], stage_.end[1], stage_.end[2]};
-      depths_.aim(light, {false, end, 0.5 * std::sqrt(stage_.near2)}, batch.queue->rays());
+      depths_.aim(&light, {false, end, 0.5 * std::sqrt(stage_.near2)}, batch.queue->rays());
     } else if (j == 0) {
-      depths_.aim(light, {light.endless(), light.center, light.nearness()}, batch.queue->rays());
+      depths_.aim(&light, {light.endless(), light.center, light.nearness()}, batch.queue->rays());
     }
     for (uint32_t i = 0; i < each; ++i)
       scatter_sample(batch, spans, clear, light,

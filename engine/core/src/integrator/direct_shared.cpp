@@ -10,8 +10,7 @@
 namespace glint {
 namespace {
 
-constexpr uint64_t kMostRays = 4096;    // that lamps share at a point in a pixel's sample
-constexpr uint32_t kGatheredShare = 4;  // of rays to bounced light: pixels blur what they gather
+constexpr uint64_t kMostRays = 4096;  // that lamps share at a point in a pixel's sample
 
 /// Where the first of a sample's marks is: of n samples each in another of n places between two
 /// marks (van der Corput's sequence), none where sums of alike lamps end.
@@ -54,8 +53,6 @@ void place_sums(SharedLight& shared, size_t points) {
   shared.total = columns[next++];
   shared.ones = columns[next++];
   for (double*& column : shared.gloss) column = columns[next++];
-  shared.turn = columns[next++];
-  shared.turns = columns[next++];
   std::fill_n(shared.ones, columns.rows(), 1.0);
   for (size_t c = 0; c < 3; ++c) {
     std::fill_n(shared.asked[c], points, 0.0);
@@ -126,33 +123,18 @@ void DirectLight::find_sharing() {
   for (const Light& light : scene_.lights) {
     const bool is_lamp = !light.is_dome() && !light.is_tabled();
     lamps_.takes_part.push_back(is_lamp && light.casts_shadow() && !light.program);
-    bounced_.takes_part.push_back(light.is_bounced());
-    bounced_.on |= light.is_bounced();
     glow_.takes_part.push_back(light.is_medium());
     glow_.on |= light.is_medium();
-    bounced_linked_ |= light.is_bounced() && !light.lights_all();
     if (!lamps_.takes_part.back()) continue;
     ++lamps;
     samples = std::max(samples, plan_.samples_of(light));
   }
-  for (SharedLight* shared : {&lamps_, &bounced_, &glow_})
+  for (SharedLight* shared : {&lamps_, &glow_})
     if (plan_.passes >> GLINT_PASS_LIGHT_GROUPS & 1)
       shared->group_count = scene_.light_group_count + 1;
   lamps_.on = plan_.lamp_shadows > 0 && lamps > 2 * uint64_t(plan_.lamp_shadows);
   lamps_.rays = uint32_t(std::min(uint64_t(plan_.lamp_shadows) * samples, kMostRays));
-  bounced_.rays = plan_.bounced_shadows;
   glow_.rays = plan_.medium_shadows;
-  const double share = 1 / (plan_.gather_reach * plan_.gather_reach);
-  const bool catches = scene_.features & GLINT_FEATURE_SHADOW_CATCHER;
-  reach_ = bounced_.on && !catches && share > 0 && share < kInfinity ? plan_.gather_reach : 0;
-  if (plan_.bounces > 0) reach_ = kInfinity;
-}
-
-/// Bounced light may reach all that is matt: the few points of the first samples may miss it.
-void DirectLight::mark_matt(const Batch& batch) const {
-  for (size_t k = 0; k < batch.size(); ++k)
-    if (batch.lit[k] && any(row(batch.diffuse, k)))
-      batch.mark_soft_light(k, Refinement::kReached | Refinement::kBounced);
 }
 
 void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample,
@@ -160,7 +142,6 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
   if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
                    [](int64_t lit) { return lit != 0; }))
     return;
-  if (&shared == &bounced_ && batch.soft_light && !alone_ && plan_.bounces == 0) mark_matt(batch);
   const LightStage before = stage_;
   shared.lit = batch.lit.data();
   place_sums(shared, batch.size());
@@ -172,14 +153,6 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
     const AskedLamp* const end = shared.sorted.data() + shared.ends[number];
     if (begin != end) ask(shared, batch, number, begin, end, counts);
     begin = end;
-  }
-  if (&shared == &bounced_ && blocks_) {
-    blocks_->pool(shared.asked);
-    blocks_->pool(shared.passed);
-    for (size_t group = 0; group < shared.group_count; ++group) {
-      blocks_->pool(&shared.group_asked[3 * group]);
-      blocks_->pool(&shared.group_passed[3 * group]);
-    }
   }
   add_shared(shared, batch);
   stage_ = before;
@@ -201,8 +174,6 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   shared.groups.clear();
   shared.receives.clear();
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
-  const bool is_bounced = &shared == &bounced_;
-  stage_.gather2 = is_bounced && gathers(*batch.queue) ? 1 / (reach_ * reach_) : 0;
   shared.shows_gloss =
       &shared != &lamps_ && scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
   for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
@@ -214,8 +185,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
       const Light& light = scene_.lights[k];
       if (!shared.takes_part[k] || is_clustered(light) != clustered) continue;
       list_samples_of(shared, light, sample,
-                      clustered ? shared.near.data() : receivers(shared, batch, light),
-                      batch.queue->gathers);
+                      clustered ? shared.near.data() : receivers(shared, batch, light));
     }
   }
   if (shared.color_sums.empty()) find_clusters(shared);
@@ -226,17 +196,13 @@ bool DirectLight::is_clustered(const Light& light) const {
 }
 
 void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint32_t sample,
-                                  const int64_t* lit, bool is_gathered) {
-  const uint32_t parts = plan_.parts_of(light, is_gathered, takes_few_),
-                 all = plan_.samples_of(light), count = all / parts, first = sample % parts * count;
+                                  const int64_t* lit) {
+  const uint32_t parts = plan_.parts_of(light, false, takes_few_), all = plan_.samples_of(light),
+                 count = all / parts, first = sample % parts * count;
   for (uint32_t j = first; j < first + count; ++j) {
     const LightPoint point = plan_.light_point(light, sample, j);
-    if (alone_ && light.is_bounced() && !point.on_catcher) continue;
-    if (is_gathered && point.is_last) continue;
     LightStage stage = stage_;
     light.set(stage, point, all, plan_.physical());
-    if (light.is_bounced() && reach_ > 0 && reach_ < kInfinity && stage.gather2 == 0)
-      light.widen(stage, point, all);
     if (parts > 1) stage.share = count;
     if (!light.lights_matt()) std::fill_n(stage.diffuse, 3, zeros_);
     if (light.is_medium() && !light.lights_gloss()) stage.gloss[0] = nullptr;
@@ -265,23 +231,10 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   ShareStage stage{};
   stage.count = batch.size();
   stage.lit = shared.lit;
-  if (&shared == &bounced_ && blocks_) {
-    std::fill_n(shared.turn, shared.columns.rows(), 0.0);
-    std::fill_n(shared.turns, shared.columns.rows(), 1.0);
-    for (uint32_t k = 0; k < batch.size(); ++k) {
-      const BlockShares::Turn turn = blocks_->turn_of_points(k, sample);
-      shared.turn[k] = turn.number;
-      shared.turns[k] = turn.count;
-    }
-    stage.turn = shared.turn;
-    stage.turns = shared.turns;
-  }
   stage.samples = shared.samples.data();
   stage.sample_count = shared.samples.size();
   stage.offset = mark_offset(sample);
   stage.asked = std::max(shared.rays / shared_parts(shared), 1u);
-  if (&shared == &bounced_ && batch.queue->gathers)
-    stage.asked = std::max(stage.asked / kGatheredShare, 1u);
   for (int c = 0; c < 3; ++c) {
     stage.diffuse[c] = shared.diffuse[c];
     stage.specular[c] = shared.specular[c];
@@ -326,11 +279,11 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
     stage_.draws = stage_.gloss_alone = false;
     for (const double*& column : stage_.diffuse) column = shared.ones;
   }
-  const uint8_t met = Refinement::kReached | (&shared == &bounced_ ? Refinement::kBounced : 0);
   const size_t count = drawn ? stages_.gloss(stage_) : stages_.light(stage_);
-  for (size_t k = 0; batch.soft_light && k < count; ++k) batch.mark_soft_light(point_[k], met);
+  for (size_t k = 0; batch.soft_light && k < count; ++k)
+    batch.mark_soft_light(point_[k], Refinement::kReached);
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
-  met_by_ = drawn ? kMirror : light.is_bounced() ? kDiffuse : kShadow;
+  met_by_ = drawn ? kMirror : kShadow;
   if (glassy_)
     transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, on_strands_,
                                met_by_);
@@ -357,7 +310,6 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
 
 /// Adds what all lamps give, with the shadows of those that were asked.
 void DirectLight::add_shared(const SharedLight& shared, const Batch& batch) const {
-  const bool is_bounced = &shared == &bounced_;
   const SumColumns& sums = batch.sums;
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!(shared.total[k] > 0)) continue;
@@ -370,8 +322,8 @@ void DirectLight::add_shared(const SharedLight& shared, const Batch& batch) cons
     Batch::add_to(sums.shadow, k, open * full - full);
     if (batch.has_groups()) share_groups(shared, batch, k, open);
     if (!batch.splits()) continue;
-    Batch::add_to(is_bounced ? batch.lit_bounced : batch.lit_diffuse, k, open * diffuse);
-    Batch::add_to(is_bounced ? batch.lit_glossy_bounced : batch.lit_specular, k, open * specular);
+    Batch::add_to(batch.lit_diffuse, k, open * diffuse);
+    Batch::add_to(batch.lit_specular, k, open * specular);
   }
 }
 

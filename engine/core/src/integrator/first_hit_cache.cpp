@@ -43,7 +43,7 @@ void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
   size_t number = 0;
   for (const Light& light : scene.lights) {
     // Each of their samples is asked by but some of the points.
-    if (light.is_bounced() || light.is_medium()) continue;
+    if (light.is_medium()) continue;
     const uint32_t count = plan.samples_of(light) + plan.opening_samples_of(light);
     for (uint32_t j = 0; j < count && number < kMaxColumns; ++j, ++number) {
       LightStage stage{};

@@ -41,24 +41,17 @@ void Tracer::keep_lighting(const Queue& queue) {
     double* const sums = paths_.sums(film_, pass);
     if (sums) sums[c * paths_.stride() + queue.slot(k)] += light;
   };
-  if (queue.shared) {
-    double* const sums = paths_.sums(film_, GLINT_PASS_DIFFUSE_INDIRECT);
-    for (size_t k = 0; k < queue.size(); ++k) add_to_paths(queue, k, s.total, sums);
-    return;
-  }
   for (size_t c = 0; c < 3; ++c)
     for (size_t k = 0; k < queue.size(); ++k) {
       if (queue.visibility == kCamera) {
         add(GLINT_PASS_DIFFUSE_DIRECT, c, k, s.ambient[c][k] + batch_.lit_diffuse[c][k]);
-        add(GLINT_PASS_DIFFUSE_INDIRECT, c, k, batch_.lit_bounced[c][k]);
         add(GLINT_PASS_GLOSSY_DIRECT, c, k, batch_.lit_specular[c][k]);
-        add(GLINT_PASS_GLOSSY_INDIRECT, c, k, batch_.lit_glossy_bounced[c][k]);
         add(GLINT_PASS_VOLUME_DIRECT, c, k, batch_.lit_volume[c][k]);
-        add(GLINT_PASS_VOLUME_INDIRECT, c, k, batch_.lit_volume_bounced[c][k]);
         continue;
       }
-      if (queue.gathers && queue.depth(k) == queue.bounced) {
-        add(GLINT_PASS_DIFFUSE_INDIRECT, c, k, s.total[c][k]);
+      if (queue.gathers() && queue.depth(k) == queue.past.bounced) {
+        add(queue.past.in_medium ? GLINT_PASS_VOLUME_INDIRECT : GLINT_PASS_DIFFUSE_INDIRECT, c, k,
+            s.total[c][k]);
         continue;
       }
       const int first =
@@ -91,7 +84,7 @@ void Tracer::keep_groups(const Queue& queue) {
       for (size_t c = 0; &queue == &first_ && c < 3; ++c)
         stages_.add(sums + c * paths_.stride(), from[c], queue.size());
       for (size_t k = 0; &queue != &first_ && k < queue.size(); ++k)
-        add_to_paths(queue, k, from, sums);
+        for (size_t c = 0; c < 3; ++c) sums[c * paths_.stride() + queue.slot(k)] += from[c][k];
     }
 }
 

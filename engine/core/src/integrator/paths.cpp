@@ -78,27 +78,11 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   sums_.reserve(kMost);
   soft_light_.assign(size(), 0);
   for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
-  const auto clear = [&](Columns& sums) {
-    if (sums.stride() != sums_.stride()) sums = Columns(columns_);
-    sums.reserve(kMost);
-    for (size_t c = 0; c < columns_; ++c) std::fill_n(sums[c], size(), 0.0);
-  };
-  if (points.plan().reflects_gloss) {
-    clear(gloss_);
-    thrown_.assign(size(), 0);
-  }
-  if (points.plan().mixes_gloss) clear(shared_);
-}
-
-void Paths::mix(const Film& film, const BlockShares& shares) {
-  for (int pass : {GLINT_PASS_COMBINED, GLINT_PASS_MIRROR, GLINT_PASS_GLOSSY_DIRECT,
-                   GLINT_PASS_GLOSSY_INDIRECT, GLINT_PASS_LIGHT_GROUPS}) {
-    if (film.column_of(pass) < 0) continue;
-    const size_t first = size_t(film.column_of(pass)),
-                 count = pass == GLINT_PASS_COMBINED ? 3 : film.channels_of(pass);
-    for (size_t c = 0; c < count; ++c)
-      shares.mix(c % 3, first_, shared_[first + c], gloss_[first + c]);
-  }
+  if (!points.plan().reflects_gloss) return;
+  if (gloss_.stride() != sums_.stride()) gloss_ = Columns(columns_);
+  gloss_.reserve(kMost);
+  for (size_t c = 0; c < columns_; ++c) std::fill_n(gloss_[c], size(), 0.0);
+  thrown_.assign(size(), 0);
 }
 
 void Paths::add_gloss(Film& film, const Tile& tile) {

@@ -3,7 +3,6 @@
 #include <vector>
 
 #include "film/film.h"
-#include "integrator/block_shares.h"
 #include "integrator/columns.h"
 #include "integrator/plan.h"
 #include "scene/camera.h"
@@ -73,10 +72,8 @@ class Paths {
     return film.guide_column(number) < 0 ? nullptr : sums_[size_t(film.guide_column(number))];
   }
   /// Until it is called again sums are those of what rough surfaces reflect, which begin with
-  /// nothing: mixed, of what pixels share.
-  void swap(bool mixed) { std::swap(sums_, mixed ? shared_ : gloss_); }
-  /// Adds what pixels share to what rough surfaces reflect, as the shares have it.
-  void mix(const Film& film, const BlockShares& shares);
+  /// nothing.
+  void swap() { std::swap(sums_, gloss_); }
   /// Adds that to the paths' sums: no more of it than a sample should bring.
   void add_gloss(Film& film, const Tile& tile);
   double* lost_alpha() { return sums_[3]; }
@@ -112,7 +109,7 @@ class Paths {
 
   std::vector<double> u_, v_, lens_[2], frame_[12], thrown_;
   std::vector<uint8_t> soft_light_;
-  Columns sums_, shared_, gloss_;
+  Columns sums_, gloss_;
   size_t columns_ = 0;
 };
 

@@ -15,14 +15,6 @@ Region widened(Region r, uint32_t by, const GlintCamera& camera) {
           std::min(r.y1 + by, camera.height)};
 }
 
-/// The region with all of the squares of `side` pixels on a side that it has some of.
-Region whole_blocks(Region r, uint32_t side, const GlintCamera& camera) {
-  const auto up = [side](uint32_t end, uint32_t most) {
-    return std::min((end + side - 1) / side * side, most);
-  };
-  return {r.x0 / side * side, r.y0 / side * side, up(r.x1, camera.width), up(r.y1, camera.height)};
-}
-
 /// The openings of a dome in anchored space.
 std::vector<Opening> openings_of(const GlintRenderSettings& g, uint32_t directions,
                                  const Anchor& anchor) {
@@ -53,10 +45,7 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
     : GlintRenderSettings(g),
       thread_count(glint::thread_count(g.threads)),
       dome_directions(g.dome_table, kDomeColumns, g.dome_samples, g.dome_count),
-      bounced_points(g.bounced_table, kPointColumns, g.bounced_samples, g.bounced_count),
       occlusion_directions(g.occlusion_points, 2, g.occlusion_samples, g.occlusion_count),
-      gather_places(g.gather_points, 2, g.gather_samples, g.gather_count),
-      gloss_places(g.gloss_points, 2, kGlossPlaces, g.gloss_count),
       subsurface_places(g.subsurface_points, 6, 1, g.subsurface_count),
       mesh_points(g.mesh_table, kPointColumns, g.mesh_samples, g.mesh_count),
       medium_points(g.medium_table, kPointColumns, g.medium_samples, g.medium_count),
@@ -65,28 +54,17 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
   interleaving = std::max(g.interleaving, 1u);
   resolves = g.resolves && interleaving > 1;
   shown = {g.region[0], g.region[1], g.region[2], g.region[3]};
-  const bool divides = (gather_block & (gather_block - 1)) == 0;  // tiles have whole blocks
-  const bool shares = gather_block > 1 && gather_block <= kMostSharing && divides &&
-                      !scene.media.varies;  // which are traced with few pixels at once
-  shares_gathers = g.gather_reach > 0 && shares && gather_places.each <= kMostShared;
   reflects_gloss =
       max_bounces > 0 && ((reflections == GLINT_REFLECT_METALS && scene.materials.has_metals) ||
                           (reflections == GLINT_REFLECT_ALL && scene.materials.has_gloss));
-  mixes_gloss = reflects_gloss && g.gloss_points && shares &&
-                scene.materials.least_gloss_exponent < kLeastUnmixed;
-  // blocks of gloss move, and tiles alone cut them
-  const uint32_t side = mixes_gloss && !g.apart ? Tile::kSize : shares_gathers ? gather_block : 1;
-  traced = region = whole_blocks(shown, side, scene.camera);
   const bool refines = error_threshold > 0 || passes >> GLINT_PASS_ERROR & 1;
   const uint32_t resolved = resolves ? Resolve::looks_at(interleaving) : 0;
-  traced = region = widened(traced, resolved, scene.camera);
+  traced = region = widened(shown, resolved, scene.camera);
   if (refines && samples >= Refinement::kFirst)
-    region = whole_blocks(widened(traced, 1 + resolved, scene.camera), side, scene.camera);
-  bounced_shadows = std::clamp(g.bounced_shadows, 1u, bounced_points.each);
+    region = widened(traced, 1 + resolved, scene.camera);
   medium_shadows = std::clamp(g.medium_shadows, 1u, medium_points.each);
   lobe_levels = std::max(g.lobe_levels, 1u);
   lobe_tabled = std::max(size_t(g.lobe_count) / lobe_levels, size_t(1));
-  gather_reach = scene.anchor.scale * g.gather_reach;
   for (int k = 0; k < 9; ++k) dome.axes[k / 3][k % 3] = g.dome_axes[k];
   std::vector<Opening> rows = openings_of(g, dome_directions.each, scene.anchor);
   if (rows.empty()) return;

@@ -51,24 +51,15 @@ struct RenderPlan : GlintRenderSettings {
   /// The settings have no problems.
   RenderPlan(const GlintRenderSettings& settings, const Scene& scene);
 
-  static constexpr uint32_t kMostShared = 8;   // rays of a sample: a tile's stay in one queue
-  static constexpr uint32_t kMostSharing = 4;  // pixels on a block's side
-  static constexpr uint32_t kGlossBlock = 4;   // the same where they mix gloss
-  static constexpr uint32_t kGlossPlaces = 8;  // in lobes, for the rays of such a block in a sample
   static constexpr uint32_t kBounceParts = 4;  // of a class of pixels, that deal bounces
-  /// Of the narrowest lobe of a point: what it reflects is seen too sharply to be mixed.
-  static constexpr double kLeastUnmixed = 128;
 
   /// In place of the settings' four numbers. shown: the pixels that were asked for.  traced: with
-  /// those that share gather rays with them; the region has a margin where the neighbours of these
-  /// are looked at.
+  /// those that light is averaged with; the region has a margin where the neighbours of these are
+  /// looked at.
   Region region{}, traced{}, shown{};
-  bool shares_gathers = false;  // pixels of a block of gather_block
   bool reflects_gloss = false;  // rough surfaces send rays towards others
-  bool mixes_gloss = false;     // pixels share what wide lobes reflect
   int thread_count = 1;
-  SampleTable dome_directions, bounced_points, occlusion_directions, gather_places, gloss_places;
-  SampleTable subsurface_places;
+  SampleTable dome_directions, occlusion_directions, subsurface_places;
   SampleTable mesh_points;    // of the first mesh light, and after its mesh_count those of the next
   SampleTable medium_points;  // the same of medium lights
   SampleTable opening_places;  // where there are openings
@@ -76,18 +67,6 @@ struct RenderPlan : GlintRenderSettings {
   DomeCells dome;
   std::shared_ptr<const std::vector<Opening>> opening_rows;  // also of copies
   Openings open;
-
-  /// Which of its square of gather_block pixels a side a pixel of the region is.
-  uint32_t gather_place(uint32_t pixel) const {
-    const uint32_t column = region.x0 + pixel % region.width(),
-                   row = region.y0 + pixel / region.width();
-    return row % gather_block * gather_block + column % gather_block;
-  }
-  /// Below which direction a sample of such a pixel looks for what throws light on, for the j-th
-  /// time.
-  const double* gather_point(uint32_t place, uint32_t sample, uint32_t j) const {
-    return gather_places.row(sample, j) + 2 * size_t(place) * gather_count;
-  }
 
   /// For the ray by which a path bounces after so many bounces: where in the unit disc below its
   /// direction, and by what share of its light it may be left out.
@@ -110,10 +89,8 @@ struct RenderPlan : GlintRenderSettings {
     return 2 * (x ^ y) + y;
   }
 
-  /// What of the light of such a pixel's points a sample brings back from below the surface.
-  const double* subsurface_point(uint32_t place, uint32_t sample) const {
-    return subsurface_places.row(sample, 0) + 6 * size_t(place) * subsurface_count;
-  }
+  /// What of the light of a pixel's points a sample brings back from below the surface.
+  const double* subsurface_point(uint32_t sample) const { return subsurface_places.row(sample, 0); }
 
   /// Which class of its block a pixel of the frame is in: neighbours get numbers far apart, as
   /// ordered dither has them (Bayer 1973).
@@ -142,7 +119,6 @@ struct RenderPlan : GlintRenderSettings {
   uint32_t samples_of(const Light& light) const {
     if (light.is_mesh()) return mesh_points.each;
     if (light.is_medium()) return medium_points.each;
-    if (light.is_bounced()) return bounced_points.each;
     return light.is_dome() ? dome_directions.each : light.extended ? light_samples : 1;
   }
 
@@ -234,21 +210,12 @@ struct RenderPlan : GlintRenderSettings {
     if (light.is_mesh()) {
       const double* const row =
           mesh_points.row(sample, j) + kPointColumns * light.table_number * size_t(mesh_count);
-      return {0, 0, row[14], row[15], row, nullptr, j == 0, false, group_of_row(row)};
+      return {0, 0, row[14], row[15], row, nullptr, j == 0, group_of_row(row)};
     }
     if (light.is_medium()) {
       const double* const row =
           medium_points.row(sample, j) + kPointColumns * light.table_number * size_t(medium_count);
-      return {0, 0, 0, 0, row, nullptr, false, false, group_of_row(row)};
-    }
-    if (light.is_bounced()) {
-      const double* const row = bounced_points.row(sample, j);
-      const double flags = row[16];
-      LightPoint point{0, 0, 0, 0, row, nullptr, false, flags == 1 || flags == 3};
-      point.group = group_of_row(row);
-      point.is_last = flags >= 2;
-      point.pixels = interleaving * interleaving;
-      return point;
+      return {0, 0, 0, 0, row, nullptr, false, group_of_row(row)};
     }
     LightPoint point;
     point.group = light.group;

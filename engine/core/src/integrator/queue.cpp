@@ -69,11 +69,7 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
   std::stable_sort(order.begin(), order.end(),
                    [&](uint32_t a, uint32_t b) { return queue.slot(a) < queue.slot(b); });
   Queue none(queue.visibility);
-  none.reflections = queue.reflections;
-  none.gathers = queue.gathers;
-  none.bounced = queue.bounced;
-  none.shared = queue.shared;
-  none.mixed = queue.mixed;
+  none.past = queue.past;
   none.exits = queue.exits;
   std::vector<Queue> pieces(1, none);
   for (size_t begin = 0, end; begin < order.size(); begin = end) {

@@ -92,16 +92,36 @@ class Queue : public RayLayout {
   const int64_t* tags() const { return tags_.data(); }
 
   uint32_t visibility;
-  /// How often its rays were reflected by rough surfaces; from the first time on they see no
-  /// lights: these have highlights there, and points of them in mirrors beyond would be dots.
-  uint32_t reflections = 0;
-  bool gathers = false;  // they look for surfaces that throw light on: DirectLight::reach
-  uint32_t bounced = 0;  // how often such rays did before, with these
+  /// What happened before to all of its rays.
+  struct Past {
+    /// How often rough surfaces reflected them, or they bounced; from the first time on they see no
+    /// lights: these have highlights there, and points of them in mirrors beyond would be dots.
+    uint32_t reflections = 0;
+    uint32_t bounced = 0;    // how often what is matt scattered them
+    bool gathers = false;    // it did so last: they look for surfaces that throw light on
+    bool in_medium = false;  // a medium was the first to scatter them
+    /// They bring light to a catcher of shadows: with all things there, or as if catchers were the
+    /// only ones.
+    enum Caught : uint8_t { kSeen, kWithAll, kAlone } caught = kSeen;
+
+    /// After one more reflection by a rough surface.
+    Past reflected() const {
+      Past past = *this;
+      ++past.reflections;
+      return past;
+    }
+    /// After what is matt scattered them.
+    Past scattered() const {
+      Past past = reflected();
+      ++past.bounced;
+      past.gathers = true;
+      return past;
+    }
+  } past;
+  bool gathers() const { return past.gathers; }
   /// Whether rough surfaces reflected them.
-  bool is_gloss() const { return reflections > bounced; }
-  bool sees_blurred() const { return gathers || reflections > 0; }
-  bool shared = false;  // what they find goes to the paths that BlockShares has for theirs
-  bool mixed = false;   // so does what they bring, once all is known: wide lobes reflected them
+  bool is_gloss() const { return past.reflections > past.bounced; }
+  bool sees_blurred() const { return past.reflections > 0; }
   /// What they meet is known: where light comes out again that went below a surface, which gives
   /// back all of it there.
   bool exits = false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "integrator/batch.h"
 #include "math/math.h"
 
 namespace glint {
@@ -90,19 +91,19 @@ double ScatterDepths::left_of(int channel, double depth) {
   return left_[channel];
 }
 
-void ScatterDepths::aim(const Light& light, const LightPlace& place, const Rays& rays) {
+void ScatterDepths::aim(const Light* light, const LightPlace& place, const Rays& rays) {
   endless_ = place.endless;
   aimed_.resize(rungs_.size());
   nearest_.resize(rays.count);
-  for (size_t k = 0; k < rays.count; ++k)
-    if (any(k))
-      aim_at(k, light, place, {rays.o[0][k], rays.o[1][k], rays.o[2][k]},
-             {rays.d[0][k], rays.d[1][k], rays.d[2][k]});
+  for (size_t k = 0; k < rays.count; ++k) {
+    if (!any(k)) continue;
+    const Vec3d o = row(rays.o, k), d = row(rays.d, k);
+    aim_at(k, light ? light->lit_part(o, d) : Light::Part{-kInfinity, kInfinity}, place, o, d);
+  }
 }
 
-void ScatterDepths::aim_at(size_t k, const Light& light, const LightPlace& place, Vec3d o,
+void ScatterDepths::aim_at(size_t k, const Light::Part& lit, const LightPlace& place, Vec3d o,
                            Vec3d d) {
-  const Light::Part lit = light.lit_part(o, d);
   const auto clipped = [&](double t) {
     return std::min(std::max(t, lit.from), std::max(lit.to, lit.from));
   };

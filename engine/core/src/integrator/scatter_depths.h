@@ -24,8 +24,8 @@ class ScatterDepths {
   /// Whether anything is scattered along ray k.
   bool any(size_t k) const { return first_[k] < first_[k + 1]; }
   bool any() const { return !rungs_.empty(); }
-  /// For a light, or one of its points.
-  void aim(const Light& light, const LightPlace& place, const Rays& rays);
+  /// For a light, or one of its points; null: for light from everywhere.
+  void aim(const Light* light, const LightPlace& place, const Rays& rays);
 
   /// spread: one over how densely places fall there; 0 where there is none.
   struct Place {
@@ -51,7 +51,7 @@ class ScatterDepths {
   void add_rungs(const std::vector<MediaSpans::Piece>& pieces);
   void add_rung(const MediaSpans::Piece& piece, double from, double to, Vec3d before);
   double left_of(int channel, double depth);
-  void aim_at(size_t k, const Light& light, const LightPlace& place, Vec3d o, Vec3d d);
+  void aim_at(size_t k, const Light::Part& lit, const LightPlace& place, Vec3d o, Vec3d d);
 
   std::vector<MediaSpans::Piece> pieces_;
   std::vector<Rung> rungs_;

@@ -87,9 +87,7 @@ Vec3d Profile::fall(double near, double far) const {
 }
 
 Subsurface::Subsurface(const Scene& scene, const RenderPlan& plan)
-    : scene_(scene), plan_(plan), on_(scene.materials.has_subsurface && plan.subsurface_points) {
-  if (on_) known_.resize(size_t(plan.gather_block) * plan.gather_block);
-}
+    : scene_(scene), plan_(plan), on_(scene.materials.has_subsurface && plan.subsurface_points) {}
 
 /// A twentieth of what a pixel in the middle of the picture spans so far away, in the world: what
 /// is narrower is not seen.
@@ -102,7 +100,7 @@ double Subsurface::least_radius(Vec3d x) const {
 }
 
 const Subsurface::Ring& Subsurface::ring(Vec3d radius, const double* row) {
-  Ring& ring = known_[place_of(row)];
+  Ring& ring = known_;
   if (ring.row == row && !any(ring.profile.d - radius)) return ring;
   ring.row = row;
   ring.profile = Profile(radius);
@@ -130,14 +128,8 @@ void Subsurface::enter(Batch& batch, uint32_t k, const double* place) {
   Vec3d most;
   for (int c = 0; c < 3; ++c) most[c] = std::max(1.0, std::abs(T[c] / given[c]));
   const Ring& found = ring(radius, place);
-  points_.push_back({k,
-                     place_of(place),
-                     found,
-                     given * found.share,
-                     most,
-                     {g, first, cross(g, first)},
-                     x,
-                     batch.outside[k] != 0});
+  points_.push_back(
+      {k, found, given * found.share, most, {g, first, cross(g, first)}, x, batch.outside[k] != 0});
 }
 
 void Subsurface::leave(const Batch& batch, SceneQueries& queries, Queue& exits, RayCounts& counts) {
@@ -208,7 +200,7 @@ void Subsurface::look(size_t first, size_t count, bool across, SceneQueries& que
       o = o + 2 * hit.t * d;
       d = -d;
     }
-    const uint32_t order = (point.place * 2 + across) * Layers::kMost + layer;
+    const uint32_t order = across * Layers::kMost + layer;
     exits_.push_back({order, number, {o, d, 0, rays.t_max[k], kMirror}, hit, T});
   }
 }

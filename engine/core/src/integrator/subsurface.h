@@ -34,14 +34,14 @@ class Subsurface {
   Subsurface(const Scene& scene, const RenderPlan& plan);
 
   bool on() const { return on_; }
-  /// Takes from the batch's points what of their light comes out elsewhere. pixels: of its rays.
+  /// Takes from the batch's points what of their light comes out elsewhere.
   /// is_seen(k): whether point k shows what light does there.
   template <class IsSeen>
-  void enter(Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample, IsSeen is_seen) {
+  void enter(Batch& batch, uint32_t sample, IsSeen is_seen) {
     points_.clear();
     for (uint32_t k = 0; k < batch.size(); ++k)
       if (batch.lit[k] && any(row(batch.below, k)) && is_seen(k))
-        enter(batch, k, plan_.subsurface_point(plan_.gather_place(pixels[k]), sample));
+        enter(batch, k, plan_.subsurface_point(sample));
   }
   /// Where it comes out, to `exits`.
   void leave(const Batch& batch, SceneQueries& queries, Queue& exits, RayCounts& counts);
@@ -55,7 +55,7 @@ class Subsurface {
     Vec3d share;
   };
   struct Point {
-    uint32_t row, place;
+    uint32_t row;
     Ring ring;
     Vec3d given, most;  // most: of all that comes out along a ray over what one part is of
     Vec3d axes[3];
@@ -72,10 +72,6 @@ class Subsurface {
   void enter(Batch& batch, uint32_t k, const double* row);
   const Ring& ring(Vec3d radius, const double* row);
   double least_radius(Vec3d x) const;
-  /// The pixel's place in its block that a row is of.
-  uint32_t place_of(const double* row) const {
-    return uint32_t(size_t(row - plan_.subsurface_places.numbers) / 6 / plan_.subsurface_count);
-  }
   void look(size_t first, size_t count, bool across, SceneQueries& queries);
   static size_t axis_of(const Point& point, bool across) {
     return across ? size_t(point.ring.row[5]) : 0;
@@ -89,7 +85,7 @@ class Subsurface {
   std::vector<Exit> exits_;
   std::vector<uint32_t> layer_;
   std::vector<Vec3d> parts_, sums_;  // of the hits of a block, and of its points
-  std::vector<Ring> known_;          // the last ones, by pixels' places in their blocks
+  Ring known_;                       // the last one
 };
 
 }  // namespace glint

@@ -44,27 +44,15 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
                                   [](const Light& light) { return light.glass_differs(); }))),
       program_slots_(size_t(scene.programs.most_slots) * kBlock) {}
 
-Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool gathers, bool shared,
-                   bool mixed) {
+Queue Tracer::take(uint32_t visibility, const Queue::Past& past) {
   Queue queue(visibility);
   if (!spare_.empty()) {
     queue = std::move(spare_.back());
     spare_.pop_back();
   }
   queue.visibility = visibility;
-  queue.reflections = reflections;
-  queue.gathers = gathers;
-  queue.shared = shared;
-  queue.mixed = mixed;
+  queue.past = past;
   queue.exits = false;
-  queue.bounced = 0;
-  return queue;
-}
-
-/// For gather rays from what those of a queue meet.
-Queue Tracer::take_gathering(const Queue& from, bool shared) {
-  Queue queue = take(kDiffuse, from.reflections + 1, true, shared, from.mixed);
-  queue.bounced = from.bounced + 1;
   return queue;
 }
 
@@ -123,8 +111,8 @@ TileFrustum Tracer::frustum(const Tile& tile) const {
 /// rays are reflected, are common to a sample of many pixels.
 uint32_t Tracer::packet_samples(uint32_t samples) const {
   if (plan_.interleaving > 1) return 1;
-  if (scene_.features & (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT |
-                         GLINT_FEATURE_BOUNCED_LIGHT | GLINT_FEATURE_MEDIUM_LIGHT))
+  if (scene_.features &
+      (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_MEDIUM_LIGHT))
     return 1;
   if (plan_.bounces > 0 || plan_.reflects_gloss || direct_.shares() || subsurface_.on()) return 1;
   if (scene_.materials.has_rough_glass || scene_.media.scatters || scene_.media.varies ||
@@ -138,6 +126,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
 }
 
 void Tracer::start_paths() {
+  if (catches_) caught_paths_.assign(paths_.size(), {});
   first_.start_at_camera(paths_.size());
   for (size_t c = 0; scene_.features & GLINT_FEATURE_MEDIA && c < 3; ++c)  // dimmed earlier
     std::fill_n(first_.column(Queue::kT + c), paths_.size(), 1.0);
@@ -176,7 +165,6 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
     for (const size_t end = class_ends_[number]; k < end && !cancel_;) {
       const size_t some = std::min(step, end - k);
       follow_some(active_.data() + k, active_.data() + k + some, first, number);
-      if (plan_.mixes_gloss) paths_.mix(film_, gloss_shares_);
       if (plan_.reflects_gloss) paths_.add_gloss(film_, *tile_);
       paths_.add_to(film_, *tile_, stages_);
       keep_meetings();
@@ -212,36 +200,32 @@ void Tracer::follow(uint32_t sample) {
     give(std::move(queue));
   }
   waiting_.clear();
+  if (catches_) show_caught();
 }
 
 /// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
 void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   if (queue.exits) return light_exits(queue, sample);
-  const bool apart =
-      queue.visibility == kCamera || queue.gathers;  // else straight on is a mirror's
-  const bool shares = plan_.shares_gathers && &queue == &first_;
-  const bool mixed = queue.mixed;
-  NextRays next{take(queue.visibility, queue.reflections, queue.gathers, queue.shared, mixed),
-                take(kMirror, queue.reflections, false, false, mixed),
-                take(kMirror, queue.reflections + 1, false, false, mixed),
-                take(kMirror, queue.reflections + 1, false, false, true),
-                take_gathering(queue, shares),
-                take_gathering(queue)};
-  for (Queue* same : {&next.straight, &next.bounced, &next.glossy, &next.mixed})
-    same->bounced = queue.bounced;
+  // else straight on is a mirror's
+  const bool apart = queue.visibility == kCamera || queue.gathers();
+  const Queue::Past &past = queue.past, scattered = past.scattered();
+  Queue::Past mirrored = past, of_media = scattered;
+  mirrored.gathers = false;
+  of_media.in_medium = true;
+  NextRays next{
+      take(queue.visibility, past), take(kMirror, mirrored), take(kMirror, mirrored.reflected()),
+      take(kDiffuse, scattered),    take(kSolid, scattered), take(kDiffuse, of_media),
+      take(kDiffuse, scattered)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
-  wait(std::move(next.gathering));
-  wait(std::move(next.behind));
-  wait(std::move(next.straight));
+  for (Queue* more : {&next.gathering, &next.around, &next.scattered, &next.behind, &next.straight})
+    wait(std::move(*more));
   if (glass_differs_) {
-    Queue refracted = take(kTransmission, queue.reflections, false, false, mixed);
-    refracted.bounced = queue.bounced;
+    Queue refracted = take(kTransmission, mirrored);
     next.bounced.give_refracted(refracted);
     wait(std::move(refracted));
   }
   wait(std::move(next.bounced));
   wait(std::move(next.glossy));
-  wait(std::move(next.mixed));
 }
 
 void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next) {
@@ -253,14 +237,15 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (scene_.features & GLINT_FEATURE_MEDIA) dim(queue);
+  if (queue.visibility == kSolid) direct_.dim_by_strands(queue, batch_, counts_);
   if (is_first_ && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
   for (size_t c = 0; gives_aovs && scene_.materials.bends_normals && c < 3; ++c)
     mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
   shade(queue, straight, next.bounced);
-  if (queue.gathers) make_diffuse(queue);
+  if (queue.gathers()) make_diffuse(queue);
   else if (batch_.has_groups()) note_glow(queue);
-  if (queue.reflections > 0) widen(queue);
+  if (queue.past.reflections > 0) widen(queue);
   if (is_first_ && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
   if (queue.visibility == kCamera && film_.resolves()) note_guides(queue);
@@ -268,41 +253,31 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (queue.visibility == kCamera && film_.keeps_lighting()) note_colors(queue);
   if (catches_) set_aside_caught(queue);
   if (subsurface_.on()) scatter_below(queue, sample);
-  const bool in_blocks = plan_.shares_gathers && &queue == &first_ && direct_.gathers(queue);
-  if (in_blocks) {
-    find_pixels(queue);
-    direct_.find_blocks(batch_, pixels_, shares_);
-  }
-  direct_.illuminate(batch_, sample, counts_, in_blocks ? &shares_ : nullptr);
+  find_pixels(queue);
+  direct_.illuminate(batch_, sample, counts_);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
-  if (plan_.reflects_gloss && !queue.gathers) reflect(queue, sample, next);
-  if (direct_.gathers(queue)) gather(queue, sample, next.gathering);
+  if (plan_.reflects_gloss && !queue.gathers())
+    direct_.reflect(batch_, sample, next.glossy, counts_);
+  bounce(queue, sample, next.gathering, &next.around);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
-  if (scene_.features & GLINT_FEATURE_MEDIA && !queue.gathers)
-    direct_.scatter(batch_, media_, clear_.data(), sample, counts_);
+  if (scene_.features & GLINT_FEATURE_MEDIA && !queue.gathers())
+    direct_.scatter(batch_, media_, clear_.data(), pixels_, sample, next.scattered, counts_);
   if (scene_.materials.has_translucent) light_behind(queue, sample, next.behind);
   keep(queue);
 }
 
 /// Those of its rays' paths.
 void Tracer::find_pixels(const Queue& queue) {
+  if (plan_.bounces == 0) return;
   pixels_.resize(queue.size());
   for (size_t k = 0; k < queue.size(); ++k) pixels_[k] = pixel(queue, k);
 }
 
-void Tracer::reflect(const Queue& queue, uint32_t sample, NextRays& next) {
-  if (&queue != &first_ || !plan_.mixes_gloss)
-    return direct_.reflect(batch_, sample, next.glossy, counts_);
-  find_pixels(queue);
-  direct_.reflect_in_blocks(batch_, pixels_, sample, next.glossy, next.mixed, gloss_shares_,
-                            counts_);
-}
-
-void Tracer::gather(const Queue& queue, uint32_t sample, Queue& gathering) {
-  find_pixels(queue);
-  direct_.gather(batch_, pixels_, sample, gathering, gathering.shared ? &shares_ : nullptr,
-                 counts_);
+void Tracer::bounce(const Queue& queue, uint32_t sample, Queue& gathering, Queue* around) {
+  if (!direct_.bounces(queue)) return;
+  direct_.bounce(batch_, pixels_, sample, gathering,
+                 scene_.instances.has_strands ? around : nullptr, counts_);
 }
 
 /// Adds what TRANSLUCENT lobes let through of the light on the other side: there they are DIFFUSE
@@ -317,16 +292,17 @@ void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
   turn();
   batch_.first_hits = nullptr;  // which knows the shadows of this side
   direct_.illuminate(batch_, sample, counts_);
-  if (direct_.gathers(queue)) gather(queue, sample, gathering);
+  bounce(queue, sample, gathering);
   turn();
 }
 
 /// The batch's sums to those of the paths, or to those of what rough surfaces reflect.
 void Tracer::keep(const Queue& queue) {
+  if (queue.past.caught != Queue::Past::kSeen) return keep_caught(queue);
   const bool gloss = queue.is_gloss();
-  if (gloss) paths_.swap(queue.mixed);
+  if (gloss) paths_.swap();
   keep_parts(queue);
-  if (gloss) paths_.swap(queue.mixed);
+  if (gloss) paths_.swap();
 }
 
 void Tracer::keep_parts(const Queue& queue) {
@@ -335,14 +311,15 @@ void Tracer::keep_parts(const Queue& queue) {
     if (!sums || !columns[0]) return;
     for (size_t c = 0; &queue == &first_ && c < 3; ++c, sums += paths_.stride())
       stages_.add(sums, columns[c], queue.size());
-    for (size_t k = 0; &queue != &first_ && k < queue.size(); ++k)
-      add_to_paths(queue, k, columns, sums);
+    for (size_t c = 0; &queue != &first_ && c < 3; ++c)
+      for (size_t k = 0; k < queue.size(); ++k)
+        sums[c * paths_.stride() + queue.slot(k)] += columns[c][k];
   };
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);
   if (batch_.has_groups()) keep_groups(queue);
   if (film_.keeps_lighting()) keep_lighting(queue);
-  if (queue.gathers) return keep_gathered(queue);
+  if (queue.gathers()) return keep_gathered(queue);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
   keep_part(GLINT_PASS_AMBIENT, s.ambient);
   keep_part(GLINT_PASS_EMISSION, s.emission);

@@ -60,8 +60,8 @@ class Tracer {
   void follow(uint32_t sample);
   /// Rays that leave the surfaces of a queue.
   struct NextRays {
-    Queue straight, bounced, glossy, mixed, gathering,
-        behind;  // mixed: glossy ones of wide lobes; behind: gather rays of other sides
+    Queue straight, bounced, glossy, gathering, around, scattered,
+        behind;  // around: gather rays of strands; scattered: of media; behind: of other sides
   };
   void follow_queue(Queue& queue, uint32_t sample);
   void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
@@ -69,29 +69,13 @@ class Tracer {
   void widen(const Queue& queue);
   void make_diffuse(const Queue& queue);
   void find_pixels(const Queue& queue);
-  void reflect(const Queue& queue, uint32_t sample, NextRays& next);
-  void gather(const Queue& queue, uint32_t sample, Queue& gathering);
+  void bounce(const Queue& queue, uint32_t sample, Queue& gathering, Queue* around = nullptr);
   void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
   void scatter_below(const Queue& queue, uint32_t sample);
   void light_exits(Queue& queue, uint32_t sample);
   void show_exits(const Queue& queue);
   void bend_exits(const Queue& queue);
   void keep_gathered(const Queue& queue);
-  /// add(path, share) for each path that gets something of what ray k brings.
-  template <class Add>
-  void to_paths(const Queue& queue, size_t k, Add add) const {
-    const uint32_t slot = queue.slot(k);
-    if (!queue.shared) return add(slot, Vec3d{1, 1, 1});
-    if (!batch_.missed(k))
-      shares_.give(slot, row(batch_.points.x, k), row(batch_.points.g, k), add);
-  }
-  /// The columns c of ray k to sums of paths, `stride()` apart.
-  void add_to_paths(const Queue& queue, size_t k, const double* const (&columns)[3], double* sums) {
-    to_paths(queue, k, [&](uint32_t path, Vec3d share) {
-      for (size_t c = 0; c < 3; ++c)
-        sums[c * paths_.stride() + path] += share[int(c)] * columns[c][k];
-    });
-  }
   void find_hits(const Queue& queue);
   void dim(Queue& queue);
   ShadeStage shading(const Queue& queue);
@@ -113,7 +97,9 @@ class Tracer {
   }
   void set_aside_caught(const Queue& queue);
   void settle_caught(const Queue& queue, uint32_t sample);
-  void show_caught(const Queue& queue, uint32_t k, Vec3d ratio);
+  void keep_caught(const Queue& queue);
+  void show_caught();
+  Vec3d behind_caught(const Queue& queue, uint32_t k);
   Vec3d take_sums(size_t k);
   void pass_on(const Queue& queue, size_t count, const Leaving& next);
   void cut_holes(const Queue& queue, const uint32_t* rows, size_t count);
@@ -138,9 +124,7 @@ class Tracer {
   void keep(const Queue& queue);
   void keep_parts(const Queue& queue);
   void wait(Queue queue);
-  Queue take(uint32_t visibility, uint32_t reflections = 0, bool gathers = false,
-             bool shared = false, bool mixed = false);
-  Queue take_gathering(const Queue& from, bool shared = false);
+  Queue take(uint32_t visibility, const Queue::Past& past);
   void give(Queue queue);
   uint32_t pixel(const Queue& queue, size_t k) const {
     return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());
@@ -156,9 +140,7 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
-  // Of rays from where camera rays meet something first: gather rays, and those of wide lobes.
-  BlockShares shares_, gloss_shares_;
-  std::vector<uint32_t> pixels_;  // of the region, of each point that gather rays start from
+  std::vector<uint32_t> pixels_;  // of the region, of each of the batch's rays
   SceneQueries queries_;
   Subsurface subsurface_;
   MediaSpans media_;
@@ -187,15 +169,21 @@ class Tracer {
   RayCounts counts_;
   std::vector<uint32_t> aov_rows_, occlusion_rows_, exit_rows_, exit_materials_;
   std::vector<Vec3d> open_;  // of the latter
-  /// A point on a catcher: what it adds without lights, and with all.
+  /// A point on a catcher, and what it adds without lights.
   struct Caught {
     uint32_t row;
-    Vec3d glow, with;
+    Vec3d glow;
   };
-  std::vector<Caught> caught_;           // of the batch
-  std::vector<int64_t> lit_;             // its `lit` beside them
-  std::vector<double> mesh_normals_[3];  // of the batch, where materials bend them
-  std::vector<CryptoMeeting> meetings_;  // of the paths that are followed now
+  std::vector<Caught> caught_;  // of the batch
+  /// What the catchers on a path show: how much of it ends there, what is behind, and their light
+  /// with all things there, and without.
+  struct CaughtPath {
+    Vec3d seen, behind, with, without;
+  };
+  std::vector<CaughtPath> caught_paths_;  // of each path; none where there are no catchers
+  std::vector<int64_t> lit_;              // its `lit` beside them
+  std::vector<double> mesh_normals_[3];   // of the batch, where materials bend them
+  std::vector<CryptoMeeting> meetings_;   // of the paths that are followed now
 };
 
 }  // namespace glint

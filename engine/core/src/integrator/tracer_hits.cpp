@@ -76,6 +76,7 @@ void Tracer::find_hits(const Queue& queue) {
     const bool all = batch_.first_hits || film_.wants(GLINT_PASS_COST) ||
                      film_.wants(GLINT_PASS_GAP) || film_.wants(GLINT_PASS_AOV);
     rays.opacity = all ? nullptr : scene_.trees.opacity();
+    if (queue.past.caught == Queue::Past::kAlone) rays.opacity = scene_.trees.opacity_of_catchers();
     const bool straight = rays.opacity && queue.visibility == kCamera && &queue != &first_;
     if (straight && !batch_.fallbacks) ahead_.closest(queue, batch_.hits());
     else scene_.trees.accel().closest(rays, batch_.hits(), scratch_);
@@ -102,7 +103,7 @@ void Tracer::find_points(const Queue& queue) {
   stage.groups = scene_.instances.group_shapes.data();
   stage.missed = missed(queue);
   stages_.surface(stage);
-  for (size_t k = 0; queue.reflections > 0 && k < queue.size(); ++k)
+  for (size_t k = 0; queue.past.reflections > 0 && k < queue.size(); ++k)
     if (batch_.missed(k) && queue.is_skyless(k)) batch_.material[k] = scene_.materials.nothing();
   for (size_t k = 0; !scene_.instances.only_meshes && k < queue.size(); ++k) {
     if (batch_.material[k] != kNoMaterial) continue;
@@ -142,7 +143,7 @@ void Tracer::dim(Queue& queue) {
     return;
   }
   ends_.resize(queue.size());
-  const double far = queue.gathers ? 0 : kInfinity;  // where nothing is met
+  const double far = queue.gathers() ? 0 : kInfinity;  // where nothing is met
   for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? far : batch_.t[k];
   media_.march(rays, ends_.data(), sample_,
                queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced, counts_);

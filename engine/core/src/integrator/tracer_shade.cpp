@@ -14,7 +14,8 @@ ShadeStage Tracer::shading(const Queue& queue) {
   stage.count = queue.size();
   stage.material = batch_.material.data();
   stage.terms =
-      (queue.reflections > 0 ? scene_.materials.reflected_terms : scene_.materials.terms).data();
+      (queue.past.reflections > 0 ? scene_.materials.reflected_terms : scene_.materials.terms)
+          .data();
   stage.specular_terms = scene_.materials.specular_terms.data();
   stage.max_specular = scene_.materials.max_specular;
   stage.sums = batch_.sums;
@@ -37,7 +38,8 @@ ShadeStage Tracer::shading(const Queue& queue) {
 
 void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   const size_t others = stages_.shade(shading(queue));
-  const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.reflections == 0;
+  const bool sees_lights =
+      scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.past.reflections == 0;
   for (size_t c = 0; batch_.has_groups() && c < 3; ++c)
     std::copy_n(batch_.sums.emission[c], queue.size(), batch_.glow[c]);
   for (size_t k = 0; sees_lights && k < queue.size(); ++k) see_lights(k);
@@ -70,8 +72,7 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
   stage.primitive = batch_.primitive.data();
   stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
-  stage.gathers = queue.gathers && plan_.bounces == 0;
-  stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
+  stage.dark = queue.past.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
     if (batch_.has_groups()) stage.sums.emission[c] = batch_.glow[c];
@@ -196,7 +197,7 @@ void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
     const size_t end = first < shown ? shown : count;
     some = cuts_.leading(queue, all + first, end - first);
     shader_.pass_on(batch_, sample_, all + first, some, next, counts_,
-                    first >= shown || queue.gathers);
+                    first >= shown || queue.gathers());
   }
 }
 

@@ -9,10 +9,9 @@ namespace glint {
 
 /// Of what is seen blurred, or thrown on to others, light comes out where it goes in.
 void Tracer::scatter_below(const Queue& queue, uint32_t sample) {
-  if (queue.gathers || queue.reflections > 0) return;
-  find_pixels(queue);
-  subsurface_.enter(batch_, pixels_, sample, [&](uint32_t k) { return !is_caught(queue, k); });
-  Queue exits = take(queue.visibility, queue.reflections, false, false, queue.mixed);
+  if (queue.gathers() || queue.past.reflections > 0) return;
+  subsurface_.enter(batch_, sample, [&](uint32_t k) { return !is_caught(queue, k); });
+  Queue exits = take(queue.visibility, queue.past);
   exits.exits = true;
   subsurface_.leave(batch_, queries_, exits, counts_);
   wait(std::move(exits));
@@ -25,8 +24,9 @@ void Tracer::light_exits(Queue& queue, uint32_t sample) {
   find_points(queue);
   show_exits(queue);
   direct_.illuminate(batch_, sample, counts_);
-  Queue gathering = take_gathering(queue);
-  if (direct_.gathers(queue)) gather(queue, sample, gathering);
+  Queue gathering = take(kDiffuse, queue.past.scattered());
+  find_pixels(queue);
+  bounce(queue, sample, gathering);
   keep(queue);
   wait(std::move(gathering));
 }

@@ -17,8 +17,8 @@ constexpr double kLeastWide =
     8;  // exponents from here on draw directions beside points of lights that may be all around
 
 /// The share of a mesh light's point, of `count` a sample of a pixel, over the square of the least
-/// distance from which it is seen (MERGED of engine/lights/mesh_lights.py and of bounced_light.py).
-double merged(uint32_t count, bool bounced = false) { return (bounced ? 1.25 : 64) * kPi * count; }
+/// distance from which it is seen (MERGED of engine/lights/mesh_lights.py).
+double merged(uint32_t count) { return 64 * kPi * count; }
 
 constexpr double kLeastSpread = 1e-4, kFullSpread = 0.5 * kPi - 5e-5;  // half angles
 
@@ -172,16 +172,16 @@ void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) con
   const double* const row = p.drawn;
   const Vec3d q = point(placed, {row[0], row[1], row[2]}),
               n = unit(direction(placed, {row[3], row[4], row[5]}));
-  stage.shape = is_bounced() ? kBouncedSource : kMeshSource;
+  stage.shape = kMeshSource;
   stage.factor = 1 / kPi;
   stage.spread = scale2 * row[12];
-  stage.near2 = stage.spread / (p.pixels * merged(count, is_bounced()));
+  stage.near2 = stage.spread / merged(count);
   stage.size = rounding(max_abs(q) + std::sqrt(scale2) * row[13]);
   for (int c = 0; c < 3; ++c) {
     stage.end[c] = stage.center[c] = q[c];
     stage.axis[c] = n[c];
     stage.color[c] = saturate(row[6 + c]);
-    stage.back[c] = is_bounced() ? 0 : saturate(row[9 + c]);
+    stage.back[c] = saturate(row[9 + c]);
   }
 }
 
@@ -198,10 +198,6 @@ void Light::set_medium(LightStage& stage, const LightPoint& p, uint32_t count) c
     stage.end[c] = stage.center[c] = q[c];
     stage.color[c] = saturate(row[6 + c]);
   }
-}
-
-void Light::widen(LightStage& stage, const LightPoint& p, uint32_t count) const {
-  stage.near2 = scale2 * p.drawn[9] / (p.pixels * merged(count, is_bounced()));
 }
 
 void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
@@ -302,7 +298,7 @@ Light::Part Light::within_cone(Vec3d o, Vec3d d, double cosine2) const {
 }
 
 bool Light::is_cut(Vec3d x, Vec3d n) const {
-  if (!any(color) || is_dome() || is_bounced()) return false;
+  if (!any(color) || is_dome()) return false;
   if (kind == GLINT_SUN) {
     const double z = dot(n, axis), v = std::min(versine, 1.0);
     return z * z < v * (2 - v);

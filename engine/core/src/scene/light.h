@@ -21,11 +21,8 @@ struct LightPoint {
   const double* drawn = nullptr;
   const DomeCells* dome = nullptr;
   bool draws = true;          // highlights draw a direction there
-  bool on_catcher = false;    // it is one of a shadow catcher
   int group = -1;             // of lights that its own is in; -1 for none
-  bool is_last = false;       // its light has bounced as often as asked for once it arrives
   uint32_t met_by = kShadow;  // what rays of surfaces to it meet
-  double pixels = 1;          // that deal the points of its light among themselves
 };
 
 /// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how
@@ -69,11 +66,10 @@ struct Light {
   bool endless() const { return kind == GLINT_SUN || is_dome(); }
   bool is_dome() const { return kind == GLINT_DOME; }
   bool is_mesh() const { return kind == GLINT_MESH_LIGHT; }
-  bool is_bounced() const { return kind == GLINT_BOUNCED_LIGHT; }
   /// A medium that glows.
   bool is_medium() const { return kind == GLINT_MEDIUM_LIGHT; }
   /// Whether its samples are places in the scene, rows of a table.
-  bool is_tabled() const { return is_mesh() || is_bounced() || is_medium(); }
+  bool is_tabled() const { return is_mesh() || is_medium(); }
   bool lights_all() const { return excluded_sets == 0; }
   bool lights(uint32_t light_set) const { return !(excluded_sets >> light_set & 1); }
   /// Whether far points see it in a cluster with others.
@@ -83,7 +79,7 @@ struct Light {
            any(color);
   }
   bool lights_matt() const { return !(flags & GLINT_NOT_ON_MATT); }
-  bool lights_gloss() const { return !(flags & GLINT_NOT_ON_GLOSS) && !is_bounced(); }
+  bool lights_gloss() const { return !(flags & GLINT_NOT_ON_GLOSS); }
   bool lights_media() const { return !(flags & GLINT_NOT_IN_MEDIA); }
   /// Whether its shape is seen in mirrors and not through glass, or the other way.
   bool glass_differs() const {
@@ -94,8 +90,6 @@ struct Light {
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
   /// the centre).
   void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
-  /// Then, of a disc of bounced light: as large as it is where no rays look for what is near.
-  void widen(LightStage& stage, const LightPoint& p, uint32_t count) const;
 
   /// From where to where it shines on a line.
   struct Part {

@@ -55,7 +55,6 @@ uint32_t features_of(const Light& light) {
   uint32_t features = 0;
   if (light.is_dome()) features |= GLINT_FEATURE_WORLD_LIGHT;
   else if (light.is_mesh()) features |= GLINT_FEATURE_MESH_LIGHT;
-  else if (light.is_bounced()) features |= GLINT_FEATURE_BOUNCED_LIGHT;
   else if (light.is_medium()) features |= GLINT_FEATURE_MEDIUM_LIGHT;
   else if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
   if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR | GLINT_SEEN_BY_TRANSMISSION) &&

@@ -21,8 +21,9 @@ std::vector<InstanceView> instance_views(const InstanceTable& t, const Anchor& a
   views.reserve(t.placements.size());
   for (const Placement& p : t.placements) {
     const GlintInstances& group = t.groups[p.group];
-    views.push_back(
-        {group.geometry, group.flags & kAnyRay, anchor.matrix(affine(t.matrix_row(p.row)))});
+    const bool solid = group.flags & kDiffuse && t.geometry(group).kind != GLINT_STRANDS;
+    views.push_back({group.geometry, (group.flags & kAnyRay) | (solid ? kSolid : 0),
+                     anchor.matrix(affine(t.matrix_row(p.row)))});
   }
   return views;
 }
@@ -72,8 +73,10 @@ const Opacity* SceneTrees::opacity(const Light& light) const {
 
 const Opacity* SceneTrees::opacity_of_catchers(const Light& light) const {
   const PassedInstances* const own = caught_[light.number].get();
-  return &(own ? own : caught_.back().get())->view();
+  return own ? &own->view() : opacity_of_catchers();
 }
+
+const Opacity* SceneTrees::opacity_of_catchers() const { return &caught_.back()->view(); }
 
 /// The trees that a later scene may take over: these, or as long as there are none those that this
 /// scene would take over itself.

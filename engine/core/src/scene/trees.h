@@ -55,6 +55,7 @@ class SceneTrees {
   const Opacity* opacity(const Light& light) const;
   /// The same where catchers alone cast shadows; in scenes that have some.
   const Opacity* opacity_of_catchers(const Light& light) const;
+  const Opacity* opacity_of_catchers() const;
   double build_seconds() const { return build_seconds_; }
 
  private:

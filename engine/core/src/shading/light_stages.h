@@ -33,8 +33,7 @@ enum LightShape : int {
   kSky,
   kOpenSky,  // beside points on openings
   kMeshSource,
-  kBouncedSource,  // points of it are discs
-  kMediumSource,   // points of it are balls
+  kMediumSource,  // points of it are balls
 };
 
 /// One over the cosine below which light grazes smooth surfaces, where instances say nothing else.
@@ -92,9 +91,9 @@ struct LightStage {
                            // intensity per steradian
   double versine, spread;  // kDirection: 1 - cos of the half angle, and the solid angle
   double end[3];           // kPlaneSource, kRectangleSource: the sample, even over the area
-  double back[3];  // kMeshSource, kBouncedSource, also end, axis, color: the sample, its normal,
+  double back[3];          // kMeshSource, also end, axis, color: the sample, its normal,
                    // what comes from its two sides. spread: one over its density by area; near2:
-                   // the least distance^2, or the disc's radius^2; size: how far before the surface
+                   // the least distance^2; size: how far before the surface
                    // segments end. kMediumSource: end, color, spread: by volume; near2: of the
                    // ball's radius
   double right[3], up[3], size, half[2], near2, a,
@@ -123,8 +122,7 @@ struct LightStage {
   size_t stride;
   int max_specular, specular_columns;
   const int64_t* lit;
-  const double*
-      gloss[3];     // kBouncedSource, kMediumSource: T k of dielectrics' gloss as if matt; or null
+  const double* gloss[3];  // kMediumSource: T k of dielectrics' gloss as if matt; or null
   uint32_t* point;  // what follows: a number for each point that the sample reaches, before shadows
   double *o[3], *to[3], *t_max;  // shadow rays, where the light casts any
   double* start_out[3];          // where they leave the surface; null: at `origin`, or nobody asks
@@ -132,10 +130,9 @@ struct LightStage {
   double *diffuse_out[3], *specular_out[3];  // T k I; specular_out null: both in diffuse_out
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
-  double gather2;       // kBouncedSource: one over the square of the distance from which on it
-                        // gives all that it does (far_share); 0: everywhere
-  bool gathers_lobes;   // `gather`: light for matt lobes other than DIFFUSE ones too
   bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
+  const double* side;   // `gather`: 0, or of points on strands -1 where their ray goes to the back,
+                        // else 1, times how many sides it stands for; null: there are none
   double shown;         // how much of dielectrics' gloss reflected rays show, 0 or 1
   bool has_sheen, has_fibre;     // among the lobes
   bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
@@ -184,9 +181,6 @@ struct ShareStage {
   size_t sample_count;
   double offset;
   uint32_t asked;
-  /// Of its marks each point has those of the numbers turn, turn + turns ...; null where it has
-  /// all.
-  const double *turn, *turns;
   double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
   double* gloss[3];  // where samples have one: LightStage's, to be found; or null
   /// Those of the samples from `clustered` on; color_sums: a row of three channels before each

@@ -69,9 +69,8 @@ struct SpecularTerm {
   }
 };
 
-/// Of OREN_NAYAR lobes: what A leaves of 1, over B, and the mean of what is lost of it at once.
-constexpr double kNeverLost = 0.5 - 2 / (3 * 3.14159265358979323846),
-                 kMeanLost = kNeverLost - (2 - 5.6 / 3.14159265358979323846) / 3;
+/// Of OREN_NAYAR lobes: what A leaves of 1, over B.
+constexpr double kNeverLost = 0.5 - 2 / (3 * 3.14159265358979323846);
 
 /// A lobe that sends rays on: columns of k (three) and, where some lobe of the scene has them from
 /// a program, the exponent and the index of refraction, or a normal of their own, 0 for the

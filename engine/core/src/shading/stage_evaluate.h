@@ -97,6 +97,12 @@ inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
   });
 }
 
+/// Normals n as microfacets have them: lifted, where bumps do not leave them.
+inline Three micro_normal(const EvaluateStage& s, const Chosen& at, const Three& n) {
+  if (s.bump_shadowing < GLINT_BUMP_CHIANG) return n;
+  return choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), -gather3(s.d, at)));
+}
+
 /// Whether a lobe that shines has microfacets, which bumps hide.
 inline bool is_micro(const EvaluateStage& s, const LobeShape& lobe) {
   return s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
@@ -110,8 +116,7 @@ inline Three lobe_normal(const EvaluateStage& s, const Chosen& at, const OnMesh&
   const Three point = gather3(s.n, at), v = -gather3(s.d, at);
   Three n = given_normal(p, lobe.normal_slot, point);
   if (micro) {
-    if (s.bump_shadowing >= GLINT_BUMP_CHIANG)
-      n = choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), v));
+    n = micro_normal(s, at, n);
     k = where(dot(n, v) > 0, k);
   }
   return where(nonzero(n - point), n);
@@ -138,13 +143,6 @@ inline void set_apart(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
           lobe_number(p, lobe.exponent, lobe.exponent_slot));
   scatter(column + SpecularTerm::kFresnel * s.stride, at,
           lobe_number(p, lobe.masking, lobe.masking_slot));
-}
-
-/// Rays that look for what throws light on see TOON lobes that are matt as even ones.
-inline Doubles toon_albedo(const OnMesh& p, const LobeShape& lobe) {
-  return Toon(lobe_number(p, lobe.exponent, lobe.exponent_slot),
-              lobe_number(p, lobe.masking, lobe.masking_slot))
-      .albedo();
 }
 
 inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, Three Tk,
@@ -198,19 +196,17 @@ inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh
                           const LobeShape& lobe) {
   if (!(lobe.exponent > 0)) return splat(1);
   const Doubles exponent = lobe_number(p, lobe.exponent, lobe.exponent_slot);
-  return grazing_power(seen_cosine(gather3(s.n, at), gather3(s.d, at)),
-                       larger(exponent, splat(1e-6)));
+  const Three n = micro_normal(s, at, gather3(s.n, at));
+  return grazing_power(seen_cosine(n, gather3(s.d, at)), larger(exponent, splat(1e-6)));
 }
 
-/// Adds an OREN_NAYAR lobe to the row of its kind. Rays that look for what throws light on see it
-/// as an even one.
+/// Adds an OREN_NAYAR lobe to the row of its kind.
 __attribute__((noinline)) void add_rough(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                                          const LobeShape& lobe, Three T, Three k, Lobes& sum) {
   const bool again = lobe.kind == GLINT_OREN_NAYAR_MULTIPLE;
   const Doubles lost = lost_once(seen_cosine(gather3(s.n, at), gather3(s.d, at)));
   k = seen_share(s, at, p, lobe) * k;
   if (again) k = lost * k;
-  if (s.gathers) sum.diffuse = sum.diffuse + (again ? splat(kMeanLost) : kNeverLost - lost) * k;
   int& row = again ? sum.again_row : sum.turned_row;
   const bool first = row < 0;
   if (first) row = sum.specular_count++;
@@ -231,7 +227,6 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
     return lobe.kind >= GLINT_FIBRE_DIFFUSE ? set_fibre(s, at, p, T * k, k, lobe, sum)
                                             : add_rough(s, at, p, lobe, T, k, sum);
   const bool toon = lobe.kind == GLINT_TOON_DIFFUSE;
-  if (toon && s.gathers) sum.diffuse = sum.diffuse + toon_albedo(p, lobe) * k;
   if (toon || lobe.kind == GLINT_TOON_SPECULAR || lobe.kind == GLINT_SPECULAR ||
       lobe.kind == GLINT_SHEEN)
     return set_specular(s, at, p, T * k, lobe, sum);
@@ -300,10 +295,7 @@ inline void run_block(const EvaluateStage& s, size_t first, size_t count) {
 
 /// The normal of TRANSLUCENT lobes, and what LightStage::bump holds of it.
 inline void lift_normal(const EvaluateStage& s, const Chosen& at) {
-  const Three bent = gather3(s.n, at), m = gather3(s.unbent, at);
-  Three n = bent;
-  if (s.bump_shadowing >= GLINT_BUMP_CHIANG)
-    n = choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), -gather3(s.d, at)));
+  const Three n = micro_normal(s, at, gather3(s.n, at)), m = gather3(s.unbent, at);
   scatter3(s.lifted, at, n);
   scatter(s.lifted_bump, at, where(nonzero(m), bump_of(s.bump_shadowing, dot(m, n))));
 }

@@ -44,16 +44,39 @@ size_t reflect(const LightStage& s) {
 /// What of T a point throws back as what is matt does, of light along l.
 inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l) {
   const BumpShadow bump = bump_shadow<true>(s, k, n, l);
-  Three T = load3(s.diffuse, k);
-  if (s.gathers_lobes && s.has_sheen) {
-    const Doubles cosine = dot(n, l);
+  const Doubles cosine = dot(n, l);
+  Three T = where(cosine > 0, load3(s.diffuse, k));
+  if (s.has_sheen) {
     const Highlights seen = highlights<false, true>(s, k, n, l, cosine, nullptr);
-    const Three lobes = s.has_fibre ? seen.sheen + seen.fibre : seen.sheen;
-    T = T + where(cosine > 0, (1 / larger(cosine, splat(0x1p-20))) * lobes);
+    Three lobes = where(cosine > 0, seen.sheen);
+    if (s.has_fibre) lobes = lobes + seen.fibre;
+    T = T + (1 / larger(magnitude(cosine), splat(0x1p-20))) * lobes;
   }
   if (bump.some) T = bump.share * T;
-  if (s.gathers_gloss) T = T + lowered<true>(s, k, n, l) * even_gloss(s, k);
+  if (s.gathers_gloss) T = T + where(cosine > 0, lowered<true>(s, k, n, l) * even_gloss(s, k));
   return bump.some ? where(~bump.hidden, T) : T;
+}
+
+/// Where a ray goes on from a point.
+struct Onward {
+  Three l;
+  Doubles way, factor;  // way: -1 to the back.  factor: the cosine's density over its own
+};
+
+/// As densely as the cosine (Malley's method); from strands, whose lobes know none, evenly over the
+/// half of the sphere.
+inline Onward onward(const LightStage& s, size_t k, const Three& n) {
+  Three t1, t2;
+  frame(n, t1, t2);
+  const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k),
+                rest = larger(1 - x * x - y * y, Doubles{});
+  if (!s.side) return {root(rest) * n + x * t1 + y * t2, splat(1), splat(1)};
+  const Doubles side = load(s.side + k), way = choose(side < 0, splat(-1), splat(1));
+  const Mask even = side != 0;
+  const Doubles up = choose(even, way * rest, root(rest)),
+                across = choose(even, root(1 + rest), splat(1));
+  return {up * n + across * (x * t1 + y * t2), way,
+          choose(even, 2 * magnitude(side) * rest, splat(1))};
 }
 
 size_t gather(const LightStage& s) {
@@ -62,19 +85,17 @@ size_t gather(const LightStage& s) {
     const Mask lit = load(s.lit + k);
     if (!any(lit)) continue;
     const Three n = load3(s.n, k), g = load3(s.g, k);
-    Three t1, t2;
-    frame(n, t1, t2);
-    const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k),
-                  upward = root(larger(1 - x * x - y * y, Doubles{}));
-    const Three l = upward * n + x * t1 + y * t2;  // as densely as their cosine (Malley's method)
-    const Three T = matt(s, k, n, l);
-    const uint32_t lanes = bits(lit & nonzero(T) & (dot(l, g) > 0));
+    const Onward on = onward(s, k, n);
+    const Three T = on.factor * matt(s, k, n, on.l);
+    const uint32_t lanes = bits(lit & nonzero(T) & (on.way * dot(on.l, g) > 0));
     if (!lanes) continue;
     const Appender append{lanes, found};
     append.number(s.point, uint32_t(k));
     append(s.diffuse_out, T);
-    append(s.to, l);
-    append(s.o, load3(s.points_x, k) + load(s.offset + k) * g);
+    append(s.to, on.l);
+    Three o = load3(s.points_x, k) + on.way * load(s.offset + k) * g;
+    if (s.side) o = o + way_through(s, k, on.l) * on.l;
+    append(s.o, o);
     found += size_t(__builtin_popcount(lanes));
   }
   return found;

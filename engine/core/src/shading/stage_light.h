@@ -8,13 +8,6 @@
 namespace glint {
 namespace {
 
-/// What of the bounced light from a place at the square of the distance rays do not look for (the
-/// rest: Kollig and Keller 2004, Illumination in the presence of weak singularities).
-inline Doubles far_share(const LightStage& s, Doubles d2) {
-  const Doubles t = smaller(s.gather2 * d2, splat(1));
-  return t * (2 - t);
-}
-
 /// How far along g a ray starts that leaves to the back of its face: beyond the face, but not where
 /// the lifted start is above it already. There the face is out of its way, and beyond the face it
 /// would start within the body.
@@ -45,7 +38,7 @@ __attribute__((always_inline)) inline void shadow_ray(const LightStage& s, size_
   const Three origin = start_towards(s, k, sample.l), g = load3(s.g, k);
   const Doubles offset = load(s.offset + k);
   constexpr bool endless = Shape == kDirection || Shape == kSky || Shape == kOpenSky;
-  constexpr bool on_mesh = Shape == kMeshSource || Shape == kBouncedSource;
+  constexpr bool on_mesh = Shape == kMeshSource;
   const Three end = on_mesh ? before_mesh(s, k, sample, origin) : sample.end;
   const Three towards = endless ? sample.l : end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free,
@@ -94,17 +87,6 @@ inline Mask within(const LightStage& s, size_t k, const Sample& at) {
   return (dot(at.l, splat3(s.axis)) >= 0) & (dot(at.l, load3(s.g, k)) <= 0);
 }
 
-/// Which points may see a disc of bounced light, on smooth meshes: shadow rays begin on its side
-/// that shines, as a lifted start may be beyond a ridge, and the surface that is near round a point
-/// shines to its own side alone.
-template <int Shape>
-inline Mask may_see(const LightStage& s, size_t k, const Three& x, Mask behind) {
-  if (Shape != kBouncedSource || s.origin[0] == s.points_x[0]) return ~Mask{};
-  const Three q = splat3(s.end), to = q - x;
-  return (dot(load3(s.origin, k) - q, splat3(s.axis)) > 0) &
-         ((dot(to, load3(s.g, k)) > 0) | behind | (dot(to, to) >= 4 * s.near2));
-}
-
 template <int Shape, class AnySample>
 inline Three color_of(const LightStage& s, const AnySample& at) {
   if constexpr (Shape == kOpenSky) return at.color;
@@ -134,7 +116,7 @@ inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights&
 
 /// Of light that is spread out: gloss shows it as if it were matt, where reflected rays do not.
 template <int Shape>
-constexpr bool kSoftened = Shape == kBouncedSource || Shape == kMediumSource;
+constexpr bool kSoftened = Shape == kMediumSource;
 
 /// to(sample, reached, diffuse, specular): what a sample gives to a group of points before shadows,
 /// unless it reaches none of those that are lit.
@@ -143,23 +125,17 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   const Mask lit = load(s.lit + k);
   if (!any(lit)) return;
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
-  // Discs are seen by what faces them, and by fibres from behind.
-  const bool turns = Shape == kBouncedSource && s.has_fibre;
-  const Mask behind = turns ? dot(n, splat3(s.end) - x) < 0 : Mask{};
-  const auto at = sample<Shape>(s, x, turns ? choose(behind, splat(-1), splat(1)) * n : n);
-  const Doubles middle = dot(n, at.l),
-                above = Shape == kBouncedSource ? above_horizon(middle, at.spread) : middle,
-                cosine = turns ? choose(behind, smaller(above, splat(0)), above) : above;
+  const auto at = sample<Shape>(s, x);
+  const Doubles cosine = dot(n, at.l);
   // Light from behind passes through fibres.
   const bool through = s.has_fibre;
   // Nor do the sides of the point's normal bind lobes with normals of their own.
   const bool turned = Bent && s.turns_lobes && !kSoftened<Shape>;
   const Mask front = cosine > 0,
              side = turned    ? ~Mask{}
-                    : through ? front | (middle < 0)
+                    : through ? front | (cosine < 0)
                               : front,
-             met =
-                 lit & at.good & side & ~within<Shape>(s, k, at) & may_see<Shape>(s, k, x, behind);
+             met = lit & at.good & side & ~within<Shape>(s, k, at);
   if (!any(met)) return;
   const BumpShadow bump = bump_shadow<Bent>(s, k, n, at.l);
   const Mask reached = met & ~bump.hidden;
@@ -168,23 +144,17 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   Three diffuse = cosine * (I * load3(s.diffuse, k)), specular{};
   if (kSoftened<Shape> && s.gloss[0])
     specular = lowered<Bent>(s, k, n, at.l) * cosine * (I * load3(s.gloss, k));
-  if (Shape == kBouncedSource && s.gather2 > 0) {
-    const Three way = splat3(s.end) - x;
-    const Doubles share = far_share(s, dot(way, way));
-    diffuse = share * diffuse;
-    specular = share * specular;
-  }
   if (s.max_specular > 0 && (!(kSoftened<Shape> || s.matt_alone) || s.has_sheen)) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen =
-        highlights<false, Bent>(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
+        highlights<false, Bent>(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
     if (!kSoftened<Shape> && !s.matt_alone)
       specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-    if (s.has_sheen && !s.gloss_alone) diffuse = diffuse + where(middle > 0, I * seen.sheen);
+    if (s.has_sheen && !s.gloss_alone) diffuse = diffuse + where(front, I * seen.sheen);
     if (through | turned) diffuse = where(front, diffuse);
     if (through) {
       specular = turned ? specular : where(front, specular);
-      if (Shape == kBouncedSource || !s.matt_alone) specular = specular + I * seen.fibre;
+      if (!s.matt_alone) specular = specular + I * seen.fibre;
     }
   }
   if (bump.some) diffuse = bump.share * diffuse;
@@ -243,7 +213,7 @@ size_t scatter_from(const LightStage& s) {
     const Mask lit = load(s.lit + k);
     if (!any(lit)) continue;
     const Three x = load3(s.points_x, k);
-    const auto at = sample<Shape>(s, x, Three{});
+    const auto at = sample<Shape>(s, x);
     const Three given = at.factor * (color_of<Shape>(s, at) * load3(s.diffuse, k));
     const uint32_t lanes = bits(lit & at.good & nonzero(given));
     if (!lanes) continue;
@@ -307,7 +277,7 @@ size_t with_shape(int shape, Of of) {
 
 size_t light(const LightStage& s) {
   return with_shape<kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource,
-                    kRectangleSource, kSky, kOpenSky, kMeshSource, kBouncedSource, kMediumSource>(
+                    kRectangleSource, kSky, kOpenSky, kMeshSource, kMediumSource>(
       s.shape, [&]<int Shape>() {
         return is_bent(s) ? light_from<Shape, true>(s) : light_from<Shape, false>(s);
       });
@@ -316,8 +286,7 @@ size_t light(const LightStage& s) {
 size_t scatter(const LightStage& s) {
   return with_shape<kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource,
                     kRectangleSource, kSky, kMeshSource, kMediumSource>(
-      s.shape == kBouncedSource ? kMeshSource : s.shape,
-      [&]<int Shape>() { return scatter_from<Shape>(s); });
+      s.shape, [&]<int Shape>() { return scatter_from<Shape>(s); });
 }
 
 size_t gloss(const LightStage& s) {

@@ -265,55 +265,9 @@ inline void share(const LightStage& s, Sample& sample) {
   sample.good &= sample.factor != 0;
 }
 
-/// 16 times by how much (1 + c)^2 / 4 is more than the exact 2 / (3 pi) at c = 0.
-constexpr double kCutOff = 4 - 32 / (3 * kCircle);
-
-/// Whether a point with the normal n and the sample, which lies by `to` from it, face each other.
-inline Mask faces(const LightStage& s, const Three& to, const Three& n) {
-  return (dot(to, splat3(s.axis)) < -4 * s.size) & (dot(n, to) > 4 * s.size);
-}
-
-/// What a disc has beyond the plane of a point's surface is light of places before it: how much
-/// more it gives for that, as a share. height: of its middle above the plane. reach: how far the
-/// disc goes from there towards it. near: the length of its form factor.
-inline Doubles mirrored(const Doubles& height, const Doubles& reach, const Doubles& near) {
-  const Doubles t = height / reach, rest = 1 - t, rest2 = rest * rest, q = rest2 * rest2;
-  return where(height < reach, q + near * near * near * (1 - q) * (1 - t * t * t));
-}
-
-/// The disc that a point of bounced light stands for, by its vector form factor: the direction, and
-/// as `spread` the length, which is sin² of the half angle of a ball that gives as much.
-inline Sample sample_bounced(const LightStage& s, const Three& x, const Three& n) {
-  const Three q = splat3(s.end), m = splat3(s.axis), to = q - x;
-  const Doubles r2 = splat(s.near2), h = -dot(to, m), h2 = h * h, d2 = dot(to, to),
-                outside = d2 - r2, apart = root(outside * outside + 4 * r2 * h2),
-                along = choose(outside > 0, 2 * r2 * h2 / (apart * (apart + outside)),
-                               0.5 * (apart - outside) / apart);
-  const Three f = (2 * r2 * h / (apart * (apart + d2 + r2))) * (to + h * m) - along * m;
-  const Doubles length = root(dot(f, f)), z = dot(n, m),
-                reach = root(r2 * larger(1 - z * z, splat(0))),
-                bent = smaller(2 * larger(1 - z, splat(0)), splat(1)),
-                more = 1 + bent * mirrored(dot(n, to), reach, length);
-  return {(1 / length) * f, q + splat(s.size) * m,
-          s.spread / (kCircle * s.share) / r2 * length * more, length,
-          faces(s, to, n) & (length > 0)};
-}
-
-/// The mean cosine to a ball of which the horizon cuts a part off: exact where it cuts nothing and
-/// for one that fills half of the view, within 0.03 between. cosine: to its middle.  sine2: of its
-/// half angle.
-inline Doubles above_horizon(const Doubles& cosine, const Doubles& sine2) {
-  const Doubles sine = root(sine2), part = larger(0.5 + 0.5 * (cosine / sine), splat(0)),
-                rest = 1 - part, small = part * part * (1 - kCutOff * rest * rest),
-                wide = 1 - root(larger(1 - sine2 * sine2, splat(0)));
-  return choose(cosine >= sine, cosine, sine * (small + wide * (part - small)));
-}
-
-/// n: the points' normals, where the light is bounced.
 template <int Shape>
-inline auto lone_sample(const LightStage& s, const Three& x, const Three& n) {
-  if constexpr (Shape == kBouncedSource) return sample_bounced(s, x, n);
-  else if constexpr (Shape == kOpenSky) return sample_open_sky(s, x);
+inline auto lone_sample(const LightStage& s, const Three& x) {
+  if constexpr (Shape == kOpenSky) return sample_open_sky(s, x);
   else if constexpr (Shape == kMeshSource) return sample_mesh(s, x);
   else if constexpr (Shape == kMediumSource) return sample_medium(s, x);
   else if constexpr (Shape == kPointSource) return sample_point(s, x);
@@ -325,9 +279,9 @@ inline auto lone_sample(const LightStage& s, const Three& x, const Three& n) {
 }
 
 template <int Shape>
-inline auto sample(const LightStage& s, const Three& x, const Three& n) {
-  auto at = lone_sample<Shape>(s, x, n);
-  if constexpr (Shape != kBouncedSource) share(s, at);  // that does so itself
+inline auto sample(const LightStage& s, const Three& x) {
+  auto at = lone_sample<Shape>(s, x);
+  share(s, at);
   return at;
 }
 

@@ -42,8 +42,6 @@ void add_lamp_as(const ShareStage& to, const LampSample& sample, size_t first, s
                  double* given) {
   switch (sample.stage.shape) {
     case kDirection: return add_lamp<kDirection, Bent>(to, sample, first, end, given);
-    case kBouncedSource:
-      return add_sample<false, Bent, kBouncedSource>(to, sample.stage, first, end, given);
     case kMediumSource:
       return add_sample<false, Bent, kMediumSource>(to, sample.stage, first, end, given);
     case kPointSource: return add_lamp<kPointSource, Bent>(to, sample, first, end, given);
@@ -130,8 +128,7 @@ inline bool may_be_above(const BlockBounds& b, const double* to, double reach) {
 bool may_reach(const LampSample& sample, const BlockBounds& b) {
   const LightStage& s = sample.stage;
   if (s.shape == kDirection) return sample.drawn || may_be_above(b, s.l, 0);
-  const bool is_flat =
-      s.shape == kPlaneSource || s.shape == kRectangleSource || s.shape == kBouncedSource;
+  const bool is_flat = s.shape == kPlaneSource || s.shape == kRectangleSource;
   double to[3];
   for (size_t c = 0; c < 3; ++c) to[c] = s.center[c] - b.center[c];
   const double slack = 1e-9 * __builtin_sqrt(dot3(to, to));
@@ -210,7 +207,6 @@ size_t choose_samples(const ShareStage& s, size_t k, size_t count, const double*
     const Doubles all = magnitude(light.x) + magnitude(light.y) + magnitude(light.z);
     sum = sum + all;
     Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), marks);
-    if (s.turn) here = larger(-down((load(s.turn + k) - here) / load(s.turns + k)), splat(0));
     const Doubles times = here - before, start = before;
     before = larger(here, before);
     uint32_t lanes = bits(times > 0);

@@ -117,8 +117,7 @@ struct EvaluateStage {
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
-  bool dark;     // EMISSION lobes show nothing
-  bool gathers;  // the rays look for what throws light on
+  bool dark;  // EMISSION lobes show nothing
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];

@@ -1,86 +1,67 @@
-"""What the media of a scene leave of the light that walks carry (SEMANTICS.md, Media)."""
+"""What rays meet of things that enclose media, before there is a render."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..accelerator import Accelerator
-from ..scene import Camera, Instances, Material, Scene
+from ..scene import Camera, Instances
 from ..scene import Geometry as AnyGeometry
 
 if TYPE_CHECKING:
     from ..reference.geometry import Geometry
-    from ..reference.media import Media
     from ..reference.rays import Rays
 
 Array = np.ndarray
 
-COARSE = 2.0
-"""Steps of walks in media that vary, over those of rays to lights."""
 MOST_LAYERS = 256
 """Of an enclosure on one ray: so many surfaces are sought at most."""
 BEYOND = 1 + 2.0**-40
 """Of the way to a surface, from where the next one is sought."""
+_LIKENESS = attrgetter(
+    "geometry",
+    "visible_camera",
+    "visible_mirror",
+    "visible_shadow",
+    "visible_transmission",
+    "visible_diffuse",
+    "light_set",
+    "catcher",
+    "shading_offset",
+)
+"""Of blocks: what says whether and how light meets them, but for materials and values."""
+
+
+def joined(instances: Sequence[Instances]) -> tuple[Instances, ...]:
+    """The same placements in as few blocks as differ in more than what passes tell: each where its
+    first one is. A file of 50 000 objects has as many blocks.
+    """
+    alike: dict[tuple, list[Instances]] = {}
+    for block in instances:
+        key = (_LIKENESS(block), tuple(block.materials), frozenset(block.values))
+        alike.setdefault(key, []).append(block)
+    return tuple(
+        replace(
+            blocks[0],
+            world_from_object=np.concatenate([b.world_from_object for b in blocks]),
+            values={
+                name: np.concatenate([b.values[name] for b in blocks]) for name in blocks[0].values
+            },
+            motion=None,
+        )
+        for blocks in alike.values()
+    )
 
 
 def camera_at(eye: Array) -> Camera:
     """Any camera there."""
     frame = np.column_stack([np.eye(3), eye])
     return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
-
-
-def walk_media(scene: Scene, origin: Array) -> WalkMedia | None:
-    """None where there are no media."""
-    enclosing = tuple(block for block in scene.instances if scene.medium_of(block) is not None)
-    if not enclosing and scene.world.medium is None:
-        return None
-    world = scene.world
-    if world.medium is not None:
-        world = replace(world, medium=replace(world.medium, step=COARSE * world.medium.step))
-    alone = replace(
-        scene,
-        camera=camera_at(origin),
-        world=world,
-        materials=tuple(map(_coarse, scene.materials)),
-        instances=enclosing,
-        lights=(),
-    )
-    return WalkMedia(alone, origin)
-
-
-def _coarse(material: Material) -> Material:
-    medium = material.medium
-    return (
-        material
-        if medium is None
-        else replace(material, medium=replace(medium, step=COARSE * medium.step))
-    )
-
-
-class WalkMedia:
-    """Of a scene of nothing but what encloses media. Points count from an origin."""
-
-    def __init__(self, scene: Scene, origin: Array) -> None:
-        from ..reference.attributes import Attributes
-        from ..reference.geometry import gather
-        from ..reference.media import Media
-
-        surfaces = Surfaces(scene.geometries, scene.instances, gather(scene, origin), origin)
-        self._media: Media = Media(scene, Attributes(scene), surfaces)
-
-    def passed(self, x: Array, d: Array, way: Array) -> Array:
-        """(3, n) what is left at points x (3, n) of light that came a way (n,) in the unit
-        directions d (3, n).
-        """
-        from ..reference.rays import IncoherentRays
-
-        near = np.zeros(len(way))
-        rays = IncoherentRays.of(x, -d, near, way)
-        return self._media.passed(self._media.spans(rays, "shadow", way), near, way)
 
 
 class Surfaces:
