@@ -23,7 +23,6 @@ _ASIDE = 0.7
 TILE_SIDE = 32
 """Of the squares of the frame that are traced one by one: the core's tiles."""
 MOST_SUBSURFACE_POINTS = 1 << 12
-_GOLDEN = (5**0.5 - 1) / 2
 _BOUNCE, _BOUNCE_SCRAMBLES = (2, 1, 3), (511, 512, 513)
 """The first two are, of the pairs of the Sobol' sequence below 13, the one of which a pixel's
 points, and those of a block together, are the least off in wedges of the disc with a soft side, at
@@ -65,6 +64,7 @@ light, which the place in the pixel shifts: 0.96 of the median's.
 _LENS_SCRAMBLES = (101, 202)
 _SHUTTER, _SHUTTER_SCRAMBLES = (7,), (303,)
 _SCATTER, _SCATTER_SCRAMBLES = (10,), (404,)
+_BELOW, _BELOW_SCRAMBLES = (10, 11, 8), (404, 405, 406)
 _SHARED_SHUTTER, _LENS_SHARED_SHUTTER, _SHARED_SHUTTER_SCRAMBLES = (9,), (12,), (11,)
 """Of 4 and 6 to 12 the dimension whose pictures of what moves are the least off in FLIP at 8 to 64
 samples where all pixels share times; the lens has that one too, and 12 is the next.
@@ -288,18 +288,19 @@ def subsurface_points(samples: int) -> np.ndarray:
     surface elsewhere; samples beyond k = MOST_SUBSURFACE_POINTS take these again.
 
     Each sample stands for one of k equal shares of the light, the rings round the point that it
-    comes out of, in the order of van der Corput: where a share begins, its middle, where it ends;
-    the cosine and sine of an angle, which turns by the golden ratio from ring to ring (Vogel 1979);
-    and an axis across the normal, 1 or 2.
+    comes out of: where a share begins, its middle, where it ends; the cosine and sine of an angle;
+    and an axis across the normal, 1 or 2. Any aligned run is spread well over rings, angles and
+    axes.
     """
     count = min(samples, MOST_SUBSURFACE_POINTS)
-    ring = np.argsort(np.argsort(_sobol(count, _SCATTER, _SCATTER_SCRAMBLES)[:, 0]))
+    share, angle, across = _sobol(count, _BELOW, _BELOW_SCRAMBLES).T
+    ring = np.argsort(np.argsort(share))
     points = np.zeros((count, 6))
     points[:, 0], points[:, 1] = ring / count, (ring + 0.5) / count
     points[:, 2] = (ring + 1) / count
-    turn = 2 * np.pi * (ring * _GOLDEN % 1) + _ASIDE
+    turn = 2 * np.pi * angle + _ASIDE
     points[:, 3], points[:, 4] = np.cos(turn), np.sin(turn)
-    points[:, 5] = 1 + ring % 2
+    points[:, 5] = 1 + (across >= 0.5)
     points.flags.writeable = False
     return points
 
