@@ -30,6 +30,16 @@ MOST_REFRACTIONS = 31
 """That are counted."""
 
 
+SPLITS, LEAST_WEIGHT = 2, 1 / 8
+"""Mirror and glass send all of their rays after so many bounces; then those that weigh less than
+that by chance.
+"""
+GOLDEN, BY_DEPTH, BY_GLASS = 0.6180339887498949, 0.7548776662466927, 0.5698402909980532
+"""Steps of numbers that are spread evenly (Roberts 2018, The unreasonable effectiveness of
+quasirandom sequences).
+"""
+
+
 @dataclass(frozen=True, eq=False)
 class Paths:
     """n rays of one depth. weight: (3, n) T. pixel: (n,). straight: (n,) surfaces passed in a row
@@ -69,6 +79,12 @@ class Paths:
 
     def __len__(self) -> int:
         return len(self.pixel)
+
+    def take(self, index: Array) -> Paths:
+        """Those at these places."""
+        columns = ("pixel", "straight", "skyless", "widest", "refractions", "refracted")
+        some = {name: getattr(self, name)[index] for name in columns}
+        return replace(self, rays=self.rays.take(index), weight=self.weight[:, index], **some)
 
     @property
     def kind(self) -> str:
@@ -150,19 +166,6 @@ def joined(paths: list[Paths]) -> Paths:
     return replace(paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight, **others)
 
 
-def one_by_one(paths: list[Paths], pixels: Array) -> Iterator[Paths]:
-    """The rays of these pixels, each by itself."""
-    columns = ("pixel", "straight", "skyless", "widest", "refractions", "refracted")
-    for some in paths:
-        for k in np.flatnonzero(np.isin(some.pixel, pixels)):
-            yield replace(
-                some,
-                rays=some.rays.take(np.array([k])),
-                weight=some.weight[:, [k]],
-                **{name: getattr(some, name)[[k]] for name in columns},
-            )
-
-
 def straight_on(at: Interaction, depth: Array, wanted: Array) -> Paths | None:
     """The same rays beyond transparent surfaces. wanted: (m,) bool, go on for data."""
     paths, hit, surface, k = at.paths, at.hit, at.surface, at.coefficients.transparent
@@ -205,7 +208,24 @@ def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     if stage.glass_differs:
         through = [replace(paths, through_glass=True) for paths in through]
     found = [*_mirrored(at, cutoff), *through]
+    if stage.interleaving > 1:
+        found = [_going_on(paths, sample) for paths in found]
     return [paths for paths in found if len(paths)]
+
+
+def _going_on(paths: Paths, sample: int) -> Paths:
+    """All of them after few bounces; then those that weigh enough, and of others a part, which
+    stands for them all (Russian roulette: Arvo, Kirk 1990), by a number of the sample and of how
+    each came there.
+    """
+    if paths.depth <= SPLITS:
+        return paths
+    glass = np.minimum(paths.refractions, MOST_REFRACTIONS)
+    at = GOLDEN * sample + BY_DEPTH * paths.depth + BY_GLASS * glass
+    share = np.minimum(np.abs(paths.weight).max(0) / LEAST_WEIGHT, 1.0)
+    return replace(paths, weight=paths.weight / share).take(
+        np.flatnonzero(at - np.floor(at) < share)
+    )
 
 
 def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:

@@ -51,6 +51,10 @@ struct RenderPlan : GlintRenderSettings {
   /// The settings have no problems.
   RenderPlan(const GlintRenderSettings& settings, const Scene& scene);
 
+  /// Mirror and glass send all of their rays after so many bounces; then those that weigh less than
+  /// that by chance.
+  static constexpr uint32_t kSplits = 2;
+  static constexpr double kLeastWeight = 1.0 / 8;
   static constexpr uint32_t kBounceParts = 4;  // of a class of pixels, that deal bounces
 
   /// In place of the settings' four numbers. shown: the pixels that were asked for.  traced: with

@@ -48,6 +48,11 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   stage.max_bounces = straight_alone ? 0 : plan_.max_bounces;
   stage.max_straight = kMaxStraight;
   stage.cutoff = plan_.cutoff;
+  if (plan_.interleaving > 1) {
+    stage.splits = RenderPlan::kSplits;
+    stage.least = RenderPlan::kLeastWeight;
+    stage.choice = 0.6180339887498949 * sample;
+  }
   next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
   if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
   stage.straight = next.straight.end();

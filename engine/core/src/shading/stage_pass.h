@@ -132,16 +132,35 @@ inline bool has(const PassStage& s, int kind) {
   return has;
 }
 
+/// Of rays that weigh little after some bounces, a part goes on for all (Russian roulette: Arvo,
+/// Kirk 1990): of one path each has a number of its own, by how it came there. T: their weights.
+inline Mask goes_on(const PassStage& s, Mask depth, Mask glass, Three& T) {
+  if (!(s.least > 0)) return ~Mask{};
+  constexpr double kByDepth = 0.7548776662466927, kByGlass = 0.5698402909980532;
+  const Doubles number = each_lane([&](size_t lane) {
+    const double at =
+        s.choice + kByDepth * double(depth[lane]) +
+        kByGlass * double((glass[lane] & RayTag::kAllRefractions) >> RayTag::kRefractions);
+    return at - __builtin_floor(at);
+  });
+  const Mask splits = depth <= int64_t(s.splits);
+  const Doubles share = choose(splits, splat(1), smaller((1 / s.least) * largest(T), splat(1)));
+  T = choose(share < 1, (1 / share) * T, T);
+  return number < share;
+}
+
 /// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. clear:
 /// shadow rays see the surroundings there too. How many.
 __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Chosen& at,
                                                     const Arriving& ray, Mask wanted,
                                                     const Three& d, const Three& k,
                                                     bool refracted = false, bool clear = false) {
-  const Three T = weight(s, at) * k;
+  Three T = weight(s, at) * k;
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
+  const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
+  wanted &= goes_on(s, depth, glass, T);
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
   const NewRays add(s.bounced, lanes);
@@ -156,7 +175,6 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   add(RayLayout::kFrom, splat(0));
   const Mask kept =
       tag & (int64_t(0xffffffff) | RayTag::kPast) & ~(int64_t(!clear) << RayTag::kSkyless);
-  const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   add.tag(kept | first | depth << RayTag::kDepth | glass);
   return add.count();
 }

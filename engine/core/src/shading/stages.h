@@ -182,8 +182,10 @@ struct PassStage {
   int passing_columns;
   size_t passing_stride;
   const LobeShape* lobes;
-  uint32_t lobe_count, max_bounces, max_straight;
-  double cutoff;  // of weights
+  uint32_t lobe_count, max_bounces, max_straight, splits;
+  double cutoff;
+  double least, choice;  // after more than `splits` bounces rays go on that weigh as much, of
+                         // others a part, by a number of the sample; least 0: all do  // of weights
   /// Where in rough REFRACTION lobes rays go on, after depth % levels bounces.
   const DiscPlace* places;
   uint32_t levels;

@@ -1,0 +1,52 @@
+"""Mirror and glass split at a path's first surfaces, beyond these by chance (SEMANTICS.md)."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from glint.engine.film import Film
+from glint.engine.reference import paths
+from native_tools import needs_core
+from test_path_bounces import SCENES, film, noise_of
+
+pytestmark = needs_core
+DEEP = 8
+"""Bounces."""
+
+
+@cache
+def drawn(backend: str, samples: int = 2) -> Film:
+    return film(SCENES["glass"](), 1, backend, samples=samples, max_bounces=DEEP)
+
+
+def colors(found: Film) -> np.ndarray:
+    return found.combined[..., :3].astype(np.float64)
+
+
+def test_both_tracers_choose_the_same() -> None:
+    core, reference = (colors(drawn(backend)) for backend in ("NATIVE", "NUMPY"))
+    off = np.abs(core - reference).max(-1) > 1e-4 * reference.mean()
+    assert off.mean() <= 2 / off.size  # rounding says what a ray at an edge meets
+
+
+def test_the_mean_is_that_of_all_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    some = drawn("NUMPY", 16)
+    monkeypatch.setattr(paths, "LEAST_WEIGHT", 2.0**-40)
+    every = film(SCENES["glass"](), 1, "NUMPY", samples=16, max_bounces=DEEP)
+    apart = colors(some) - colors(every)
+    assert apart.any()
+    assert (np.abs(apart.mean((0, 1))) <= 4 * noise_of(apart)).all()
+    rays = [found.stats["rays"] for found in (some, every)]
+    assert rays[0] < 0.9 * rays[1]
+
+
+def test_as_deep_as_eyes_see_nothing_is_left_to_chance(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = {"samples": 2, "max_bounces": paths.SPLITS}
+    found = film(SCENES["glass"](), 1, "NUMPY", **plan)
+    monkeypatch.setattr(paths, "LEAST_WEIGHT", 1e3)
+    np.testing.assert_array_equal(
+        film(SCENES["glass"](), 1, "NUMPY", **plan).combined, found.combined
+    )
