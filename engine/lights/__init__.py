@@ -1,1 +1,1 @@
-"""Lights that are tables of samples which all pixels share: skies, and what glows."""
+"""Lights that are tables of samples, shared or dealt among pixels: skies, and what glows."""

@@ -111,14 +111,13 @@ class Ray:
     """A ray and those that follow from it.
 
     kind: camera, or lens for one through a point of the camera's, mirror, refraction, reflection
-    (by a rough surface), bounce (by which light bounces
-    along a path), subsurface (to where light that went below a surface comes out) or transparent
-    (the same ray beyond a surface).  weight: T. origin, direction: world. hit: None for the
-    surroundings, of which it sees `background`. passed: what media leave of it on its way, which
-    `shapes` have in them.  media: what these scatter of lights, by their names, and "" what they
-    give of themselves.  shapes: (name, radiance) of the lights whose shape it sees. own: what it
-    brings to the pixel itself, T times its terms; color: with all that follow from it.  cells: in
-    how many parts it sees media that vary.
+    (by a rough surface), bounce (by which light bounces along a path), subsurface (to where light
+    that went below a surface comes out) or transparent (the same ray beyond a surface). weight: T.
+    origin, direction: world. hit: None for the surroundings, of which it sees `background`. passed:
+    what media leave of it on its way, which `shapes` have in them. media: what these scatter of
+    lights, by their names, and "" what they give of themselves. shapes: (name, radiance) of the
+    lights whose shape it sees. own: what it brings to the pixel itself, T times its terms; color:
+    with all that follow from it. cells: in how many parts it sees media that vary.
     """
 
     kind: str

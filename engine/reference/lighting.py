@@ -65,11 +65,10 @@ class Lighting:
     of a pixel. sets: (r,) `Instances.light_set` of each row of the placements. marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
     medium_marks: how many the points of media share. reflecting: what reflected rays show of gloss,
-    which shows their light evenly but for that. catchers_alone: lights are as if shadow catchers
-    were the only things there. light_groups: how many light is told apart by. first_rod: the first
-    primitive that is of strands. faint: weights of points below this take few samples. dealt:
-    pixels of a block deal the samples among themselves, so that each sees few of the sky.
-    each_once: of its samples each light takes one, another in each sample of a pixel.
+    which shows their light evenly but for that. light_groups: how many light is told apart by.
+    first_rod: the first primitive that is of strands. faint: weights of points below this take few
+    samples. dealt: pixels of a block deal the samples among themselves, so that each sees few of
+    the sky. each_once: of its samples each light takes one, another in each sample of a pixel.
     """
 
     sources: tuple[Source, ...]
@@ -80,7 +79,6 @@ class Lighting:
     sets: Array
     marks: int = 0
     medium_marks: int = 1
-    catchers_alone: bool = False
     light_groups: int = 0
     reflecting: str = "OFF"
     first_rod: int = 0
@@ -139,7 +137,7 @@ class Lighting:
         """
         sources = tuple(source for source in self.sources if not isinstance(source, MeshSource))
         shadows = self.shadows.cast_by(caught)
-        return replace(self, sources=sources, shadows=shadows, catchers_alone=True)
+        return replace(self, sources=sources, shadows=shadows)
 
     def _in(self, sets: int) -> Array:
         """(r,) bool: rows of the placements whose set has a bit."""

@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 
 from ..lights.dome import DomeTable
-from ..lights.mesh_lights import MERGED, MeshTable, merged
+from ..lights.mesh_lights import MeshTable, merged
 from ..lights.openings import density, opening_table, points_on
 from ..scene import Light, Openings
 from .lights import HUGE, LightSample, Source
@@ -228,8 +228,6 @@ class MeshPoint:
 class MeshSource(Source):
     """Surfaces that glow."""
 
-    merged = MERGED
-
     def __init__(self, light: Light, eye: Array, table: MeshTable):
         super().__init__(light, eye, physical=True)
         self._eye, self.parts = eye, 1
@@ -272,7 +270,7 @@ class MeshSource(Source):
     def least_distance(self, point: MeshPoint) -> float:
         """From which a point is seen as if it were no nearer."""
         spread = self._table.spread[point.number]
-        return float(np.sqrt(merged(spread, self._table.each, self.merged)))
+        return float(np.sqrt(merged(spread, self._table.each)))
 
     def sample(self, x: Array, point: MeshPoint, n: int) -> LightSample:
         row = [column[point.number] for column in vars(self._table).values() if np.ndim(column)]
@@ -305,7 +303,7 @@ class MeshSource(Source):
     ) -> LightSample:
         """The points q (3, k) or (3, 1) with these normals, radiances and shares of the area."""
         to = q - x
-        direction, near2 = unit(to), merged(spread, self._table.each, self.merged)
+        direction, near2 = unit(to), merged(spread, self._table.each)
         z = -dot(direction, normal)
         solid_angle = spread * np.abs(z) / np.maximum(dot(to, to), near2)
         light = np.where(z > 0, front, back)

@@ -109,6 +109,16 @@ def painted(color, roughness: float):
     return material
 
 
+WINDOW_ROOM = {
+    "samples": 64,
+    "light_samples": 2,
+    "filter_width": 0.01,
+    "diffuse_bounces": 4,
+    "soft_light": "DEALT",
+}
+"""Settings at which a `window_room` shows little noise."""
+
+
 def window_room():
     """A painted room that the sky lights through a window in the wall at x = 0."""
     scene = cycles.empty_scene(48, 36)
@@ -140,15 +150,7 @@ def test_a_painted_room_behind_a_window_is_as_bright_as_in_cycles() -> None:
     next wall, and seen in it.
     """
     scene = window_room()
-    film = render_glint(
-        scene,
-        "NATIVE",
-        samples=64,
-        light_samples=2,
-        filter_width=0.01,
-        diffuse_bounces=4,
-        soft_light="DEALT",
-    )
+    film = render_glint(scene, "NATIVE", **WINDOW_ROOM)
     cycles.make_exact(scene, 128)
     scene.cycles.max_bounces, scene.cycles.diffuse_bounces = 12, 4
     scene.cycles.glossy_bounces = 4

@@ -8,7 +8,7 @@ import pytest
 import cycles_reference as cycles
 from glint_picture import render_glint
 from small_scenes import add, add_camera, add_light, looking_at, mesh, new_material, plane
-from test_cycles_bounced_light import pair, window_room
+from test_cycles_bounced_light import WINDOW_ROOM, pair, window_room
 
 LEAF = (0.3, 0.6, 0.1)
 
@@ -82,15 +82,7 @@ def test_a_room_behind_a_curtain() -> None:
     scene = window_room()
     curtain = looking_at((-0.1, 2.0, 1.5), (9.0, 2.0, 1.5))
     add(scene, "curtain", plane(1.0, translucent((0.7, 0.65, 0.5))), curtain)
-    film = render_glint(
-        scene,
-        "NATIVE",
-        samples=64,
-        light_samples=2,
-        filter_width=0.01,
-        diffuse_bounces=4,
-        soft_light="DEALT",
-    )
+    film = render_glint(scene, "NATIVE", **WINDOW_ROOM)
     cycles.make_exact(scene, 128)
     scene.cycles.max_bounces = 12
     for name in ("diffuse", "glossy", "transmission"):

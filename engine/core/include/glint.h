@@ -456,20 +456,20 @@ typedef struct GlintNeighbour {
  * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
  * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
  * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
- * axis, 0 to 2; null only where none does. subsurface_points: (subsurface_count, 6),
- * of as many samples, after which they begin again: the
- * shares of the light of a point that come out of the surface within the nearest and the farthest
- * radius that a sample stands for, and within its own, in this order: least, own, most; the cosine
- * and the sine of the angle round the point; which of the two axes across the normal the sample
- * looks along, 1 or 2. Null: all light comes out where it goes in. interleaving: side of the blocks
- * of pixels over which samples are dealt, a power of two up to 8, 1 for none: the tables of lights,
- * lobes and gather rays are then of the samples of all pixels of a block (engine/sampling,
- * dealt_sample). resolves: light with noise is averaged over the pixels of a block. bounces: how
- * often surfaces scatter light onto others, volume_bounces: 0, or 1 where that lights media, too;
- * bounce_points: (bounce_levels, bounce_count, 3), for each bounce of a path, the first ones again
- * after bounce_levels of them, and for each of as many samples, after which they begin again: a
- * point of the unit disc below the direction, and a number of [0, 1) below which the share of its
- * light must not lie that a later bounce is worth. Null only where bounces is 0. */
+ * axis, 0 to 2; null only where none does. subsurface_points: (subsurface_count, 6), of as many
+ * samples, after which they begin again: the shares of the light of a point that come out of the
+ * surface within the nearest and the farthest radius that a sample stands for, and within its own,
+ * in this order: least, own, most; the cosine and the sine of the angle round the point; which of
+ * the two axes across the normal the sample looks along, 1 or 2. Null: all light comes out where it
+ * goes in. interleaving: side of the blocks of pixels over which samples are dealt, a power of two
+ * up to 8, 1 for none: the tables of lights, lobes and gather rays then hold the samples of all
+ * pixels of a block (engine/sampling, dealt_sample). resolves: light with noise is averaged over
+ * the pixels of a block. bounces: how often surfaces scatter light onto others, volume_bounces: 0,
+ * or 1 where that lights media, too; bounce_points: (bounce_levels, bounce_count, 3), for each
+ * bounce of a path, the first ones again after bounce_levels of them, and for each of as many
+ * samples, after which they begin again: a point of the unit disc below the direction, and a number
+ * of [0, 1) below which the share of its light must not lie that a later bounce is worth. Null only
+ * where bounces is 0. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;

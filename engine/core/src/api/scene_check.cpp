@@ -99,10 +99,9 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
                    (light.emitter_count > 0 &&
                     range(light.first_emitter, light.emitter_count, d.emitter_count)),
                "light %llu: triangles beyond the table, or none", ull(i));
+    report.add(within(light.kind, GLINT_MEDIUM_LIGHT), "light %llu: unknown kind %d", ull(i),
+               light.kind);
   }
-  for (uint64_t i = 0; i < d.light_count; ++i)
-    report.add(within(d.lights[i].kind, GLINT_MEDIUM_LIGHT), "light %llu: unknown kind %d", ull(i),
-               d.lights[i].kind);
 }
 
 void check_tables(const GlintSceneData& d, Report& report) {
