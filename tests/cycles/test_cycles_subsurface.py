@@ -45,7 +45,9 @@ def box(material, x: float, z: float, low: float) -> None:
 
 
 def pair(scene, samples: int, of_cycles: int) -> tuple[np.ndarray, np.ndarray]:
-    film = render_glint(scene, "NATIVE", samples=samples, light_samples=2, filter_width=0.01)
+    film = render_glint(
+        scene, "NATIVE", samples=samples, light_samples=2, filter_width=0.01, soft_light="RESOLVED"
+    )
     cycles.make_exact(scene, of_cycles)
     return film.combined[..., :3], cycles.render_passes(scene)["Combined"][..., :3]
 
