@@ -138,7 +138,7 @@ class Explainer:
 
     def _bounced_in_media(self, paths: Paths, spans: Spans | None, depth: Array) -> tuple[Ray, ...]:
         """What bounces to media on the way."""
-        if spans is None or paths.gathers:
+        if spans is None:
             return ()
         found = scattered_on(self.stage, paths, spans, depth, self._sample, self._places)
         return () if found is None else (self.follow(found, "bounce"),)
@@ -238,11 +238,10 @@ class Explainer:
         """What comes from media on the way."""
         stage, near = self.stage, paths.rays.near
         given: dict[str, Array] = {}
-        if paths.gathers:  # media take of what they find, and add nothing
-            return
-        if stage.media.emits:
+        if stage.media.emits and not paths.gathers:  # to these they are lights
             given[""] = stage.media.pieces(spans, near, depth).glow()[:, 0]
-        for found in scattered(stage, paths.rays, spans, depth, self._sample):
+        part = spans, depth, self._sample, paths.gathers
+        for found in scattered(stage, paths.rays, *part):
             name = found.source.light.name
             light = (found.light * found.shadow.T).sum(1)
             given[name] = given.get(name, np.zeros(3)) + light

@@ -293,8 +293,7 @@ class Generations:
             for group in range(len(self._stage.scene.light_groups)):
                 part = media.of_group(group).pieces(spans, paths.rays.near, depth).glow()
                 self._tile.add_to_groups(group, paths.pixel, paths.weight * part)
-        if not paths.gathers:
-            self._scatter(paths, spans, depth, deeper)
+        self._scatter(paths, spans, depth, deeper)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
 
@@ -306,7 +305,8 @@ class Generations:
         for first in range(0, len(scattering), AT_ONCE):
             some = scattering[first : first + AT_ONCE]
             rays, weight, pixel = paths.rays.take(some), pick(paths.weight, some), paths.pixel[some]
-            for found in scattered(stage, rays, spans.take(some), depth[some], self._sample):
+            part = spans.take(some), depth[some], self._sample, paths.gathers
+            for found in scattered(stage, rays, *part):
                 here, light = pixel[found.ray], pick(weight, found.ray) * found.light
                 self._add(paths, "Diffuse", here, light)
                 if found.source.light.cast_shadow:

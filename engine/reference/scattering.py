@@ -185,9 +185,11 @@ class Scattered:
     group: Array | int
 
 
-def scattered(stage, rays: Rays, spans: Spans, far: Array, sample: int) -> Iterator[Scattered]:
+def scattered(
+    stage, rays: Rays, spans: Spans, far: Array, sample: int, once: bool
+) -> Iterator[Scattered]:
     """The light of all lights that media along rays, up to far (n,), scatter towards their
-    beginnings.
+    beginnings. once: of one sample of each.
     """
     media: Media = stage.media
     chosen = media.scattering_rays(spans, rays.near, far)
@@ -199,7 +201,7 @@ def scattered(stage, rays: Rays, spans: Spans, far: Array, sample: int) -> Itera
     for source in stage.lighting.scattered_sources:
         if not source.color.any():
             continue
-        for point, share, n, count in _points(stage, source, sample):
+        for point, share, n, count in _points(stage, source, sample, once):
             stage.cancellation.check()
             aim = ladder.aimed(source, point, source.place(point))
             t, spread = aim.at(share)
@@ -265,15 +267,17 @@ def scattered_on(
     )
 
 
-def _points(stage, source: Source, sample: int) -> Iterator[tuple[LightPoint, float, int, float]]:
+def _points(
+    stage, source: Source, sample: int, once: bool
+) -> Iterator[tuple[LightPoint, float, int, float]]:
     """Points of a light, shares of the light along rays, points in all and shares for each, less
     than one where these points stand for others as well.
     """
     n = source.sample_count(stage.settings.light_samples)
-    endless = source.light.kind in ("SUN", "DOME")
-    parts = parts_of_light(n, stage.settings.volume_samples) if endless else 1
-    count = n // parts
-    each = -(-stage.settings.volume_samples // count)
+    least = 1 if once else stage.settings.volume_samples
+    in_parts = once or source.light.kind in ("SUN", "DOME")
+    count = n // (parts := parts_of_light(n, least) if in_parts else 1)
+    each = -(-least // count)
     points = stage.lighting.points if source.points is None else source.points
     single = n == 1 and source.points is None
     numbers = [0] if single else source.numbers(sample, n)[sample % parts * count :][:count]

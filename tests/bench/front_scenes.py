@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+import made_scenes
 import stages
 from targets import sources_of_all
 
@@ -58,6 +59,8 @@ def open_scene(name: str, width: int):
     glint.register()
     if name == DEMO:
         open_demo()
+    elif name in made_scenes.MADE:
+        made_scenes.open_made(name)
     else:
         open_file(sources_of_all()[name], width)
     scene = bpy.context.scene

@@ -45,6 +45,7 @@ def compared(scene, truth: int = 16, bounces: int = 0, **settings):
     cycles.make_exact(scene, truth, bounces=bounces)
     cycles.march_volumes(scene)
     scene.cycles.transmission_bounces = bounces
+    scene.cycles.diffuse_bounces = settings.get("diffuse_bounces", 0)
     exact = cycles.render_passes(scene)["Combined"]
     return film.passes["Combined"][..., :3].astype(float), exact[..., :3].astype(float)
 
@@ -183,3 +184,18 @@ def test_a_sky_and_a_lamp_of_triangles_in_fog() -> None:
     add(scene, "glow", small_scenes.cube(material), moved(1.6, -0.5, 1.6, 0.3, 0.3, 0.3))
     add_camera(scene, (0.3, -6.0, 2.0), (0, 0, 0), angle=0.5)
     assert_alike(*compared(scene, 1024, samples=64, light_samples=2))
+
+
+def test_fog_lights_what_lamps_do_not_reach() -> None:
+    """A wall beside the cone of a spot lamp: all its light has gone by way of the fog."""
+    scene = cycles.empty_scene(32, 32)
+    material, _, output = new_material("fog")
+    linked("ShaderNodeVolumeScatter", output, Density=0.2)
+    box(scene, material, 3.0)
+    add(scene, "wall", plane(2.0, small_scenes.lambert((0.8, 0.6, 0.4))))
+    add_light(scene, "SPOT", (-2, 0, 2.5), (2, 0, 2.5), energy=2000, spot_size=0.8)
+    add_camera(scene, (0, 0, 0.5), (0, 0, 0), angle=1.2)
+    settings = {"samples": 64, "light_samples": 2, "soft_light": "DEALT", "diffuse_bounces": 4}
+    found, truth = compared(scene, 512, bounces=4, **settings)
+    np.testing.assert_allclose(found.mean((0, 1)), truth.mean((0, 1)), rtol=0.03)
+    assert truth.mean() > 0.03

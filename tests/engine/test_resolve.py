@@ -280,6 +280,25 @@ def test_edges_of_shadows_are_not_blurred(samples):
 
 
 @needs_core
+def test_pixels_where_surfaces_meet_are_averaged() -> None:
+    """Of what bounces, over the surfaces' colours: along corners and outlines as inside of them."""
+    passes = frozenset({"Normal", "Diffuse Indirect"})
+    chosen = ("DEALT", 1024), ("DEALT", 8), ("RESOLVED", 8)
+    films = [engine.render(corner(), settings(*own, passes=passes)) for own in chosen]
+    normal = films[0].passes["Normal"]
+    mixed = np.zeros(normal.shape[:2], bool)
+    rows, columns = (np.abs(np.diff(normal, axis=axis)).max(-1) > 0.3 for axis in (0, 1))
+    for here, turned in ((mixed[1:], rows), (mixed[:-1], rows)):
+        here |= turned
+    for here, turned in ((mixed[:, 1:], columns), (mixed[:, :-1], columns)):
+        here |= turned
+    exact, *found = (film.passes["Diffuse Indirect"].astype(float) for film in films)
+    off, off_resolved = (np.sqrt(((light - exact)[mixed] ** 2).mean()) for light in found)
+    assert mixed.mean() > 0.05
+    assert off_resolved < 0.45 * off
+
+
+@needs_core
 def test_more_samples_are_nearer():
     errors = [error(engine.render(corner(), settings("RESOLVED", n))) for n in (1, 4, 16, 64)]
     assert all(later < 0.75 * earlier for earlier, later in pairwise(errors))

@@ -1,6 +1,7 @@
 #include "film/resolve.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <optional>
@@ -14,6 +15,11 @@ constexpr float kFlat = 0.04f;  // the same of the way between points along one'
 // Two estimates of one variance, each of the 25 pixels of a block, differ by more in one of twenty
 // cases by chance (the quantile of Fisher's F for 24 and 24 degrees of freedom).
 constexpr float kSure = 1.98f;
+
+// Light at edges goes straight along with so many guides: 1, the normal, the place.
+constexpr int kGuides = 7;
+// Slopes that so little of the light speaks for are flat: what rounding leaves has none.
+constexpr double kFlatter = 1e-3;
 
 using Floats = std::vector<float>;
 
@@ -149,6 +155,52 @@ uint32_t pixel_of(const Span& span, size_t number, uint32_t x0, uint32_t y0, uin
 
 float over(float a, float b) { return b > 0 ? a / b : 0; }
 
+/// The fit of `Targets` values to guides that least squares say, at the guides of one pixel and its
+/// slopes from there.
+template <int Targets>
+class GuideFit {
+ public:
+  using Guides = std::array<double, kGuides>;
+  using Values = std::array<double, Targets>;
+
+  void add(double weight, const Guides& guides, const Values& values) {
+    for (int i = 0; i < kGuides; ++i) {
+      for (int j = 0; j <= i; ++j) a_[i][j] += weight * guides[i] * guides[j];
+      for (int t = 0; t < Targets; ++t) b_[t][i] += weight * guides[i] * values[t];
+    }
+  }
+  /// By Cholesky's decomposition.
+  void solve() {
+    const double all = a_[0][0];
+    for (int i = 1; i < kGuides; ++i) a_[i][i] += kFlatter * all;
+    for (int i = 0; i < kGuides; ++i)
+      for (int j = 0; j <= i; ++j) {
+        for (int k = 0; k < j; ++k) a_[i][j] -= a_[i][k] * a_[j][k];
+        a_[i][j] = i == j ? std::sqrt(a_[i][j]) : a_[i][j] / a_[j][j];
+      }
+    for (auto& x : b_) {
+      for (int i = 0; i < kGuides; ++i) {
+        for (int k = 0; k < i; ++k) x[i] -= a_[i][k] * x[k];
+        x[i] /= a_[i][i];
+      }
+      for (int i = kGuides; i-- > 0;) {
+        for (int k = i + 1; k < kGuides; ++k) x[i] -= a_[k][i] * x[k];
+        x[i] /= a_[i][i];
+      }
+    }
+  }
+  double at(int target, const Guides& guides) const {
+    double sum = 0;
+    for (int i = 0; i < kGuides; ++i) sum += b_[target][i] * guides[i];
+    return sum;
+  }
+  double here(int target) const { return b_[target][0]; }
+
+ private:
+  double a_[kGuides][kGuides] = {};
+  std::array<std::array<double, kGuides>, Targets> b_ = {};
+};
+
 /// One kind of light of a window, and what the pixels of a span take of their blocks.
 class LightResolve {
  public:
@@ -193,6 +245,20 @@ class LightResolve {
                       color_sum_[0][i] + color_sum_[1][i] + color_sum_[2][i]);
   }
 
+  /// Of pixels to which fewer of their block are alike than guides may tell apart of the `whole`
+  /// one, as those where surfaces meet: means that change over that as the guides do.
+  void fit_edges(const Block& block, const Block& whole) {
+    const float* const surface = window_.column(ResolveWindow::kSurface);
+    float most = 0;
+    for (size_t j = 0; j < whole.to.size(); ++j) most += whole.of(j)[0];
+    for (size_t k = 0; k < span_.count(); ++k) {
+      const size_t p = span_.first + k / span_.width * span_.stride + k % span_.width;
+      float alike = 0;
+      for (size_t j = 0; j < block.to.size(); ++j) alike += block.of(j)[k];
+      if (surface[p] > 0 && tint_[p] > 0 && kGuides * alike < most) fit_edge(whole, k, p);
+    }
+  }
+
   /// How far pixels of the blocks lie apart, and how much of that is seen or is noise; all over the
   /// mean, so that no square leaves the range of floats.
   void find_spread(const Block& block) {
@@ -216,6 +282,65 @@ class LightResolve {
   }
 
  private:
+  using Fit = GuideFit<4>;  // of the channels of light over its colour, and of their mean
+
+  /// Of a pixel q, beside p.
+  Fit::Guides guides(size_t p, size_t q, double scale) const {
+    const auto at = [&](int column, size_t i) { return double(window_.column(column)[i]); };
+    const double along = at(ResolveWindow::kAlong, p), beside = at(ResolveWindow::kAlong, q);
+    Fit::Guides found{1};
+    for (int c = 0; c < 3; ++c) {
+      const int normal = ResolveWindow::kNormal + c, place = ResolveWindow::kPlace + c,
+                low = ResolveWindow::kPlaceLow + c;
+      found[size_t(1 + c)] = beside * at(normal, q) - along * at(normal, p);
+      found[size_t(4 + c)] = scale * (at(place, q) - at(place, p) + (at(low, q) - at(low, p)));
+    }
+    return found;
+  }
+  Fit::Values values(size_t q) const {
+    Fit::Values found{0, 0, 0, double(white_[q])};
+    for (size_t c = 0; c < 3; ++c) found[c] = double(over(light_[c][q], color_[c][q]));
+    return found;
+  }
+
+  /// Sets the means of pixel k of the span, p of the window, and how far its block is from them.
+  void fit_edge(const Block& block, size_t k, size_t p) {
+    const float* const surface = window_.column(ResolveWindow::kSurface);
+    const auto each = [&](auto body) {
+      for (size_t j = 0; j < block.to.size(); ++j) {
+        const size_t q = size_t(ptrdiff_t(p) + block.to[j]);
+        const double tint = double(tint_[q]),
+                     weight = double(block.of(j)[k] * surface[q]) * tint * tint;
+        if (weight > 0) body(weight, q);
+      }
+    };
+    double all = 0, square = 0;
+    each([&](double weight, size_t q) {
+      const Fit::Guides g = guides(p, q, 1);
+      all += weight;
+      square += weight * (g[4] * g[4] + g[5] * g[5] + g[6] * g[6]);
+    });
+    const double scale = square > 0 ? std::sqrt(all / square) : 0;
+    Fit fit;
+    each([&](double weight, size_t q) { fit.add(weight, guides(p, q, scale), values(q)); });
+    fit.solve();
+    double apart = 0, noise = 0;
+    each([&](double weight, size_t q) {
+      const double off = double(white_[q]) - fit.at(3, guides(p, q, scale)),
+                   half = double(halves_[q]);
+      apart += weight * off * off;
+      noise += weight * half * half;
+    });
+    // of the sums, what their quotients are
+    apart_[k] = 1;
+    noise_[k] = float(noise / apart);
+    changed_[k] = 1;  // images stay
+    for (int c = 0; c < 3; ++c) {
+      light_sum_[c][k] = float(std::max(fit.here(c), 0.0));
+      color_sum_[c][k] = 1;
+    }
+  }
+
   /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show.
   void set_sharp(int light) {
     const bool shows = light >= kGlossyDirect && light < kVolumeDirect;
@@ -271,7 +396,8 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
   const Block in_media(span, int(side_ / 2));
   Block on_surfaces = in_media;
   on_surfaces.keep_alike(window, span);
-  Block wide(span, int(side_));  // as bounces are dealt
+  const Block whole(span, int(side_));
+  Block wide = whole;  // as bounces are dealt
   wide.keep_alike(window, span);
   LightResolve one(window, span, side_);
   for (size_t y = 0; y < span.height; ++y)
@@ -281,8 +407,9 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
     const auto find = [&](const Block& block) {
       one.find_means(block);
       one.find_spread(block);
+      if (light < kVolumeDirect) one.fit_edges(block, whole);
     };
-    if (any && light == kVolumeIndirect) find(Block(span, int(side_)));
+    if (any && light == kVolumeIndirect) find(whole);
     else if (any)
       find(light == kDiffuseIndirect ? wide : light < kVolumeDirect ? on_surfaces : in_media);
     for (size_t k = 0; (any || lights_.size()) && k < span.count(); ++k) {

@@ -62,7 +62,8 @@ struct ResolveWindow {
                                             // half of what halves differ by
     kSharp = kNoise + kResolvedLights,      // of glossy colour and of that of transmission, which
                                             // share mirrors and clear glass have
-    kColumns = kSharp + kColoredKinds - 1
+    kAlong = kSharp + kColoredKinds - 1,    // how long the mean of the normals is
+    kColumns
   };
   uint32_t width = 0, height = 0;
   std::vector<float> values;

@@ -88,7 +88,7 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
   ends_of_rays_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k)
     ends_of_rays_[k] = batch.missed(k) ? kInfinity : batch.t[k];
-  if (scene_.media.emits) add_glow(batch, spans, clear);
+  if (scene_.media.emits && !batch.queue->gathers()) add_glow(batch, spans, clear);
   if (!scene_.media.scatters) return;
   depths_.build(spans, batch.queue->rays(), ends_of_rays_.data());
   if (!depths_.any()) return;
@@ -135,9 +135,11 @@ void DirectLight::scatter_bounce(const Batch& batch, const MediaSpans& spans, co
 
 void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                                 const Light& light, uint32_t sample, RayCounts& counts) {
+  const bool one = batch.queue->gathers();  // each is of many
   const uint32_t all = light.is_medium() ? plan_.medium_shadows : plan_.samples_of(light),
-                 parts = light.endless() ? parts_of_light(all, plan_.volume_samples) : 1,
-                 count = all / parts, each = (plan_.volume_samples + count - 1) / count;
+                 least = one ? 1 : plan_.volume_samples,
+                 parts = one || light.endless() ? parts_of_light(all, least) : 1,
+                 count = all / parts, each = (least + count - 1) / count;
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
     const LightPoint point = plan_.light_point(light, sample, sample % parts * count + j);
     light.set(stage_, point, all, plan_.physical());

@@ -261,7 +261,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   bounce(queue, sample, next.gathering, &next.around);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
-  if (scene_.features & GLINT_FEATURE_MEDIA && !queue.gathers())
+  if (scene_.features & GLINT_FEATURE_MEDIA)
     direct_.scatter(batch_, media_, clear_.data(), pixels_, sample, next.scattered, counts_);
   if (scene_.materials.has_translucent) light_behind(queue, sample, next.behind);
   keep(queue);

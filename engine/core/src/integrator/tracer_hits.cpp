@@ -143,8 +143,7 @@ void Tracer::dim(Queue& queue) {
     return;
   }
   ends_.resize(queue.size());
-  const double far = queue.gathers() ? 0 : kInfinity;  // where nothing is met
-  for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? far : batch_.t[k];
+  for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? kInfinity : batch_.t[k];
   media_.march(rays, ends_.data(), sample_,
                queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced, counts_);
   if (scene_.media.scatters) media_.sum_depths();
