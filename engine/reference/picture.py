@@ -228,11 +228,11 @@ class Picture:
         """What averaging the light of pixels adds to their means so far."""
         if self._side == 1:
             return
-        guides = Guides.of(self._guides.reshape(-1, *self._shape))
+        samples = np.maximum(self.samples, 1).reshape(self._shape)
+        guides = Guides.of(self._guides.reshape(-1, *self._shape), samples)
         parts = {name: self._parts[name].reshape(3, *self._shape) for name in LIGHTING}
         halves = {name: half.reshape(self._shape) for name, half in self._halves.items()}
         sharp = {name: color.reshape(self._shape) for name, color in self._sharp.items()}
-        samples = np.maximum(self.samples, 1).reshape(self._shape)
         added = resolved(self._side, guides, parts, halves, sharp, samples)
         self._added = {name: values.reshape(3, -1) for name, values in added.items()}
 

@@ -215,7 +215,8 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
     put(ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
   }
   put(ResolveWindow::kSurface, is_surface);
-  if (is_surface) put(ResolveWindow::kAlong, std::sqrt(square) / share);
+  if (is_surface)
+    put(ResolveWindow::kShare, share / n), put(ResolveWindow::kAlong, std::sqrt(square) / n);
   const auto means = [&](int pass, int column) {
     if (at_[pass] < 0) return;
     const double* const sum = column_at(tile, at_[pass]) + slot;

@@ -13,11 +13,13 @@ constexpr float kAlike = 0.9f;  // cosine between normals of which nothing is sh
 constexpr float kFlat = 0.04f;  // the same of the way between points along one's normal, squared
 
 // Two estimates of one variance, each of the 25 pixels of a block, differ by more in one of twenty
-// cases by chance (the quantile of Fisher's F for 24 and 24 degrees of freedom).
-constexpr float kSure = 1.98f;
+// cases by chance (the quantile of Fisher's F for 24 and 24 degrees of freedom); of the 81 of a
+// wide one, of which one is of what a fit leaves, for 73 and 80.
+constexpr float kSure = 1.98f, kSureFit = 1.46f;
 
-// Light at edges goes straight along with so many guides: 1, the normal, the place.
-constexpr int kGuides = 7;
+// Light at edges goes straight along with so many guides: of what is seen of surfaces how much, the
+// normal, the place, the colour.
+constexpr int kGuides = 8;
 // Slopes that so little of the light speaks for are flat: what rounding leaves has none.
 constexpr double kFlatter = 1e-3;
 
@@ -155,50 +157,47 @@ uint32_t pixel_of(const Span& span, size_t number, uint32_t x0, uint32_t y0, uin
 
 float over(float a, float b) { return b > 0 ? a / b : 0; }
 
-/// The fit of `Targets` values to guides that least squares say, at the guides of one pixel and its
-/// slopes from there.
-template <int Targets>
+/// The fit of values to guides that least squares say, at the guides of one pixel and its slopes
+/// from there.
 class GuideFit {
  public:
   using Guides = std::array<double, kGuides>;
-  using Values = std::array<double, Targets>;
 
-  void add(double weight, const Guides& guides, const Values& values) {
+  void add(double weight, const Guides& guides, double value) {
     for (int i = 0; i < kGuides; ++i) {
-      for (int j = 0; j <= i; ++j) a_[i][j] += weight * guides[i] * guides[j];
-      for (int t = 0; t < Targets; ++t) b_[t][i] += weight * guides[i] * values[t];
+      const double own = weight * guides[size_t(i)];
+      for (int j = 0; j <= i; ++j) a_[i][j] += own * guides[size_t(j)];
+      x_[i] += own * value;
     }
   }
-  /// By Cholesky's decomposition.
+  /// By Cholesky's decomposition; 0 of nothing.
   void solve() {
     const double all = a_[0][0];
+    if (!(all > 0)) return;
     for (int i = 1; i < kGuides; ++i) a_[i][i] += kFlatter * all;
     for (int i = 0; i < kGuides; ++i)
       for (int j = 0; j <= i; ++j) {
         for (int k = 0; k < j; ++k) a_[i][j] -= a_[i][k] * a_[j][k];
         a_[i][j] = i == j ? std::sqrt(a_[i][j]) : a_[i][j] / a_[j][j];
       }
-    for (auto& x : b_) {
-      for (int i = 0; i < kGuides; ++i) {
-        for (int k = 0; k < i; ++k) x[i] -= a_[i][k] * x[k];
-        x[i] /= a_[i][i];
-      }
-      for (int i = kGuides; i-- > 0;) {
-        for (int k = i + 1; k < kGuides; ++k) x[i] -= a_[k][i] * x[k];
-        x[i] /= a_[i][i];
-      }
+    for (int i = 0; i < kGuides; ++i) {
+      for (int k = 0; k < i; ++k) x_[i] -= a_[i][k] * x_[k];
+      x_[i] /= a_[i][i];
+    }
+    for (int i = kGuides; i-- > 0;) {
+      for (int k = i + 1; k < kGuides; ++k) x_[i] -= a_[k][i] * x_[k];
+      x_[i] /= a_[i][i];
     }
   }
-  double at(int target, const Guides& guides) const {
+  double at(const Guides& guides) const {
     double sum = 0;
-    for (int i = 0; i < kGuides; ++i) sum += b_[target][i] * guides[i];
+    for (int i = 0; i < kGuides; ++i) sum += x_[i] * guides[size_t(i)];
     return sum;
   }
-  double here(int target) const { return b_[target][0]; }
+  double here() const { return x_[0]; }
 
  private:
-  double a_[kGuides][kGuides] = {};
-  std::array<std::array<double, kGuides>, Targets> b_ = {};
+  double a_[kGuides][kGuides] = {}, x_[kGuides] = {};
 };
 
 /// One kind of light of a window, and what the pixels of a span take of their blocks.
@@ -282,62 +281,67 @@ class LightResolve {
   }
 
  private:
-  using Fit = GuideFit<4>;  // of the channels of light over its colour, and of their mean
+  float at(int column, size_t q) const { return window_.column(column)[q]; }
 
-  /// Of a pixel q, beside p.
-  Fit::Guides guides(size_t p, size_t q, double scale) const {
-    const auto at = [&](int column, size_t i) { return double(window_.column(column)[i]); };
-    const double along = at(ResolveWindow::kAlong, p), beside = at(ResolveWindow::kAlong, q);
-    Fit::Guides found{1};
+  /// Of a pixel q, but for the colour, less those of p as far as surfaces are seen.
+  GuideFit::Guides guides(size_t p, size_t q, double scale) const {
+    const auto get = [&](int column, size_t i) { return double(at(column, i)); };
+    const double share = get(ResolveWindow::kShare, q),
+                 part = share * get(ResolveWindow::kAlong, p) / get(ResolveWindow::kShare, p);
+    GuideFit::Guides found{share};
     for (int c = 0; c < 3; ++c) {
       const int normal = ResolveWindow::kNormal + c, place = ResolveWindow::kPlace + c,
                 low = ResolveWindow::kPlaceLow + c;
-      found[size_t(1 + c)] = beside * at(normal, q) - along * at(normal, p);
-      found[size_t(4 + c)] = scale * (at(place, q) - at(place, p) + (at(low, q) - at(low, p)));
+      found[size_t(1 + c)] = get(ResolveWindow::kAlong, q) * get(normal, q) - part * get(normal, p);
+      found[size_t(4 + c)] =
+          share * scale * (get(place, q) - get(place, p) + (get(low, q) - get(low, p)));
     }
     return found;
   }
-  Fit::Values values(size_t q) const {
-    Fit::Values found{0, 0, 0, double(white_[q])};
-    for (size_t c = 0; c < 3; ++c) found[c] = double(over(light_[c][q], color_[c][q]));
-    return found;
-  }
 
-  /// Sets the means of pixel k of the span, p of the window, and how far its block is from them.
+  /// Sets what pixel k of the span, p of the window, gets, and how far its block is from that.
   void fit_edge(const Block& block, size_t k, size_t p) {
-    const float* const surface = window_.column(ResolveWindow::kSurface);
     const auto each = [&](auto body) {
       for (size_t j = 0; j < block.to.size(); ++j) {
         const size_t q = size_t(ptrdiff_t(p) + block.to[j]);
-        const double tint = double(tint_[q]),
-                     weight = double(block.of(j)[k] * surface[q]) * tint * tint;
-        if (weight > 0) body(weight, q);
+        if (at(ResolveWindow::kSurface, q) > 0) body(q, double(block.of(j)[k]));
       }
     };
-    double all = 0, square = 0;
-    each([&](double weight, size_t q) {
-      const Fit::Guides g = guides(p, q, 1);
-      all += weight;
-      square += weight * (g[4] * g[4] + g[5] * g[5] + g[6] * g[6]);
+    double all = 0, far = 0, tinted = 0;
+    each([&](size_t q, double weight) {
+      const GuideFit::Guides g = guides(p, q, 1);
+      all += weight * g[0] * g[0];
+      far += weight * (g[4] * g[4] + g[5] * g[5] + g[6] * g[6]);
+      tinted += weight * double(tint_[q]) * double(tint_[q]);
     });
-    const double scale = square > 0 ? std::sqrt(all / square) : 0;
-    Fit fit;
-    each([&](double weight, size_t q) { fit.add(weight, guides(p, q, scale), values(q)); });
-    fit.solve();
+    const double scale = far > 0 ? std::sqrt(all / far) : 0, full = std::sqrt(all / tinted),
+                 share = double(at(ResolveWindow::kShare, p));
+    const auto with_color = [&](GuideFit::Guides g, const float* color, size_t q) {
+      g[7] = full * (double(color[q]) - g[0] / share * double(color[p]));
+      return g;
+    };
+    GuideFit channels[3], sum;
+    each([&](size_t q, double weight) {
+      const GuideFit::Guides g = guides(p, q, scale);
+      for (int c = 0; c < 3; ++c)
+        channels[c].add(weight, with_color(g, color_[c], q), double(light_[c][q]));
+      sum.add(weight, with_color(g, tint_.data(), q), double(white_[q]) * double(tint_[q]));
+    });
+    sum.solve();
     double apart = 0, noise = 0;
-    each([&](double weight, size_t q) {
-      const double off = double(white_[q]) - fit.at(3, guides(p, q, scale)),
-                   half = double(halves_[q]);
+    each([&](size_t q, double weight) {
+      const double tint = double(tint_[q]), half = double(halves_[q]) * tint,
+                   off = double(white_[q]) * tint -
+                         sum.at(with_color(guides(p, q, scale), tint_.data(), q));
       apart += weight * off * off;
       noise += weight * half * half;
     });
-    // of the sums, what their quotients are
-    apart_[k] = 1;
-    noise_[k] = float(noise / apart);
-    changed_[k] = 1;  // images stay
+    apart_[k] = changed_[k] = 1;  // images stay
+    noise_[k] = float(double(kSureFit / kSure) * noise / apart);
     for (int c = 0; c < 3; ++c) {
-      light_sum_[c][k] = float(std::max(fit.here(c), 0.0));
-      color_sum_[c][k] = 1;
+      channels[c].solve();
+      light_sum_[c][k] = float(std::max(share * channels[c].here(), 0.0));
+      color_sum_[c][k] = color_[c][p];
     }
   }
 

@@ -62,7 +62,8 @@ struct ResolveWindow {
                                             // half of what halves differ by
     kSharp = kNoise + kResolvedLights,      // of glossy colour and of that of transmission, which
                                             // share mirrors and clear glass have
-    kAlong = kSharp + kColoredKinds - 1,    // how long the mean of the normals is
+    kShare = kSharp + kColoredKinds - 1,    // how much of the rays stays at surfaces
+    kAlong,                                 // how long the mean of their normals is, times that
     kColumns
   };
   uint32_t width = 0, height = 0;
