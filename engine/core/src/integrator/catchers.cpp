@@ -106,25 +106,28 @@ void Tracer::keep_caught(const Queue& queue) {
 /// of their light says; or nothing, where the pass has the ratio.
 void Tracer::show_caught() {
   double* const lost = paths_.lost_alpha();
+  const bool has_pass = film_.wants(GLINT_PASS_SHADOW_CATCHER);
   const auto add = [&](double* sums, size_t path, Vec3d c) {
     for (size_t i = 0; sums && i < 3; ++i) sums[i * paths_.stride() + path] += c[int(i)];
   };
   for (size_t k = 0; k < paths_.size(); ++k) {
     const CaughtPath& path = caught_paths_[k];
     if (!any(path.seen)) continue;
-    const Vec3d ratio{ratio_of(path.with.x, path.without.x), ratio_of(path.with.y, path.without.y),
-                      ratio_of(path.with.z, path.without.z)};
-    if (double* const sums = paths_.sums(film_, GLINT_PASS_SHADOW_CATCHER)) {
-      add(sums, k, path.seen - path.seen * ratio);
+    Vec3d left{ratio_of(path.with.x, path.without.x), ratio_of(path.with.y, path.without.y),
+               ratio_of(path.with.z, path.without.z)},
+        unshaded = path.seen;
+    if (has_pass) {
       lost[k] += mean(path.seen);
-      continue;
+    } else {
+      const double light = std::clamp(mean(left), 0.0, 1.0);
+      left = {light, light, light};
+      if (scene_.world.transparent_film) lost[k] += light * mean(path.seen);
+      else unshaded = path.seen * path.behind;
     }
-    const double light = std::clamp(mean(ratio), 0.0, 1.0);
-    if (scene_.world.transparent_film) {
-      lost[k] += light * mean(path.seen);
-      continue;
-    }
-    const Vec3d seen = light * (path.seen * path.behind);
+    add(paths_.sums(film_, GLINT_PASS_SHADOW_CATCHER), k, left * unshaded - unshaded);
+    add(paths_.sums(film_, kCaughtColor), k, unshaded);
+    if (has_pass || scene_.world.transparent_film) continue;
+    const Vec3d seen = left * unshaded;
     add(paths_.sums(film_, GLINT_PASS_COMBINED), k, seen);
     add(paths_.sums(film_, GLINT_PASS_ENVIRONMENT), k, seen);
     double* const groups = paths_.sums(film_, GLINT_PASS_LIGHT_GROUPS);
