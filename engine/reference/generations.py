@@ -29,7 +29,7 @@ from .picture import Tile
 from .raster import Strips
 from .rays import Rays
 from .reflections import reflected, shown
-from .resolve import SHARP, UNSHADED
+from .resolve import ALONE, CAUGHT, SHARP, UNSHADED
 from .scattering import scattered, scattered_on
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -276,6 +276,8 @@ class Generations:
                 self._tile.add_to_groups(group, pixel, left * unshaded)
         self._tile.add(CATCHER, pixel, left * unshaded - unshaded)
         self._tile.add(UNSHADED, pixel, unshaded)
+        self._tile.add(CAUGHT, pixel, caught.with_all[:, pixel])
+        self._tile.add(ALONE, pixel, caught.alone[:, pixel])
 
     def _note_rough_glass(self, at: Interaction) -> None:
         """More samples may see something else through it."""

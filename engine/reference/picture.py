@@ -21,7 +21,8 @@ from ..film import (
     empty_value,
     light_group_pass,
 )
-from .resolve import SHARP, UNHIDDEN, UNSHADED, Guides, resolved
+from . import catchers
+from .resolve import ALONE, CAUGHT, SHARP, UNHIDDEN, UNSHADED, Guides, resolved
 
 Array = np.ndarray
 
@@ -155,7 +156,7 @@ class Picture:
         kept = [name for name in PARTS if name in passes]
         kept += LIGHTING if passes.intersection(LIGHTING) or resolved > 1 else ()
         kept += [name for name in (CATCHER, OCCLUSION) if name in passes or resolved > 1]
-        kept += (UNSHADED, UNHIDDEN) if resolved > 1 else ()
+        kept += (CAUGHT, ALONE, UNSHADED, UNHIDDEN) if resolved > 1 else ()
         self._catches = CATCHER if CATCHER in passes else "alpha" if transparent else "color"
         self._guides = np.zeros((7, count))
         self._halves = {name: np.zeros(count) for name in kept if name not in PARTS}
@@ -223,7 +224,19 @@ class Picture:
         sharp = {name: color.reshape(self._shape) for name, color in self._sharp.items()}
         samples = np.maximum(self.samples, 1).reshape(self._shape)
         added = resolved(self._side, guides, parts, halves, sharp, samples)
+        if parts[UNSHADED].any():
+            added[CATCHER] = self._shadows(parts, samples, added.pop(CAUGHT, 0.0))
         self._added = {name: values.reshape(3, -1) for name, values in added.items()}
+
+    def _shadows(self, parts: dict[str, Array], samples: Array, more: Array | float) -> Array:
+        """(3, h, w) what catchers get that get so much more of light: their shadows are as dark as
+        what they have then says, where the samples' were so by their own ratios, each of a few
+        points.
+        """
+        left = catchers.ratio(parts[CAUGHT] / samples + more, parts[ALONE] / samples)
+        if self._catches != CATCHER:
+            left = catchers.light_left(left)[None]
+        return (parts[UNSHADED] * (left - 1.0) - parts[CATCHER]) / samples
 
     def _more(self) -> Array | float:
         """What resolving adds to the colour."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..film import BY_SURFACE, CATCHER, FIRST_ESTIMATE, OCCLUSION, VOLUME
+from ..film import BY_SURFACE, FIRST_ESTIMATE, OCCLUSION, VOLUME
 
 Array = np.ndarray
 
@@ -29,19 +29,19 @@ WIDE = ("Diffuse Indirect", VOLUME[1])
 """What is averaged over blocks of twice the side, over which bounces are dealt; all of it
 of one sample.
 """
-UNSHADED, UNHIDDEN = "Unshaded", "Unhidden"
-"""What catchers show where nothing shades them, and how much of what camera rays meet is asked how
-open it is.
+CAUGHT, ALONE, UNSHADED = "Caught Light", "Light Alone", "Unshaded"
+"""The light of catchers with all things there and as if they were alone, and what they show where
+nothing shades them.
 """
+UNHIDDEN = "Unhidden"
+"""How much of what camera rays meet is asked how open it is."""
 COLORS = tuple(name for name in BY_SURFACE if name.endswith("Color"))
 LIGHTS = (
     {name: COLORS[k // 3] for k, name in enumerate(BY_SURFACE) if name not in COLORS}
-    | {CATCHER: UNSHADED, OCCLUSION: UNHIDDEN}
+    | {CAUGHT: ALONE, OCCLUSION: UNHIDDEN}
     | dict.fromkeys(VOLUME, "")
 )
-"""What is resolved, each by itself, and what it is told without. Of catchers it is what shadows
-change.
-"""
+"""What is resolved, each by itself, and what it is told without."""
 SHARP = {"Glossy Color": "Mirrored Color", "Transmission Color": "Clear Color"}
 """What of a colour mirrors or clear glass have: they show sharp images, whose own detail halves of
 samples differ by.

@@ -24,12 +24,14 @@ constexpr int kPartOf[kResolvedLights] = {
     GLINT_PASS_DIFFUSE, GLINT_PASS_DIFFUSE};
 /// That of the colour of each kind.
 constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR, GLINT_PASS_GLOSSY_COLOR,
-                                         GLINT_PASS_TRANSMISSION_COLOR, kCaughtColor, kOpenColor};
+                                         GLINT_PASS_TRANSMISSION_COLOR, kCaughtAlone, kUnhidden};
+
+int sums_of(int light) { return light == kCaught ? int(kCaughtLight) : kPassOf[light]; }
 
 /// The sums without which a column of what resolving reads tells nothing.
 int sums_of_guide(int number) {
   return number < kHalfLight    ? GLINT_PASS_COMBINED
-         : number < kHalfColor  ? kPassOf[number - kHalfLight]
+         : number < kHalfColor  ? sums_of(number - kHalfLight)
          : number < kSharpColor ? kColorOf[number - kHalfColor]
                                 : kColorOf[number - kSharpColor + kFirstSharp];
 }
@@ -112,7 +114,7 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   keep_sums(GLINT_PASS_LIGHT_GROUPS, 3 * int(light_groups));
   // light is told over its colour: all are known or none
   Passes kept = wants_lighting() ? kLightingPasses : 0;
-  if (resolved > 1) kept |= lights | Passes(wants(GLINT_PASS_AMBIENT_OCCLUSION)) << kOpenColor;
+  if (resolved > 1) kept |= lights | Passes(wants(GLINT_PASS_AMBIENT_OCCLUSION)) << kUnhidden;
   for (int pass = GLINT_PASS_SHADOW_CATCHER; pass < kSumCount; ++pass) {
     if (!(kept >> pass & 1) || at_[pass] >= 0) continue;
     at_[pass] = int(columns_);
@@ -237,10 +239,12 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
     for (int c = 0; c < 3; ++c) put(column + c, sum[size_t(c) * stride] / n);
   };
   for (int light = 0; light < kResolvedLights; ++light)
-    means(kPassOf[light], ResolveWindow::kLight + 3 * light);
+    means(sums_of(light), ResolveWindow::kLight + 3 * light);
   for (int kind = 0; kind < kColoredKinds; ++kind)
     means(kColorOf[kind], ResolveWindow::kColor + 3 * kind);
   for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 3 * kColoredKinds + c, 1);
+  means(GLINT_PASS_SHADOW_CATCHER, ResolveWindow::kShadow);
+  means(kUnshaded, ResolveWindow::kUnshadedColor);
   const auto whole = [&](int pass) {
     if (at_[pass] < 0) return 0.0;
     const double* const sum = column_at(tile, at_[pass]) + slot;
@@ -257,7 +261,7 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
     const bool colored = kind < kColoredKinds;
     const double color = colored ? guide(kHalfColor + kind) : 3 * half,
                  all = colored ? whole(kColorOf[kind]) : 3 * n, before = guide(kHalfLight + light),
-                 after = whole(kPassOf[light]) - before;
+                 after = whole(sums_of(light)) - before;
     if (color > 0 && all > color)
       put(ResolveWindow::kNoise + light,
           (before / color - after / (all - color)) * std::sqrt(half * rest) / n);

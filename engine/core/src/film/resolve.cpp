@@ -254,6 +254,20 @@ class LightResolve {
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
 };
 
+/// What pixel q gets whose catchers get that much more of light: their shadows are as dark as what
+/// they have then says, where the samples' were so by their own ratios, each of a few points.
+void show_caught(const ResolveWindow& window, size_t q, bool is_grey, float (&given)[3]) {
+  double left[3];
+  const auto value = [&](int column, int c) { return double(window.column(column + c)[q]); };
+  for (int c = 0; c < 3; ++c)
+    left[c] = caught_ratio(value(ResolveWindow::kLight + 3 * kCaught, c) + double(given[c]),
+                           value(ResolveWindow::kColor + 3 * kind_of(kCaught), c));
+  const double light = std::clamp((left[0] + left[1] + left[2]) / 3, 0.0, 1.0);
+  for (int c = 0; c < 3; ++c)
+    given[c] = float(value(ResolveWindow::kUnshadedColor, c) * ((is_grey ? light : left[c]) - 1) -
+                     value(ResolveWindow::kShadow, c));
+}
+
 }  // namespace
 
 Resolve::Resolve(uint32_t side, Region region, uint32_t kept, Catches catches)
@@ -286,15 +300,17 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
     else if (any)
       find(light == kDiffuseIndirect ? wide : light < kVolumeDirect ? on_surfaces : in_media);
     float* const own = lights_[light].size() ? lights_[light].data() : nullptr;
-    for (size_t k = 0; (any || own) && k < span.count(); ++k) {
+    for (size_t k = 0; (any || own || is_caught) && k < span.count(); ++k) {
       const size_t pixel = pixel_of(span, k, x0, y0, width_),
                    q = span.first + k / span.width * span.stride + k % span.width;
       float* const sums = added_.data() + 4 * pixel;
+      float given[3] = {};
+      for (int c = 0; any && c < 3; ++c) given[c] = one.given(k, q, c);
+      if (is_caught) show_caught(window, q, catches_ != Catches::kNothing, given);
       for (int c = 0; c < 3; ++c) {
-        const float given = any ? one.given(k, q, c) : 0;
-        if (is_seen) sums[c] += given;
-        if (is_lost) sums[3] += given / 3;
-        if (own) own[3 * pixel + size_t(c)] = given;
+        if (is_seen) sums[c] += given[c];
+        if (is_lost) sums[3] += given[c] / 3;
+        if (own) own[3 * pixel + size_t(c)] = given[c];
       }
     }
   }

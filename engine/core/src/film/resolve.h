@@ -7,6 +7,7 @@
 // own detail halves of samples differ by, what repeats from block to block is averaged away. Of few
 // samples, whose halves tell nothing, all else is.
 #pragma once
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -18,8 +19,8 @@
 namespace glint {
 
 /// Light that is resolved by itself: what surfaces that camera rays meet give back, straight from
-/// what makes it and by way of others; what shadows change of what catchers show; what is open over
-/// surfaces; and what media scatter.
+/// what makes it and by way of others; the light of catchers; what is open over surfaces; and what
+/// media scatter.
 enum ResolvedLight : int {
   kDiffuseDirect,
   kDiffuseIndirect,
@@ -34,8 +35,8 @@ enum ResolvedLight : int {
   kResolvedLights
 };
 
-// diffuse, glossy, transmission, caught, open: which are told over a colour; the latter two of
-// surfaces that show images
+// diffuse, glossy, transmission, caught, open: which are told over a colour; those of which parts
+// are images
 constexpr int kColoredKinds = 5, kFirstSharp = 1, kSharpKinds = 2;
 constexpr int kind_of(int light) {
   return light < kCaught ? light / 2 : light < kVolumeDirect ? light - 3 : kColoredKinds;
@@ -56,6 +57,13 @@ enum GuideColumn : int {
   kGuideColumns = kSharpColor + kSharpKinds
 };
 
+constexpr double kMostRatio = 1000;
+
+/// Which share of their light other things leave to catchers, or how many times they throw there.
+inline double caught_ratio(double with, double without) {
+  return without > 0 ? std::clamp(with / without, 0.0, kMostRatio) : 1;
+}
+
 /// Pixels of a tile and round it, row by row, a column a quantity: means over a pixel's samples, 0
 /// beyond the region.
 struct ResolveWindow {
@@ -70,7 +78,9 @@ struct ResolveWindow {
                                             // half of what halves differ by
     kSharp = kNoise + kResolvedLights,      // of glossy colour and of that of transmission, which
                                             // share mirrors and clear glass have
-    kColumns = kSharp + kSharpKinds
+    kShadow = kSharp + kSharpKinds,  // what shadows change of what catchers show, and what these do
+    kUnshadedColor = kShadow + 3,    // without them
+    kColumns = kUnshadedColor + 3
   };
   uint32_t width = 0, height = 0;
   std::vector<float> values;
@@ -87,7 +97,8 @@ struct ResolveWindow {
 /// What resolving adds to the means of the pixels of a region. One thread a tile at a time.
 class Resolve {
  public:
-  /// What of Combined catchers change: nothing, where a pass has it; lost alpha; or colour.
+  /// What of Combined catchers change: nothing, where a pass has it; lost alpha; or colour. The
+  /// latter two by grey light.
   enum class Catches { kNothing, kAlpha, kColor };
 
   Resolve() = default;

@@ -7,12 +7,6 @@
 namespace glint {
 namespace {
 
-constexpr double kMostRatio = 1000;
-
-double ratio_of(double with, double without) {
-  return without > 0 ? std::clamp(with / without, 0.0, kMostRatio) : 1;
-}
-
 double share(double x) { return 1 - std::clamp(x, 0.0, 1.0); }
 
 }  // namespace
@@ -113,8 +107,8 @@ void Tracer::show_caught() {
   for (size_t k = 0; k < paths_.size(); ++k) {
     const CaughtPath& path = caught_paths_[k];
     if (!any(path.seen)) continue;
-    Vec3d left{ratio_of(path.with.x, path.without.x), ratio_of(path.with.y, path.without.y),
-               ratio_of(path.with.z, path.without.z)},
+    Vec3d left{caught_ratio(path.with.x, path.without.x), caught_ratio(path.with.y, path.without.y),
+               caught_ratio(path.with.z, path.without.z)},
         unshaded = path.seen;
     if (has_pass) {
       lost[k] += mean(path.seen);
@@ -125,7 +119,9 @@ void Tracer::show_caught() {
       else unshaded = path.seen * path.behind;
     }
     add(paths_.sums(film_, GLINT_PASS_SHADOW_CATCHER), k, left * unshaded - unshaded);
-    add(paths_.sums(film_, kCaughtColor), k, unshaded);
+    add(paths_.sums(film_, kUnshaded), k, unshaded);
+    add(paths_.sums(film_, kCaughtLight), k, path.with);
+    add(paths_.sums(film_, kCaughtAlone), k, path.without);
     if (has_pass || scene_.world.transparent_film) continue;
     const Vec3d seen = left * unshaded;
     add(paths_.sums(film_, GLINT_PASS_COMBINED), k, seen);

@@ -79,7 +79,7 @@ void Tracer::note_occlusion(const Queue& queue, uint32_t sample) {
   if (occlusion_rows_.empty()) return;
   direct_.ambient_occlusion(batch_, occlusion_rows_, sample, open_, counts_);
   double* const sums = paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION);
-  double* const whole = paths_.sums(film_, kOpenColor);
+  double* const whole = paths_.sums(film_, kUnhidden);
   for (size_t i = 0; i < occlusion_rows_.size(); ++i) {
     const uint32_t k = occlusion_rows_[i];
     const Vec3d T = queue.path(k).T, passed = shader_.passed(batch_, k);

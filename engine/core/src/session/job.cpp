@@ -36,7 +36,7 @@ Passes lights_of(const Scene& scene) {
   if (scene.features & GLINT_FEATURE_REFRACTION) lights |= all << GLINT_PASS_TRANSMISSION_DIRECT;
   if (scene.features & GLINT_FEATURE_MEDIA) lights |= of_media << GLINT_PASS_VOLUME_DIRECT;
   if (scene.features & GLINT_FEATURE_SHADOW_CATCHER)
-    lights |= pass_bit(GLINT_PASS_SHADOW_CATCHER) | pass_bit(kCaughtColor);
+    lights |= pass_bit(GLINT_PASS_SHADOW_CATCHER) | all << kCaughtLight;
   if (!scene.world.transparent_film) lights |= pass_bit(GLINT_PASS_ENVIRONMENT);
   return lights;
 }
