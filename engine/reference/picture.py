@@ -224,8 +224,9 @@ class Picture:
         sharp = {name: color.reshape(self._shape) for name, color in self._sharp.items()}
         samples = np.maximum(self.samples, 1).reshape(self._shape)
         added = resolved(self._side, guides, parts, halves, sharp, samples)
+        more = added.pop(CAUGHT, 0.0)
         if parts[UNSHADED].any():
-            added[CATCHER] = self._shadows(parts, samples, added.pop(CAUGHT, 0.0))
+            added[CATCHER] = self._shadows(parts, samples, more)
         self._added = {name: values.reshape(3, -1) for name, values in added.items()}
 
     def _shadows(self, parts: dict[str, Array], samples: Array, more: Array | float) -> Array:
