@@ -122,15 +122,16 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   }
   if (resolved > 1) {
     using Catches = Resolve::Catches;
-    const Catches catches = wants(GLINT_PASS_SHADOW_CATCHER)            ? Catches::kNothing
+    const Catches catches = at_[kUnshaded] < 0                          ? Catches::kNone
+                            : wants(GLINT_PASS_SHADOW_CATCHER)          ? Catches::kPass
                             : lights & pass_bit(GLINT_PASS_ENVIRONMENT) ? Catches::kColor
                                                                         : Catches::kAlpha;
-    uint32_t shown = 0;
+    uint32_t apart = 0;
     for (int light = 0; passes_ != pass_bit(GLINT_PASS_COMBINED) && light < kResolvedLights;
          ++light)
       if (light != kCaught || catches != Catches::kAlpha)
-        shown |= uint32_t(at_[kPassOf[light]] >= 0) << light;
-    resolve_ = Resolve(resolved, region, shown, catches);
+        apart |= uint32_t(at_[kPassOf[light]] >= 0) << light;
+    resolve_ = Resolve(resolved, region, apart, catches);
   }
   std::fill_n(guides_, int(kGuideColumns), -1);
   for (int number = 0; resolves() && number < kGuideColumns; ++number)

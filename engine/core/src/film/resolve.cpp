@@ -234,10 +234,9 @@ class LightResolve {
   void add_spread(size_t out, size_t first, const float* weights) {
     for (size_t i = 0; i < span_.width; ++i) {
       const size_t k = out + i, q = first + i;
-      // shadows are negative
-      const float inverse = mean_[k] == 0 ? 0 : 1 / mean_[k],
-                  off = (white_[q] - mean_[k]) * inverse, moved = change_[q] * inverse,
-                  half = halves_[q] * inverse, weight = weights[k] * tint_[q] * tint_[q];
+      const float inverse = over(1, mean_[k]), off = (white_[q] - mean_[k]) * inverse,
+                  moved = change_[q] * inverse, half = halves_[q] * inverse,
+                  weight = weights[k] * tint_[q] * tint_[q];
       apart_[k] += weight * off * off;
       changed_[k] += weight * moved * moved;
       noise_[k] += weight * half * half;
@@ -289,7 +288,8 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 4 * ((y0 + y) * width_ + x0), 4 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
-    const bool any = one.choose(light, is_halved), is_caught = light == kCaught,
+    const bool any = one.choose(light, is_halved),
+               is_caught = light == kCaught && catches_ != Catches::kNone,
                is_lost = is_caught && catches_ == Catches::kAlpha,
                is_seen = is_caught ? catches_ == Catches::kColor : light != kOpen;
     const auto find = [&](const Block& block) {
@@ -306,7 +306,7 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
       float* const sums = added_.data() + 4 * pixel;
       float given[3] = {};
       for (int c = 0; any && c < 3; ++c) given[c] = one.given(k, q, c);
-      if (is_caught) show_caught(window, q, catches_ != Catches::kNothing, given);
+      if (is_caught) show_caught(window, q, catches_ != Catches::kPass, given);
       for (int c = 0; c < 3; ++c) {
         if (is_seen) sums[c] += given[c];
         if (is_lost) sums[3] += given[c] / 3;

@@ -97,9 +97,9 @@ struct ResolveWindow {
 /// What resolving adds to the means of the pixels of a region. One thread a tile at a time.
 class Resolve {
  public:
-  /// What of Combined catchers change: nothing, where a pass has it; lost alpha; or colour. The
-  /// latter two by grey light.
-  enum class Catches { kNothing, kAlpha, kColor };
+  /// Whether there are catchers, and what has their shadows: a pass, or of Combined, there grey,
+  /// lost alpha or colour.
+  enum class Catches { kNone, kPass, kAlpha, kColor };
 
   Resolve() = default;
   /// side: of blocks of pixels. kept: bits of the lights that passes show by themselves.
@@ -122,7 +122,7 @@ class Resolve {
 
  private:
   uint32_t side_ = 1, width_ = 0;
-  Catches catches_ = Catches::kNothing;
+  Catches catches_ = Catches::kNone;
   ZeroedBuffer<float> added_, lights_[kResolvedLights];
 };
 
