@@ -103,7 +103,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     if scene.camera.motion is not None:
         _add_motion(data, packer, scene, settings)
     _add_neighbours(data, packer, scene, settings)
-    _add_occlusion(data, packer, settings)
+    _add_occlusion(data, packer, dealt)
     _add_node_points(data, packer, scene, dealt)
     _add_subsurface(data, packer, scene, dealt)
     return Packed(data, packer.lent)

@@ -29,7 +29,7 @@ from .picture import Tile
 from .raster import Strips
 from .rays import Rays
 from .reflections import reflected, shown
-from .resolve import SHARP
+from .resolve import ALONE, CAUGHT, SHARP, UNSHADED
 from .scattering import scattered, scattered_on
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -147,12 +147,12 @@ class Generations:
         passed = straight_on(at, depth, self._seen.wants_data(at))
         if not paths.depth:
             at = self._cut_holdouts(at)
+            self._seen.guide(at)
             if stage.sees:
                 self._seen.see(at)
             if stage.scene.aovs:
                 self._seen.give_aovs(at)
             at = self._catch(at, deeper)
-            self._seen.guide(at)
             self._tile.lose(at.pixel, at.weight * at.coefficients.holdout)
             self._seen.add_openness(at)
         at = seen_lobes(stage, at)
@@ -261,18 +261,23 @@ class Generations:
         if caught is None:
             return
         pixel = np.flatnonzero(caught.seen.any(0))
-        seen, ratio = caught.seen[:, pixel], catchers.ratio(caught.with_all, caught.alone)[:, pixel]
+        seen, left = caught.seen[:, pixel], catchers.ratio(caught.with_all, caught.alone)[:, pixel]
+        unshaded = seen
         if CATCHER in stage.settings.passes:
-            self._tile.catch(pixel, seen * (1 - ratio))
             self._tile.lose(pixel, seen)
-            return
-        shown = catchers.light_left(ratio) * seen
-        if stage.scene.world.transparent:
-            self._tile.lose(pixel, shown)
-            return
-        behind = shown * caught.behind[:, pixel]
-        self._tile.add("Environment", pixel, behind)
-        self._tile.add_to_groups(stage.scene.world.light_group, pixel, behind)
+        else:
+            left = catchers.light_left(left)[None]
+            if stage.scene.world.transparent:
+                self._tile.lose(pixel, left * seen)
+            else:
+                unshaded = seen * caught.behind[:, pixel]
+                self._tile.add("Environment", pixel, left * unshaded)
+                group = stage.scene.world.light_group
+                self._tile.add_to_groups(group, pixel, left * unshaded)
+        self._tile.add(CATCHER, pixel, left * unshaded - unshaded)
+        self._tile.add(UNSHADED, pixel, unshaded)
+        self._tile.add(CAUGHT, pixel, caught.with_all[:, pixel])
+        self._tile.add(ALONE, pixel, caught.alone[:, pixel])
 
     def _note_rough_glass(self, at: Interaction) -> None:
         """More samples may see something else through it."""

@@ -25,7 +25,7 @@ def openness(stage: Stage, surface: Surface, sample: int, on_rays: Callable[[], 
     if not reach > 0:
         return np.ones((3, count))
     each = stage.settings.occlusion_samples
-    points = occlusion_points(stage.settings.samples, each)
+    points = occlusion_points(stage.samples, each)
     first = sample % (len(points) // each) * each
     across, upward = across_normals(surface.n)
     total = np.zeros((3, count))

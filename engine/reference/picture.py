@@ -21,7 +21,8 @@ from ..film import (
     empty_value,
     light_group_pass,
 )
-from .resolve import SHARP, Guides, resolved
+from . import catchers
+from .resolve import ALONE, CAUGHT, SHARP, UNHIDDEN, UNSHADED, Guides, resolved
 
 Array = np.ndarray
 
@@ -37,7 +38,6 @@ class Tile:
     cost: (n,) rays. soft_light, cut: (n,) bool, whether a light of more than one sample reached
     them, and whether their horizon cuts one. data: (channels, n) for the passes named. wanted: (n,)
     bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before it.
-    caught: (3, n) what shadows on catchers take away. open: (3, n) what is open over what is seen.
     aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels whose
     ray has met nothing that hides what is behind. groups: (3 each, n) light of light groups. met:
     of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was met.
@@ -54,9 +54,9 @@ class Tile:
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
         self.groups = np.zeros((3 * groups, count))
-        self.clear, self.caught = np.zeros(count), np.zeros((3, count))
+        self.clear = np.zeros(count)
         self.brought, self.before = np.zeros((2, 2, count))
-        self.open, self.guides = np.zeros((3, count)), np.zeros((7, count))
+        self.guides = np.zeros((7, count))
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
@@ -91,16 +91,6 @@ class Tile:
         some = weight > 0
         for name, bits in ids.items():
             self.met[name].append((pixel[some], bits[some], weight[some]))
-
-    def catch(self, pixel: Array, dark: Array) -> None:
-        """Shadows (3, m) that catchers show."""
-        for total, value in zip(self.caught, dark, strict=True):
-            total += np.bincount(pixel, value, self._count)
-
-    def add_openness(self, pixel: Array, shares: Array) -> None:
-        """What is open over points (3, m) that rays meet, times what of the rays stays there."""
-        for total, value in zip(self.open, shares, strict=True):
-            total += np.bincount(pixel, value, self._count)
 
     def add(self, part: str, pixel: Array, values: Array) -> None:
         """values (3, m) to pixels (m,), in their order: a pixel's sum does not depend on its
@@ -156,14 +146,20 @@ class Picture:
         aovs: tuple[str, ...],
         light_groups: tuple[str, ...] = (),
         resolved: int = 1,
+        transparent: bool = False,
     ):
-        """resolved: side of the blocks of pixels over which light is averaged, 1 for none."""
+        """resolved: side of the blocks of pixels over which light is averaged, 1 for none.
+        transparent: no surroundings are seen.
+        """
         self._shape, self._passes, self._side = (height, width), passes, resolved
         count = width * height
         kept = [name for name in PARTS if name in passes]
         kept += LIGHTING if passes.intersection(LIGHTING) or resolved > 1 else ()
+        kept += [name for name in (CATCHER, OCCLUSION) if name in passes or resolved > 1]
+        kept += (CAUGHT, ALONE, UNSHADED, UNHIDDEN) if resolved > 1 else ()
+        self._catches = CATCHER if CATCHER in passes else "alpha" if transparent else "color"
         self._guides = np.zeros((7, count))
-        self._halves = {name: np.zeros(count) for name in LIGHTING}
+        self._halves = {name: np.zeros(count) for name in kept if name not in PARTS}
         self._sharp = {name: np.zeros(count) for name in SHARP}
         self._added: dict[str, Array] = {}
         self._parts = {name: np.zeros((3, count)) for name in kept}
@@ -174,8 +170,6 @@ class Picture:
         self._groups, self._group_names = np.zeros((3 * len(light_groups), count)), light_groups
         self._clear, self._crypto_ids = np.zeros(count), crypto_ids
         self.brought = np.zeros((2, count))
-        self._caught = np.zeros((3, count if CATCHER in passes else 0))
-        self._open = np.zeros((3, count if OCCLUSION in passes else 0))
         self._denoising = {
             name: np.zeros((PASSES[name], count)) for name in DENOISING if name in passes
         }
@@ -192,10 +186,6 @@ class Picture:
         self.samples[here] += 1
         self._clear[here] += tile.clear
         self.brought[:, here] += tile.brought
-        if CATCHER in self._passes:
-            self._caught[:, here] += tile.caught
-        if OCCLUSION in self._passes:
-            self._open[:, here] += tile.open
         self._aovs[:, here] += tile.aovs
         self._groups[:, here] += tile.groups
         for name, total in self._denoising.items():
@@ -230,42 +220,58 @@ class Picture:
             return
         samples = np.maximum(self.samples, 1).reshape(self._shape)
         guides = Guides.of(self._guides.reshape(-1, *self._shape), samples)
-        parts = {name: self._parts[name].reshape(3, *self._shape) for name in LIGHTING}
+        parts = {name: sums.reshape(3, *self._shape) for name, sums in self._parts.items()}
         halves = {name: half.reshape(self._shape) for name, half in self._halves.items()}
         sharp = {name: color.reshape(self._shape) for name, color in self._sharp.items()}
         added = resolved(self._side, guides, parts, halves, sharp, samples)
+        more = added.pop(CAUGHT, 0.0)
+        if parts[UNSHADED].any():
+            added[CATCHER] = self._shadows(parts, samples, more)
         self._added = {name: values.reshape(3, -1) for name, values in added.items()}
 
-    @property
-    def _colors(self) -> Array:
-        """(3, pixels) mean so far of the colour."""
-        return self._color / np.maximum(self.samples, 1) + sum(self._added.values())
+    def _shadows(self, parts: dict[str, Array], samples: Array, more: Array | float) -> Array:
+        """(3, h, w) what catchers get that get so much more of light: their shadows are as dark as
+        what they have then says, where the samples' were so by their own ratios, each of a few
+        points.
+        """
+        left = catchers.ratio(parts[CAUGHT] / samples + more, parts[ALONE] / samples)
+        if self._catches != CATCHER:
+            left = catchers.light_left(left)[None]
+        return (parts[UNSHADED] * (left - 1.0) - parts[CATCHER]) / samples
+
+    def _more(self) -> Array | float:
+        """What resolving adds to the colour."""
+        beside = (OCCLUSION,) if self._catches == "color" else (OCCLUSION, CATCHER)
+        return sum(added for name, added in self._added.items() if name not in beside)
 
     def color_and_loss(self) -> Array:
         """(4, pixels) mean so far of the colour and of the alpha lost."""
-        lost = self._lost[None] / np.maximum(self.samples, 1)
-        return np.concatenate([self._colors, lost])
+        sums = np.concatenate([self._color, self._lost[None]])
+        mean = sums / np.maximum(self.samples, 1)
+        mean[:3] += self._more()
+        if self._catches == "alpha" and CATCHER in self._added:
+            mean[3] += self._added[CATCHER].mean(0)
+        return mean
 
     def means(self) -> dict[str, Array]:
         """The passes so far, float64, (channels, pixels); pixels without a sample are black and
         transparent.
         """
         samples = np.maximum(self.samples, 1)
-        alpha = np.where(self.samples > 0, 1 - self._lost / samples, 0.0)
-        color = {"Combined": np.concatenate([self._colors, alpha[None]])}
+        color = self.color_and_loss()
+        color[3] = np.where(self.samples > 0, 1 - color[3], 0.0)
         health = {
             "Samples": self.samples[None],
             "Cost": self._cost[None],
             "Fallbacks": np.zeros_like(self._cost[None]),
             "Mist": 1 - self._clear[None] / samples,
         }
-        if CATCHER in self._passes:
-            health[CATCHER] = 1 - self._caught / samples
-        if OCCLUSION in self._passes:
-            health[OCCLUSION] = self._open / samples
+        for name, empty in ((CATCHER, 1.0), (OCCLUSION, 0.0)):
+            if name in self._passes:
+                health[name] = empty + self._parts[name] / samples + self._added.get(name, 0.0)
         chosen = {name: values for name, values in health.items() if name in self._passes}
         return (
-            color
+            {"Combined": color}
             | {
                 name: total / samples + self._added_to(name)
                 for name, total in self._parts.items()
@@ -289,15 +295,17 @@ class Picture:
     def _resolved(self, group: Array) -> Array:
         """A light group's (3, pixels), which gets as much more as Combined does."""
         own = self._color / np.maximum(self.samples, 1)
-        more = sum(self._added.values()) / np.where(own > 0, own, 1.0)
+        more = self._more() / np.where(own > 0, own, 1.0)
         return group * np.where(own > 0, 1 + more, 1.0)
 
     def _added_to(self, part: str) -> Array | float:
         """To a part of Combined, so that they sum to it: diffuse light and that of media to
-        Diffuse, glossy light to Specular, what passes through to Mirror.
+        Diffuse, glossy light to Specular, what passes through to Mirror, what shadows take of
+        surroundings to Environment.
         """
         kinds = {"Diffuse": ("Diffuse", "Volume"), "Specular": ("Glossy",)}
         kinds["Mirror"] = ("Transmission",)
+        kinds["Environment"] = ("Shadow",) if self._catches == "color" else ()
         own = [name for name in self._added if name.split()[0] in kinds.get(part, ())]
         return sum(self._added[name] for name in own)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..film import BY_SURFACE, FIRST_ESTIMATE, VOLUME
+from ..film import BY_SURFACE, FIRST_ESTIMATE, OCCLUSION, VOLUME
 
 Array = np.ndarray
 
@@ -37,10 +37,19 @@ WIDE = ("Diffuse Indirect", VOLUME[1])
 """What is averaged over blocks of twice the side, over which bounces are dealt; all of it
 of one sample.
 """
-LIGHTS = tuple(name for name in (*BY_SURFACE, *VOLUME) if not name.endswith("Color"))
-"""The passes of light that are resolved, each by itself."""
+CAUGHT, ALONE, UNSHADED = "Caught Light", "Light Alone", "Unshaded"
+"""The light of catchers with all things there and as if they were alone, and what they show where
+nothing shades them.
+"""
+UNHIDDEN = "Unhidden"
+"""How much of what camera rays meet is asked how open it is."""
 COLORS = tuple(name for name in BY_SURFACE if name.endswith("Color"))
-"""What they are told without: of each two of the former."""
+LIGHTS = (
+    {name: COLORS[k // 3] for k, name in enumerate(BY_SURFACE) if name not in COLORS}
+    | {CAUGHT: ALONE, OCCLUSION: UNHIDDEN}
+    | dict.fromkeys(VOLUME, "")
+)
+"""What is resolved, each by itself, and what it is told without."""
 SHARP = {"Glossy Color": "Mirrored Color", "Transmission Color": "Clear Color"}
 """What of a colour mirrors or clear glass have: they show sharp images, whose own detail halves of
 samples differ by.
@@ -110,9 +119,9 @@ def resolved(
     sharp: dict[str, Array],
     samples: Array,
 ) -> dict[str, Array]:
-    """(3, h, w) by pass of light: what is added to the mean of a pixel's samples. parts: (3, h, w)
-    sums. halves: (h, w) of the first half of the samples, the sums of the channels. sharp: (h, w)
-    by pass of colour what `SHARP` names of it, the sum of the channels.
+    """(3, h, w) by what there is of `LIGHTS`: what is added to the mean of a pixel's samples.
+    parts: (3, h, w) sums. halves: (h, w) of the first half of the samples, the sums of channels.
+    sharp: (h, w) by pass of colour what `SHARP` names of it, the sum of the channels.
     """
     block, wide = list(_block(side)), list(_block(2 * side))
     on_surfaces, on_wide = (
@@ -123,15 +132,16 @@ def resolved(
         [share * _moved(inside, x, y) for x, y, share in pixels] for pixels in (block, wide)
     )
     found = {}
-    for k, name in enumerate(LIGHTS):
+    for name, of_color in LIGHTS.items():
+        if name not in parts or not parts[name].any():
+            continue
         weights, color = in_media, np.ones_like(parts[name])
         half_color, images = 3.0 * _half(samples), np.zeros_like(guides.surface)
-        if name not in VOLUME:
-            of_color = COLORS[k // 2]
+        if of_color:
             weights, color = on_surfaces, parts[of_color] / samples
             half_color = halves[of_color]
-            if of_color in SHARP:
-                images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
+        if of_color in SHARP:
+            images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
         light = parts[name] / samples
         noise: Array | None = _noise(light, color, halves[name], half_color, samples)
         around = block

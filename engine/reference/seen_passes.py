@@ -12,6 +12,7 @@ from .motion_vectors import motion_vectors
 from .occlusion import openness
 from .paths import Interaction, beyond
 from .picture import Tile
+from .resolve import UNHIDDEN
 from .scene_queries import SceneQueries
 from .stage import Stage
 from .surface import Surface
@@ -126,4 +127,5 @@ class SeenPasses:
             return
         stays = at.weight * catchers.opacity(at.coefficients)
         found = openness(self._stage, at.surface, self._sample, lambda: self._tile.charge(at.pixel))
-        self._tile.add_openness(at.pixel, stays * found)
+        self._tile.add(OCCLUSION, at.pixel, stays * found)
+        self._tile.add(UNHIDDEN, at.pixel, stays)

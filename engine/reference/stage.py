@@ -71,7 +71,7 @@ class Stage:
     def __init__(self, scene: Scene, settings: Settings, cancellation: Cancellation):
         self.scene, self.settings, self.cancellation = scene, settings, cancellation
         self.interleaving = interleaving(scene, settings)
-        self._samples = dealt_samples(settings.samples, self.interleaving)  # of tables
+        self.samples = dealt_samples(settings.samples, self.interleaving)  # of tables
         self.bounces = settings.lighting["bounces"] if scene.lights else 0
         self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
         self.geometry = gather(scene, self.eye)
@@ -121,13 +121,13 @@ class Stage:
         # of what rays meet before they bounce, and after that
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
         self._lighting_of_exits = replace(self.lighting, faint=np.inf)
-        self._lobe_points = lobe_points(self._samples)
+        self._lobe_points = lobe_points(self.samples)
         parts = BOUNCE_PARTS if self.interleaving > 1 else 1
-        self._bounce_points = bounce_points(parts * self._samples)
+        self._bounce_points = bounce_points(parts * self.samples)
         self.asks_rays = scene.most_asked > 0
-        self._node_points = points_of_nodes(self._samples, scene.most_asked)
-        self.scatter_offsets = scatter_offsets(self._samples)
-        self._subsurface_points = subsurface_points(self._samples)
+        self._node_points = points_of_nodes(self.samples, scene.most_asked)
+        self.scatter_offsets = scatter_offsets(self.samples)
+        self._subsurface_points = subsurface_points(self.samples)
         self._goes_below = settings.subsurface == "ON" and scene.has_subsurface
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]
@@ -236,7 +236,7 @@ class Stage:
         )
 
     def _source(self, light: Light) -> Source:
-        samples = self._samples
+        samples = self.samples
         if light.kind == "MESH":
             table = mesh_table(light, samples, self.settings.mesh_samples)
             return MeshSource(light, self.eye, table)
@@ -256,7 +256,7 @@ class Stage:
         lamps = [source for source in self.sources if source.points is None]
         if all(source.sample_count(self.settings.light_samples) == 1 for source in lamps):
             return []
-        square, disc = light_points(self._samples * self.settings.light_samples)
+        square, disc = light_points(self.samples * self.settings.light_samples)
         return [LightPoint(*pair) for pair in zip(square, disc, strict=True)]
 
     def per_object(self, name: str, row: Array) -> Array:

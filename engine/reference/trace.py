@@ -74,6 +74,7 @@ class Tracer:
             scene.aovs,
             scene.light_groups,
             self._deals if resolves else 1,
+            scene.world.transparent,
         )
         is_spread = (
             scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)

@@ -1,8 +1,10 @@
 #include "film/film.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <limits>
 
 namespace glint {
@@ -10,24 +12,28 @@ namespace {
 
 constexpr double kNoDepth = 1e10;
 
-/// The pass of a light that is resolved, and the part of the picture that has it.
-int pass_of(int light) {
-  return light < kVolumeDirect ? kFirstLighting + light / 2 * 3 + light % 2
-                               : GLINT_PASS_VOLUME_DIRECT + light - kVolumeDirect;
-}
-int part_of(int light) {
-  return light == kGlossyDirect || light == kGlossyIndirect               ? GLINT_PASS_SPECULAR
-         : light == kTransmissionDirect || light == kTransmissionIndirect ? GLINT_PASS_MIRROR
-                                                                          : GLINT_PASS_DIFFUSE;
-}
-/// That of the colour of a kind: diffuse, glossy, transmission.
-int color_pass(int kind) { return kFirstLighting + 3 * kind + 2; }
-/// The pass without which a column of what resolving reads tells nothing.
-int pass_of_guide(int number) {
+/// The pass of each light that is resolved, and the part of the picture that has it.
+constexpr int kPassOf[kResolvedLights] = {
+    GLINT_PASS_DIFFUSE_DIRECT,  GLINT_PASS_DIFFUSE_INDIRECT,    GLINT_PASS_GLOSSY_DIRECT,
+    GLINT_PASS_GLOSSY_INDIRECT, GLINT_PASS_TRANSMISSION_DIRECT, GLINT_PASS_TRANSMISSION_INDIRECT,
+    GLINT_PASS_SHADOW_CATCHER,  GLINT_PASS_AMBIENT_OCCLUSION,   GLINT_PASS_VOLUME_DIRECT,
+    GLINT_PASS_VOLUME_INDIRECT};
+constexpr int kPartOf[kResolvedLights] = {
+    GLINT_PASS_DIFFUSE, GLINT_PASS_DIFFUSE, GLINT_PASS_SPECULAR,    GLINT_PASS_SPECULAR,
+    GLINT_PASS_MIRROR,  GLINT_PASS_MIRROR,  GLINT_PASS_ENVIRONMENT, GLINT_PASS_COUNT,
+    GLINT_PASS_DIFFUSE, GLINT_PASS_DIFFUSE};
+/// That of the colour of each kind.
+constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR, GLINT_PASS_GLOSSY_COLOR,
+                                         GLINT_PASS_TRANSMISSION_COLOR, kCaughtAlone, kUnhidden};
+
+int sums_of(int light) { return light == kCaught ? int(kCaughtLight) : kPassOf[light]; }
+
+/// The sums without which a column of what resolving reads tells nothing.
+int sums_of_guide(int number) {
   return number < kHalfLight    ? GLINT_PASS_COMBINED
-         : number < kHalfColor  ? pass_of(number - kHalfLight)
-         : number < kSharpColor ? color_pass(number - kHalfColor)
-                                : color_pass(1 + number - kSharpColor);
+         : number < kHalfColor  ? sums_of(number - kHalfLight)
+         : number < kSharpColor ? kColorOf[number - kHalfColor]
+                                : kColorOf[number - kSharpColor + kFirstSharp];
 }
 
 /// Where the pixel (x, y) of the region is in its tile.
@@ -93,7 +99,7 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
       aov_count_(aov_count),
       light_groups_(light_groups),
       cryptomatte_(passes, crypto_ids) {
-  std::fill_n(at_, int(GLINT_PASS_COUNT), -1);
+  std::fill_n(at_, int(kSumCount), -1);
   at_[GLINT_PASS_COMBINED] = 0;
   for (int part = GLINT_PASS_DIFFUSE; part < GLINT_PASS_DEPTH; ++part) keep_sums(part, 3);
   keep_sums(GLINT_PASS_COST, 1);
@@ -106,17 +112,30 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   keep_sums(GLINT_PASS_SHADOW_CATCHER, 3);
   keep_sums(GLINT_PASS_AMBIENT_OCCLUSION, 3);
   keep_sums(GLINT_PASS_LIGHT_GROUPS, 3 * int(light_groups));
-  if (resolved > 1) resolve_ = Resolve(resolved, region, passes & ~pass_bit(GLINT_PASS_COMBINED));
   // light is told over its colour: all are known or none
-  const Passes kept = wants_lighting() ? kLightingPasses : resolves() ? lights : 0;
-  for (int pass = kFirstLighting; pass <= kLastLighting; ++pass) {
-    if (!(kept >> pass & 1)) continue;
+  Passes kept = wants_lighting() ? kLightingPasses : 0;
+  if (resolved > 1) kept |= lights | Passes(wants(GLINT_PASS_AMBIENT_OCCLUSION)) << kUnhidden;
+  for (int pass = GLINT_PASS_SHADOW_CATCHER; pass < kSumCount; ++pass) {
+    if (!(kept >> pass & 1) || at_[pass] >= 0) continue;
     at_[pass] = int(columns_);
     columns_ += 3;
   }
+  if (resolved > 1) {
+    using Catches = Resolve::Catches;
+    const Catches catches = at_[kUnshaded] < 0                          ? Catches::kNone
+                            : wants(GLINT_PASS_SHADOW_CATCHER)          ? Catches::kPass
+                            : lights & pass_bit(GLINT_PASS_ENVIRONMENT) ? Catches::kColor
+                                                                        : Catches::kAlpha;
+    uint32_t apart = 0;
+    for (int light = 0; passes_ != pass_bit(GLINT_PASS_COMBINED) && light < kResolvedLights;
+         ++light)
+      if (light != kCaught || catches != Catches::kAlpha)
+        apart |= uint32_t(at_[kPassOf[light]] >= 0) << light;
+    resolve_ = Resolve(resolved, region, apart, catches);
+  }
   std::fill_n(guides_, int(kGuideColumns), -1);
   for (int number = 0; resolves() && number < kGuideColumns; ++number)
-    if (at_[pass_of_guide(number)] >= 0) guides_[number] = int(columns_++);
+    if (at_[sums_of_guide(number)] >= 0) guides_[number] = int(columns_++);
   if (gloss) {
     gloss_ = int(columns_);
     columns_ += 2;
@@ -183,7 +202,7 @@ void Film::set_data(uint32_t pixel, const FirstHit& hit) {
 void Film::note_half(const Tile& tile, const std::vector<uint32_t>& slots, uint32_t sample) {
   if (!resolves() || !std::has_single_bit(sample)) return;
   for (int number = kHalfLight; number < kSharpColor; ++number) {
-    const double* const from = sums(tile, pass_of_guide(number));
+    const double* const from = sums(tile, sums_of_guide(number));
     if (!from) continue;
     double* const to = column_at(tile, guides_[number]);
     for (uint32_t slot : slots)
@@ -215,35 +234,39 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
     put(ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
   }
   put(ResolveWindow::kSurface, is_surface);
-  if (is_surface)
-    put(ResolveWindow::kShare, share / n), put(ResolveWindow::kAlong, std::sqrt(square) / n);
+  if (is_surface) {
+    put(ResolveWindow::kShare, share / n);
+    put(ResolveWindow::kAlong, std::sqrt(square) / n);
+  }
   const auto means = [&](int pass, int column) {
     if (at_[pass] < 0) return;
     const double* const sum = column_at(tile, at_[pass]) + slot;
     for (int c = 0; c < 3; ++c) put(column + c, sum[size_t(c) * stride] / n);
   };
   for (int light = 0; light < kResolvedLights; ++light)
-    means(pass_of(light), ResolveWindow::kLight + 3 * light);
+    means(sums_of(light), ResolveWindow::kLight + 3 * light);
   for (int kind = 0; kind < kColoredKinds; ++kind)
-    means(color_pass(kind), ResolveWindow::kColor + 3 * kind);
+    means(kColorOf[kind], ResolveWindow::kColor + 3 * kind);
   for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 3 * kColoredKinds + c, 1);
+  means(GLINT_PASS_SHADOW_CATCHER, ResolveWindow::kShadow);
+  means(kUnshaded, ResolveWindow::kUnshadedColor);
   const auto whole = [&](int pass) {
     if (at_[pass] < 0) return 0.0;
     const double* const sum = column_at(tile, at_[pass]) + slot;
     return sum[0] + sum[stride] + sum[2 * stride];
   };
-  for (int kind = 1; kind < kColoredKinds; ++kind) {
-    const double color = whole(color_pass(kind)), sharp = guide(kSharpColor + kind - 1);
-    put(ResolveWindow::kSharp + kind - 1, color > 0 ? std::clamp(sharp / color, 0.0, 1.0) : 0);
+  for (int number = 0; number < kSharpKinds; ++number) {
+    const double color = whole(kColorOf[kFirstSharp + number]), sharp = guide(kSharpColor + number);
+    put(ResolveWindow::kSharp + number, color > 0 ? std::clamp(sharp / color, 0.0, 1.0) : 0);
   }
   if (n < 2) return;
   const double half = std::bit_floor(uint32_t(n) - 1), rest = n - half;
   for (int light = 0; light < kResolvedLights; ++light) {
-    const int kind = light / 2;
+    const int kind = kind_of(light);
     const bool colored = kind < kColoredKinds;
     const double color = colored ? guide(kHalfColor + kind) : 3 * half,
-                 all = colored ? whole(color_pass(kind)) : 3 * n,
-                 before = guide(kHalfLight + light), after = whole(pass_of(light)) - before;
+                 all = colored ? whole(kColorOf[kind]) : 3 * n, before = guide(kHalfLight + light),
+                 after = whole(sums_of(light)) - before;
     if (color > 0 && all > color)
       put(ResolveWindow::kNoise + light,
           (before / color - after / (all - color)) * std::sqrt(half * rest) / n);
@@ -271,7 +294,7 @@ void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
     for (size_t k = 0; k < tile.pixels(); ++k) {
       const float* const added = resolve_.added(slots.pixel(tile, k, region_.width()));
       const double taken = refinement_.taken(tile.first_row + k, samples);
-      for (size_t c = 0; c < 3; ++c) resolved[c * tile.stride() + k] += taken * double(added[c]);
+      for (size_t c = 0; c < 4; ++c) resolved[c * tile.stride() + k] += taken * double(added[c]);
     }
     after = resolved.data();
   }
@@ -339,10 +362,12 @@ void Film::add_resolved(const Tile& tile, int pass, const SlotTable& slots,
                         float (&means)[4][Tile::kSize * Tile::kSize]) const {
   for (size_t k = 0; k < tile.pixels(); ++k) {
     const uint32_t pixel = slots.pixel(tile, k, region_.width());
-    for (size_t c = 0; c < 3; ++c) {
-      if (pass == GLINT_PASS_COMBINED) means[c][k] += resolve_.added(pixel)[c];
-      for (int light = 0; light < kResolvedLights; ++light)
-        if (pass == part_of(light)) means[c][k] += resolve_.added_to(light, pixel, c);
+    for (size_t c = 0; pass == GLINT_PASS_COMBINED && c < 4; ++c)
+      means[c][k] += resolve_.added(pixel)[c];
+    for (int light = 0; light < kResolvedLights; ++light) {
+      const bool is_part =
+          pass == kPartOf[light] && (light != kCaught || !wants(GLINT_PASS_SHADOW_CATCHER));
+      for (size_t c = 0; is_part && c < 3; ++c) means[c][k] += resolve_.added_to(light, pixel, c);
     }
   }
 }
@@ -351,11 +376,14 @@ void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint
                         bool is_rest) {
   const double* from = sums(tile, pass);
   const size_t channels = channels_of(pass);
+  const auto light = std::find(std::begin(kPassOf), std::end(kPassOf), pass);
+  const bool gets_more = resolves() && light != std::end(kPassOf);
   for (size_t c = 0; c < channels; ++c, from += tile.stride())
     for (size_t k = 0; k < tile.pixels(); ++k) {
-      const double mean = from[k] / refinement_.taken(tile.first_row + k, samples);
-      values(pass)[channels * slots.pixel(tile, k, region_.width()) + c] =
-          to_float(is_rest ? 1 - mean : mean);
+      const uint32_t pixel = slots.pixel(tile, k, region_.width());
+      double mean = from[k] / refinement_.taken(tile.first_row + k, samples);
+      if (gets_more) mean += double(resolve_.added_to(int(light - kPassOf), pixel, c));
+      values(pass)[channels * pixel + c] = to_float(is_rest ? 1 + mean : mean);
     }
 }
 
@@ -377,16 +405,8 @@ void Film::resolve_groups(const Tile& tile, const SlotTable& slots, uint32_t sam
 
 /// Direct and indirect light over its colour, which is 1 where it is 0 and there is light.
 void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples) {
-  for (int pass = GLINT_PASS_VOLUME_DIRECT; pass <= kLastLighting; ++pass) {
-    if (!wants(pass)) continue;
-    publish_seen(tile, pass, slots, samples);
-    for (size_t k = 0; resolves() && k < tile.pixels(); ++k) {
-      const uint32_t pixel = slots.pixel(tile, k, region_.width());
-      for (size_t c = 0; c < 3; ++c)
-        values(pass)[3 * size_t(pixel) + c] +=
-            resolve_.added_to(kVolumeDirect + pass - GLINT_PASS_VOLUME_DIRECT, pixel, c);
-    }
-  }
+  for (int pass = GLINT_PASS_VOLUME_DIRECT; pass <= kLastLighting; ++pass)
+    if (wants(pass)) publish_seen(tile, pass, slots, samples);
   for (int first = kFirstLighting; first < GLINT_PASS_VOLUME_DIRECT; first += 3)
     for (size_t c = 0; c < 3; ++c)
       for (size_t k = 0; k < tile.pixels(); ++k) {

@@ -88,7 +88,7 @@ class Film {
   /// Refinement. crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count, light_groups:
   /// of the scene. resolved: side of the blocks of pixels over which light is averaged, 1 for none;
   /// of the passes of light then those alone are kept that are in `lights`, unless one is asked
-  /// for.
+  /// for. Catchers show the surroundings where Environment is in them.
   Film(Region region, Region traced, Region shown, Passes passes, double error_threshold,
        uint32_t light_samples, uint32_t crypto_ids = 0, uint32_t aov_count = 0,
        uint32_t light_groups = 0, bool gloss = false, uint32_t resolved = 1,
@@ -190,7 +190,7 @@ class Film {
                     float (&means)[4][Tile::kSize * Tile::kSize]) const;
   void resolve_groups(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples);
-  /// Means of a pass's sums; is_rest: 1 less the means.
+  /// Means of a pass's sums; is_rest: 1 and the means.
   void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                     bool is_rest = false);
   void publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples);
@@ -203,7 +203,7 @@ class Film {
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
   int gloss_ = -1, guides_[kGuideColumns];
-  int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
+  int at_[kSumCount];  // first column of what has sums, -1 for none
   ZeroedBuffer<double> sums_;
   Refinement refinement_;
   ErrorEstimate estimate_;

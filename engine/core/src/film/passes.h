@@ -14,4 +14,9 @@ constexpr int kFirstLighting = GLINT_PASS_DIFFUSE_DIRECT,
               kLastLighting = GLINT_PASS_VOLUME_INDIRECT;
 constexpr Passes kLightingPasses = pass_bit(kLastLighting + 1) - pass_bit(kFirstLighting);
 
+/// Sums that no pass shows, for what is resolved: the light of catchers with all things there and
+/// as if they were alone, and what they show where nothing shades them; how much of what camera
+/// rays meet is asked how open it is.
+enum : int { kCaughtLight = GLINT_PASS_COUNT, kCaughtAlone, kUnshaded, kUnhidden, kSumCount };
+
 }  // namespace glint

@@ -146,10 +146,6 @@ class Changes {
   Floats same_[2][2];
 };
 
-int color_of(int light) {
-  return ResolveWindow::kColor + (light < kVolumeDirect ? 3 * (light / 2) : 9);
-}
-
 /// Of the region, the pixel of that number of the span.
 uint32_t pixel_of(const Span& span, size_t number, uint32_t x0, uint32_t y0, uint32_t width) {
   return (y0 + uint32_t(number / span.width)) * width + x0 + uint32_t(number % span.width);
@@ -212,21 +208,21 @@ class LightResolve {
 
   /// False where there is none. is_halved: halves of samples tell how far its means are off.
   bool choose(int light, bool is_halved) {
+    const float* const all = window_.column(ResolveWindow::kLight + 3 * light);
+    if (std::all_of(all, all + 3 * window_.pixels(), [](float own) { return own == 0; }))
+      return false;
     for (int c = 0; c < 3; ++c) {
-      light_[c] = window_.column(ResolveWindow::kLight + 3 * light + c);
-      color_[c] = window_.column(color_of(light) + c);
+      light_[c] = all + size_t(c) * window_.pixels();
+      color_[c] = window_.column(ResolveWindow::kColor + 3 * kind_of(light) + c);
     }
     halves_ = window_.column(ResolveWindow::kNoise + light);
     is_halved_ = is_halved;
     set_sharp(light);
-    bool any = false;
     for (size_t i = 0; i < window_.pixels(); ++i) {
-      const float all = light_[0][i] + light_[1][i] + light_[2][i];
       tint_[i] = color_[0][i] + color_[1][i] + color_[2][i];
-      white_[i] = over(all, tint_[i]);
-      any |= all != 0;
+      white_[i] = over(light_[0][i] + light_[1][i] + light_[2][i], tint_[i]);
     }
-    return any;
+    return true;
   }
 
   void find_means(const Block& block) {
@@ -347,10 +343,10 @@ class LightResolve {
 
   /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show.
   void set_sharp(int light) {
-    const bool shows = light >= kGlossyDirect && light < kVolumeDirect;
+    const int number = kind_of(light) - kFirstSharp;
     sharp_.assign(window_.pixels(), 0.0f);
-    if (shows) {
-      const float* const own = window_.column(ResolveWindow::kSharp + (light - kGlossyDirect) / 2);
+    if (number >= 0 && number < kSharpKinds) {
+      const float* const own = window_.column(ResolveWindow::kSharp + number);
       std::copy_n(own, window_.pixels(), sharp_.begin());
     }
     is_sharp_ = std::any_of(sharp_.begin(), sharp_.end(), [](float share) { return share > 0; });
@@ -386,13 +382,28 @@ class LightResolve {
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
 };
 
+/// What pixel q gets whose catchers get that much more of light: their shadows are as dark as what
+/// they have then says, where the samples' were so by their own ratios, each of a few points.
+void show_caught(const ResolveWindow& window, size_t q, bool is_grey, float (&given)[3]) {
+  double left[3];
+  const auto value = [&](int column, int c) { return double(window.column(column + c)[q]); };
+  for (int c = 0; c < 3; ++c)
+    left[c] = caught_ratio(value(ResolveWindow::kLight + 3 * kCaught, c) + double(given[c]),
+                           value(ResolveWindow::kColor + 3 * kind_of(kCaught), c));
+  const double light = std::clamp((left[0] + left[1] + left[2]) / 3, 0.0, 1.0);
+  for (int c = 0; c < 3; ++c)
+    given[c] = float(value(ResolveWindow::kUnshadedColor, c) * ((is_grey ? light : left[c]) - 1) -
+                     value(ResolveWindow::kShadow, c));
+}
+
 }  // namespace
 
-Resolve::Resolve(uint32_t side, Region region, bool keeps_lights)
-    : side_(side), width_(region.width()) {
+Resolve::Resolve(uint32_t side, Region region, uint32_t kept, Catches catches)
+    : side_(side), width_(region.width()), catches_(catches) {
   const size_t pixels = size_t(region.width()) * region.height();
-  added_ = ZeroedBuffer<float>(3 * pixels);
-  if (keeps_lights) lights_ = ZeroedBuffer<float>(3 * kResolvedLights * pixels);
+  added_ = ZeroedBuffer<float>(4 * pixels);
+  for (int light = 0; light < kResolvedLights; ++light)
+    if (kept >> light & 1) lights_[light] = ZeroedBuffer<float>(3 * pixels);
 }
 
 void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is_halved) {
@@ -405,9 +416,12 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
   wide.keep_alike(window, span);
   LightResolve one(window, span, side_);
   for (size_t y = 0; y < span.height; ++y)
-    std::fill_n(added_.data() + 3 * ((y0 + y) * width_ + x0), 3 * span.width, 0.0f);
+    std::fill_n(added_.data() + 4 * ((y0 + y) * width_ + x0), 4 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
-    const bool any = one.choose(light, is_halved);
+    const bool any = one.choose(light, is_halved),
+               is_caught = light == kCaught && catches_ != Catches::kNone,
+               is_lost = is_caught && catches_ == Catches::kAlpha,
+               is_seen = is_caught ? catches_ == Catches::kColor : light != kOpen;
     const auto find = [&](const Block& block) {
       one.find_means(block);
       one.find_spread(block);
@@ -416,13 +430,18 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
     if (any && light == kVolumeIndirect) find(whole);
     else if (any)
       find(light == kDiffuseIndirect ? wide : light < kVolumeDirect ? on_surfaces : in_media);
-    for (size_t k = 0; (any || lights_.size()) && k < span.count(); ++k) {
-      const uint32_t pixel = pixel_of(span, k, x0, y0, width_);
-      const size_t q = span.first + k / span.width * span.stride + k % span.width;
+    float* const own = lights_[light].size() ? lights_[light].data() : nullptr;
+    for (size_t k = 0; (any || own || is_caught) && k < span.count(); ++k) {
+      const size_t pixel = pixel_of(span, k, x0, y0, width_),
+                   q = span.first + k / span.width * span.stride + k % span.width;
+      float* const sums = added_.data() + 4 * pixel;
+      float given[3] = {};
+      for (int c = 0; any && c < 3; ++c) given[c] = one.given(k, q, c);
+      if (is_caught) show_caught(window, q, catches_ != Catches::kPass, given);
       for (int c = 0; c < 3; ++c) {
-        const float given = any ? one.given(k, q, c) : 0;
-        added_.data()[3 * size_t(pixel) + size_t(c)] += given;
-        if (lights_.size()) lights_.data()[place(light, pixel) + size_t(c)] = given;
+        if (is_seen) sums[c] += given[c];
+        if (is_lost) sums[3] += given[c] / 3;
+        if (own) own[3 * pixel + size_t(c)] = given[c];
       }
     }
   }

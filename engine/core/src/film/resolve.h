@@ -7,6 +7,7 @@
 // own detail halves of samples differ by, what repeats from block to block is averaged away. Of few
 // samples, whose halves tell nothing, all else is.
 #pragma once
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -18,7 +19,8 @@
 namespace glint {
 
 /// Light that is resolved by itself: what surfaces that camera rays meet give back, straight from
-/// what makes it and by way of others, and what media scatter.
+/// what makes it and by way of others; the light of catchers; what is open over surfaces; and what
+/// media scatter.
 enum ResolvedLight : int {
   kDiffuseDirect,
   kDiffuseIndirect,
@@ -26,12 +28,19 @@ enum ResolvedLight : int {
   kGlossyIndirect,
   kTransmissionDirect,
   kTransmissionIndirect,
+  kCaught,
+  kOpen,
   kVolumeDirect,
   kVolumeIndirect,
   kResolvedLights
 };
 
-constexpr int kColoredKinds = 3;  // diffuse, glossy, transmission: which are told over a colour
+// diffuse, glossy, transmission, caught, open: which are told over a colour; those of which parts
+// are images
+constexpr int kColoredKinds = 5, kFirstSharp = 1, kSharpKinds = 2;
+constexpr int kind_of(int light) {
+  return light < kCaught ? light / 2 : light < kVolumeDirect ? light - 3 : kColoredKinds;
+}
 
 /// The film's columns of a pixel that a resolve reads beside the passes of light: of the surfaces
 /// that camera rays meet, as much of each as stays of the ray there, the normal, the place, and how
@@ -45,8 +54,15 @@ enum GuideColumn : int {
   kHalfLight = 7,
   kHalfColor = kHalfLight + kResolvedLights,
   kSharpColor = kHalfColor + kColoredKinds,
-  kGuideColumns = kSharpColor + kColoredKinds - 1
+  kGuideColumns = kSharpColor + kSharpKinds
 };
+
+constexpr double kMostRatio = 1000;
+
+/// Which share of their light other things leave to catchers, or how many times they throw there.
+inline double caught_ratio(double with, double without) {
+  return without > 0 ? std::clamp(with / without, 0.0, kMostRatio) : 1;
+}
 
 /// Pixels of a tile and round it, row by row, a column a quantity: means over a pixel's samples, 0
 /// beyond the region.
@@ -56,15 +72,17 @@ struct ResolveWindow {
     kPlace = 3,
     kPlaceLow = 6,  // what single precision leaves of it
     kSurface = 9,   // 1 where there is one
-    kColor = 10,    // of diffuse, glossy, transmission: three channels each; of media 1
+    kColor = 10,    // of each kind: three channels; of media 1
     kLight = kColor + 3 * (kColoredKinds + 1),
     kNoise = kLight + 3 * kResolvedLights,  // of light without its colour, how far the mean is off:
                                             // half of what halves differ by
     kSharp = kNoise + kResolvedLights,      // of glossy colour and of that of transmission, which
                                             // share mirrors and clear glass have
-    kShare = kSharp + kColoredKinds - 1,    // how much of the rays stays at surfaces
+    kShare = kSharp + kSharpKinds,          // how much of the rays stays at surfaces
     kAlong,                                 // how long the mean of their normals is, times that
-    kColumns
+    kShadow,                       // what shadows change of what catchers show, and what these do
+    kUnshadedColor = kShadow + 3,  // without them
+    kColumns = kUnshadedColor + 3
   };
   uint32_t width = 0, height = 0;
   std::vector<float> values;
@@ -81,9 +99,13 @@ struct ResolveWindow {
 /// What resolving adds to the means of the pixels of a region. One thread a tile at a time.
 class Resolve {
  public:
+  /// Whether there are catchers, and what has their shadows: a pass, or of Combined, there grey,
+  /// lost alpha or colour.
+  enum class Catches { kNone, kPass, kAlpha, kColor };
+
   Resolve() = default;
-  /// side: of blocks of pixels. keeps_lights: whether passes show lights by themselves.
-  Resolve(uint32_t side, Region region, bool keeps_lights);
+  /// side: of blocks of pixels. kept: bits of the lights that passes show by themselves.
+  Resolve(uint32_t side, Region region, uint32_t kept, Catches catches);
 
   bool on() const { return side_ > 1; }
   /// Pixels to each side that what is added to one depends on: half a block of which it takes in
@@ -93,20 +115,17 @@ class Resolve {
   /// Resolves the pixels of a window but for `looks_at` at its ends; the first of them is (x0, y0)
   /// of the region. is_halved: pixels have two halves of several samples.
   void run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is_halved);
-  /// Of a pixel, to the mean of Combined.
-  const float* added(uint32_t pixel) const { return added_.data() + 3 * size_t(pixel); }
+  /// Of a pixel, to the mean of Combined's colour and of lost alpha.
+  const float* added(uint32_t pixel) const { return added_.data() + 4 * size_t(pixel); }
   /// The same to the mean of one light; 0 where no pass shows it.
   float added_to(int light, uint32_t pixel, size_t channel) const {
-    return lights_.size() ? lights_.data()[place(light, pixel) + channel] : 0;
+    return lights_[light].size() ? lights_[light].data()[3 * size_t(pixel) + channel] : 0;
   }
 
  private:
-  static size_t place(int light, uint32_t pixel) {
-    return 3 * (size_t(pixel) * kResolvedLights + size_t(light));
-  }
-
   uint32_t side_ = 1, width_ = 0;
-  ZeroedBuffer<float> added_, lights_;
+  Catches catches_ = Catches::kNone;
+  ZeroedBuffer<float> added_, lights_[kResolvedLights];
 };
 
 }  // namespace glint

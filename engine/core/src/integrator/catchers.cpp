@@ -7,12 +7,6 @@
 namespace glint {
 namespace {
 
-constexpr double kMostRatio = 1000;
-
-double ratio_of(double with, double without) {
-  return without > 0 ? std::clamp(with / without, 0.0, kMostRatio) : 1;
-}
-
 double share(double x) { return 1 - std::clamp(x, 0.0, 1.0); }
 
 }  // namespace
@@ -106,25 +100,30 @@ void Tracer::keep_caught(const Queue& queue) {
 /// of their light says; or nothing, where the pass has the ratio.
 void Tracer::show_caught() {
   double* const lost = paths_.lost_alpha();
+  const bool has_pass = film_.wants(GLINT_PASS_SHADOW_CATCHER);
   const auto add = [&](double* sums, size_t path, Vec3d c) {
     for (size_t i = 0; sums && i < 3; ++i) sums[i * paths_.stride() + path] += c[int(i)];
   };
   for (size_t k = 0; k < paths_.size(); ++k) {
     const CaughtPath& path = caught_paths_[k];
     if (!any(path.seen)) continue;
-    const Vec3d ratio{ratio_of(path.with.x, path.without.x), ratio_of(path.with.y, path.without.y),
-                      ratio_of(path.with.z, path.without.z)};
-    if (double* const sums = paths_.sums(film_, GLINT_PASS_SHADOW_CATCHER)) {
-      add(sums, k, path.seen - path.seen * ratio);
+    Vec3d left{caught_ratio(path.with.x, path.without.x), caught_ratio(path.with.y, path.without.y),
+               caught_ratio(path.with.z, path.without.z)},
+        unshaded = path.seen;
+    if (has_pass) {
       lost[k] += mean(path.seen);
-      continue;
+    } else {
+      const double light = std::clamp(mean(left), 0.0, 1.0);
+      left = {light, light, light};
+      if (scene_.world.transparent_film) lost[k] += light * mean(path.seen);
+      else unshaded = path.seen * path.behind;
     }
-    const double light = std::clamp(mean(ratio), 0.0, 1.0);
-    if (scene_.world.transparent_film) {
-      lost[k] += light * mean(path.seen);
-      continue;
-    }
-    const Vec3d seen = light * (path.seen * path.behind);
+    add(paths_.sums(film_, GLINT_PASS_SHADOW_CATCHER), k, left * unshaded - unshaded);
+    add(paths_.sums(film_, kUnshaded), k, unshaded);
+    add(paths_.sums(film_, kCaughtLight), k, path.with);
+    add(paths_.sums(film_, kCaughtAlone), k, path.without);
+    if (has_pass || scene_.world.transparent_film) continue;
+    const Vec3d seen = left * unshaded;
     add(paths_.sums(film_, GLINT_PASS_COMBINED), k, seen);
     add(paths_.sums(film_, GLINT_PASS_ENVIRONMENT), k, seen);
     double* const groups = paths_.sums(film_, GLINT_PASS_LIGHT_GROUPS);

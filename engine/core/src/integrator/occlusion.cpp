@@ -79,12 +79,15 @@ void Tracer::note_occlusion(const Queue& queue, uint32_t sample) {
   if (occlusion_rows_.empty()) return;
   direct_.ambient_occlusion(batch_, occlusion_rows_, sample, open_, counts_);
   double* const sums = paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION);
+  double* const whole = paths_.sums(film_, kUnhidden);
   for (size_t i = 0; i < occlusion_rows_.size(); ++i) {
     const uint32_t k = occlusion_rows_[i];
     const Vec3d T = queue.path(k).T, passed = shader_.passed(batch_, k);
     for (size_t c = 0; c < 3; ++c) {
-      const double stays = 1 - std::clamp(passed[int(c)], 0.0, 1.0);
-      sums[c * paths_.stride() + queue.slot(k)] += T[int(c)] * stays * open_[i][int(c)];
+      const double stays = T[int(c)] * (1 - std::clamp(passed[int(c)], 0.0, 1.0));
+      const size_t at = c * paths_.stride() + queue.slot(k);
+      sums[at] += stays * open_[i][int(c)];
+      if (whole) whole[at] += stays;
     }
   }
 }

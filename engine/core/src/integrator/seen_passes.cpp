@@ -30,7 +30,7 @@ void Tracer::note_seen(const Queue& queue) {
       const Vec3d stays{1 - std::clamp(passed.x, 0.0, 1.0), 1 - std::clamp(passed.y, 0.0, 1.0),
                         1 - std::clamp(passed.z, 0.0, 1.0)};
       const double distance = camera_.distance(row(batch_.points.x, k));
-      clear[queue.slot(k)] += (1 - scene_.world.mist.at(distance)) * mean(T * stays);
+      clear[queue.slot(k)] -= (1 - scene_.world.mist.at(distance)) * mean(T * stays);
     }
     const double weight = mean(T) * (1 - mean(passed));
     if (film_.wants_denoising()) note_denoising(k, queue.slot(k), weight);
@@ -47,7 +47,7 @@ void Tracer::note_seen(const Queue& queue) {
 void Tracer::note_guides(const Queue& queue) {
   double* const first = paths_.guide(film_, kGuideNormal);
   for (size_t k = 0; k < queue.size(); ++k) {
-    if (batch_.material[k] >= scene_.materials.size() || is_caught(queue, k)) continue;
+    if (batch_.material[k] >= scene_.materials.size() || is_held_out(queue, k)) continue;
     const double share = mean(queue.path(k).T) * (1 - mean(shader_.passed(batch_, k)));
     if (!(share > 0)) continue;
     double* const guides = first + queue.slot(k);

@@ -26,7 +26,8 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
          std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }
 
-/// The passes of light by the kind of surface, and of media, that the scene may give any of.
+/// The passes of light by the kind of surface, of media and of catchers, that the scene may give
+/// any of.
 Passes lights_of(const Scene& scene) {
   constexpr Passes all = 7, of_media = 3;  // direct, indirect and, of surfaces, their colour
   Passes lights = all << GLINT_PASS_DIFFUSE_DIRECT;
@@ -34,6 +35,9 @@ Passes lights_of(const Scene& scene) {
     lights |= all << GLINT_PASS_GLOSSY_DIRECT;
   if (scene.features & GLINT_FEATURE_REFRACTION) lights |= all << GLINT_PASS_TRANSMISSION_DIRECT;
   if (scene.features & GLINT_FEATURE_MEDIA) lights |= of_media << GLINT_PASS_VOLUME_DIRECT;
+  if (scene.features & GLINT_FEATURE_SHADOW_CATCHER)
+    lights |= pass_bit(GLINT_PASS_SHADOW_CATCHER) | all << kCaughtLight;
+  if (!scene.world.transparent_film) lights |= pass_bit(GLINT_PASS_ENVIRONMENT);
   return lights;
 }
 
