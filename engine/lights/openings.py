@@ -47,9 +47,9 @@ FEWEST = 0.02
 """Share of the lines that an opening takes at least."""
 DENSEST = 0.25
 """Of the lines over the area of the plane's best opening its others have at least."""
-WIDEST = np.pi / 4
-"""Solid angle, steradian, in which half of its lines see what counts as an opening: directions on
-all sides find a sixteenth of the sphere.
+WIDEST = 0.09
+"""Share of the sphere in which places in rooms see the sky, and half of its lines an opening: what
+is wider directions on all sides find.
 """
 ENOUGH = 0.5
 """Share of the lines that openings must take, else the sky is seen everywhere."""
@@ -214,12 +214,13 @@ def _lines(surfaces: Accelerator, x: Array, n: Array, origin: Array) -> tuple[Ar
         to = _to_all_sides(rays // len(inside) + 1, len(inside)).reshape(3, -1)
         starts = np.tile(o, to.shape[1] // len(inside))
         free = ~surfaces.occluded((starts + origin).T, to.T).reshape(-1, len(inside))
+        wide = free.mean() > WIDEST
         # what is seen from next to a window does not count for more
         free &= np.cumsum(free, axis=0) <= LINES // len(inside) + 1
         free = free.ravel()
-        if 2 * free.sum() >= LINES:
+        if wide or 2 * free.sum() >= LINES:
             break
-    return starts[:, free], to[:, free], n[:, some]
+    return starts[:, free & ~wide], to[:, free & ~wide], n[:, some]
 
 
 def _to_all_sides(count: int, points: int) -> Array:
@@ -324,7 +325,7 @@ def _parts(
         to = np.vstack([uv[:, part], np.full(len(part), at)]) - o[:, part]
         square = (to * to).sum(0)
         solid = 4 * half.prod() * np.abs(to[2]) / np.sqrt(square) / square
-        if np.median(solid) <= WIDEST:
+        if np.median(solid) <= WIDEST * 4 * np.pi:
             through = np.zeros(o.shape[1], bool)
             through[part] = True
             c = frame.T @ np.append(middle, at)

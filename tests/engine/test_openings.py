@@ -184,6 +184,19 @@ def test_openings_stay_the_same_objects_while_the_surfaces_do():
     assert opened(light, room) is opened(light, replace(room, lights=()))
 
 
+def test_openings_told_in_another_frame_are_as_dense():
+    found, eye = openings(scene(walls())), np.array([1.0, -2.0, 0.5])
+    axes = turned(0.7)[:, :3]
+    x = np.tile([[3.0], [2.0], [1.0]], 3)
+    d = np.array([[-1.0, 0.0, 0.1], [-0.6, 0.8, 0.0], [1.0, 0.0, 0.0]]).T
+    d = d / np.sqrt((d * d).sum(0))
+    known = found_openings.density(found, x, d)
+    told = found.told(axes, eye)
+    told = found_openings.density(told, axes.T @ (x - eye[:, None]), axes.T @ d)
+    np.testing.assert_allclose(told, known, rtol=1e-12)
+    assert known[0] > 0
+
+
 def form_factor(x, y) -> np.ndarray:
     """Of the window, as the floor sees it: the part of the opening that its thickness leaves is
     bounded by its inner edge above and by its outer edge below and at the sides; seen from the
