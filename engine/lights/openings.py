@@ -45,8 +45,6 @@ MOST = 12
 """Openings."""
 FEWEST = 0.02
 """Share of the lines that an opening takes at least."""
-DENSEST = 0.25
-"""Of the lines over the area of the plane's best opening its others have at least."""
 WIDEST = 0.09
 """Share of the sphere in which places in rooms see the sky, and half of its lines an opening: what
 is wider directions on all sides find.
@@ -238,23 +236,14 @@ def _rectangles(o: Array, d: Array, n: Array) -> list[tuple[Array, ...]]:
     count = o.shape[1]
     while len(rows) < MOST and o.shape[1] > few and size > 0:
         best = max((_narrowest(o, d, frame, size) for frame in frames), key=lambda one: one[0])
-        parts = list(_parts(o, d, size, few, *best[1:]))
-        dense = [through.sum() / _area(row) for row, through in parts]
         taken = np.zeros(o.shape[1], bool)
-        for (row, through), each in zip(parts, dense, strict=True):
-            # what leaves by another opening crosses the plane in few lines here and there
-            if each >= DENSEST * max(dense):
-                rows.append((*row, through.sum()))
-                taken |= through
+        for row, through in _parts(o, d, size, few, *best[1:]):
+            rows.append((*row, through.sum()))
+            taken |= through
         if not taken.any():
             break
         o, d = o[:, ~taken], d[:, ~taken]
     return rows if o.shape[1] <= (1 - ENOUGH) * count else []
-
-
-def _area(row: Row) -> float:
-    _, u, v, _ = row
-    return float(max(np.sqrt((u @ u) * (v @ v)), 1e-300))
 
 
 def _frames(normals: Array) -> list[Array]:
