@@ -422,7 +422,7 @@ class Collector:
             instances,
             materials,
             textures,
-            sky.lights_with(self.lights.lights),
+            sky.lights_with(self.lights),
             world,
             tuple(aov.name for aov in self.materials.aovs),
             light_groups=self.light_groups.names,

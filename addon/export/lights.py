@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...engine.program.program import Program, compile_program
-from ...engine.scene import Light, Texture
+from ...engine.scene import Light, Openings, Texture
 from .camera import inverse_axes
 from .images.images import Images
 from .instances import Flags
@@ -27,6 +27,8 @@ from .unsupported import note_light
 BLACK = (0.0, 0.0, 0.0)
 _SAME_LENGTH = 1e-5
 """Relative difference of axis lengths that float32 matrices have by rounding."""
+MOST_PORTALS = 256
+"""The first ones count."""
 _ASLANT = 1e-3
 """Cosine of two axes from which on they stand aslant on each other."""
 
@@ -48,6 +50,7 @@ class Lights:
 
     def __init__(self, images: Images, report: Report) -> None:
         self.lights: list[Light] = []
+        self._portals: list[np.ndarray] = []
         self.images, self.report = images, report
 
     def add(
@@ -57,6 +60,7 @@ class Lights:
         object; what sees that, it lights.
         """
         if getattr(data.cycles, "is_portal", False) and data.type == "AREA":
+            self._portals += [_portal(data, matrix) for matrix in matrices]
             return
         self._note_approximations(name, data)
         note_light(name, data, self.report)
@@ -65,6 +69,15 @@ class Lights:
             light = self._place(name, data, matrix, flags, trees)
             if light is not None:
                 self.lights.append(replace(light, light_group=light_group))
+
+    @property
+    def openings(self) -> Openings | None:
+        """The portals that have an area."""
+        rows = np.array(self._portals).reshape(-1, 4, 3)
+        area = np.linalg.norm(np.cross(rows[:, 1], rows[:, 2]), axis=1)
+        good = np.flatnonzero((area > 0) & np.isfinite(area))[:MOST_PORTALS]
+        shares = area[good] / area[good].sum() if len(good) else area
+        return Openings(*rows[good].swapaxes(0, 1), shares) if len(good) else None
 
     def _place(
         self, name: str, data: Any, matrix: np.ndarray, flags: Flags, trees: dict[tuple, Emission]
@@ -204,6 +217,17 @@ def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
         return None, lengths
     x = x / np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z, matrix[:, 3]], -1), lengths
+
+
+def _portal(data: Any, matrix: np.ndarray) -> np.ndarray:
+    """(4, 3) rows of `Openings`: the sky is on the side to which the lamp does not shine. Round
+    ones are what bounds them.
+    """
+    frame, lengths = light_frame(matrix)
+    if frame is None:
+        return np.zeros((4, 3))
+    half = data.size * lengths[0] / 2, _size_up(data) * lengths[1] / 2
+    return np.stack([frame[:, 3], half[0] * frame[:, 0], half[1] * frame[:, 1], frame[:, 2]])
 
 
 def _is_small(length: float) -> bool:

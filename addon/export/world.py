@@ -19,6 +19,7 @@ from ...engine.program.graph import Value
 from ...engine.program.program import compile_program, instructions
 from ...engine.scene import Camera, Light, Medium, Mist, World
 from .images.images import Images
+from .lights import Lights
 from .materials.closures import LobeKey
 from .materials.evaluator import Evaluator
 from .materials.expressions import Expressions
@@ -46,10 +47,11 @@ class Sky:
     light: Light | None
     suns: tuple[Light, ...] = ()
 
-    def lights_with(self, lamps: list[Light]) -> tuple[Light, ...]:
-        """The lamps, then the world's light."""
-        own = (self.light,) if self.light is not None else ()
-        return (*lamps, *self.suns, *own)
+    def lights_with(self, lights: Lights) -> tuple[Light, ...]:
+        """The lamps, then the world's light, which comes in by portals."""
+        own, found = self.light, lights.openings
+        own = replace(own, openings=found) if own is not None and found is not None else own
+        return (*lights.lights, *self.suns, *((own,) if own is not None else ()))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,27 +22,15 @@ MOST_LAYERS = 256
 """Of an enclosure on one ray: so many surfaces are sought at most."""
 BEYOND = 1 + 2.0**-40
 """Of the way to a surface, from where the next one is sought."""
-_LIKENESS = attrgetter(
-    "geometry",
-    "visible_camera",
-    "visible_mirror",
-    "visible_shadow",
-    "visible_transmission",
-    "visible_diffuse",
-    "light_set",
-    "catcher",
-    "shading_offset",
-)
-"""Of blocks: what says whether and how light meets them, but for materials and values."""
 
 
 def joined(instances: Sequence[Instances]) -> tuple[Instances, ...]:
-    """The same placements in as few blocks as differ in more than what passes tell: each where its
-    first one is. A file of 50 000 objects has as many blocks.
+    """The same placements in as few blocks as differ in what they are filled with: a file of 50 000
+    objects has as many blocks.
     """
     alike: dict[tuple, list[Instances]] = {}
     for block in instances:
-        key = (_LIKENESS(block), tuple(block.materials), frozenset(block.values))
+        key = block.geometry, tuple(block.materials), frozenset(block.values)
         alike.setdefault(key, []).append(block)
     return tuple(
         replace(

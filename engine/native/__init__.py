@@ -83,7 +83,10 @@ _SIGNATURES = {
     "glint_render_error": (c_char_p, [c_void_p]),
     "glint_render_destroy": (None, [c_void_p]),
     "glint_isa": (c_char_p, []),
-    "glint_accel_create": (c_void_p, [POINTER(AccelData), c_uint32, c_char_p, c_size_t]),
+    "glint_accel_create": (
+        c_void_p,
+        [POINTER(AccelData), c_int32, c_uint32, c_char_p, c_size_t],
+    ),
     "glint_accel_destroy": (None, [c_void_p]),
     "glint_accel_stats": (AccelStatsData, [c_void_p]),
     **{

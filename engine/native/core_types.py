@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 72
+ABI_VERSION = 73
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:

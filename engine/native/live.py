@@ -144,7 +144,8 @@ class NativeLive:
             self._openings = next((x.openings for x in lit.lights if x.kind == "DOME"), None)
         else:
             lights = tuple(
-                replace(x, openings=self._openings) if x.kind == "DOME" else x for x in scene.lights
+                replace(x, openings=x.openings or self._openings) if x.kind == "DOME" else x
+                for x in scene.lights
             )
             known = replace(scene, lights=lights)
             lit = known.as_lit(**lighting, finding=False)

@@ -12,7 +12,7 @@ from ..errors import SceneError
 from ..scene import Scene
 from ..scene.ray_batch import RayBatch
 from . import ERROR_BYTES, library
-from .core_types import AccelData, HitsData, InstanceFlags, RaysData
+from .core_types import AccelData, Build, HitsData, InstanceFlags, RaysData
 from .packer import address
 from .packing import pack_scene
 
@@ -30,7 +30,7 @@ class NativeQueries:
     pulls trees from under a query.
     """
 
-    def __init__(self, scene: Scene, threads: int) -> None:
+    def __init__(self, scene: Scene, threads: int, quick: bool) -> None:
         """scene: sound (`scene_problems`).  Raises SceneError for what the core refuses,
         MemoryError, ImportError and OSError.
         """
@@ -40,7 +40,9 @@ class NativeQueries:
         names = (name for name, *_ in AccelData._fields_)
         data = AccelData(**{name: getattr(table, name) for name in names})
         error = ctypes.create_string_buffer(ERROR_BYTES)
-        self._handle = self._core.glint_accel_create(byref(data), threads, error, ERROR_BYTES)
+        self._handle = self._core.glint_accel_create(
+            byref(data), Build.FAST if quick else Build.BALANCED, threads, error, ERROR_BYTES
+        )
         if not self._handle:
             raise _refusal(error)
         found = self._core.glint_accel_stats(self._handle)

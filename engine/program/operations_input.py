@@ -181,7 +181,8 @@ INPUTS = (
         "light_path",
         sockets(camera="number", shadow="number", bounced="number", scattered="number"),
         formula="1 for the kind of ray that meets the point: from the camera, to a light, mirrored "
-        "or refracted, from a matt surface (of lights that are tables); else 0",
+        "or refracted, from a matt surface (of lights that are tables); else 0; rays to lights in "
+        "directions of lobes are of two kinds",
         reads_point=True,
         of_ray=True,
     ),

@@ -300,11 +300,12 @@ class Shader:
                 found[first + 3, index] = 1
         return found
 
-    def transmittance(self, spot: Spot, to_fibres: bool) -> Array:
+    def transmittance(self, spot: Spot, to_fibres: bool, kind: str = "shadow") -> Array:
         """(n, 4): what passes straight through, the clamped sum of the TRANSPARENT lobes, and by
         how much light is narrowed.
 
         spot: a `Surface` where `reads_surfaces`.  to_fibres: the rays are of points on strands.
+        kind: as of `points.light_path`.
         """
         total = np.zeros((len(spot.primitive), 3))
         size, narrow = np.zeros((2, len(spot.primitive)))
@@ -320,7 +321,7 @@ class Shader:
                 given = given * np.where(spot.outside[index], square, 1 / square)
             narrow[index] += given
 
-        self._each_lobe(spot, "shadow", add, ("TRANSPARENT",))
+        self._each_lobe(spot, kind, add, ("TRANSPARENT",))
         most = self._most_passed[int(to_fibres)][spot.material]
         passed = np.clip(total, 0.0, most[:, None])
         share = np.where(size > 0, narrow / np.where(size > 0, size, 1.0), 1.0)

@@ -57,12 +57,17 @@ def clipped(camera: Camera, d: Array, x: Array, far: Array) -> Array:
 
 
 def light_path(kind: str, count: int) -> tuple[Array, ...]:
-    """Four times (count,): 1 where the rays are the camera's, shadows', bounced or scattered
-    ones.
+    """Four times (count,): 1 where the rays are the camera's, shadows', bounced or scattered ones.
+    kind: shadows' in the directions of lobes are bounced ("shadow mirror") or scattered ones
+    ("shadow diffuse") as well.
     """
-    return tuple(
-        np.full(count, float(kind == k)) for k in ("camera", "shadow", "mirror", "scattered")
+    kinds = (
+        ("camera",),
+        ("shadow", "shadow mirror", "shadow diffuse"),
+        ("mirror", "shadow mirror"),
+        ("scattered", "shadow diffuse"),
     )
+    return tuple(np.full(count, float(kind in some)) for some in kinds)
 
 
 class SurfacePoints:

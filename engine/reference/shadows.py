@@ -46,6 +46,7 @@ class Shadows:
         self._attributes, self._rays, self._media = attributes, rays, media
         self._seen = visibility.geometry.visible["shadow"]
         self._blockers: Array | None = None
+        self._kind = "shadow"
 
     def mirrors_differ(self, source: Source) -> bool:
         """Whether mirrors show some things that rays to samples of a light do not meet, or the
@@ -77,7 +78,7 @@ class Shadows:
         if kind == "shadow":
             return self
         result = copy.copy(self)
-        result._seen = self._geometry.visible[kind]
+        result._seen, result._kind = self._geometry.visible[kind], f"shadow {kind}"
         if self._blockers is not None:
             result._seen = self._of_blockers(self._blockers, result._seen)
         return result
@@ -176,7 +177,7 @@ class Shadows:
     def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
         if not self._shader.reads_surfaces:
             spot = spot_at(self._geometry, rays, ray, primitive)
-            return self._shader.transmittance(spot, self.to_fibres)
+            return self._shader.transmittance(spot, self.to_fibres, self._kind)
         from_light = isinstance(rays, CoherentRays) and rays.frame.perspective
         surface = surface_at(
             self._geometry,
@@ -191,7 +192,7 @@ class Shadows:
         o, d = rays.lines(ray)
         left = o + (rays.far if from_light else rays.near)[ray] * d
         surface = replace(surface, far=length(surface.x - left))
-        return self._shader.transmittance(surface, self.to_fibres)
+        return self._shader.transmittance(surface, self.to_fibres, self._kind)
 
     def _parallel(self, start: Array, direction: Array) -> Array:
         matrix = parallel_frame(direction)

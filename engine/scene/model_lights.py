@@ -124,6 +124,11 @@ class Openings:
     normals: Array
     shares: Array
 
+    def told(self, axes: Array, eye: Array) -> Openings:
+        """In a frame of orthonormal columns, as seen from an eye."""
+        c, u, v, n = (x @ axes for x in (self.centers - eye, self.right, self.up, self.normals))
+        return Openings(c, u, v, n, self.shares)
+
 
 LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "MEDIUM")
 
@@ -150,11 +155,11 @@ class Light:
     float32 in the light's axes, equirectangular as `engine.lights.dome` says. emitters: of a MESH,
     whose bounds are size_x, size_y and twice the radius along the light's axes, round its origin.
     rods: of a MEDIUM one, the same. openings: of a DOME, points on which are
-    samples of it too; `Scene.as_lit` finds them. receivers: a bit for each light_set of the
-    instances that it lights, blockers: of those that cast shadows in it. motion: (k, 3, 4) float64,
-    k >= 2, world_from_light at even times while the shutter is open; None for one that stands
-    still, and of a DOME, MESH or MEDIUM one. light_group: of `Scene.light_groups`, -1 for
-    none; emitters and rods have their own.
+    samples of it too: the user's portals, else `Scene.as_lit` finds them. receivers: a bit for each
+    light_set of the instances that it lights, blockers: of those that cast shadows in it. motion:
+    (k, 3, 4) float64, k >= 2, world_from_light at even times while the shutter is open; None for
+    one that stands still, and of a DOME, MESH or MEDIUM one. light_group: of `Scene.light_groups`,
+    -1 for none; emitters and rods have their own.
     """
 
     name: str

@@ -88,6 +88,7 @@ class ViewAxes:
             light,
             world_from_light=self._told(light.world_from_light),
             motion=None if light.motion is None else self._told(light.motion),
+            openings=light.openings and light.openings.told(self.axes, self.eye),
         )
 
     def _told(self, matrices: Array) -> Array:

@@ -300,6 +300,22 @@ def test_portals_are_no_lights(scene):  # noqa: F811
     assert export().scene.lights == ()
 
 
+def test_portals_are_openings_of_the_sky(scene):  # noqa: F811
+    """Each that has an area, towards where it does not shine."""
+    scene.world = bpy.data.worlds.new("Sky")
+    for size, x in ((2.0, 1.0), (1.0, 5.0), (0.0, 9.0)):
+        thing = _light("AREA", shape="RECTANGLE", size=size, size_y=0.5)
+        thing.data.cycles.is_portal = True
+        thing.location = (x, 2.0, 3.0)
+    (sky,) = export().scene.lights
+    found = sky.openings
+    np.testing.assert_allclose(found.centers, [(1, 2, 3), (5, 2, 3)])
+    np.testing.assert_allclose(found.shares, (2 / 3, 1 / 3))
+    np.testing.assert_allclose(np.linalg.norm(found.right, axis=1), (1.0, 0.5))
+    np.testing.assert_allclose(np.linalg.norm(found.up, axis=1), 0.25)
+    np.testing.assert_allclose(np.cross(found.right[0], found.up[0]) / 0.25, found.normals[0])
+
+
 def test_spread(scene):  # noqa: F811
     thing = _light("AREA")
     assert export().scene.lights[0].spread == pytest.approx(math.pi)

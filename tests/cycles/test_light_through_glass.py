@@ -115,6 +115,50 @@ def test_shadows_of_what_is_clear_are_transparent_as_the_material_says(passes):
     assert wanted.std() > 0.02
 
 
+def under_a_card(sky: str, covered: bool = True):
+    """A floor below a wide card of alpha .5, black, that casts whole shadows. sky: EVEN; SLOPE, of
+    brightness along x; SUN, without one.
+    """
+    scene = cycles.empty_scene(8, 8)
+    cycles.set_world(scene, BLACK if sky == "SUN" else (1.0, 1.0, 1.0))
+    if sky == "SLOPE":
+        tree = scene.world.node_tree
+        nodes = [tree.nodes.new(f"ShaderNodeTex{name}") for name in ("Coord", "Gradient")]
+        background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
+        tree.links.new(nodes[0].outputs["Generated"], nodes[1].inputs[0])
+        tree.links.new(nodes[1].outputs[0], background.inputs[0])
+    if sky == "SUN":
+        add_light(scene, "SUN", (0, 0, 4), energy=3.0)
+    add(scene, "Floor", plane(1.0, lambert((0.8, 0.8, 0.8))))
+    if covered:
+        material, tree, output = new_material("Card")
+        material.use_transparent_shadow = False
+        names = ("MixShader", "BsdfTransparent", "BsdfDiffuse")
+        mix, clear, matt = (tree.nodes.new(f"ShaderNode{name}") for name in names)
+        matt.inputs["Color"].default_value = (*BLACK, 1.0)
+        tree.links.new(clear.outputs[0], mix.inputs[1])
+        tree.links.new(matt.outputs[0], mix.inputs[2])
+        tree.links.new(mix.outputs[0], output.inputs[0])
+        add(scene, "Card", plane(40.0, material), moved(0, 0, 1.0)).visible_camera = False
+    add_camera(scene, (0, 0, 0.5), (0, 0, 0), lens=200)
+    return scene
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(("sky", "off"), [("EVEN", 0.01), ("SLOPE", 0.15), ("SUN", 0.0)])
+def test_what_casts_whole_shadows_lets_the_light_of_matt_lobes_pass(sky, off, backend):
+    """An even sky Cycles finds by lobes alone, a sun by rays to it, others by both."""
+    shares = []
+    for draw in (
+        lambda scene: cycles.render_cycles(scene, 1024)["Combined"][..., :3],
+        lambda scene: picture(scene, backend, samples=64),
+    ):
+        below, bare = (draw(under_a_card(sky, covered)).mean() for covered in (True, False))
+        shares.append(below / bare)
+    assert abs(shares[1] - shares[0]) <= off * 0.5
+    assert {"EVEN": 0.49, "SLOPE": 0.2, "SUN": -1}[sky] < shares[0] < 0.51
+
+
 def basin(lit_by: str, gap: bool):
     """Water over a floor, which it touches or hovers over."""
     scene = cycles.empty_scene(*SIZE)

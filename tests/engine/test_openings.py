@@ -175,14 +175,26 @@ def test_where_all_is_open_or_closed_there_are_none():
 def test_points_in_one_place_have_no_planes_across():
     """As where but one of all is enclosed."""
     up = np.tile([[0.0], [0.0], [1.0]], 8)
-    lines = found_openings._Lines(-up, up)
     with np.errstate(all="raise"):
-        assert not [*found_openings._on_planes(lines, np.eye(3), np.zeros((3, 8)))]
+        assert not found_openings._rectangles(0 * up, up, up)
 
 
 def test_openings_stay_the_same_objects_while_the_surfaces_do():
     room, light = scene(walls()), sky()
     assert opened(light, room) is opened(light, replace(room, lights=()))
+
+
+def test_openings_told_in_another_frame_are_as_dense():
+    found, eye = openings(scene(walls())), np.array([1.0, -2.0, 0.5])
+    axes = turned(0.7)[:, :3]
+    x = np.tile([[3.0], [2.0], [1.0]], 3)
+    d = np.array([[-1.0, 0.0, 0.1], [-0.6, 0.8, 0.0], [1.0, 0.0, 0.0]]).T
+    d = d / np.sqrt((d * d).sum(0))
+    known = found_openings.density(found, x, d)
+    told = found.told(axes, eye)
+    told = found_openings.density(told, axes.T @ (x - eye[:, None]), axes.T @ d)
+    np.testing.assert_allclose(told, known, rtol=1e-12)
+    assert known[0] > 0
 
 
 def form_factor(x, y) -> np.ndarray:

@@ -276,10 +276,15 @@ def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
 
 
 def _opaque_to_light(closure: Closure, evaluator: Evaluator) -> Closure:
-    """The closure without what rays to lights pass."""
+    """The closure without what rays to lights pass, but for those in directions of lobes, which
+    Cycles follows to lights as it does to things.
+    """
     expressions = evaluator.expressions
-    shadow = expressions.graph.apply(BY_NAME["light_path"])[1]
-    share = expressions.sum_of(expressions.math("SUBTRACT", 1.0, shadow))
+    _, shadow, bounced, scattered = expressions.graph.apply(BY_NAME["light_path"])
+    of_lobes = expressions.math("ADD", bounced, scattered)
+    share = expressions.sum_of(
+        expressions.math("MAXIMUM", expressions.math("SUBTRACT", 1.0, shadow), of_lobes)
+    )
     return {
         key: multiply(evaluator.limited(terms), share) if key.kind == "TRANSPARENT" else terms
         for key, terms in closure.items()

@@ -259,10 +259,11 @@ def _light_path(view: NodeInputs) -> Outputs:
     but what these points and other tables hold is seen by such.
     """
     camera, shadow, bounced, scattered = view.apply("light_path")
+    direct = view.math("SUBTRACT", 1.0, view.math("ADD", bounced, scattered))
     zero, length = view.reader.graph.constant(0.0), view.reader.ray_length()
     return {
         "Is Camera Ray": camera,
-        "Is Shadow Ray": shadow,
+        "Is Shadow Ray": view.math("MULTIPLY", shadow, direct),
         "Is Diffuse Ray": scattered,
         "Is Glossy Ray": bounced,
         "Is Singular Ray": bounced,

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 72
+#define GLINT_ABI_VERSION 73
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -691,10 +691,11 @@ typedef struct GlintAccelStats {
 
 typedef struct GlintAccel GlintAccel;
 
-/* Checks everything and builds the trees on `threads` threads (0: one a core); null and text in
- * `error` when something is wrong, a matrix is not finite, or memory is short. */
-GLINT_API GlintAccel* glint_accel_create(const GlintAccelData* data, uint32_t threads, char* error,
-                                         size_t error_size);
+/* Checks everything and builds the trees, as carefully as the GlintBuild `acceleration` says, on
+ * `threads` threads (0: one a core); null and text in `error` when something is wrong, a matrix is
+ * not finite, or memory is short. */
+GLINT_API GlintAccel* glint_accel_create(const GlintAccelData* data, int32_t acceleration,
+                                         uint32_t threads, char* error, size_t error_size);
 GLINT_API void glint_accel_destroy(GlintAccel* accel);
 GLINT_API GlintAccelStats glint_accel_stats(const GlintAccel* accel);
 

@@ -132,8 +132,9 @@ void try_accel(Dice& dice, Tally& tally) {
   Arena arena;
   const GlintAccelData data = accel(dice, arena);
   ErrorBuffer error(dice);
-  GlintAccel* handle = glint_accel_create(dice.chance(0.01) ? nullptr : &data,
-                                          uint32_t(dice.below(4)), error.data(), error.size);
+  GlintAccel* handle =
+      glint_accel_create(dice.chance(0.01) ? nullptr : &data, int32_t(dice.below(4)),
+                         uint32_t(dice.below(4)), error.data(), error.size);
   if (!handle) {
     ++tally.refused;
     return error.check();

@@ -263,7 +263,7 @@ bool has_room(const Room* hits) {
 }  // namespace
 }  // namespace glint
 
-GlintAccel::GlintAccel(const GlintAccelData& data, uint32_t threads) {
+GlintAccel::GlintAccel(const GlintAccelData& data, glint::BuildQuality quality, uint32_t threads) {
   std::vector<glint::InstanceView> instances = glint::instance_views(data);
   const glint::Extent box = glint::world_bounds(data, instances);
   anchor = glint::anchor_of(glint::Sample(data, instances), box);
@@ -271,7 +271,7 @@ GlintAccel::GlintAccel(const GlintAccelData& data, uint32_t threads) {
   stats.instances = instances.size();
   const std::atomic<bool> never{false};
   accel = glint::Accel::build(glint::geometry_views(data.geometries, data.geometry_count),
-                              std::move(instances), glint::thread_count(threads), never);
+                              std::move(instances), glint::thread_count(threads), never, quality);
   const glint::AccelStats built = accel->stats();
   for (int k = 0; k < 3; ++k) {
     stats.low[k] = box.low[k];
@@ -284,15 +284,17 @@ GlintAccel::GlintAccel(const GlintAccelData& data, uint32_t threads) {
   stats.nodes = built.nodes;
 }
 
-GlintAccel* glint_accel_create(const GlintAccelData* data, uint32_t threads, char* error,
-                               size_t error_size) {
+GlintAccel* glint_accel_create(const GlintAccelData* data, int32_t acceleration, uint32_t threads,
+                               char* error, size_t error_size) {
   return glint::guarded<GlintAccel*>(nullptr, error, error_size, [&]() -> GlintAccel* {
-    const std::string problems = data ? glint::accel_problems(*data) : "no data";
+    std::string problems = data ? glint::accel_problems(*data) : "no data";
+    if (acceleration < GLINT_BUILD_FAST || acceleration > GLINT_BUILD_FINE)
+      problems = "unknown acceleration";
     if (!problems.empty()) {
       glint::tell(error, error_size, problems.c_str());
       return nullptr;
     }
-    return new GlintAccel(*data, threads);
+    return new GlintAccel(*data, glint::BuildQuality(acceleration), threads);
   });
 }
 

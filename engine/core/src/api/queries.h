@@ -25,5 +25,5 @@ struct GlintAccel {
   std::unique_ptr<glint::Accel> accel;
 
   /// `data` has no problems.
-  GlintAccel(const GlintAccelData& data, uint32_t threads);
+  GlintAccel(const GlintAccelData& data, glint::BuildQuality quality, uint32_t threads);
 };

@@ -35,8 +35,12 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
 }
 
 void TransparentShadows::begin(const LightStage& light, size_t count, double* const (&shadow)[3],
-                               const Opacity* opacity, bool to_fibres) {
+                               const Opacity* opacity, bool to_fibres, uint32_t visibility) {
   opacity_ = opacity;
+  visibility_ = visibility;
+  stage_.kind = visibility == kDiffuse  ? RayKind::kShadowScattered
+                : visibility == kMirror ? RayKind::kShadowBounced
+                                        : RayKind::kShadow;
   stage_.to_fibres = to_fibres;
   stage_.point = light.point;
   const bool endless = light.shape == kDirection || light.shape == kSky || light.shape == kOpenSky;
@@ -55,8 +59,7 @@ void TransparentShadows::begin(const LightStage& light, size_t count, double* co
 void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
                                const double* starts, size_t count, double* const (&shadow)[3],
                                RayCounts& counts, bool to_fibres, uint32_t visibility) {
-  begin(light, count, shadow, opacity, to_fibres);
-  visibility_ = visibility;
+  begin(light, count, shadow, opacity, to_fibres, visibility);
   counts.shadow += count;
   const double* const* o = light.o;
   const double* const* d = light.to;
@@ -79,8 +82,7 @@ void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
 void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
                                 double* const (&shadow)[3], RayCounts& counts, bool to_fibres,
                                 uint32_t visibility) {
-  begin(light, count, shadow, scene_.trees.opacity(), to_fibres);
-  visibility_ = visibility;
+  begin(light, count, shadow, scene_.trees.opacity(), to_fibres, visibility);
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);

@@ -36,7 +36,7 @@ class TransparentShadows {
   };
 
   void begin(const LightStage& light, size_t count, double* const (&shadow)[3],
-             const Opacity* opacity, bool to_fibres);
+             const Opacity* opacity, bool to_fibres, uint32_t visibility);
   void wait(const LightStage& light, uint32_t number, double t_min);
   void go_on(const LightStage& light, RayCounts& counts);
   void pass(const LightStage& light, const Rays& rays, RayCounts& counts);

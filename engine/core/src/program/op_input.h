@@ -1,5 +1,6 @@
 // Operations that read the shaded points.
 #pragma once
+#include <iterator>
 #include <limits>
 
 #include "program/machine.h"
@@ -289,12 +290,12 @@ inline void layer_weight(const Machine& m, const Operands& at) {
 }
 
 inline void light_path(const Machine& m, const Operands& at) {
-  const auto is = [&](RayKind kind) { return splat(m.kind == kind ? 1 : 0); };
+  const RayKind kind = m.kind;
+  const bool is[] = {kind == RayKind::kCamera, kind >= RayKind::kShadow,
+                     kind == RayKind::kBounced || kind == RayKind::kShadowBounced,
+                     kind == RayKind::kShadowScattered};
   each_group(m, [&](size_t k) {
-    at.put(0, k, is(RayKind::kCamera));
-    at.put(1, k, is(RayKind::kShadow));
-    at.put(2, k, is(RayKind::kBounced));
-    at.put(3, k, splat(0));  // no ray: lights that are tables are made elsewhere
+    for (size_t i = 0; i < std::size(is); ++i) at.put(i, k, splat(is[i]));
   });
 }
 

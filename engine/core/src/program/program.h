@@ -24,7 +24,13 @@ struct ProgramShape {
 };
 
 /// Of the rays that meet the points.
-enum class RayKind { kCamera, kBounced, kShadow };
+enum class RayKind {
+  kCamera,
+  kBounced,
+  kShadow,
+  kShadowBounced,    // to a light, in the direction of a rough lobe
+  kShadowScattered,  // and of a matt one
+};
 
 /// The points, a number a point, in anchored space. Those beyond the last repeat one before.
 struct ProgramPoints {

@@ -204,7 +204,7 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count, int64_t* out
   }
   for (size_t i = 0; i < count; i += kLanes)
     store(p.weights[0] + i, 1 - load(p.weights[1] + i) - load(p.weights[2] + i));
-  run_program({s.tables, s.program, &p, RayKind::kShadow, count, s.slots, nullptr});
+  run_program({s.tables, s.program, &p, s.kind, count, s.slots, nullptr});
 }
 
 void transmit(const TransmittanceStage& s) {

@@ -212,6 +212,7 @@ struct TransmittanceStage {
   double* narrowed;  // by how much; null where surfaces are of no density
   double most;       // Material::most_passed, or most_passed_to_fibres
   bool to_fibres;    // the rays are of points on strands
+  RayKind kind;
   const LobeShape* lobes;
   uint32_t lobe_count;
   const ProgramShape* program;  // null for none
