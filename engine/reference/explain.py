@@ -344,18 +344,14 @@ class Explainer:
         for source in lighting.sources:
             margin, j = 0, 0
             hidden = source.hidden_counts if isinstance(source, Dome) else 1
-            for j, (narrow, sample, diffuse) in enumerate(
+            for j, (narrow, sample, lobes) in enumerate(
                 lighting.samples(surface, coefficients, weight, source, self._sample)
             ):
-                if diffuse is coefficients.diffuse or sample.intensity[0]:
-                    is_drawn = diffuse is not coefficients.diffuse
-                    own = replace(coefficients, diffuse=diffuse, sheens=[], fibres=[])
-                    own = own if is_drawn else coefficients
-                    term = self._light(surface, own, source, narrow, sample, j, lighting)
+                if lobes is coefficients or sample.intensity[0]:
+                    term = self._light(surface, lobes, source, narrow, sample, j, lighting)
                     lost = np.array(term.shadow) != 1.0
                     light = np.array(term.diffuse) + np.array(term.specular)
-                    counts = diffuse is coefficients.diffuse and sample.counts
-                    if counts and light.any():
+                    if lobes is coefficients and sample.counts and light.any():
                         margin += -hidden if (lost * light).any() else 1
                     yield term
             if isinstance(source, Dome) and margin >= 0 and not lighting.dealt:
@@ -460,7 +456,7 @@ class Explainer:
             shadow=_numbers(shadow),
             blocker=blocker,
             blocker_distance=distance,
-            diffuse=_numbers(diffuse * intensity if lit else np.zeros(3)),
+            diffuse=_numbers(diffuse * sample.matt_light_of(source)[:, 0] if lit else np.zeros(3)),
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
             group=self._group(sample.group_of(source)),
             bump_shadow=0.0 if hidden[0] else float(share[0]),

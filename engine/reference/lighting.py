@@ -27,7 +27,7 @@ from .shared_lamps import Given, Sharing, share_shadows
 from .surface import Surface
 from .tabled_lights import FEW_PARTS, Dome, MeshSource
 from .terminator import lowered, mean_lowered
-from .vectors import add_at, dot, pick
+from .vectors import add_at, around, dot, pick
 
 Array = np.ndarray
 
@@ -69,6 +69,7 @@ class Lighting:
     first_rod: the first primitive that is of strands. faint: weights of points below this take few
     samples. dealt: pixels of a block deal the samples among themselves, so that each sees few of
     the sky. each_once: of its samples each light takes one, another in each sample of a pixel.
+    draws_matt: what is matt draws directions to MESH lights.
     """
 
     sources: tuple[Source, ...]
@@ -85,6 +86,7 @@ class Lighting:
     faint: float = 0.0
     dealt: bool = False
     each_once: bool = False
+    draws_matt: bool = False
 
     @cached_property
     def of_few_samples(self) -> Lighting:
@@ -206,16 +208,16 @@ class Lighting:
     def _samples_given(
         self, at: _Receivers, source: Source, lit: Array
     ) -> Iterator[tuple[Given, LightSample, bool]]:
-        """What each sample of a light gives to the points `lit` (n,) bool, and whether highlights
-        draw it.
+        """What each sample of a light gives to the points `lit` (n,) bool, and whether lobes draw
+        it.
         """
         surface, coefficients = at.surface, at.coefficients
-        for narrow, light_sample, diffuse in self.samples(
+        for narrow, light_sample, lobes in self.samples(
             surface, coefficients, at.weight, source, at.sample
         ):
             self.cancellation.check()
-            is_drawn = diffuse is not coefficients.diffuse
-            brought = self._given(surface, coefficients, lit, source, narrow, light_sample, diffuse)
+            is_drawn = lobes is not coefficients
+            brought = self._given(surface, lobes, is_drawn, lit, source, narrow, light_sample)
             yield brought, light_sample, is_drawn
 
     def _shares(self, source: Source) -> bool:
@@ -322,14 +324,14 @@ class Lighting:
         weight: Array,
         source: Source,
         sample: int,
-    ) -> Iterator[tuple[Narrow | None, LightSample, Array]]:
+    ) -> Iterator[tuple[Narrow | None, LightSample, Coefficients]]:
         """The samples of a light: highlights narrower than it, if there are any, the sample, and
-        k_d (3, n) or zeros.
+        the lobes that it lights, not all where these draw it.
         """
         n = source.sample_count(self.light_samples)
         points = self.points if source.points is None else source.points
         if n == 1 and source.points is None:
-            yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
+            yield None, source.sample(surface.x, CENTER, n), coefficients
             return
         glossy = source.has_highlights and source.light.lights_gloss
         terms = coefficients.highlights if glossy else []
@@ -338,12 +340,28 @@ class Lighting:
         seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
         once = self.each_once and not self._shares(source)
         numbers = numbers[sample % n :: n] if once else numbers
+        glows = None
+        if self.draws_matt and isinstance(source, MeshSource) and source.light.kind == "MESH":
+            glows = source if source.light.lights_matt else None
+        count = 1 if once else n
+        of_matt = replace(coefficients, highlights=[])
+        of_gloss = replace(
+            coefficients, diffuse=np.zeros_like(coefficients.diffuse), sheens=[], fibres=[]
+        )
         for number in numbers:
             point = points[number]
             given = seen(point)
             given = replace(given, intensity=n * given.intensity) if once else given
-            yield narrow, given, coefficients.diffuse
+            if glows:
+                to_matt = glows.to_matt(given, surface.n, surface.g, count)
+                given = replace(given, to_matt=to_matt)
+            yield narrow, given, coefficients
             place = source.drawn_at(number, point)
+            if glows and (once or place is not None):
+                direction = around(surface.n, point.disc)
+                met = replace(glows.sample_at(surface.x, direction, n), met_by="diffuse")
+                to_matt = glows.to_matt(met, surface.n, surface.g, count)
+                yield None, replace(met, intensity=to_matt), of_matt
             if narrow and place is not None:
                 direction, drawn, _ = narrow.draw(place)
                 chosen = source.sample_at(surface.x, direction, n)
@@ -354,7 +372,7 @@ class Lighting:
                         intensity=np.where(drawn, chosen.intensity, 0.0),
                         met_by="mirror",
                     ),
-                    np.zeros_like(coefficients.diffuse),
+                    of_gloss,
                 )
 
     def _add(self, source: Source, given: Given, total: DirectLight) -> tuple[Array, Array]:
@@ -388,18 +406,17 @@ class Lighting:
         self,
         surface: Surface,
         coefficients: Coefficients,
+        is_drawn: bool,
         lit: Array,
         source: Source,
         narrow: Narrow | None,
         sample: LightSample,
-        diffuse: Array,
     ) -> Given:
         """What one sample of one light gives to the points that it reaches, whatever stands
         between.
         """
         self.cancellation.check()
         cosine = sample.cosine(surface.n)
-        is_drawn = diffuse is not coefficients.diffuse
         glossy = source.has_highlights
         passing = (glossy or bool(coefficients.fibres)) and not is_drawn
         through = coefficients.lets_through() if passing else False
@@ -412,13 +429,12 @@ class Lighting:
         if not source.color.any():
             seen = seen[:0]
         chosen = replace(sample.taken(seen), inner=None, leaves=leaves)
-        light = chosen.light_of(source)
+        light, to_matt = chosen.light_of(source), chosen.matt_light_of(source)
         terms = coefficients.highlights if glossy else []
         front = cosine[seen] > 0
-        diffuse = pick(diffuse, seen) * light * np.where(front, cosine[seen], 0.0)
-        if not is_drawn:
-            diffuse = diffuse + matt_lobes(surface, coefficients, seen, chosen.direction) * light
-            diffuse = low[seen] * matt[seen] * diffuse
+        diffuse = pick(coefficients.diffuse, seen) * np.where(front, cosine[seen], 0.0)
+        diffuse = diffuse + matt_lobes(surface, coefficients, seen, chosen.direction)
+        diffuse = low[seen] * matt[seen] * diffuse * to_matt
         specular = (
             highlights(surface, terms, seen, chosen.direction)
             * light

@@ -49,7 +49,8 @@ class LightSample:
     light groups instead of the light's, None for that.  counts: whether it tells how much of a sky
     is hidden.  leaves: whether points may lie on what segments leave on the
     other side, so that these begin there and not at the light.  met_by: whose visibility rays of
-    surfaces obey; of those drawn from lobes that of mirrors.
+    surfaces obey; of those drawn from lobes that of mirrors.  whole: (n,) spread, seen from as near
+    as it is; None where nobody asks.  to_matt: (n,) intensity for what is matt, None for the same.
     """
 
     direction: Array
@@ -63,6 +64,8 @@ class LightSample:
     counts: bool = True
     leaves: bool = False
     met_by: str = "shadow"
+    whole: Array | None = None
+    to_matt: Array | None = None
 
     @property
     def drawn(self) -> bool:
@@ -100,12 +103,20 @@ class LightSample:
             color=some(self.color),
             inner=None if self.inner is None else self.inner[index],
             group=some(self.group),
+            whole=some(self.whole),
+            to_matt=some(self.to_matt),
         )
 
     def light_of(self, source: Source) -> Array:
         """(3, n) intensity times colour."""
-        color = source.color[:, None] if self.color is None else self.color
-        return color * self.intensity
+        return self._color(source) * self.intensity
+
+    def matt_light_of(self, source: Source) -> Array:
+        """(3, n) the same for what is matt."""
+        return self._color(source) * (self.intensity if self.to_matt is None else self.to_matt)
+
+    def _color(self, source: Source) -> Array:
+        return source.color[:, None] if self.color is None else self.color
 
     def group_of(self, source: Source) -> Array | int:
         """(1,), (n,) or one number: light groups, -1 for none."""

@@ -104,6 +104,9 @@ class Stage:
             reflecting=settings.reflecting,
             first_rod=self.geometry.first_rod,
             dealt=self.interleaving > 1,
+            draws_matt=not any(
+                lobe.kind.startswith("FIBRE") for m in scene.materials for lobe in m.lobes
+            ),
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())

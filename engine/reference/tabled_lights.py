@@ -35,6 +35,10 @@ LEAST_WIDE = 8.0
 """Exponents from here on draw directions beside the points of lights that may be all around."""
 SKY_DRAWS = 1 / 8
 """Directions that highlights draw for each of the sky's."""
+NEAREST = 1e-12
+"""Of the least square of the distance of points of MESH lights, the same of what draws directions
+to them.
+"""
 MOST_PAIRS = 1 << 21
 """Of rays and triangles that are tested at once."""
 ROUNDED = 8 * 2.0**-24
@@ -228,6 +232,18 @@ class MeshPoint:
 class MeshSource(Source):
     """Surfaces that glow."""
 
+    def to_matt(self, seen: LightSample, n: Array, g: Array, count: int) -> Array:
+        """(k,) the intensity that what is matt with the normals n and faces g (3, k) sees of one of
+        `count` samples, beside which it draws a direction by its cosine, or of that direction, if
+        it is before the face: both are weighed (the power heuristic).
+        """
+        is_drawn, before = seen.met_by == "diffuse", dot(g, seen.direction) > 0
+        assert seen.whole is not None
+        whole = np.where(seen.intensity != 0, seen.whole / (np.pi * count), 0.0)
+        times = dot(n, seen.direction) * whole
+        given = whole * (times if is_drawn else 1.0) / (1 + times * times)
+        return np.where(before, given, 0.0 if is_drawn else seen.intensity)
+
     def __init__(self, light: Light, eye: Array, table: MeshTable):
         super().__init__(light, eye, physical=True)
         self._eye, self.parts = eye, 1
@@ -305,7 +321,8 @@ class MeshSource(Source):
         to = q - x
         direction, near2 = unit(to), merged(spread, self._table.each)
         z = -dot(direction, normal)
-        solid_angle = spread * np.abs(z) / np.maximum(dot(to, to), near2)
+        d2 = dot(to, to)
+        solid_angle = spread * np.abs(z) / np.maximum(d2, near2)
         light = np.where(z > 0, front, back)
         with np.errstate(over="ignore"):
             color = np.clip(light, -HUGE, HUGE)
@@ -318,6 +335,7 @@ class MeshSource(Source):
             color,
             z <= 0,
             ROUNDED,
+            whole=spread * np.abs(z) / np.maximum(d2, NEAREST * near2),
         )
 
 

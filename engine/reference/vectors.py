@@ -62,6 +62,15 @@ def add_at(total: Array, index: Array, values: Array) -> None:
         row[index] += value
 
 
+def around(n: Array, point: Array) -> Array:
+    """(3, k) the unit vectors over a point (2,), or points (2, k), of the discs below the unit
+    vectors n (3, k): as densely as their cosine for points even over the disc (Malley's method).
+    """
+    x, y = point
+    first, second = basis_around(n)
+    return np.sqrt(np.maximum(1 - x * x - y * y, 0.0)) * n + x * first + y * second
+
+
 def basis_around(n: Array) -> tuple[Array, Array]:
     """Two unit vectors (3, k) that make a right-handed frame with the unit vectors n (Duff et al.
     2017, section 2.5 of the notes).

@@ -94,11 +94,32 @@ def test_a_panel_gives_its_form_factor(a, b, z):
     np.testing.assert_allclose(value, rectangle_form_factor(a, b, z), rtol=2e-3)
 
 
-@pytest.mark.parametrize(("a", "b", "z"), [(1, 1, 1), (0.2, 3, 0.7), (0.1, 0.1, 2), (1, 0.3, 0.5)])
+@pytest.mark.parametrize(
+    ("a", "b", "z"), [(1, 1, 1), (0.2, 3, 0.7), (0.1, 0.1, 2), (1, 0.3, 0.5), (1, 1, 1e-3)]
+)
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_few_samples_of_a_panel_are_near(backend, a, b, z):
     value = drawn(scene(panel(z, a, b)), backend, samples=64)
     np.testing.assert_allclose(value, rectangle_form_factor(a, b, z), rtol=0.04)
+
+
+@pytest.mark.parametrize(
+    ("z", "a"), [(0.1, 1.0), (1e-2, 1.0), (1e-4, 1.0), (1.0, 50.0), (1e-4, 50.0)]
+)
+def test_a_panel_near_the_floor_gives_its_form_factor(z: float, a: float) -> None:
+    """However near: nothing is darker where it is nearly closed off, and no wide panel is lost."""
+    found = drawn(scene(panel(z, a, a)), samples=256)
+    np.testing.assert_allclose(found, rectangle_form_factor(a, a, z), rtol=0.01)
+
+
+@pytest.mark.parametrize("x", [0.1, 0.3, 1.0, 3.0])
+def test_a_ball_on_the_floor_gives_its_form_factor(x: float) -> None:
+    """A sphere of radius r, seen in the direction u at the distance d: cos u (r / d)², where no part
+    of it is below the horizon; here it touches that.
+    """
+    ball = Spheres("ball", np.array([[x, 0, 1]], np.float32), np.array([1], np.float32))
+    wanted = 1 / np.hypot(x, 1) ** 3
+    np.testing.assert_allclose(drawn(scene(ball)), wanted, rtol=0.015)
 
 
 def test_a_disc_gives_its_form_factor():

@@ -184,7 +184,13 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
         const size_t drawn = stages_.gloss(stage_);
         met_ = light.is_mesh();
         met_by_ = kMirror;
-        add_lit(batch, light, met_ ? meet_emitters(light, drawn) : drawn, nullptr, counts);
+        add_lit(batch, light, met_ ? meet_emitters(light, drawn, false) : drawn, nullptr, counts);
+        met_ = false;
+      }
+      if (stage_.draws_matt && point.draws) {
+        met_by_ = kDiffuse;
+        met_ = true;
+        add_lit(batch, light, meet_emitters(light, draw_matt(batch.size()), true), nullptr, counts);
         met_ = false;
       }
       met_by_ = kShadow;
@@ -308,7 +314,7 @@ Vec3d DirectLight::shadow_start(uint32_t point, const Vec3d& origin, const Vec3d
 
 /// What the `count` drawn directions of the stage meet of a mesh light: samples of it, as the stage
 /// has them of other lights. How many do.
-size_t DirectLight::meet_emitters(const Light& light, size_t count) {
+size_t DirectLight::meet_emitters(const Light& light, size_t count, bool matt) {
   const Rays rays = shadow_rays(count);
   scene_.trees.emitters(light).closest(
       rays, {distance_, placement_.data(), emitter_.data(), u_.data(), v_.data()}, scratch_);
@@ -320,9 +326,10 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
     const Vec3d origin = start_towards(point_[k], l);
     const LightMeeting met = light.meeting(emitter, row(stage_.points_x, point_[k]), origin, q, l,
                                            uint32_t(stage_.share));
-    const double times = stage_.density_out[k] * met.spread,
-                 factor = stage_.evenly ? stage_.share * met.factor / (times + 1 / times)
-                                        : met.factor / (1 + times / stage_.share);
+    const double times = stage_.density_out[k] * (matt ? met.whole / stage_.share : met.spread),
+                 factor = matt            ? met.whole / (kPi * stage_.share) / (times + 1 / times)
+                          : stage_.evenly ? stage_.share * met.factor / (times + 1 / times)
+                                          : met.factor / (1 + times / stage_.share);
     const Vec3d given = factor * met.color * row(stage_.diffuse_out, k);
     if (!any(given) || (!met.front && dot(row(stage_.g, point_[k]), l) <= 0)) continue;
     const Vec3d start = shadow_start(point_[k], origin, met.end), to = met.end - start;
@@ -333,12 +340,32 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
     stage_.t_max[kept] = length(to) - rounding(std::max(max_abs(met.end), max_abs(start)));
     if (stage_.start_out[0]) set_row(stage_.start_out, kept, origin);
     if (stage_.end_out[0]) set_row(stage_.end_out, kept, met.end);
-    set_row(stage_.diffuse_out, kept, stage_.specular_out[0] ? Vec3d{} : given);
-    if (stage_.specular_out[0]) set_row(stage_.specular_out, kept, given);
+    const bool apart = stage_.specular_out[0] && !matt;
+    set_row(stage_.diffuse_out, kept, apart ? Vec3d{} : given);
+    if (stage_.specular_out[0]) set_row(stage_.specular_out, kept, apart ? given : Vec3d{});
     ++kept;
   }
   std::fill_n(stage_.t_max + kept, count - kept, kInfinity);
   return kept;
+}
+
+/// Directions that what is matt draws at the stage's points, as densely as the cosine: how many.
+size_t DirectLight::draw_matt(size_t count) {
+  const double r = std::sqrt(stage_.radius2);
+  for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), count, r * stage_.azimuth[c]);
+  const bool before = stage_.matt_alone;
+  stage_.matt_alone = true;
+  stage_.gathers_gloss = false;
+  stage_.side = nullptr;
+  const size_t drawn = stages_.gather(stage_);
+  stage_.matt_alone = before;
+  std::fill_n(stage_.t_max, drawn, kInfinity);
+  for (size_t k = 0; k < drawn; ++k) {
+    const double cosine = dot(row(stage_.n, point_[k]), row(stage_.to, k));
+    stage_.density_out[k] = cosine / kPi;
+    set_row(stage_.diffuse_out, k, cosine * row(stage_.diffuse_out, k));
+  }
+  return drawn;
 }
 
 /// Multiplies what a sample gives to `count` points by what the light's program says of it there.

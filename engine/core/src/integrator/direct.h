@@ -116,7 +116,8 @@ class DirectLight {
   }
   Vec3d start_towards(uint32_t point, const Vec3d& l) const;
   Vec3d shadow_start(uint32_t point, const Vec3d& origin, const Vec3d& end) const;
-  size_t meet_emitters(const Light& light, size_t count);
+  size_t meet_emitters(const Light& light, size_t count, bool matt);
+  size_t draw_matt(size_t count);
   void apply_program(const Light& light, size_t count);
   void add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear);
   void place_points(const Batch& batch);

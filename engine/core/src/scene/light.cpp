@@ -205,6 +205,7 @@ void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool phy
   stage.matt_alone = !lights_gloss();
   stage.gloss_alone = !lights_matt();
   stage.draws = stage.draws && lights_gloss();
+  stage.draws_matt = is_mesh() && lights_matt() && !stage.has_fibre;
 }
 
 void Light::set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
@@ -313,14 +314,16 @@ bool Light::is_cut(Vec3d x, Vec3d n) const {
 LightMeeting Light::meeting(const GlintEmitter& e, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
                             uint32_t count) const {
   const Vec3d n = unit(direction(placed, {e.normal[0], e.normal[1], e.normal[2]}));
-  const double z = -dot(l, n), share = scale2 * e.spread,
-               spread = share * std::fabs(z) / std::max(dot(q - x, q - x), share / merged(count)),
+  const double z = -dot(l, n), share = scale2 * e.spread, d2 = dot(q - x, q - x),
+               whole = share * std::fabs(z) / d2,
+               spread = share * std::fabs(z) / std::max(d2, share / merged(count)),
                apart = rounding(max_abs(q) + std::sqrt(scale2) * e.reach);
   const double* const light = z > 0 ? e.front : e.back;
   return {{saturate(light[0]), saturate(light[1]), saturate(light[2])},
           q + std::copysign(apart, any(origin - x) ? dot(origin - q, n) : z) * n,
           spread / (kPi * count),
           spread,
+          whole,
           z > 0};
 }
 

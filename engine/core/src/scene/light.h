@@ -29,8 +29,8 @@ struct LightPoint {
 /// densely the light's points fall there (a steradian), and where shadow rays end before it.
 struct LightMeeting {
   Vec3d color, end;
-  double factor, spread;
-  bool front;  // the outer side is seen
+  double factor, spread, whole;  // whole: spread, seen from as near as it is
+  bool front;                    // the outer side is seen
 };
 
 /// Where in lobes directions are drawn: a point of the unit disc.

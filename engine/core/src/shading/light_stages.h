@@ -105,10 +105,11 @@ struct LightStage {
   double radius, scale2, spot_cosine, spot_width, x, y,
       share;  // x, y: of the disc; share: samples of the light
   double area, across[3],
-      upward[3];  // kPlaneSource, kRectangleSource: what takes their sides, or axes, to 1
-  bool draws;     // whether directions are drawn from lobes whose exponent at the distance d is
-                  // least_near d^2 + least
-  bool evenly;    // they weigh by squares, as if there were one for each point of the light
+      upward[3];    // kPlaneSource, kRectangleSource: what takes their sides, or axes, to 1
+  bool draws;       // whether directions are drawn from lobes whose exponent at the distance d is
+                    // least_near d^2 + least
+  bool draws_matt;  // kMeshSource: and from what is matt
+  bool evenly;      // they weigh by squares, as if there were one for each point of the light
   double least_near, least, radius2,
       azimuth[2];         // or more; where in a lobe: the unit disc's radius^2 and unit direction
   double most_exponent;   // of the scene

@@ -114,6 +114,21 @@ inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights&
   return Drawn ? at.factor / draws / (times + 1 / times) : at.factor / (1 + times * times);
 }
 
+/// Intensity for what is matt: where that draws directions too both are weighed as `balanced` has
+/// it, and the light is seen from as near as it is.
+template <int Shape>
+inline Doubles matt_factor(const LightStage& s, size_t k, const Three& x, const Sample& at,
+                           Doubles cosine) {
+  if constexpr (Shape != kMeshSource) return at.factor;
+  if (!s.draws_matt) return at.factor;
+  const Three to = splat3(s.end) - x;
+  const Doubles d2 = larger(dot(to, to), splat(1e-12 * s.near2)),
+                nearer = larger(d2, splat(s.near2)) / d2,
+                times = draws_of<Shape>(s) / kCircle * cosine * nearer * at.spread,
+                weighed = nearer * at.factor / (1 + times * times);
+  return choose(dot(load3(s.g, k), at.l) > 0, weighed, at.factor);
+}
+
 /// Of light that is spread out: gloss shows it as if it were matt, where reflected rays do not.
 template <int Shape>
 constexpr bool kSoftened = Shape == kMediumSource;
@@ -140,8 +155,9 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   const BumpShadow bump = bump_shadow<Bent>(s, k, n, at.l);
   const Mask reached = met & ~bump.hidden;
   if (!any(reached)) return;
-  const Three color = color_of<Shape>(s, at), I = at.factor * color;
-  Three diffuse = cosine * (I * load3(s.diffuse, k)), specular{};
+  const Three color = color_of<Shape>(s, at), I = at.factor * color,
+              to_matt = matt_factor<Shape>(s, k, x, at, cosine) * color;
+  Three diffuse = cosine * (to_matt * load3(s.diffuse, k)), specular{};
   if (kSoftened<Shape> && s.gloss[0])
     specular = lowered<Bent>(s, k, n, at.l) * cosine * (I * load3(s.gloss, k));
   if (s.max_specular > 0 && (!(kSoftened<Shape> || s.matt_alone) || s.has_sheen)) {
@@ -150,7 +166,7 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
         highlights<false, Bent>(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
     if (!kSoftened<Shape> && !s.matt_alone)
       specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-    if (s.has_sheen && !s.gloss_alone) diffuse = diffuse + where(front, I * seen.sheen);
+    if (s.has_sheen && !s.gloss_alone) diffuse = diffuse + where(front, to_matt * seen.sheen);
     if (through | turned) diffuse = where(front, diffuse);
     if (through) {
       specular = turned ? specular : where(front, specular);
