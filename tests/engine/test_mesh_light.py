@@ -114,7 +114,7 @@ def test_a_panel_near_the_floor_gives_its_form_factor(z: float, a: float) -> Non
 
 @pytest.mark.parametrize("x", [0.1, 0.3, 1.0, 3.0])
 def test_a_ball_on_the_floor_gives_its_form_factor(x: float) -> None:
-    """A sphere of radius r, u from the normal at the distance d: cos u (r / d)², where no part of it
+    """A sphere of radius r, u from the normal, at the distance d: cos u (r / d)², where none of it
     is below the horizon; here it touches that.
     """
     ball = Spheres("ball", np.array([[x, 0, 1]], np.float32), np.array([1], np.float32))
