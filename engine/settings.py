@@ -361,6 +361,17 @@ class Settings:
         high=1,
         remedy="0 or 1",
     )
+    clamp_indirect: float = _setting(
+        0.0,
+        "Clamp Indirect",
+        "The most that a ray adds to a pixel's sample after a bounce, a mirror or glass, the mean "
+        "of the channels: what is found rarely and very bright makes no dots. Choose 10 for most "
+        "pictures, as Cycles has it, 0 for all light",
+        high=1e8,
+        slider=100.0,
+        digits=2,
+        remedy="0 (off) or more",
+    )
     backend: str = _setting(
         "NATIVE", "Tracer", "Which of the two tracers draws the picture", choices=_BACKENDS
     )
@@ -490,6 +501,7 @@ OFFERED = Settings(
     max_bounces=12,
     cutoff=0.001,
     diffuse_bounces=4,
+    clamp_indirect=10.0,
     reflections="ALL",
 )
 """What a user gets who chooses nothing: on the front of time against error of the scenes that were

@@ -89,6 +89,8 @@ def _of_cycles(scene: Any) -> Iterator[Carried]:
         _within("volume_bounces", cycles.volume_bounces),
         f"Volume {cycles.volume_bounces}",
     )
+    clamp = cycles.sample_clamp_indirect
+    yield Carried("final", "clamp_indirect", clamp, f"Clamp Indirect {clamp:.4g}")
 
 
 def _of_eevee(scene: Any) -> Iterator[Carried]:

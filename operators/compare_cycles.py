@@ -263,6 +263,7 @@ class _Cycles:
             final = copy.glint.final
             diffuse, volume = final.diffuse_bounces, final.volume_bounces
             match_cycles(copy, samples, self._options.bounces, seed, diffuse, volume)
+            copy.cycles.sample_clamp_indirect = final.clamp_indirect
 
         path = self._folder / f"cycles_direct_{seed}.exr"
         return self._drawn(2 + seed, "by Cycles", "cycles", samples, choose, path)

@@ -46,6 +46,7 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
             "diffuse_bounces": 8,
             "max_bounces": 32,
             "cutoff": 0.0,
+            "clamp_indirect": 0.0,
         },
     ),
     "TEXTBOOK": (
@@ -61,6 +62,7 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
             "lamp_shadows": 0,
             "max_bounces": 1,
             "cutoff": 0.0,
+            "clamp_indirect": 0.0,
         },
     ),
 }

@@ -60,6 +60,7 @@ OF_LIGHT = (
     "soft_light",
     "diffuse_bounces",
     "volume_bounces",
+    "clamp_indirect",
 )
 """What light does; the viewport takes the final render's."""
 OF_SAMPLES = ("samples", "error_threshold", "light_samples", "lamp_shadows", "volume_samples")

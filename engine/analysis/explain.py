@@ -174,6 +174,8 @@ def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
     yield f"{pad}  from {_rgb(ray.origin)} along {_rgb(ray.direction)}"
     if any(left != 1 for left in ray.passed):
         yield f"{pad}  media on its way leave {_rgb(ray.passed)} of it"
+    if ray.held != 1:
+        yield f"{pad}  Clamp Indirect leaves {ray.held:.3g} of what it finds"
     if ray.cells:
         yield f"{pad}  media that vary are looked at {ray.cells} times on its way"
     for name, light in ray.media:

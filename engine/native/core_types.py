@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 73
+ABI_VERSION = 74
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -430,7 +430,7 @@ class RenderSettingsData(Structure):
         *_each(c_uint64, "node_point_count opening_count opening_point_count subsurface_count"),
         *_each(c_uint64, "bounce_count passes"),
         *_each(c_double * 9, "dome_axes"),
-        *_each(c_double, "error_threshold cutoff lens_focus"),
+        *_each(c_double, "error_threshold cutoff clamp_indirect lens_focus"),
         *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
         *_each(c_uint32, "medium_samples medium_shadows lamp_shadows occlusion_samples"),
         *_each(c_uint32, "opening_samples interleaving bounces volume_bounces bounce_levels"),

@@ -31,7 +31,7 @@ from .lobe_light import fibres, highlight, matt_lobes
 from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
-from .paths import Interaction, Paths, bounced, camera_paths, met, straight_on
+from .paths import Interaction, Paths, bounced, camera_paths, held_share, met, straight_on
 from .reflections import reflected
 from .scattering import scattered, scattered_on
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -132,7 +132,7 @@ class Explainer:
         own = sent * sum((np.array(light) for _, light in (*shapes, *media)), np.zeros(3))
         if found.primitive[0] == NOTHING:
             own = own + paths.weight[:, 0] * np.array(ray.background)
-            return _finished(ray, own, scattered_rays)
+            return self._finished(ray, paths, own, scattered_rays)
         ray = replace(ray, background=(0.0, 0.0, 0.0))
         return self._at_surface(ray, paths, found, own, scattered_rays)
 
@@ -174,7 +174,15 @@ class Explainer:
         elif not about.holdout:
             own = own + paths.weight[:, 0] * np.array(about.light)
         told = replace(ray, hit=about)
-        return _finished(told, own, (*scattered_rays, *near, *out, *after))
+        return self._finished(told, paths, own, (*scattered_rays, *near, *out, *after))
+
+    def _finished(self, ray: Ray, paths: Paths, own: Array, follow: tuple[Ray, ...]) -> Ray:
+        """With what it brings itself (3,), and what follows from it."""
+        held = float(held_share(self.stage.settings, paths, own[:, None])[0])
+        color = held * own + sum((np.array(after.color) for after in follow), np.zeros(3))
+        return replace(
+            ray, own=_numbers(held * own), color=_numbers(color), follow=follow, held=held
+        )
 
     def _bouncing(self, at: Interaction, about: Hit) -> tuple[tuple[Ray, ...], Hit]:
         """The rays along which light bounced to the point, and what is told of them."""
@@ -465,12 +473,6 @@ class Explainer:
 
     def _highlight(self, surface: Surface, sample: LightSample, term: Term) -> float:
         return float(highlight(term, slice(None), surface.n, surface.v, sample.direction)[0])
-
-
-def _finished(ray: Ray, own: Array, follow: tuple[Ray, ...]) -> Ray:
-    """With what it brings itself (3,), and what follows from it."""
-    color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
-    return replace(ray, own=_numbers(own), color=_numbers(color), follow=follow)
 
 
 def _numbers(values: Array) -> Numbers:

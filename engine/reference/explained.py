@@ -117,7 +117,8 @@ class Ray:
     what media leave of it on its way, which `shapes` have in them. media: what these scatter of
     lights, by their names, and "" what they give of themselves. shapes: (name, radiance) of the
     lights whose shape it sees. own: what it brings to the pixel itself, T times its terms; color:
-    with all that follow from it. cells: in how many parts it sees media that vary.
+    with all that follow from it. cells: in how many parts it sees media that vary. held: what
+    share is left of what it finds, where that is more than a ray may bring.
     """
 
     kind: str
@@ -134,6 +135,7 @@ class Ray:
     passed: Numbers = (1.0, 1.0, 1.0)
     media: tuple[tuple[str, Numbers], ...] = ()
     cells: int = 0
+    held: float = 1.0
 
     def times(self, share: Numbers) -> Ray:
         """What a pixel gets of it that gets so much, red, green and blue, of what it brings."""

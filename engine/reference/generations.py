@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from .paths import (
     bounced,
     camera_paths,
     gives,
+    held_share,
     joined,
     met,
     straight_on,
@@ -54,6 +56,16 @@ def _alike(paths: list[Paths]) -> Iterator[Paths]:
     pasts = [tuple(getattr(p, name) for name in names) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
+
+
+def _each_pixel_once(paths: Paths) -> Iterator[Paths]:
+    """In parts in which no pixel comes again."""
+    order = np.argsort(paths.pixel, kind="stable")
+    _, first, count = np.unique(paths.pixel[order], return_index=True, return_counts=True)
+    again = np.empty(len(paths), np.intp)
+    again[order] = np.arange(len(paths)) - np.repeat(first, count)
+    for number in range(count.max(initial=0)):
+        yield paths.take(np.flatnonzero(again == number))
 
 
 class Caught:
@@ -96,6 +108,7 @@ class Generations:
         self._gloss = Tile(len(places), frozenset(), 0, len(stage.scene.light_groups))
         self._caught = Caught(len(places)) if stage.catches else None
         self._thrown = np.zeros(len(places))
+        self._exits: list[Interaction] = []
         self._seen = SeenPasses(stage, tile, dealt, self._queries)
         stage.media.moment.sample = dealt
 
@@ -112,6 +125,8 @@ class Generations:
                     here = self._follow(here, strips, deeper)
                     strips = None
             generation = list(_alike(deeper))
+            if self._stage.settings.clamp_indirect:
+                generation = [one for paths in generation for one in _each_pixel_once(paths)]
         self._show_caught()
         part = shown(self._tile, self._gloss, self._thrown, self._number)
         self._tile.take(self._gloss, part)
@@ -127,8 +142,19 @@ class Generations:
 
     def _step(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
         """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are
-        returned.
+        returned. What they bring is held to the most that is wanted.
         """
+        clamps = self._stage.settings.clamp_indirect and paths.depth
+        before = self._tile.light() if clamps else {}
+        passed = self._trace(paths, strips, deeper)
+        if clamps:
+            self._tile.hold(before, partial(held_share, self._stage.settings, paths))
+        while self._exits:
+            deeper += self._light(self._exits.pop())
+        return passed
+
+    def _trace(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
+        """The same, whatever they bring."""
         stage = self._stage
         stage.rays["gather" if paths.gathers else paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
@@ -159,7 +185,7 @@ class Generations:
         at, below = entering(stage, at)
         deeper += self._light(at)
         if below is not None and (out := self._coming_out(below)) is not None:
-            deeper += self._light(out)
+            self._exits.append(out)
         if at.coefficients.translucent.any():
             deeper += self._light(other_side(stage, at, hits.depth[at.hit]))
         if paths.depth < stage.settings.max_bounces and not paths.gathers:

@@ -20,6 +20,7 @@ from .surface import Surface
 from .vectors import add_at, dot, pick
 
 if TYPE_CHECKING:
+    from ..settings import Settings
     from .stage import Stage
 
 Array = np.ndarray
@@ -108,6 +109,17 @@ class Paths:
         if self.gathers and self.depth == self.bounced:
             return "Diffuse"
         return "Mirror" if self.depth else name
+
+
+def held_share(settings: Settings, paths: Paths, light: Array) -> Array:
+    """(n,) what is left of the light (3, n) that rays of n pixels bring, where it is more than they
+    may.
+    """
+    most, total = 3 * settings.clamp_indirect, np.abs(light).sum(0)
+    over = (total > most) & np.isfinite(total)
+    if not (most and paths.depth) or paths.caught or paths.comes_out:
+        over = np.zeros_like(over)
+    return np.where(over, most / np.where(over, total, 1.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,8 @@ end.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..film import (
@@ -71,6 +73,21 @@ class Tile:
         self.cost += found.cost
         self.soft_light |= found.soft_light
         self.cut |= found.cut
+
+    def light(self) -> dict[str, Array]:
+        """Copies of the sums of light, by part, and "" of light groups."""
+        return {name: sums.copy() for name, sums in ({"": self.groups} | self.parts).items()}
+
+    def hold(self, before: dict[str, Array], share: Callable[[Array], Array]) -> None:
+        """Leaves of what was added since these copies the share (n,) of that light (3, n)."""
+        added = sum(
+            (self.parts[name] - before.get(name, 0.0) for name in PARTS if name in self.parts),
+            np.zeros((3, self._count)),
+        )
+        left = share(added)
+        for name, sums in ({"": self.groups} | self.parts).items():
+            earlier = before.get(name, 0.0)
+            sums[...] = np.where(left < 1, earlier + left * (sums - earlier), sums)
 
     def guide(self, pixel: Array, values: Array) -> None:
         """Adds what tells pixels' surfaces apart (7, m), as `resolve.Guides` reads it."""

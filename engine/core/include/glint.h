@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 73
+#define GLINT_ABI_VERSION 74
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -436,12 +436,13 @@ typedef struct GlintNeighbour {
  * path, where in the lobes of rough surfaces its rays are reflected; null only where none are.
  * error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it
  * covers take no further samples after a wave. 0: all take all. cutoff: mirror and refraction rays
- * with no channel of their weight as large end there, 0 to 1. acceleration: of the first render of
- * a scene counts, the trees are kept. remember: keep what the first wave hit and which lights it
- * saw, some 30 bytes a pixel, in the scene and those that take its trees over, so that a render of
- * other lights, materials or surroundings need not trace it again. It has the same bits.
- * lens_points: null for a pinhole, else (camera_block², samples, 2) points of the lens along the
- * camera's u and v, of each pixel of a block of camera_block² pixels of the frame, row by row;
+ * with no channel of their weight as large end there, 0 to 1. clamp_indirect: the most that a ray
+ * adds to a sample but from the camera, the mean of the channels; 0: all. acceleration: of the
+ * first render of a scene counts, the trees are kept. remember: keep what the first wave hit and
+ * which lights it saw, some 30 bytes a pixel, in the scene and those that take its trees over, so
+ * that a render of other lights, materials or surroundings need not trace it again. It has the same
+ * bits. lens_points: null for a pinhole, else (camera_block², samples, 2) points of the lens along
+ * the camera's u and v, of each pixel of a block of camera_block² pixels of the frame, row by row;
  * lens_focus: the depth where everything is sharp, camera units. camera_frames: null for a camera
  * that stands still, else (camera_block², samples, 12) its world_from_camera of each sample.
  * scatter_offsets: (scatter_count), a number of (0, 1) for each sample; null only where no medium
@@ -494,7 +495,7 @@ typedef struct GlintRenderSettings {
       camera_frame_count, scatter_count, occlusion_count, node_point_count, opening_count,
       opening_point_count, subsurface_count, bounce_count, passes;
   double dome_axes[9];
-  double error_threshold, cutoff, lens_focus;
+  double error_threshold, cutoff, clamp_indirect, lens_focus;
   uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, medium_samples,
       medium_shadows, lamp_shadows, occlusion_samples, opening_samples, interleaving, bounces,
       volume_bounces, bounce_levels;

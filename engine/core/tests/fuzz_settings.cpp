@@ -141,6 +141,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
                       : dice.chance(0.5) ? 0
                                          : std::fabs(dice.number());
   s.cutoff = dice.chance(0.7) ? 0 : std::fabs(dice.number());
+  s.clamp_indirect = dice.chance(0.7) ? 0 : std::fabs(dice.number());
   s.light_square = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   set_dome(dice, arena, s);

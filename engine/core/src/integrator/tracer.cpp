@@ -1,6 +1,7 @@
 #include "integrator/tracer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace glint {
@@ -299,10 +300,26 @@ void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
 /// The batch's sums to those of the paths, or to those of what rough surfaces reflect.
 void Tracer::keep(const Queue& queue) {
   if (queue.past.caught != Queue::Past::kSeen) return keep_caught(queue);
+  if (queue.visibility != kCamera && !queue.exits && plan_.clamp_indirect > 0) clamp(queue.size());
   const bool gloss = queue.is_gloss();
   if (gloss) paths_.swap();
   keep_parts(queue);
   if (gloss) paths_.swap();
+}
+
+/// Holds what each ray of the batch adds to the most that is wanted.
+void Tracer::clamp(size_t count) {
+  const SumColumns& s = batch_.sums;
+  const double most = 3 * plan_.clamp_indirect;
+  for (size_t k = 0; k < count; ++k) {
+    const Vec3d total = row(s.total, k);
+    const double sum = std::fabs(total.x) + std::fabs(total.y) + std::fabs(total.z);
+    if (!(sum > most && std::isfinite(sum))) continue;
+    for (double* const* columns : {s.total, s.emission, s.environment})
+      for (size_t c = 0; columns[0] && c < 3; ++c) columns[c][k] *= most / sum;
+    for (size_t group = 0; group < batch_.group_count(); ++group)
+      for (size_t c = 0; batch_.gives(group) && c < 3; ++c) batch_.group(group)[c][k] *= most / sum;
+  }
 }
 
 void Tracer::keep_parts(const Queue& queue) {

@@ -1,0 +1,74 @@
+"""What rays bring after a bounce is held to a most."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bounced_scenes import ALBEDO, lamp, room
+from glint import engine
+from glint.engine import scene as s
+from glint.engine.analysis.explain import PixelExplainer, explanation_lines
+from glint.engine.film import LIGHTING, PARTS
+from test_path_bounces import SCENES, film
+
+BACKENDS = [b for b in ("NATIVE", "NUMPY") if b in engine.available_backends()]
+ONCE = ALBEDO * 100 / (4 * np.pi**2)
+"""Radiance of the wall of a ball round a lamp, and, times the albedo, of what bounces once."""
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("most", [0.1, 0.4, 1e3])
+def test_a_bounce_in_a_ball_brings_no_more(backend: str, most: float) -> None:
+    """All of its rays bring the same."""
+    without = film(room(lamp()), 0, backend, clamp_indirect=most).combined[..., :3]
+    found = film(room(lamp()), 1, backend, clamp_indirect=most).combined[..., :3] - without
+    brought = ALBEDO * ONCE
+    wanted = brought * min(3 * most / brought.sum(), 1.0)
+    np.testing.assert_allclose(without.mean((0, 1)), ONCE, rtol=2e-3)
+    np.testing.assert_allclose(found.mean((0, 1)), wanted, rtol=5e-3)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_both_tracers_hold_the_same(name: str) -> None:
+    plan = {"samples": 2, "max_bounces": 2, "reflections": "ALL", "clamp_indirect": 0.05}
+    plan |= {"passes": frozenset({*PARTS, *LIGHTING})}
+    core, reference = (film(SCENES[name](), 3, backend, **plan) for backend in ("NATIVE", "NUMPY"))
+    free = film(SCENES[name](), 3, **plan | {"clamp_indirect": 0.0}).combined
+    assert not np.array_equal(core.combined, free)
+    for key, values in reference.passes.items():
+        near = 1e-4 * (np.abs(values) + np.abs(values).mean() + 1e-6)
+        assert (np.abs(core.passes[key] - values) > near).any(-1).mean() <= 3 / 144, key
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_surroundings_in_a_mirror_are_held(backend: str) -> None:
+    """Seen straight they are not."""
+    chrome = s.Material("chrome", (s.Lobe("MIRROR", (s.Input((1.0, 1.0, 1.0)),)),))
+    away = np.column_stack([0.3 * np.eye(3), (0.0, 0.0, -1.0)])[None]
+    one = room()
+    one = replace(one, instances=(replace(one.instances[0], world_from_object=away),))
+    scene = replace(one, materials=(chrome,), world=s.World(background=(30.0, 60.0, 90.0)))
+    found = film(scene, 0, backend, max_bounces=4, clamp_indirect=10.0).combined[..., :3]
+    colors = np.unique(found.round(3).reshape(-1, 3), axis=0)
+    wanted = [(5, 10, 15), (30, 60, 90)]
+    for color in wanted:
+        assert (np.abs(colors - color) < 1e-3).all(1).any()
+
+
+@pytest.mark.parametrize("name", ["matt", "mirror", "rough gloss", "fog", "skin"])
+def test_an_explained_pixel_adds_up_and_says_so(name: str) -> None:
+    scene = SCENES[name]()
+    plan = {"samples": 1, "max_bounces": 2, "reflections": "ALL", "clamp_indirect": 0.05}
+    picture = film(scene, 2, "NUMPY", **plan).combined[..., :3]
+    settings = engine.Settings(
+        **plan, light_samples=2, diffuse_bounces=2, soft_light="DEALT", filter_width=0.0
+    )
+    explainer, told = PixelExplainer(scene, settings), 0
+    for x, y in ((5, 5), (6, 7), (2, 6), (9, 3)):
+        ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, picture[y, x], rtol=1e-4, atol=1e-6)
+        told += any("Clamp Indirect leaves" in line for line in explanation_lines(ray))
+    assert told
