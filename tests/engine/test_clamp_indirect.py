@@ -58,10 +58,10 @@ def test_the_surroundings_in_a_mirror_are_held(backend: str) -> None:
         assert (np.abs(colors - color) < 1e-3).all(1).any()
 
 
-@pytest.mark.parametrize("name", ["matt", "mirror", "rough gloss", "fog", "skin"])
+@pytest.mark.parametrize("name", ["mirror", "rough gloss", "fog", "skin"])
 def test_an_explained_pixel_adds_up_and_says_so(name: str) -> None:
     scene = SCENES[name]()
-    plan = {"samples": 1, "max_bounces": 2, "reflections": "ALL", "clamp_indirect": 0.05}
+    plan = {"samples": 1, "max_bounces": 2, "reflections": "ALL", "clamp_indirect": 2e-3}
     picture = film(scene, 2, "NUMPY", **plan).combined[..., :3]
     settings = engine.Settings(
         **plan, light_samples=2, diffuse_bounces=2, soft_light="DEALT", filter_width=0.0
