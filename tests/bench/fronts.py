@@ -3,7 +3,8 @@
     python tests/bench/fronts.py [--scenes NAME …] [--width 320] [--samples 64]
     [--truth-seconds 90] [--only-table] [--out out/fronts]
 
-Eleven scenes: ten of ../shared/scenes and Glint's demo (front_scenes.py says how they are opened).
+Eleven scenes: ten of ../shared/scenes and Glint's demo (front_scenes.py says how they are opened);
+by name also ten that are made here (made_scenes.py).
 Glint draws each with what a user has who changes nothing, and with 1, 4, 16 … samples; Cycles with
 1, 2, 4 … up to --samples, raw and through OpenImageDenoise, and with more until it reaches the
 error of Glint's defaults or takes SLOWEST times as long. Seconds are processor time of whole
@@ -34,6 +35,7 @@ import numpy as np
 import front_curves
 import front_scenes
 import front_truth
+import made_scenes
 import stages
 
 SECONDS_ALLOWED = 3600
@@ -66,8 +68,9 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    names = front_scenes.NAMES
-    parser.add_argument("--scenes", nargs="+", choices=names, default=names, metavar="NAME")
+    names, made = front_scenes.NAMES, tuple(made_scenes.MADE)
+    choices = (*names, *made)
+    parser.add_argument("--scenes", nargs="+", choices=choices, default=names, metavar="NAME")
     parser.add_argument("--width", type=int, default=320, help="pixels of the longer side")
     parser.add_argument("--samples", type=int, default=64, help="most samples of both ladders")
     parser.add_argument(
