@@ -7,7 +7,8 @@ namespace glint {
 namespace {
 
 constexpr double kFar = __builtin_inf();
-constexpr double kLeastExponent = 0x1p-5;  // of Minkowski's metric, on either side of 0; one over it the largest
+constexpr double kLeastExponent =
+    0x1p-5;  // of Minkowski's metric, on either side of 0; one over it the largest
 
 /// 1 / x, 0 where x is 0.
 inline Doubles inverse(Doubles x) { return where(x != 0, 1 / choose(x != 0, x, splat(1))); }
