@@ -42,7 +42,9 @@ class Progress:
         self._shown = 0.0
         self._error: float | None = None
         self._wave = (self._start, 0.0)  # when, and at which fraction it began
+        self._moved = self._wave  # when it came to the fraction that it has
         self._speed = 0.0  # fractions a second in the wave before
+        self._pause = 0.0  # seconds between its last sample and its picture
 
     def watching(self, stage: str, should_stop: Callable[[], bool]) -> Callable[[], bool]:
         """`should_stop` for a stage of unknown length, which tells of it whenever it is asked."""
@@ -56,7 +58,7 @@ class Progress:
     def wait(self, stage: str) -> None:
         """A stage of unknown length goes on."""
         now = self._clock()
-        self._wave = (now, 0.0)
+        self._wave = self._moved = (now, 0.0)
         self._move(0.0, now)
         self._say(now, f"{stage} ({now - self._start:.0f} s)")
 
@@ -66,6 +68,8 @@ class Progress:
             self.wait("Sorting the scene")
             return
         now, samples = self._clock(), settings.samples
+        if fraction > self._moved[1]:
+            self._moved = (now, fraction)
         self._move(fraction, now)
         parts = [f"Sample {min(samples, int(fraction * samples))}/{samples}"]
         if settings.backend == "NUMPY":
@@ -74,26 +78,35 @@ class Progress:
             parts.append(f"Error {error_text(self._error)}")
         # else nobody knows what the threshold will save
         if self._error is not None or settings.error_threshold == 0:
-            parts.extend(_time(self._remaining(fraction, now)))
+            parts.extend(_time(self._remaining(samples, now)))
         self._say(now, " | ".join(parts))
 
     def end_wave(self, film: engine.Film, fraction: float) -> None:
         """Every pixel has had so many samples."""
         now = self._clock()
-        self._speed = self._speed_of_wave(fraction, now) or self._speed
+        self._speed = self._speed_of_wave() or self._speed
+        self._pause = now - self._moved[0]
         self._wave, self._error = (now, fraction), error_of(film)
+        self._moved = self._wave
 
-    def _remaining(self, fraction: float, now: float) -> float:
-        """Seconds at the speed of this wave, or of the one before while this is young; infinite
-        without any.
+    def _remaining(self, samples: int, now: float) -> float:
+        """Seconds at the speed of this wave, or of the one before while this is young, and with the
+        pauses of all that come; infinite without any.
         """
-        own = self._speed_of_wave(fraction, now)
-        speed = own if now - self._wave[0] > _TRUSTED or not self._speed else self._speed
-        return (1.0 - fraction) / speed if speed > 0 else math.inf
+        moved, fraction = self._moved
+        is_young = moved - self._wave[0] <= _TRUSTED
+        speed = self._speed if is_young and self._speed else self._speed_of_wave()
+        if not speed > 0:
+            return math.inf
+        waves = math.ceil(math.log2(samples / max(1, self._wave[1] * samples)))
+        waves += self._wave[1] == 0
+        waited = now - moved
+        pauses = waves * max(self._pause, waited)
+        return max(0.0, (1.0 - fraction) / speed + pauses - waited)
 
-    def _speed_of_wave(self, fraction: float, now: float) -> float:
-        began, before = self._wave
-        return (fraction - before) / (now - began) if now > began else 0.0
+    def _speed_of_wave(self) -> float:
+        (began, before), (moved, fraction) = self._wave, self._moved
+        return (fraction - before) / (moved - began) if moved > began else 0.0
 
     def _move(self, fraction: float, now: float) -> None:
         waited = now - self._start

@@ -277,8 +277,8 @@ def _refracted(stage: Stage, at: Interaction, sample: int) -> Iterator[Paths]:
         if term.lobe.fresnel:
             through = through * (1 - _reflectance(surface, term))
         if term.lobe.fresnel and term.lobe.is_rough_glass:
-            # no lobe mirrors what cannot leave
-            shut = rough & ~passes
+            # no lobe mirrors what cannot leave; highlights do what cannot enter
+            shut = rough & ~passes & ~some.outside
             d = np.where(shut, reflected(-some.v, some.n), d)
             through = np.where(shut, 1.0, through)
         k = through * term.k

@@ -113,11 +113,20 @@ told["Quality Target finds the first two"] = during(
 scene.glint.target = "RMSE"
 light_samples = changes(final, "light_samples", 2)  # 1 is a hard shadow from the lamp's centre
 scene.glint.target = "NONE"
+scene.cycles.use_camera_cull = False
+mirror.hide_render = behind.hide_render = True
+put("spot", bpy.data.lights.new("spot", "SPOT"), -1, -2, 5).data.energy = 100
+skin = look(box("skin", (1, 1, 1), -0.5, -2, 0), "ShaderNodeBsdfPrincipled", **{"Subsurface Weight": 1.0, "Subsurface Scale": 1.0})
+acts = {name: changes(final, name, value) for name, value in {
+    "samples": 9, "error_threshold": 64.0, "light_samples": 2, "lamp_shadows": 1, "volume_samples": 1,
+    "max_bounces": 0, "cutoff": 0.9, "illumination": "CLASSIC", "world_light": "CONSTANT",
+    "mesh_light": "OFF", "reflections": "OFF", "subsurface": "OFF", "soft_light": "SHARED",
+    "diffuse_bounces": 0, "volume_bounces": 1, "acceleration": "FAST", "threads": 1}.items()}
 answer([told, {
     "spread": changes(area.data, "spread", math.radians(20)),
     "light samples with a target": light_samples,
     "world": changes(scene.world.cycles_visibility, "scatter", False),
-}])
+}, acts, [name for name in final.bl_rna.properties.keys() if name not in ("rna_type", "name")]])
 """  # noqa: E501 - a script for another Blender
 )
 NO_PICTURE = {
@@ -128,6 +137,11 @@ NO_PICTURE = {
 """Reasons about another Blender or its add-ons, and about a pass that has a test of its own
 (test_neighbour_frames.py).
 """
+
+OF_TIME = {"acceleration", "threads"}
+"""Settings that a picture does not depend on."""
+ELSEWHERE = {"backend", "use_mesh_light", "use_subsurface"}
+"""The other tracer, which gives the same to float precision, and checkboxes of choices."""
 
 
 def _reasons() -> set[str]:
@@ -172,6 +186,12 @@ def test_what_is_grey_changes_nothing_and_else_it_does(told):
         reason: states for reason, states in told[0].items() if not all(states[0]) or any(states[1])
     }
     assert wrong == {}
+
+
+def test_every_render_setting_changes_a_picture_or_is_of_time(told):
+    acts, names = told[2:]
+    assert acts.keys() | ELSEWHERE == set(names)
+    assert {name for name, acted in acts.items() if not acted} == OF_TIME
 
 
 def test_what_was_grey_and_acted_is_offered(told):

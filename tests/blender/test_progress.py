@@ -2,6 +2,7 @@
 error and what remains.
 """
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -86,3 +87,28 @@ def test_a_program_without_windows_is_told_no_texts():
     render = Render(tells=False)
     render.at(1).trace(0.5, SETTINGS)
     assert render.bar == [0.5] and render.texts == []
+
+
+@pytest.mark.parametrize("pause", [0.0, 2.0])
+def test_remaining_time_is_true_from_a_tenth_on(pause):
+    """Within 20 % and half of the second that the text rounds to; pause: seconds between a wave's
+    last sample and its picture, which averages what the wave brought.
+    """
+    samples, each = 8, 5.0
+    settings = engine.Settings(samples=samples)
+    render, done, told = Render(), 0, []
+    for last in (1, 2, 4, 8):
+        steps = 40 * (last - done)
+        for k in range(steps):
+            render.at(render.now + each / 40).trace((done + (k + 1) / 40) / samples, settings)
+            told.append((render.now, render.texts[-1]))
+        for _ in range(8):
+            render.at(render.now + pause / 8).trace(last / samples, settings)
+            told.append((render.now, render.texts[-1]))
+        render.progress.end_wave(film(last, 1.0), last / samples)
+        done = last
+    total = render.now
+    for at, text in told:
+        remaining = re.search(r"Remaining 00:(\d+)", text)
+        if at > 0.1 * total:
+            assert abs(int(remaining[1]) + 0.5 - (total - at)) < 0.2 * (total - at) + 1, (at, text)

@@ -259,15 +259,21 @@ blend = save("a.blend")
 by_render = done()
 codes = [verify("a.exr", "a.blend")]
 codes += [command_line.run(["compare", blend, "--out", str(FOLDER / "out"), "--samples", "1"])]
+codes += [command_line.run(["measure", blend, "--squares", "1", "--side", "4", "--repeats", "1",
+                            "--reference-samples", "1", "--samples", "1"])]
 by_commands = done()
 codes += [command_line.run(["verify", str(FOLDER / "a.exr"), blend, "--scripts"])]
-answer([by_render, codes, by_commands, done()])
+by_scripts = done()
+bpy.context.preferences.filepaths.use_scripts_auto_execute = False
+command_line.run(["frames", blend, "1", "--check", "--out", str(FOLDER)])
+answer([by_render, codes, by_commands, by_scripts, done()])
 """
     )
-    by_render, codes, by_commands, by_scripts = run.answer
+    by_render, codes, by_commands, by_scripts, by_check = run.answer
     assert "written" in by_render
     assert by_commands == []
-    assert codes == [1, 0, 0], run.output
+    assert codes == [1, 0, 0, 0], run.output
+    assert by_check == [], "whose scripts run where Blender is set so"
     assert by_scripts == ["ran", "drove"]
     assert "start.py" in run.output and "add --scripts where you trust the file" in run.output
 

@@ -22,7 +22,10 @@ def number(low: float, high: float) -> float:
     return float(np.float32(RANDOM.uniform(low, high)))
 
 
-def texture(dimensions: int, feature: str, metric: str, output: str, octaves: bool):
+def texture(
+    dimensions: int, feature: str, metric: str, output: str, octaves: bool, exponent: float = 0.0
+):
+    """exponent: linked, where it is not 0: sockets hold none below 0."""
     inputs = {
         "Scale": number(0.6, 2.5),
         "Detail": 1.6 if octaves else 0.0,
@@ -44,6 +47,10 @@ def texture(dimensions: int, feature: str, metric: str, output: str, octaves: bo
                 tree.links.new(fed[socket.identifier], socket)
             elif socket.identifier in inputs:
                 socket.default_value = inputs[socket.identifier]
+        if exponent:
+            value = tree.nodes.new("ShaderNodeValue")
+            value.outputs[0].default_value = exponent
+            tree.links.new(value.outputs[0], node.inputs["Exponent"])
         return node.outputs["W" if (output, dimensions) == ("Position", 1) else output]
 
     return build
@@ -57,6 +64,17 @@ CASES = {
     for output in OUTPUTS[feature]
     for octaves in (False, True)
     if metric == "EUCLIDEAN" or (d > 1 and feature not in ("DISTANCE_TO_EDGE", "N_SPHERE_RADIUS"))
+}
+CASES |= {
+    f"{d}D {feature} MINKOWSKI {exponent} {octaves}": texture(
+        d, feature, "MINKOWSKI", "Distance", octaves, exponent
+    )
+    for d, feature, exponent, octaves in (
+        (2, "F1", -1.5, False),
+        (3, "F1", -0.7, True),
+        (3, "F2", -2.5, True),
+        (4, "SMOOTH_F1", -1.0, False),
+    )
 }
 
 

@@ -248,6 +248,30 @@ def test_progress_rises_to_one() -> None:
     assert min(fractions) >= 0
 
 
+@pytest.mark.parametrize("upper", [False, True])
+def test_any_part_of_a_wave_tells_what_the_rest_costs(upper: bool) -> None:
+    """Half of the picture takes nearly all of the time, and half of the samples half of it."""
+    half = np.array([[-9, 0, 0], [9, 0, 0], [9, 9, 0], [-9, 9, 0]], np.float32)
+    half = half if upper else half * np.array([1, -1, 1], np.float32)
+    sheet = s.Mesh("sheet", half, np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+    above = np.column_stack([np.eye(3), (0.0, 0.0, 2.0)])
+    scene = s.Scene(
+        s.Camera("PERSPECTIVE", above, (-1.0, 1.0, -1.0, 1.0), (256, 256)),
+        (sheet,),
+        (s.Instances("sheet", 0, np.eye(3, 4)[None], (0,)),),
+        (s.Material("matt", (s.Lobe("DIFFUSE", (s.Input((0.8, 0.8, 0.8)),)),)),),
+        lights=(s.Light("lamp", "POINT", above, strength=9.0, radius=0.5),),
+    )
+    settings = engine.Settings(samples=16, light_samples=64, threads=1, soft_light="SHARED")
+    told: list[tuple[float, float]] = []
+    start = time.process_time()
+    engine.render(
+        scene, settings, on_progress=lambda fraction: told.append((time.process_time(), fraction))
+    )
+    middle = min(at for at, fraction in told if fraction >= 0.5)
+    assert 0.3 < (middle - start) / (told[-1][0] - start) < 0.7
+
+
 def test_cancel_is_prompt_and_keeps_the_last_wave() -> None:
     """Minutes of work: only a cancel ends it soon."""
     scene, settings = (

@@ -89,6 +89,18 @@ def test_a_narrow_lobe_is_clear_glass() -> None:
     assert np.abs(clear - rough).mean() < 1e-4
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_cannot_enter_is_of_no_refraction(backend: str) -> None:
+    """From where the sine of the view is above an index below 1 on: highlights mirror there."""
+    lobe = replace(glass(1e12, fresnel=True).lobes[0], ior=0.5)
+    scene = above(ball(0.9), Material("air", (lobe,)))
+    x, y = np.meshgrid(*2 * [(np.arange(24) + 0.5) / 12 - 1])
+    sine = np.hypot(x, y) / 0.9
+    picture = drawn(scene, backend, samples=1).max(-1)
+    assert picture[(sine > 0.55) & (sine < 0.95)].max() == 0
+    assert picture[sine < 0.45].min() > 0.1
+
+
 def test_an_edge_behind_a_pane_is_blurred_by_its_lobe() -> None:
     """Small angles: a half vector at the angle a bends the ray by a (1 - 1 / ior), and the share
     (1 - cos^(p + 1) a) of all lies within a: a normal distribution of variance 1 / (p + 1).

@@ -19,7 +19,7 @@ from .noise import coordinates
 Array = np.ndarray
 
 LEAST_EXPONENT = 1 / 32
-"""Of Minkowski's metric; one over it is the largest."""
+"""Of Minkowski's metric, on either side of 0; one over it is the largest."""
 
 _MULTIPLIER, _INCREMENT = np.uint32(1664525), np.uint32(1013904223)
 _FACTORS = {2: ((0, 1, None), (1, 0, None)), 3: ((0, 1, 2), (1, 2, 0), (2, 0, 1)),
@@ -45,7 +45,16 @@ class Cells:
             return np.sqrt((away * away).sum(0))
         if self.metric == VoronoiMetric.CHEBYCHEV:
             return away.max(0)
-        return (away**self.exponent).sum(0) ** (1 / self.exponent)
+        with np.errstate(divide="ignore"):  # 0 to a power below 0 is infinite, and back again 0
+            return (away**self.exponent).sum(0) ** (1 / self.exponent)
+
+    def turn(self, dimensions: int) -> Array | float:
+        """-1 where F1 is the farthest point: Cycles compares before the root is taken, which turns
+        the order of what has an exponent below 0.
+        """
+        if dimensions == 1 or self.metric != VoronoiMetric.MINKOWSKI:
+            return 1.0
+        return np.where(self.exponent < 0, -1.0, 1.0)
 
     def points(self, cell: Array, reach: int) -> Iterator[tuple[Array, Array]]:
         """Offsets (d, 1) of cells around, the first axis fastest, and where their points are."""
@@ -104,8 +113,9 @@ def _nearest(p: Array, cells: Cells, second: bool) -> Octave:
     best = [np.full(count, np.inf), np.full(count, np.inf)]
     offsets = [np.zeros_like(p), np.zeros_like(p)]
     points = [np.zeros_like(p), np.zeros_like(p)]
+    turn = 1.0 if second else cells.turn(len(p))
     for offset, point in cells.points(cell, 1):
-        d = cells.distance(point, local)
+        d = turn * cells.distance(point, local)
         first = d < best[0]
         then = ~first & (d < best[1])
         best[1] = np.where(first, best[0], np.where(then, d, best[1]))
@@ -115,7 +125,7 @@ def _nearest(p: Array, cells: Cells, second: bool) -> Octave:
         offsets[0] = np.where(first, offset, offsets[0])
         points[0] = np.where(first, point, points[0])
     k = int(second)
-    return best[k], cells.color(cell + offsets[k]), points[k] + cell
+    return np.abs(best[k]), cells.color(cell + offsets[k]), points[k] + cell
 
 
 def _smooth(p: Array, cells: Cells) -> Octave:
@@ -251,7 +261,8 @@ def voronoi_texture(
     cells = Cells(
         np.clip(randomness, 0.0, 1.0),
         np.clip(smoothness / 2, 0.0, 0.5),
-        np.clip(exponent, LEAST_EXPONENT, 1 / LEAST_EXPONENT),
+        np.where(exponent < 0, -1.0, 1.0)
+        * np.clip(np.abs(exponent), LEAST_EXPONENT, 1 / LEAST_EXPONENT),
         VoronoiMetric(metric),
         CellHash(cell_hash),
     )

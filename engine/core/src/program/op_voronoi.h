@@ -7,7 +7,8 @@ namespace glint {
 namespace {
 
 constexpr double kFar = __builtin_inf();
-constexpr double kLeastExponent = 0x1p-5;  // of Minkowski's metric; one over it is the largest
+constexpr double kLeastExponent =
+    0x1p-5;  // of Minkowski's metric, on either side of 0; one over it the largest
 
 /// 1 / x, 0 where x is 0.
 inline Doubles inverse(Doubles x) { return where(x != 0, 1 / choose(x != 0, x, splat(1))); }
@@ -141,9 +142,10 @@ inline NoisePoint<D> cell_of(NoisePoint<D> p) {
   return p;
 }
 
+enum CellMetric { kEuclidean, kManhattan, kChebychev, kMinkowski };
+
 template <int D>
 inline Doubles cell_distance(const CellSettings& s, const NoisePoint<D>& way) {
-  enum { kEuclidean, kManhattan, kChebychev, kMinkowski };
   if (D > 1 && s.metric == kEuclidean) return root(dot(way, way));
   Doubles total = splat(0);
   for (const Doubles& x : way.at) {
@@ -181,8 +183,10 @@ inline VoronoiOctave<D> nearest_cell(const NoisePoint<D>& p, const CellSettings&
   const NoisePoint<D> cell = cell_of(p), local = p - cell;
   Doubles best[2] = {splat(kFar), splat(kFar)};
   NoisePoint<D> offsets[2] = {}, points[2] = {};
+  // Cycles compares for F1 before the root is taken, which turns what has an exponent below 0.
+  const Mask turned = (s.exponent < 0) & -int64_t(D > 1 && s.metric == kMinkowski && !second);
   each_cell<D>(s, cell, 1, [&](const NoisePoint<D>& offset, const NoisePoint<D>& point) {
-    const Doubles d = cell_distance<D>(s, point - local);
+    const Doubles away = cell_distance<D>(s, point - local), d = choose(turned, -away, away);
     const Mask first = d < best[0], then = d < best[1];
     best[1] = choose(first, best[0], choose(then, d, best[1]));
     offsets[1] = choose(first, offsets[0], choose(then, offset, offsets[1]));
@@ -191,7 +195,7 @@ inline VoronoiOctave<D> nearest_cell(const NoisePoint<D>& p, const CellSettings&
     offsets[0] = choose(first, offset, offsets[0]);
     points[0] = choose(first, point, points[0]);
   });
-  return {best[second], cell_color<D>(s, cell + offsets[second]), points[second] + cell};
+  return {magnitude(best[second]), cell_color<D>(s, cell + offsets[second]), points[second] + cell};
 }
 
 template <int D>
@@ -351,8 +355,10 @@ inline void voronoi_at(const Operands& at, size_t k) {
   const bool normalized = at.settings[3] != 0;
   const Doubles scale = at.number(2, k), none = splat(0);
   const NoisePoint<D> p = noise_point<D>(at.vector(0, k), at.number(1, k)) * scale;
-  const Doubles exponent =
-      smaller(larger(at.number(7, k), splat(kLeastExponent)), splat(1 / kLeastExponent));
+  const Doubles given = at.number(7, k),
+                size = smaller(larger(magnitude(given), splat(kLeastExponent)),
+                               splat(1 / kLeastExponent)),
+                exponent = choose(given < 0, -size, size);
   const CellSettings s{at.settings[2], at.settings[4] != 0, held(at.number(8, k), 1),
                        held(at.number(6, k) / 2, 0.5), exponent};
   const VoronoiFractal f{held(at.number(3, k), 15), held(at.number(4, k), 1), at.number(5, k)};

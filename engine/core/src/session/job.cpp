@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
+#include <numeric>
 
 #include "math/math.h"
 #include "session/timer.h"
@@ -39,6 +40,15 @@ Passes lights_of(const Scene& scene) {
     lights |= pass_bit(GLINT_PASS_SHADOW_CATCHER) | all << kCaughtLight;
   if (!scene.world.transparent_film) lights |= pass_bit(GLINT_PASS_ENVIRONMENT);
   return lights;
+}
+
+/// How far apart in a film of `count` tiles those are that are begun one after the other, some of
+/// the golden section: any part of a wave has tiles from everywhere, and so tells what the rest
+/// costs.
+size_t stride_of(size_t count) {
+  size_t stride = std::max<size_t>(1, count * 618 / 1000);
+  while (std::gcd(stride, count) > 1) ++stride;
+  return stride;
 }
 
 }  // namespace
@@ -237,9 +247,11 @@ void Job::trace_tiles(size_t thread, uint32_t first, uint32_t last, std::atomic<
   const std::vector<Tile>& tiles = film_.tiles();
   Tracer& tracer = *tracers_[thread];
   const bool publishes = at_once();
+  const size_t stride = stride_of(tiles.size());
   try {
     for (size_t k; !cancel_ && (k = next++) < tiles.size();) {
-      const Tile tile = publishes ? film_.on_thread(tiles[k], thread) : tiles[k];
+      const Tile& begun = tiles[k * stride % tiles.size()];
+      const Tile tile = publishes ? film_.on_thread(begun, thread) : begun;
       trace_tile(tracer, tile, first, last);
       if (publishes && !cancel_) tracer.publish(tile, last);
     }

@@ -194,8 +194,9 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
     Three d = refract(ray, index);
     if (rough) d = choose(exponent > 0, refract_roughly(s, at, ray, exponent, index), d);
     Doubles through = lobe.fresnel ? 1 - fresnel(ray, lobe, ior) : splat(1);
-    if (rough && lobe.fresnel) {  // no lobe mirrors what cannot leave
-      const Mask shut = (exponent > 0) & ~nonzero(d);
+    if (rough && lobe.fresnel) {
+      // no lobe mirrors what cannot leave; highlights do what cannot enter
+      const Mask shut = (exponent > 0) & ~nonzero(d) & ~ray.outside;
       d = choose(shut, reflect(ray), d);
       through = choose(shut, splat(1), through);
     }
