@@ -121,7 +121,8 @@ acts = {name: changes(final, name, value) for name, value in {
     "samples": 9, "error_threshold": 64.0, "light_samples": 2, "lamp_shadows": 1, "volume_samples": 1,
     "max_bounces": 0, "cutoff": 0.9, "illumination": "CLASSIC", "world_light": "CONSTANT",
     "mesh_light": "OFF", "reflections": "OFF", "subsurface": "OFF", "soft_light": "SHARED",
-    "diffuse_bounces": 0, "volume_bounces": 1, "acceleration": "FAST", "threads": 1}.items()}
+    "diffuse_bounces": 0, "volume_bounces": 1, "clamp_indirect": 1e-3, "acceleration": "FAST",
+    "threads": 1}.items()}
 answer([told, {
     "spread": changes(area.data, "spread", math.radians(20)),
     "light samples with a target": light_samples,
