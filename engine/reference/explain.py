@@ -138,7 +138,7 @@ class Explainer:
 
     def _bounced_in_media(self, paths: Paths, spans: Spans | None, depth: Array) -> tuple[Ray, ...]:
         """What bounces to media on the way."""
-        if spans is None:
+        if spans is None or paths.caught:
             return ()
         found = scattered_on(self.stage, paths, spans, depth, self._sample, self._places)
         return () if found is None else (self.follow(found, "bounce"),)
@@ -246,6 +246,8 @@ class Explainer:
         """What comes from media on the way."""
         stage, near = self.stage, paths.rays.near
         given: dict[str, Array] = {}
+        if paths.caught:
+            return
         if stage.media.emits and not paths.gathers:  # to these they are lights
             given[""] = stage.media.pieces(spans, near, depth).glow()[:, 0]
         part = spans, depth, self._sample, paths.gathers

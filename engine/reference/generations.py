@@ -324,7 +324,8 @@ class Generations:
             for group in range(len(self._stage.scene.light_groups)):
                 part = media.of_group(group).pieces(spans, paths.rays.near, depth).glow()
                 self._tile.add_to_groups(group, paths.pixel, paths.weight * part)
-        self._scatter(paths, spans, depth, deeper)
+        if not paths.caught:
+            self._scatter(paths, spans, depth, deeper)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
 

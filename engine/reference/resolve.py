@@ -25,14 +25,14 @@ SURE = 1.98
 """Two estimates of one variance, each of the 25 pixels of a block, differ by more in one of twenty
 cases by chance: the quantile of Fisher's F for 24 and 24 degrees of freedom.
 """
+SURE_FIT = 1.46
+"""The same of what a fit leaves of the 81 of a wide block, and of these: for 73 and 80."""
 GUIDES = 8
 """Light at edges goes straight along with so many: of what is seen of surfaces how much, the
 normal, the place, the colour.
 """
 FLATTER = 1e-3
 """Slopes that so little of the light speaks for are flat: what rounding leaves has none."""
-SURE_FIT = 1.46
-"""The same of what a fit leaves of the 81 of a wide block, and of these: for 73 and 80."""
 WIDE = ("Diffuse Indirect", VOLUME[1])
 """What is averaged over blocks of twice the side, over which bounces are dealt; all of it
 of one sample.
@@ -149,10 +149,23 @@ def resolved(
             around, weights = wide, in_wide_media if name in VOLUME else on_wide
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
-        found[name] = _resolved(side, guides, around, weights, light, color, noise, images)
+        one = Resolving(light, color, noise, images)
+        found[name] = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
-            _resolve_edges(found[name], guides, wide, weights, light, color, noise, images)
+            _resolve_edges(found[name], guides, wide, weights, one)
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class Resolving:
+    """One kind of light. light, color: (3, h, w) means. noise: as `_noise`; None where all may be.
+    images: (h, w) how much of the light is of sharp images.
+    """
+
+    light: Array
+    color: Array
+    noise: Array | None
+    images: Array
 
 
 def _half(samples: Array) -> Array:
@@ -189,14 +202,12 @@ def _resolved(
     guides: Guides,
     block: list[tuple[int, int, float]],
     weights: list[Array],
-    light: Array,
-    color: Array,
-    noise: Array | None,
-    images: Array,
+    one: Resolving,
 ) -> Array:
-    """noise: as `_noise`; None where all may be. images: (h, w) how much of the light is of sharp
-    images.
+    """(3, h, w) what is added where pixels of a block are alike; weights: (h, w) how much, of each
+    of these.
     """
+    light, color, noise, images = one.light, one.color, one.noise, one.images
 
     def over_block(values: Array) -> Array:
         """(3, h, w) sums over each pixel's block."""
@@ -230,16 +241,14 @@ def _resolve_edges(
     guides: Guides,
     block: list[tuple[int, int, float]],
     weights: list[Array],
-    light: Array,
-    color: Array,
-    noise: Array | None,
-    images: Array,
+    one: Resolving,
 ) -> None:
-    """Sets what is added where surfaces meet, as pixels do to which fewer of their block are alike
-    than guides may tell apart of the wider `block`: means there change over it as the guides do, by
-    the least squares that are seen (Moon, Carr, Yoon 2014, Adaptive rendering based on weighted
-    local regression). The rest as `_resolved`.
+    """Sets what is added where surfaces meet: to pixels to which fewer of their own block are alike
+    than guides may tell apart of the wider `block`. Their light is what a fit to the guides of that
+    block, by least squares, is at their own (Moon, Carr, Yoon 2014, Adaptive rendering based on
+    weighted local regression). weights: as `_resolved`, of their own blocks.
     """
+    light, color, noise, images = one.light, one.color, one.noise, one.images
     tint = color.sum(0)
     share = np.array([share for _, _, share in block])
     seen = (guides.surface > 0) & (tint > 0) & (GUIDES * sum(weights) < share.sum())
@@ -254,8 +263,8 @@ def _resolve_edges(
     weight = share[:, None] * around(guides.surface)
     part = around(guides.share)
     normal = guides.along[..., None] * guides.normal
-    own = normal[y, x] / guides.share[y, x][:, None]
-    turn = around(normal) - part[..., None] * own
+    share_here = guides.share[y, x]
+    turn = around(normal) - part[..., None] * (normal[y, x] / share_here[:, None])
     way = part[..., None] * (around(guides.place) - guides.place[y, x])
     whole = (weight * part**2).sum(0)
     way *= np.sqrt(_over(whole, (weight * (way**2).sum(-1)).sum(0)))[:, None]
@@ -266,15 +275,14 @@ def _resolve_edges(
         """What is seen at the pixels, (n,), and at those of their blocks, (81, n), of values (h, w)
         and colours.
         """
-        tinted = full * (around(colors) - part * (colors / guides_share)[y, x])
+        tinted = full * (around(colors) - part * colors[y, x] / share_here)
         g = np.concatenate([part[..., None], turn, way, tinted[..., None]], -1)
         a = np.einsum("kn,kni,knj->nij", weight, g, g)
         a[:, range(1, GUIDES), range(1, GUIDES)] += FLATTER * a[:, :1, 0]
         b = np.einsum("kn,kni,kn->ni", weight, g, around(values))
         slopes = np.linalg.solve(a, b[..., None])[..., 0]
-        return slopes[:, 0] * guides.share[y, x], np.einsum("kni,ni->kn", g, slopes)
+        return slopes[:, 0] * share_here, np.einsum("kni,ni->kn", g, slopes)
 
-    guides_share = np.where(guides.share > 0, guides.share, 1.0)
     white = light.sum(0)
     apart = (weight * (around(white) - fitted(white, tint)[1]) ** 2).sum(0)
     sure = np.zeros_like(apart)

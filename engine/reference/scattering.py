@@ -263,7 +263,8 @@ def scattered_on(
         reflections=paths.reflections + 1,
         bounced=paths.bounced + 1,
         gathers=True,
-        in_medium=True,
+        in_medium=paths.in_medium or not paths.bounced,
+        around=False,
     )
 
 

@@ -62,6 +62,15 @@ def cards(
     )
 
 
+def aside(scene: s.Scene) -> s.Scene:
+    """Seen a little from the side: edges of the pieces that glow do not lie straight above what
+    pixels see.
+    """
+    frame = scene.camera.world_from_camera.copy()
+    frame[:2, 3] += 0.0137, 0.0096
+    return replace(scene, camera=replace(scene.camera, world_from_camera=frame))
+
+
 def dots(kind: type = np.uint8, seed: int = 1) -> np.ndarray:
     """(9, 12, 4): blocks of 0, of 1 and of what lies between."""
     values = (
@@ -90,8 +99,8 @@ def test_holes_are_passed_to_the_same_picture(
     scene = cards(
         dots(kind), channel, (SUN, SOFT), extension=extension, interpolation=interpolation
     )
-    # the cards light nothing: edges of the pieces of what glows lie straight above points
-    settings = {"light_samples": 2, "mesh_light": "OFF"}
+    scene = aside(scene)
+    settings = {"light_samples": 2}
     found = color(scene, **settings)
     assert np.array_equal(found, draw(scene, "Cost", **settings).combined[..., :3])
     truth = color(scene, backend="NUMPY", **settings)
@@ -150,9 +159,10 @@ def test_holes_are_where_bounded_inputs_make_them(value: float, offset: float) -
     card, floor = scene.materials
     lobes = tuple(replace(lobe, factors=tuple(map(bounded, lobe.factors))) for lobe in card.lobes)
     scene = replace(scene, materials=(replace(card, lobes=lobes), floor))
-    found = color(scene, mesh_light="OFF")
-    assert np.array_equal(found, draw(scene, "Cost", mesh_light="OFF").combined[..., :3])
-    truth = color(scene, backend="NUMPY", mesh_light="OFF")
+    scene = aside(scene)
+    found = color(scene)
+    assert np.array_equal(found, draw(scene, "Cost").combined[..., :3])
+    truth = color(scene, backend="NUMPY")
     assert np.isclose(found, truth, rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98
 
 

@@ -280,7 +280,7 @@ class LightResolve {
   float at(int column, size_t q) const { return window_.column(column)[q]; }
 
   /// Of a pixel q, but for the colour, less those of p as far as surfaces are seen.
-  GuideFit::Guides guides(size_t p, size_t q, double scale) const {
+  GuideFit::Guides guides(size_t p, size_t q) const {
     const auto get = [&](int column, size_t i) { return double(at(column, i)); };
     const double share = get(ResolveWindow::kShare, q),
                  part = share * get(ResolveWindow::kAlong, p) / get(ResolveWindow::kShare, p);
@@ -289,27 +289,24 @@ class LightResolve {
       const int normal = ResolveWindow::kNormal + c, place = ResolveWindow::kPlace + c,
                 low = ResolveWindow::kPlaceLow + c;
       found[size_t(1 + c)] = get(ResolveWindow::kAlong, q) * get(normal, q) - part * get(normal, p);
-      found[size_t(4 + c)] =
-          share * scale * (get(place, q) - get(place, p) + (get(low, q) - get(low, p)));
+      found[size_t(4 + c)] = share * (get(place, q) - get(place, p) + (get(low, q) - get(low, p)));
     }
     return found;
   }
 
   /// Sets what pixel k of the span, p of the window, gets, and how far its block is from that.
   void fit_edge(const Block& block, size_t k, size_t p) {
-    const auto each = [&](auto body) {
-      for (size_t j = 0; j < block.to.size(); ++j) {
-        const size_t q = size_t(ptrdiff_t(p) + block.to[j]);
-        if (at(ResolveWindow::kSurface, q) > 0) body(q, double(block.of(j)[k]));
-      }
-    };
+    near_.clear();
     double all = 0, far = 0, tinted = 0;
-    each([&](size_t q, double weight) {
-      const GuideFit::Guides g = guides(p, q, 1);
-      all += weight * g[0] * g[0];
-      far += weight * (g[4] * g[4] + g[5] * g[5] + g[6] * g[6]);
-      tinted += weight * double(tint_[q]) * double(tint_[q]);
-    });
+    for (size_t j = 0; j < block.to.size(); ++j) {
+      const size_t q = size_t(ptrdiff_t(p) + block.to[j]);
+      if (!(at(ResolveWindow::kSurface, q) > 0)) continue;
+      const Near& near = near_.emplace_back(Near{q, double(block.of(j)[k]), guides(p, q)});
+      const GuideFit::Guides& g = near.guides;
+      all += near.weight * g[0] * g[0];
+      far += near.weight * (g[4] * g[4] + g[5] * g[5] + g[6] * g[6]);
+      tinted += near.weight * double(tint_[q]) * double(tint_[q]);
+    }
     const double scale = far > 0 ? std::sqrt(all / far) : 0, full = std::sqrt(all / tinted),
                  share = double(at(ResolveWindow::kShare, p));
     const auto with_color = [&](GuideFit::Guides g, const float* color, size_t q) {
@@ -317,21 +314,20 @@ class LightResolve {
       return g;
     };
     GuideFit channels[3], sum;
-    each([&](size_t q, double weight) {
-      const GuideFit::Guides g = guides(p, q, scale);
+    for (auto& [q, weight, g] : near_) {
+      for (size_t i = 4; i < 7; ++i) g[i] *= scale;
       for (int c = 0; c < 3; ++c)
         channels[c].add(weight, with_color(g, color_[c], q), double(light_[c][q]));
       sum.add(weight, with_color(g, tint_.data(), q), double(white_[q]) * double(tint_[q]));
-    });
+    }
     sum.solve();
     double apart = 0, noise = 0;
-    each([&](size_t q, double weight) {
+    for (const auto& [q, weight, g] : near_) {
       const double tint = double(tint_[q]), half = double(halves_[q]) * tint,
-                   off = double(white_[q]) * tint -
-                         sum.at(with_color(guides(p, q, scale), tint_.data(), q));
+                   off = double(white_[q]) * tint - sum.at(with_color(g, tint_.data(), q));
       apart += weight * off * off;
       noise += weight * half * half;
-    });
+    }
     apart_[k] = changed_[k] = 1;  // images stay
     noise_[k] = float(double(kSureFit / kSure) * noise / apart);
     for (int c = 0; c < 3; ++c) {
@@ -378,6 +374,12 @@ class LightResolve {
   std::optional<Changes> changes_;
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
   bool is_sharp_ = false, is_halved_ = false;
+  struct Near {
+    size_t pixel;  // of the window
+    double weight;
+    GuideFit::Guides guides;
+  };
+  std::vector<Near> near_;       // of the block of one pixel
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
 };

@@ -85,6 +85,7 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
                           RayCounts& counts) {
   if (spans.empty()) return;
   sample_ = sample;
+  alone_ = false;  // whatever was lit before
   ends_of_rays_.resize(batch.size());
   for (size_t k = 0; k < batch.size(); ++k)
     ends_of_rays_[k] = batch.missed(k) ? kInfinity : batch.t[k];

@@ -212,7 +212,7 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   const Queue::Past &past = queue.past, scattered = past.scattered();
   Queue::Past mirrored = past, of_media = scattered;
   mirrored.gathers = false;
-  of_media.in_medium = true;
+  of_media.in_medium |= past.bounced == 0;
   NextRays next{
       take(queue.visibility, past), take(kMirror, mirrored), take(kMirror, mirrored.reflected()),
       take(kDiffuse, scattered),    take(kSolid, scattered), take(kDiffuse, of_media),
@@ -262,7 +262,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   bounce(queue, sample, next.gathering, &next.around);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
-  if (scene_.features & GLINT_FEATURE_MEDIA)
+  if (scene_.features & GLINT_FEATURE_MEDIA && queue.past.caught == Queue::Past::kSeen)
     direct_.scatter(batch_, media_, clear_.data(), pixels_, sample, next.scattered, counts_);
   if (scene_.materials.has_translucent) light_behind(queue, sample, next.behind);
   keep(queue);

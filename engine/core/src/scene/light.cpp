@@ -315,8 +315,8 @@ LightMeeting Light::meeting(const GlintEmitter& e, Vec3d x, Vec3d origin, Vec3d 
                             uint32_t count) const {
   const Vec3d n = unit(direction(placed, {e.normal[0], e.normal[1], e.normal[2]}));
   const double z = -dot(l, n), share = scale2 * e.spread, d2 = dot(q - x, q - x),
-               whole = share * std::fabs(z) / d2,
-               spread = share * std::fabs(z) / std::max(d2, share / merged(count)),
+               near2 = share / merged(count), spread = share * std::fabs(z) / std::max(d2, near2),
+               whole = share * std::fabs(z) / std::max(d2, kNearest * near2),
                apart = rounding(max_abs(q) + std::sqrt(scale2) * e.reach);
   const double* const light = z > 0 ? e.front : e.back;
   return {{saturate(light[0]), saturate(light[1]), saturate(light[2])},

@@ -39,6 +39,10 @@ enum LightShape : int {
 /// One over the cosine below which light grazes smooth surfaces, where instances say nothing else.
 constexpr double kGrazing = 10;
 
+/// Of the least square of the distance of a mesh light's points, that of what draws directions to
+/// them.
+constexpr double kNearest = 1e-12;
+
 /// Highlights draw a direction for so many of a dome's.
 constexpr size_t kSkyDraws = 8;
 constexpr size_t kDomeColumns = 10;  // of rows of GlintRenderSettings.dome_table

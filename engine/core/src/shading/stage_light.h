@@ -122,7 +122,7 @@ inline Doubles matt_factor(const LightStage& s, size_t k, const Three& x, const 
   if constexpr (Shape != kMeshSource) return at.factor;
   if (!s.draws_matt) return at.factor;
   const Three to = splat3(s.end) - x;
-  const Doubles d2 = larger(dot(to, to), splat(1e-12 * s.near2)),
+  const Doubles d2 = larger(dot(to, to), splat(kNearest * s.near2)),
                 nearer = larger(d2, splat(s.near2)) / d2,
                 times = draws_of<Shape>(s) / kCircle * cosine * nearer * at.spread,
                 weighed = nearer * at.factor / (1 + times * times);
