@@ -34,6 +34,15 @@ class CellHash(IntEnum):
     JENKINS = 1
 
 
+class CellOrder(IntEnum):
+    """What F1 compares of Minkowski's distances: the sums under the root since Blender 4.5, of which
+    those with an exponent below 0 fall as distances grow; distances before.
+    """
+
+    SUM = 0
+    DISTANCE = 1
+
+
 VORONOIS = (
     Operation(
         "voronoi_texture",
@@ -52,6 +61,7 @@ VORONOIS = (
             ("metric", VoronoiMetric),
             ("normalize", range(2)),
             ("cell_hash", CellHash),
+            ("cell_order", CellOrder),
         ),
         "the nearest points of a jittered grid (Worley 1996), octaves of them added up",
     ),

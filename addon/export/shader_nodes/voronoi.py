@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ....engine.program.operations_voronoi import CellHash, VoronoiFeature, VoronoiMetric
+from ....engine.program.operations_voronoi import CellHash, CellOrder, VoronoiFeature, VoronoiMetric
 from .reader import READERS, NodeInputs, Outputs, texture_vector
 
 _NUMBERS = {
@@ -18,6 +18,7 @@ _NUMBERS = {
     "Randomness": 1.0,
 }
 _CELL_HASH = CellHash.PCG if bpy.app.version >= (5, 0, 0) else CellHash.JENKINS
+_CELL_ORDER = CellOrder.SUM if bpy.app.version >= (4, 5, 0) else CellOrder.DISTANCE
 """Patterns are those of the Blender that shows them."""
 
 
@@ -39,6 +40,7 @@ def _voronoi(view: NodeInputs) -> Outputs:
         metric=VoronoiMetric[node.distance],
         normalize=int(getattr(node, "normalize", False)),
         cell_hash=_CELL_HASH,
+        cell_order=_CELL_ORDER,
     )
     return dict(zip(("Distance", "Color", "Position", "W", "Radius"), outputs, strict=True))
 

@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from ...program.operations_voronoi import CellHash, VoronoiFeature, VoronoiMetric
+from ...program.operations_voronoi import CellHash, CellOrder, VoronoiFeature, VoronoiMetric
 from .hashing import hash_color, hash_numbers
 from .noise import coordinates
 
@@ -36,6 +36,7 @@ class Cells:
     exponent: Array
     metric: VoronoiMetric
     cell_hash: CellHash
+    order: CellOrder
 
     def distance(self, a: Array, b: Array) -> Array:
         away = np.abs(a - b)
@@ -49,10 +50,9 @@ class Cells:
             return (away**self.exponent).sum(0) ** (1 / self.exponent)
 
     def turn(self, dimensions: int) -> Array | float:
-        """-1 where F1 is the farthest point: Cycles compares before the root is taken, which turns
-        the order of what has an exponent below 0.
-        """
-        if dimensions == 1 or self.metric != VoronoiMetric.MINKOWSKI:
+        """-1 where F1 is the farthest point: sums under the root with an exponent below 0 fall."""
+        by_distance = self.order == CellOrder.DISTANCE
+        if by_distance or dimensions == 1 or self.metric != VoronoiMetric.MINKOWSKI:
             return 1.0
         return np.where(self.exponent < 0, -1.0, 1.0)
 
@@ -254,6 +254,7 @@ def voronoi_texture(
     metric: int,
     normalize: int,
     cell_hash: int,
+    cell_order: int,
 ) -> tuple[Array, ...]:
     """Distance (n,), colour (3, n), position (3, n), w (n,) and radius (n,)."""
     p = coordinates(vector, w, dimensions) * scale
@@ -265,6 +266,7 @@ def voronoi_texture(
         * np.clip(np.abs(exponent), LEAST_EXPONENT, 1 / LEAST_EXPONENT),
         VoronoiMetric(metric),
         CellHash(cell_hash),
+        CellOrder(cell_order),
     )
     none, black = np.zeros(p.shape[1]), np.zeros((3, p.shape[1]))
     if feature == VoronoiFeature.N_SPHERE_RADIUS:

@@ -15,7 +15,8 @@ inline Doubles inverse(Doubles x) { return where(x != 0, 1 / choose(x != 0, x, s
 
 struct CellSettings {
   int metric;
-  bool jenkins;  // else PCG
+  bool jenkins;      // else PCG
+  bool by_distance;  // F1 compares distances, else what is under their root
   Doubles randomness, smoothness, exponent;
 };
 
@@ -183,8 +184,8 @@ inline VoronoiOctave<D> nearest_cell(const NoisePoint<D>& p, const CellSettings&
   const NoisePoint<D> cell = cell_of(p), local = p - cell;
   Doubles best[2] = {splat(kFar), splat(kFar)};
   NoisePoint<D> offsets[2] = {}, points[2] = {};
-  // Cycles compares for F1 before the root is taken, which turns what has an exponent below 0.
-  const Mask turned = (s.exponent < 0) & -int64_t(D > 1 && s.metric == kMinkowski && !second);
+  const bool by_sum = D > 1 && s.metric == kMinkowski && !second && !s.by_distance;
+  const Mask turned = (s.exponent < 0) & -int64_t(by_sum);
   each_cell<D>(s, cell, 1, [&](const NoisePoint<D>& offset, const NoisePoint<D>& point) {
     const Doubles away = cell_distance<D>(s, point - local), d = choose(turned, -away, away);
     const Mask first = d < best[0], then = d < best[1];
@@ -359,8 +360,12 @@ inline void voronoi_at(const Operands& at, size_t k) {
                 size = smaller(larger(magnitude(given), splat(kLeastExponent)),
                                splat(1 / kLeastExponent)),
                 exponent = choose(given < 0, -size, size);
-  const CellSettings s{at.settings[2], at.settings[4] != 0, held(at.number(8, k), 1),
-                       held(at.number(6, k) / 2, 0.5), exponent};
+  const CellSettings s{at.settings[2],
+                       at.settings[4] != 0,
+                       at.settings[5] != 0,
+                       held(at.number(8, k), 1),
+                       held(at.number(6, k) / 2, 0.5),
+                       exponent};
   const VoronoiFractal f{held(at.number(3, k), 15), held(at.number(4, k), 1), at.number(5, k)};
   at.put(4, k, feature == kRadius ? cell_radius<D>(p, s) : none);
   if (feature < kEdge) return put_voronoi<D>(at, k, p, s, f, feature, normalized, scale);
