@@ -16,7 +16,13 @@ import bpy
 VERSION = 2
 """To be raised when the settings offered to a user change."""
 _OFFERED_UNTIL: dict[int, dict[str, Any]] = {
-    1: {"samples": 64, "error_threshold": 4.0, "soft_light": "SHARED", "clamp_indirect": 0.0}
+    1: {
+        "samples": 64,
+        "error_threshold": 4.0,
+        "visibility_samples": 1,
+        "soft_light": "SHARED",
+        "clamp_indirect": 0.0,
+    }
 }
 """Number -> settings that were offered otherwise up to it, and how."""
 

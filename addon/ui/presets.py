@@ -58,6 +58,7 @@ PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
             "soft_light": "SHARED",
             "samples": 1,
             "error_threshold": 0.0,
+            "visibility_samples": 1,
             "light_samples": 1,
             "lamp_shadows": 0,
             "max_bounces": 1,

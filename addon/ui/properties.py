@@ -63,7 +63,14 @@ OF_LIGHT = (
     "clamp_indirect",
 )
 """What light does; the viewport takes the final render's."""
-OF_SAMPLES = ("samples", "error_threshold", "light_samples", "lamp_shadows", "volume_samples")
+OF_SAMPLES = (
+    "samples",
+    "error_threshold",
+    "visibility_samples",
+    "light_samples",
+    "lamp_shadows",
+    "volume_samples",
+)
 OF_RAYS = ("max_bounces", "cutoff")
 """How finely to sample, and how far to follow rays: the viewport's are its own."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..sampling import MOST_TABLED, dealt_samples
+from ..sampling.motion import is_moving
 from ..scene import Scene
 from ..settings import Settings
 from .lamps import is_soft
@@ -17,6 +18,15 @@ def interleaving(scene: Scene, settings: Settings) -> int:
     """
     few = dealt_samples(settings.samples, SIDE) <= MOST_TABLED
     return SIDE if settings.soft_light != "SHARED" and few and _is_soft(scene, settings) else 1
+
+
+def visibility_samples(scene: Scene, settings: Settings) -> int:
+    """Camera rays for each sample of a pixel: 1 where light is not resolved, which tells what
+    others see, where things move, and where there are catchers of shadows or holdouts.
+    """
+    resolves = settings.soft_light == "RESOLVED" and interleaving(scene, settings) > 1
+    caught = any(block.catcher or block.holdout for block in scene.instances)
+    return settings.visibility_samples if resolves and not caught and not is_moving(scene) else 1
 
 
 def _is_soft(scene: Scene, settings: Settings) -> bool:

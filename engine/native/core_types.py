@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 74
+ABI_VERSION = 75
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -431,8 +431,8 @@ class RenderSettingsData(Structure):
         *_each(c_uint64, "bounce_count passes"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff clamp_indirect lens_focus"),
-        *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
-        *_each(c_uint32, "medium_samples medium_shadows lamp_shadows occlusion_samples"),
+        *_each(c_uint32, "samples visibility_samples light_samples volume_samples"),
+        *_each(c_uint32, "dome_samples mesh_samples medium_samples medium_shadows lamp_shadows occlusion_samples"),
         *_each(c_uint32, "opening_samples interleaving bounces volume_bounces bounce_levels"),
         *_each(c_uint32, "dome_rows dome_columns dome_irradiance_rows dome_irradiance_columns"),
         *_each(c_uint32, "camera_block lobe_levels crypto_ids max_bounces threads"),

@@ -11,19 +11,19 @@ from ..errors import SceneError
 from ..film import OCCLUSION, PASSES
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
-from ..lights.interleaving import interleaving
+from ..lights.interleaving import interleaving, visibility_samples
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable, mesh_table
 from ..lights.openings import opening_table
 from ..sampling import (
     BOUNCE_PARTS,
     bounce_points,
+    dealt_offsets,
     dealt_samples,
     light_points,
     lobe_points,
     node_points,
     occlusion_points,
-    pixel_offsets,
     scatter_offsets,
     subsurface_points,
 )
@@ -40,7 +40,7 @@ PASS_NUMBERS = {name: core_types.Pass[name.upper().replace(" ", "_")].value for 
 
 # a viewport asks for the same few all the time
 _lens_points = functools.lru_cache(maxsize=4)(lens_points)
-_pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)
+_pixel_offsets = functools.lru_cache(maxsize=16)(dealt_offsets)
 _light_points = functools.lru_cache(maxsize=16)(light_points)
 
 _SAME = [
@@ -58,12 +58,9 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     waves: of `core_types.Waves`.
     """
     packer = Packer()
-    offsets = packer.lend(
-        _pixel_offsets(settings.samples, settings.filter_width),
-        np.float64,
-        (settings.samples, 2),
-        "pixel offsets",
-    )
+    each = visibility_samples(scene, settings)
+    offsets = _pixel_offsets(settings.samples, each, settings.filter_width)
+    offsets = packer.lend(offsets, np.float64, (each, None, 2), "pixel offsets")
     data = core_types.RenderSettingsData(
         pixel_offsets=address(offsets), waves=core_types.Waves[waves], remember=remember
     )
@@ -71,6 +68,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.resolves = settings.soft_light == "RESOLVED"
     for name in _SAME:
         setattr(data, name, getattr(settings, name))
+    data.visibility_samples = each
     data.passes = sum(1 << PASS_NUMBERS[name] for name in passes_of(settings))
     data.passes |= (1 << core_types.Pass.AOV) if scene.aovs else 0
     data.passes |= (1 << core_types.Pass.LIGHT_GROUPS) if scene.light_groups else 0

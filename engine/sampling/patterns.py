@@ -154,6 +154,18 @@ def pixel_offsets(samples: int, filter_width: float) -> np.ndarray:
     return offsets
 
 
+def dealt_offsets(samples: int, rays: int, filter_width: float) -> np.ndarray:
+    """(rays, rays * samples, 2) as `pixel_offsets`: for each of so many classes of pixels
+    (`offset_classes`) the same ones, of which the first `samples` are those of samples, a run of
+    their own but for the first, which is exactly 0.
+    """
+    offsets = pixel_offsets(rays * samples, filter_width)
+    own = samples * np.arange(rays)[:, None] + np.arange(samples)
+    own[:, 0] = 0
+    rest = [np.setdiff1d(np.arange(rays * samples), run) for run in own]
+    return offsets[np.concatenate([own, np.stack(rest)], 1)]
+
+
 def _inverse_blackman_harris(u: np.ndarray) -> np.ndarray:
     """The x with a share u of the window's area to its left, by table and linear interpolation."""
     x = np.linspace(-0.5, 0.5, 4097)
@@ -368,6 +380,15 @@ def interleaving_classes(x: tuple[int, int], y: tuple[int, int], side: int) -> n
     """
     column, row = np.arange(*x) % side, np.arange(*y) % side
     return _bayer(side)[row[:, None], column].ravel()
+
+
+def offset_classes(x: tuple[int, int], y: tuple[int, int], count: int) -> np.ndarray:
+    """(pixels,) which of `count` `dealt_offsets` each pixel has, as `interleaving_classes`: such as
+    touch have others.
+    """
+    column, row = np.arange(*x), np.arange(*y)[:, None]
+    low, high = ((2 * (u ^ v) + v) for u, v in ((column & 1, row & 1), (column >> 1 & 1, row >> 1 & 1)))
+    return ((low + 4 * high) % count).ravel()
 
 
 def bounce_parts(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 74
+#define GLINT_ABI_VERSION 75
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -411,27 +411,30 @@ typedef struct GlintNeighbour {
 
 /* region: x0, y0, x1, y1 half open in the full frame. threads: 0 for one a core. waves: whether
  * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
- * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
- * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
- * light has an extent; else they may be null. dome_table: (dome_count, 10), of as many samples as
- * divide it, after which they begin again, of a GLINT_DOME: the direction to it, what comes from
- * there (dome_samples times its share), one over the density of directions, a point of the unit
- * disc, and 1 where shadow rays of surfaces meet what casts shadows, 0 where what is visible to
- * diffuse rays. dome_cells: (dome_rows, dome_columns, 4), what comes from a direction of the
- * light's axes (dome_axes, column by column) over the density and one over that, equirectangular,
- * from below upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi,
- * of surfaces that nothing hides it from, by their normals in the light's axes: corners of cells
- * from pole to pole and once round. openings: (opening_count, 13), rectangles through which that
- * light is sampled too, or null: centre, half sides along x and y, unit normal to the light's side,
- * all in the world, and the share of the points; opening_points: (opening_point_count, 3), of as
- * many samples, opening_samples points each, as divide it: the row of openings, and where on it
- * from -1 to 1 along its half sides. mesh_table: (mesh_count, 18), of as many samples, mesh_samples
- * points each, as divide it, after which they begin again, of each GLINT_MESH_LIGHT in turn: the
- * point and its unit normal in the light's axes, the numbers of GlintEmitter but the normal, a
- * point of the unit disc, 0, and its light_group. medium_table: the same of each
- * GLINT_MEDIUM_LIGHT; front is what the medium gives a world unit, spread one over the density of
- * points by volume, reach the radius of the ball that each stands for, normal and back are unused.
- * Tables may be null where the scene has no such light.
+ * HELD: see glint_render_resume. pixel_offsets: (visibility_samples, samples * visibility_samples,
+ * 2), for each class of pixels (engine/sampling, offset_classes) the same ones; the first `samples`
+ * are of the samples. Where light is resolved, nothing moves and catches shadows, no light follows
+ * the camera rays of the rest, which tell how much of the pixel shows what; else visibility_samples
+ * is 1. light_square, light_disc: (light_point_count, 2), at least samples * light_samples points
+ * when light_samples > 1 and a light has an extent; else they may be null. dome_table: (dome_count,
+ * 10), of as many samples as divide it, after which they begin again, of a GLINT_DOME: the
+ * direction to it, what comes from there (dome_samples times its share), one over the density of
+ * directions, a point of the unit disc, and 1 where shadow rays of surfaces meet what casts
+ * shadows, 0 where what is visible to diffuse rays. dome_cells: (dome_rows, dome_columns, 4), what
+ * comes from a direction of the light's axes (dome_axes, column by column) over the density and one
+ * over that, equirectangular, from below upward. dome_irradiance: (dome_irradiance_rows,
+ * dome_irradiance_columns, 3), over pi, of surfaces that nothing hides it from, by their normals in
+ * the light's axes: corners of cells from pole to pole and once round. openings: (opening_count,
+ * 13), rectangles through which that light is sampled too, or null: centre, half sides along x and
+ * y, unit normal to the light's side, all in the world, and the share of the points;
+ * opening_points: (opening_point_count, 3), of as many samples, opening_samples points each, as
+ * divide it: the row of openings, and where on it from -1 to 1 along its half sides. mesh_table:
+ * (mesh_count, 18), of as many samples, mesh_samples points each, as divide it, after which they
+ * begin again, of each GLINT_MESH_LIGHT in turn: the point and its unit normal in the light's axes,
+ * the numbers of GlintEmitter but the normal, a point of the unit disc, 0, and its light_group.
+ * medium_table: the same of each GLINT_MEDIUM_LIGHT; front is what the medium gives a world unit,
+ * spread one over the density of points by volume, reach the radius of the ball that each stands
+ * for, normal and back are unused. Tables may be null where the scene has no such light.
  * lobe_points: (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a
  * path, where in the lobes of rough surfaces its rays are reflected; null only where none are.
  * error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it
@@ -496,9 +499,9 @@ typedef struct GlintRenderSettings {
       opening_point_count, subsurface_count, bounce_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, clamp_indirect, lens_focus;
-  uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, medium_samples,
-      medium_shadows, lamp_shadows, occlusion_samples, opening_samples, interleaving, bounces,
-      volume_bounces, bounce_levels;
+  uint32_t samples, visibility_samples, light_samples, volume_samples, dome_samples, mesh_samples,
+      medium_samples, medium_shadows, lamp_shadows, occlusion_samples, opening_samples,
+      interleaving, bounces, volume_bounces, bounce_levels;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;

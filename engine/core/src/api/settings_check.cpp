@@ -139,6 +139,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
     text += sentence;
   };
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
+  add(g.visibility_samples >= 1 && uint64_t(g.samples) * g.visibility_samples <= UINT32_MAX,
+      "settings: no camera rays, or too many");
   add(sound_interleaving(g), "settings: blocks of pixels that deal samples are not 1 to 8 wide");
   add(g.light_samples >= 1 && enough_points(g, scene),
       "settings: fewer light points than samples * light_samples");

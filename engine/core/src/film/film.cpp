@@ -26,6 +26,9 @@ constexpr int kPartOf[kResolvedLights] = {
 constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR, GLINT_PASS_GLOSSY_COLOR,
                                          GLINT_PASS_TRANSMISSION_COLOR, kCaughtAlone, kUnhidden};
 
+/// Of what gives light itself.
+constexpr int kPassOfGlow[kGlows] = {GLINT_PASS_EMISSION, GLINT_PASS_ENVIRONMENT};
+
 int sums_of(int light) { return light == kCaught ? int(kCaughtLight) : kPassOf[light]; }
 
 /// The sums without which a column of what resolving reads tells nothing.
@@ -131,6 +134,8 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
          ++light)
       if (light != kCaught || catches != Catches::kAlpha)
         apart |= uint32_t(at_[kPassOf[light]] >= 0) << light;
+    for (int number = 0; number < kGlows; ++number)
+      apart |= uint32_t(at_[kPassOfGlow[number]] >= 0) << (kResolvedLights + number);
     resolve_ = Resolve(resolved, region, apart, catches);
   }
   std::fill_n(guides_, int(kGuideColumns), -1);
@@ -210,26 +215,39 @@ void Film::note_half(const Tile& tile, const std::vector<uint32_t>& slots, uint3
   }
 }
 
-/// The means of a pixel of the region, to place `at` of the window.
-void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32_t samples) const {
-  const uint32_t across = (region_.width() + Tile::kSize - 1) / Tile::kSize;
-  const Tile& tile = tiles_[size_t(y / Tile::kSize) * across + x / Tile::kSize];
-  const size_t slot = slot_of(tile, x, y), stride = tile.stride();
+/// Those of one pixel, each column so far from the next, and of how many rays.
+struct Film::PixelSums {
+  const double* first;
+  size_t stride;
+  double count;
+  const double* column(int number) const { return first + size_t(number) * stride; }
+};
+
+double Film::guide(const PixelSums& pixel, int number) const {
+  return guides_[number] < 0 ? 0 : *pixel.column(guides_[number]);
+}
+
+/// Of the three channels.
+double Film::whole(const PixelSums& pixel, int pass) const {
+  if (at_[pass] < 0) return 0;
+  const double* const sum = pixel.column(at_[pass]);
+  return sum[0] + sum[pixel.stride] + sum[2 * pixel.stride];
+}
+
+/// The means, to place `at` of the window.
+void Film::read(ResolveWindow& window, size_t at, const PixelSums& pixel) const {
   const auto put = [&](int column, double value) { window.column(column)[at] = to_float(value); };
-  const double n = refinement_.taken(tile.first_row + slot, samples);
-  const auto guide = [&](int number) {
-    return guides_[number] < 0 ? 0 : column_at(tile, guides_[number])[slot];
-  };
+  const double n = pixel.count;
   double normal[3], square = 0;
   for (int c = 0; c < 3; ++c) {
-    normal[c] = guide(kGuideNormal + c);
+    normal[c] = guide(pixel, kGuideNormal + c);
     square += normal[c] * normal[c];
   }
-  const double share = guide(kGuideShare);
+  const double share = guide(pixel, kGuideShare);
   const bool is_surface = share > 0 && square > 0 && std::isfinite(square);
   for (int c = 0; is_surface && c < 3; ++c) {
     put(ResolveWindow::kNormal + c, normal[c] / std::sqrt(square));
-    const double place = guide(kGuidePlace + c) / share;
+    const double place = guide(pixel, kGuidePlace + c) / share;
     put(ResolveWindow::kPlace + c, place);
     put(ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
   }
@@ -238,52 +256,95 @@ void Film::read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32
     put(ResolveWindow::kShare, share / n);
     put(ResolveWindow::kAlong, std::sqrt(square) / n);
   }
-  const auto means = [&](int pass, int column) {
+  double rest[4];
+  for (int c = 0; c < 4; ++c) rest[c] = *pixel.column(at_[GLINT_PASS_COMBINED] + c);
+  for (int c = 0; c < 3; ++c) put(ResolveWindow::kWhole + c, rest[c] / n);
+  put(ResolveWindow::kInside, 1);
+  const auto means = [&](int pass, int column, bool is_light = false) {
     if (at_[pass] < 0) return;
-    const double* const sum = column_at(tile, at_[pass]) + slot;
-    for (int c = 0; c < 3; ++c) put(column + c, sum[size_t(c) * stride] / n);
+    for (int c = 0; c < 3; ++c) {
+      const double sum = *pixel.column(at_[pass] + c);
+      put(column + c, sum / n);
+      if (is_light) rest[c] -= sum;
+    }
   };
   for (int light = 0; light < kResolvedLights; ++light)
-    means(sums_of(light), ResolveWindow::kLight + 3 * light);
+    means(sums_of(light), ResolveWindow::kLight + 3 * light, light != kCaught && light != kOpen);
   for (int kind = 0; kind < kColoredKinds; ++kind)
     means(kColorOf[kind], ResolveWindow::kColor + 3 * kind);
   for (int c = 0; c < 3; ++c) put(ResolveWindow::kColor + 3 * kColoredKinds + c, 1);
   means(GLINT_PASS_SHADOW_CATCHER, ResolveWindow::kShadow);
   means(kUnshaded, ResolveWindow::kUnshadedColor);
-  const auto whole = [&](int pass) {
-    if (at_[pass] < 0) return 0.0;
-    const double* const sum = column_at(tile, at_[pass]) + slot;
-    return sum[0] + sum[stride] + sum[2 * stride];
-  };
+  for (int c = 0; c < 4; ++c) put(ResolveWindow::kRest + c, rest[c] / n);
+  for (int k = 0; k < kGlows; ++k) means(kPassOfGlow[k], ResolveWindow::kGlow + 3 * k);
   for (int number = 0; number < kSharpKinds; ++number) {
-    const double color = whole(kColorOf[kFirstSharp + number]), sharp = guide(kSharpColor + number);
+    const double color = whole(pixel, kColorOf[kFirstSharp + number]),
+                 sharp = guide(pixel, kSharpColor + number);
     put(ResolveWindow::kSharp + number, color > 0 ? std::clamp(sharp / color, 0.0, 1.0) : 0);
   }
+}
+
+/// How far they are off.
+void Film::read_noise(ResolveWindow& window, size_t at, const PixelSums& pixel) const {
+  const double n = pixel.count;
   if (n < 2) return;
   const double half = std::bit_floor(uint32_t(n) - 1), rest = n - half;
   for (int light = 0; light < kResolvedLights; ++light) {
     const int kind = kind_of(light);
     const bool colored = kind < kColoredKinds;
-    const double color = colored ? guide(kHalfColor + kind) : 3 * half,
-                 all = colored ? whole(kColorOf[kind]) : 3 * n, before = guide(kHalfLight + light),
-                 after = whole(sums_of(light)) - before;
+    const double color = colored ? guide(pixel, kHalfColor + kind) : 3 * half,
+                 all = colored ? whole(pixel, kColorOf[kind]) : 3 * n,
+                 before = guide(pixel, kHalfLight + light),
+                 after = whole(pixel, sums_of(light)) - before;
     if (color > 0 && all > color)
-      put(ResolveWindow::kNoise + light,
-          (before / color - after / (all - color)) * std::sqrt(half * rest) / n);
+      window.column(ResolveWindow::kNoise + light)[at] =
+          to_float((before / color - after / (all - color)) * std::sqrt(half * rest) / n);
   }
 }
 
-void Film::resolve(const Tile& tile, uint32_t samples) {
-  const uint32_t reach = resolve_.looks_at();
+ResolveWindow Film::window_of(const Tile& tile, uint32_t samples) const {
+  const uint32_t reach = resolve_.looks_at(),
+                 across = (region_.width() + Tile::kSize - 1) / Tile::kSize;
   ResolveWindow window;
   window.set_size(tile.width() + 2 * reach, tile.height() + 2 * reach);
   for (uint32_t j = 0; j < window.height; ++j)
     for (uint32_t i = 0; i < window.width; ++i) {
       const uint32_t x = tile.x0 + i - reach, y = tile.y0 + j - reach;  // wraps below 0
-      if (x < region_.width() && y < region_.height())
-        read(window, size_t(j) * window.width + i, x, y, samples);
+      if (x >= region_.width() || y >= region_.height()) continue;
+      const Tile& there = tiles_[size_t(y / Tile::kSize) * across + x / Tile::kSize];
+      const size_t slot = slot_of(there, x, y), at = size_t(j) * window.width + i;
+      const PixelSums pixel{column_at(there, 0) + slot, there.stride(),
+                            double(refinement_.taken(there.first_row + slot, samples))};
+      read(window, at, pixel);
+      read_noise(window, at, pixel);
     }
-  resolve_.run(window, tile.x0, tile.y0, samples >= Refinement::kFirst);
+  return window;
+}
+
+std::vector<uint32_t> Film::uneven(const Tile& tile, const ResolveWindow& window) const {
+  const std::vector<uint8_t> which = resolve_.uneven(window);
+  std::vector<uint32_t> slots;
+  for (uint32_t k = 0; k < tile.pixels(); ++k)
+    if (which[k])
+      slots.push_back(
+          uint32_t(slot_of(tile, tile.x0 + k % tile.width(), tile.y0 + k / tile.width())));
+  std::sort(slots.begin(), slots.end());
+  return slots;
+}
+
+void Film::resolve(const Tile& tile, uint32_t samples, const ResolveWindow& window,
+                   const MoreSeen* more) {
+  ResolveWindow finer;
+  std::vector<uint32_t> rays(tile.pixels(), 0);
+  if (more) finer.set_size(tile.width(), tile.height());
+  for (size_t k = 0; more && k < more->slots.size(); ++k) rays[more->slots[k]] = more->rays;
+  for (uint32_t k = 0; more && k < tile.pixels(); ++k) {
+    const size_t slot = slot_of(tile, tile.x0 + k % tile.width(), tile.y0 + k / tile.width());
+    read(finer, k,
+         {more->sums.data() + slot, tile.stride(),
+          double(refinement_.taken(tile.first_row + slot, samples) + rays[slot])});
+  }
+  resolve_.run(window, more ? &finer : nullptr, tile.x0, tile.y0, samples >= Refinement::kFirst);
 }
 
 void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
@@ -369,6 +430,9 @@ void Film::add_resolved(const Tile& tile, int pass, const SlotTable& slots,
           pass == kPartOf[light] && (light != kCaught || !wants(GLINT_PASS_SHADOW_CATCHER));
       for (size_t c = 0; is_part && c < 3; ++c) means[c][k] += resolve_.added_to(light, pixel, c);
     }
+    for (int number = 0; number < kGlows; ++number)
+      for (size_t c = 0; pass == kPassOfGlow[number] && c < 3; ++c)
+        means[c][k] += resolve_.added_to(kResolvedLights + number, pixel, c);
   }
 }
 

@@ -79,6 +79,13 @@ inline float to_float(double x) {
   return x == x ? float(std::clamp(x, -top, top)) : 0;
 }
 
+/// Camera rays of some pixels of a tile beyond their samples, which light does not follow.
+struct MoreSeen {
+  std::vector<uint32_t> slots;
+  uint32_t rays = 0;         // of each
+  std::vector<double> sums;  // the tile's, with theirs
+};
+
 /// One thread a tile at a time. Sums are kept tile by tile, a column a channel: Combined's colour,
 /// lost alpha, then three for each part.
 class Film {
@@ -150,9 +157,15 @@ class Film {
   /// that of neighbours.
   void measure(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void measure_neighborhood(const Tile& tile);
-  /// Before a wave is measured and published, and while nothing writes sums: what resolving its
-  /// light adds to the tile's pixels.
-  void resolve(const Tile& tile, uint32_t samples);
+  /// What resolving reads, while nothing writes sums: the tile and what is round it after so many
+  /// samples.
+  ResolveWindow window_of(const Tile& tile, uint32_t samples) const;
+  /// The slots of pixels that more camera rays would tell more about.
+  std::vector<uint32_t> uneven(const Tile& tile, const ResolveWindow& window) const;
+  /// Before a wave is measured and published: what resolving its light adds to the tile's pixels.
+  /// more: null for none.
+  void resolve(const Tile& tile, uint32_t samples, const ResolveWindow& window,
+               const MoreSeen* more);
   /// Before a wave is published: pictures that somebody has are left to them, and others take their
   /// place.
   void renew();
@@ -183,7 +196,11 @@ class Film {
   }
   float* values(int pass) const { return pictures_[pass]->data(); }
   void store(int pass, uint32_t pixel, const double* from);
-  void read(ResolveWindow& window, size_t at, uint32_t x, uint32_t y, uint32_t samples) const;
+  struct PixelSums;
+  void read(ResolveWindow& window, size_t at, const PixelSums& pixel) const;
+  void read_noise(ResolveWindow& window, size_t at, const PixelSums& pixel) const;
+  double guide(const PixelSums& pixel, int number) const;
+  double whole(const PixelSums& pixel, int pass) const;
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                      const Stages& stages);
   void add_resolved(const Tile& tile, int pass, const SlotTable& slots,

@@ -17,6 +17,9 @@ constexpr float kFlat = 0.04f;  // the same of the way between points along one'
 // wide one, of which one is of what a fit leaves, for 73 and 80.
 constexpr float kSure = 1.98f, kSureFit = 1.46f;
 
+// Colours, and what is seen beside them, that differ by no more look the same.
+constexpr float kEven = 1.0f / 50;
+
 // Light at edges goes straight along with so many guides: of what is seen of surfaces how much, the
 // normal, the place, the colour.
 constexpr int kGuides = 8;
@@ -29,6 +32,8 @@ using Floats = std::vector<float>;
 struct Span {
   size_t first, width, height, stride;
   size_t count() const { return width * height; }
+  /// Of the window, the pixel of that number.
+  size_t pixel(size_t number) const { return first + number / width * stride + number % width; }
   /// body(number in the span, pixel of the window) for the first pixel of each row.
   template <class Body>
   void rows(Body body) const {
@@ -199,8 +204,10 @@ class GuideFit {
 /// One kind of light of a window, and what the pixels of a span take of their blocks.
 class LightResolve {
  public:
-  LightResolve(const ResolveWindow& window, const Span& span, uint32_t side)
+  LightResolve(const ResolveWindow& window, const ResolveWindow* finer, const Span& span,
+               uint32_t side)
       : window_(window),
+        finer_(finer),
         span_(span),
         side_(side),
         tint_(window.pixels()),
@@ -215,6 +222,7 @@ class LightResolve {
       light_[c] = all + size_t(c) * window_.pixels();
       color_[c] = window_.column(ResolveWindow::kColor + 3 * kind_of(light) + c);
     }
+    kind_ = kind_of(light);
     halves_ = window_.column(ResolveWindow::kNoise + light);
     is_halved_ = is_halved;
     set_sharp(light);
@@ -238,19 +246,28 @@ class LightResolve {
     for (size_t i = 0; i < span_.count(); ++i)
       mean_[i] = over(light_sum_[0][i] + light_sum_[1][i] + light_sum_[2][i],
                       color_sum_[0][i] + color_sum_[1][i] + color_sum_[2][i]);
+    for (int c = 0; c < 3; ++c) {
+      told_[c].resize(span_.count());
+      finely_[c].resize(span_.count());
+      for (size_t k = 0; k < span_.count(); ++k) {
+        const float ratio = over(light_sum_[c][k], color_sum_[c][k]);
+        told_[c][k] = ratio * color_[c][span_.pixel(k)];
+        finely_[c][k] = ratio * own_color(k, c);
+      }
+    }
   }
 
   /// Of pixels to which fewer of their block are alike than guides may tell apart of the `whole`
   /// one, as those where surfaces meet: means that change over that as the guides do.
   void fit_edges(const Block& block, const Block& whole) {
-    const float* const surface = window_.column(ResolveWindow::kSurface);
     float most = 0;
     for (size_t j = 0; j < whole.to.size(); ++j) most += whole.of(j)[0];
     for (size_t k = 0; k < span_.count(); ++k) {
-      const size_t p = span_.first + k / span_.width * span_.stride + k % span_.width;
       float alike = 0;
       for (size_t j = 0; j < block.to.size(); ++j) alike += block.of(j)[k];
-      if (surface[p] > 0 && tint_[p] > 0 && kGuides * alike < most) fit_edge(whole, k, p);
+      const float tint = own_color(k, 0) + own_color(k, 1) + own_color(k, 2);
+      if (own(ResolveWindow::kSurface, k) > 0 && tint > 0 && kGuides * alike < most)
+        fit_edge(whole, k, tint);
     }
   }
 
@@ -270,70 +287,91 @@ class LightResolve {
     const float sharp = sharp_[q], seen = std::min(changed_[k], apart_[k]),
                 sure = is_halved_ ? std::max(apart_[k] - kSure * noise_[k], 0.0f) : 0,
                 stays = sharp * seen + (1 - sharp) * sure,
-                taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0,
-                resolved = over(light_sum_[c][k], color_sum_[c][k]) * color_[c][q],
-                more = taken * (resolved - light_[c][q]);
+                taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0, light = light_[c][q],
+                told = told_[c][k], fine = finely_[c][k],
+                stayed = told > fine ? light * (fine / told) : light + (fine - told),
+                more = taken * fine + (1 - taken) * stayed - light;
     return color_sum_[c][k] > 0 && std::isfinite(more) ? more : 0;
   }
 
  private:
   float at(int column, size_t q) const { return window_.column(column)[q]; }
 
-  /// Of a pixel q, but for the colour, less those of p as far as surfaces are seen.
-  GuideFit::Guides guides(size_t p, size_t q) const {
-    const auto get = [&](int column, size_t i) { return double(at(column, i)); };
-    const double share = get(ResolveWindow::kShare, q),
-                 part = share * get(ResolveWindow::kAlong, p) / get(ResolveWindow::kShare, p);
+  /// Of pixel k of the span, as well as it is known.
+  float own(int column, size_t k) const {
+    return finer_ ? finer_->column(column)[k] : at(column, span_.pixel(k));
+  }
+  float own_color(size_t k, int c) const { return own(ResolveWindow::kColor + 3 * kind_ + c, k); }
+
+  /// Of a pixel q of the window, but for the colour, less those of pixel k of the span as far as
+  /// surfaces are seen.
+  GuideFit::Guides guides(size_t k, size_t q) const {
+    const auto get = [&](int column) { return double(at(column, q)); };
+    const auto here = [&](int column) { return double(own(column, k)); };
+    const double share = get(ResolveWindow::kShare),
+                 part = share * here(ResolveWindow::kAlong) / here(ResolveWindow::kShare);
     GuideFit::Guides found{share};
     for (int c = 0; c < 3; ++c) {
       const int normal = ResolveWindow::kNormal + c, place = ResolveWindow::kPlace + c,
                 low = ResolveWindow::kPlaceLow + c;
-      found[size_t(1 + c)] = get(ResolveWindow::kAlong, q) * get(normal, q) - part * get(normal, p);
-      found[size_t(4 + c)] = share * (get(place, q) - get(place, p) + (get(low, q) - get(low, p)));
+      found[size_t(1 + c)] = get(ResolveWindow::kAlong) * get(normal) - part * here(normal);
+      found[size_t(4 + c)] = share * (get(place) - here(place) + (get(low) - here(low)));
     }
     return found;
   }
 
-  /// Sets what pixel k of the span, p of the window, gets, and how far its block is from that.
-  void fit_edge(const Block& block, size_t k, size_t p) {
+  /// Sets what pixel k of the span gets, whose colour is that bright, and how far its block is from
+  /// that.
+  void fit_edge(const Block& block, size_t k, float own_tint) {
+    const size_t p = span_.pixel(k);
     near_.clear();
     double all = 0, far = 0, tinted = 0;
     for (size_t j = 0; j < block.to.size(); ++j) {
       const size_t q = size_t(ptrdiff_t(p) + block.to[j]);
       if (!(at(ResolveWindow::kSurface, q) > 0)) continue;
-      const Near& near = near_.emplace_back(Near{q, double(block.of(j)[k]), guides(p, q)});
+      const Near& near = near_.emplace_back(Near{q, double(block.of(j)[k]), guides(k, q)});
       const GuideFit::Guides& g = near.guides;
       all += near.weight * g[0] * g[0];
       far += near.weight * (g[4] * g[4] + g[5] * g[5] + g[6] * g[6]);
       tinted += near.weight * double(tint_[q]) * double(tint_[q]);
     }
     const double scale = far > 0 ? std::sqrt(all / far) : 0, full = std::sqrt(all / tinted),
-                 share = double(at(ResolveWindow::kShare, p));
-    const auto with_color = [&](GuideFit::Guides g, const float* color, size_t q) {
-      g[7] = full * (double(color[q]) - g[0] / share * double(color[p]));
+                 share = double(own(ResolveWindow::kShare, k));
+    const auto with_color = [&](GuideFit::Guides g, float color, float here) {
+      g[7] = full * (double(color) - g[0] / share * double(here));
       return g;
     };
     GuideFit channels[3], sum;
+    double most[3] = {};
     for (auto& [q, weight, g] : near_) {
       for (size_t i = 4; i < 7; ++i) g[i] *= scale;
-      for (int c = 0; c < 3; ++c)
-        channels[c].add(weight, with_color(g, color_[c], q), double(light_[c][q]));
-      sum.add(weight, with_color(g, tint_.data(), q), double(white_[q]) * double(tint_[q]));
+      for (int c = 0; c < 3; ++c) {
+        most[c] = std::max(most[c], double(light_[c][q]));
+        channels[c].add(weight, with_color(g, color_[c][q], own_color(k, c)), double(light_[c][q]));
+      }
+      sum.add(weight, with_color(g, tint_[q], own_tint), double(white_[q]) * double(tint_[q]));
     }
     sum.solve();
     double apart = 0, noise = 0;
     for (const auto& [q, weight, g] : near_) {
       const double tint = double(tint_[q]), half = double(halves_[q]) * tint,
-                   off = double(white_[q]) * tint - sum.at(with_color(g, tint_.data(), q));
+                   off = double(white_[q]) * tint - sum.at(with_color(g, tint_[q], own_tint));
       apart += weight * off * off;
       noise += weight * half * half;
     }
     apart_[k] = changed_[k] = 1;  // images stay
     noise_[k] = float(double(kSureFit / kSure) * noise / apart);
+    GuideFit::Guides coarse{};
+    if (finer_ && at(ResolveWindow::kSurface, p) > 0) coarse = guides(k, p);
+    for (size_t i = 4; i < 7; ++i) coarse[i] *= scale;
     for (int c = 0; c < 3; ++c) {
       channels[c].solve();
-      light_sum_[c][k] = float(std::max(share * channels[c].here(), 0.0));
-      color_sum_[c][k] = color_[c][p];
+      const auto held = [&](double light) { return float(std::clamp(light, 0.0, most[c])); };
+      const float fine = held(share * channels[c].here());
+      finely_[c][k] = told_[c][k] = fine;
+      color_sum_[c][k] = own_color(k, c);
+      if (!finer_) continue;
+      told_[c][k] = held(channels[c].at(with_color(coarse, color_[c][p], own_color(k, c))));
     }
   }
 
@@ -369,10 +407,12 @@ class LightResolve {
   }
 
   const ResolveWindow& window_;
+  const ResolveWindow* const finer_;  // of the span alone; null for none
   const Span span_;
   const uint32_t side_;
   std::optional<Changes> changes_;
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
+  int kind_ = 0;
   bool is_sharp_ = false, is_halved_ = false;
   struct Near {
     size_t pixel;  // of the window
@@ -382,6 +422,7 @@ class LightResolve {
   std::vector<Near> near_;       // of the block of one pixel
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
+  Floats told_[3], finely_[3];  // of the span: what its samples, and all its rays, are told to have
 };
 
 /// What pixel q gets whose catchers get that much more of light: their shadows are as dark as what
@@ -404,11 +445,48 @@ Resolve::Resolve(uint32_t side, Region region, uint32_t kept, Catches catches)
     : side_(side), width_(region.width()), catches_(catches) {
   const size_t pixels = size_t(region.width()) * region.height();
   added_ = ZeroedBuffer<float>(4 * pixels);
-  for (int light = 0; light < kResolvedLights; ++light)
+  for (int light = 0; light < kResolvedLights + kGlows; ++light)
     if (kept >> light & 1) lights_[light] = ZeroedBuffer<float>(3 * pixels);
 }
 
-void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is_halved) {
+std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
+  const Span span = inside(window, looks_at());
+  std::vector<uint8_t> found(span.count(), 0);
+  Floats alike(span.count());
+  const auto value = [&](int column, size_t q) { return window.column(column)[q]; };
+  const auto differ = [&](int column, size_t p, size_t q, float whole) {
+    return std::fabs(value(column, p) - value(column, q)) > kEven * whole;
+  };
+  const auto brightest = [&](int column, size_t q) {
+    return std::max({std::fabs(value(column, q)), std::fabs(value(column + 1, q)),
+                     std::fabs(value(column + 2, q))});
+  };
+  for (int j = -1; j <= 1; ++j)
+    for (int i = -1; i <= 1; ++i) {
+      const ptrdiff_t to = span.offset(i, j);
+      weigh(window, span, to, alike.data());
+      for (size_t k = 0; k < span.count(); ++k) {
+        const size_t p = span.pixel(k), q = size_t(ptrdiff_t(p) + to);
+        if (value(ResolveWindow::kInside, q) == 0) continue;
+        bool apart = alike[k] == 0 &&
+                     value(ResolveWindow::kSurface, p) + value(ResolveWindow::kSurface, q) > 0;
+        for (int kind = 0; kind < kColoredKinds; ++kind) {
+          const int color = ResolveWindow::kColor + 3 * kind;
+          const float whole = std::max(brightest(color, p), brightest(color, q));
+          for (int c = 0; c < 3; ++c) apart |= differ(color + c, p, q, whole);
+        }
+        const float whole =
+            std::max(brightest(ResolveWindow::kWhole, p), brightest(ResolveWindow::kWhole, q));
+        for (int c = 0; c < 3; ++c) apart |= differ(ResolveWindow::kRest + c, p, q, whole);
+        apart |= differ(ResolveWindow::kRest + 3, p, q, 1);
+        found[k] |= apart;
+      }
+    }
+  return found;
+}
+
+void Resolve::run(const ResolveWindow& window, const ResolveWindow* finer, uint32_t x0, uint32_t y0,
+                  bool is_halved) {
   const Span span = inside(window, looks_at());
   const Block in_media(span, int(side_ / 2));
   Block on_surfaces = in_media;
@@ -416,7 +494,7 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
   const Block whole(span, int(side_));
   Block wide = whole;  // as bounces are dealt
   wide.keep_alike(window, span);
-  LightResolve one(window, span, side_);
+  LightResolve one(window, finer, span, side_);
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 4 * ((y0 + y) * width_ + x0), 4 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
@@ -434,8 +512,7 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
       find(light == kDiffuseIndirect ? wide : light < kVolumeDirect ? on_surfaces : in_media);
     float* const own = lights_[light].size() ? lights_[light].data() : nullptr;
     for (size_t k = 0; (any || own || is_caught) && k < span.count(); ++k) {
-      const size_t pixel = pixel_of(span, k, x0, y0, width_),
-                   q = span.first + k / span.width * span.stride + k % span.width;
+      const size_t pixel = pixel_of(span, k, x0, y0, width_), q = span.pixel(k);
       float* const sums = added_.data() + 4 * pixel;
       float given[3] = {};
       for (int c = 0; any && c < 3; ++c) given[c] = one.given(k, q, c);
@@ -446,6 +523,17 @@ void Resolve::run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is
         if (own) own[3 * pixel + size_t(c)] = given[c];
       }
     }
+  }
+  for (size_t k = 0; finer && k < span.count(); ++k) {
+    const size_t pixel = pixel_of(span, k, x0, y0, width_);
+    const auto more = [&](int column) {
+      return finer->column(column)[k] - window.column(column)[span.pixel(k)];
+    };
+    for (int c = 0; c < 4; ++c)
+      added_.data()[4 * pixel + size_t(c)] += more(ResolveWindow::kRest + c);
+    for (int i = 0; i < 3 * kGlows; ++i)
+      if (ZeroedBuffer<float>& own = lights_[kResolvedLights + i / 3]; own.size())
+        own.data()[3 * pixel + size_t(i % 3)] = more(ResolveWindow::kGlow + i);
   }
 }
 

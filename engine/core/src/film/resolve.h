@@ -57,6 +57,10 @@ enum GuideColumn : int {
   kGuideColumns = kSharpColor + kSharpKinds
 };
 
+/// What gives light itself, which more camera rays may see: surfaces and media, and the
+/// surroundings.
+constexpr int kGlows = 2;
+
 constexpr double kMostRatio = 1000;
 
 /// Which share of their light other things leave to catchers, or how many times they throw there.
@@ -82,7 +86,11 @@ struct ResolveWindow {
     kAlong,                                 // how long the mean of their normals is, times that
     kShadow,                       // what shadows change of what catchers show, and what these do
     kUnshadedColor = kShadow + 3,  // without them
-    kColumns = kUnshadedColor + 3
+    kRest = kUnshadedColor + 3,    // of the picture but for light that is resolved; lost alpha
+    kGlow = kRest + 4,             // of each of what gives light itself
+    kWhole = kGlow + 3 * kGlows,   // the picture
+    kInside = kWhole + 3,          // 1: a pixel of the region
+    kColumns = kInside + 1
   };
   uint32_t width = 0, height = 0;
   std::vector<float> values;
@@ -104,7 +112,8 @@ class Resolve {
   enum class Catches { kNone, kPass, kAlpha, kColor };
 
   Resolve() = default;
-  /// side: of blocks of pixels. kept: bits of the lights that passes show by themselves.
+  /// side: of blocks of pixels. kept: bits of what passes show by themselves, as `added_to`
+  /// numbers it.
   Resolve(uint32_t side, Region region, uint32_t kept, Catches catches);
 
   bool on() const { return side_ > 1; }
@@ -112,12 +121,18 @@ class Resolve {
   /// light, and whether that repeats in the next one.
   static constexpr uint32_t looks_at(uint32_t side) { return side / 2 + side; }
   uint32_t looks_at() const { return looks_at(side_); }
+  /// Of the pixels of a window but for `looks_at` at its ends, row by row, which show with those
+  /// round them more than one surface of one colour: what their samples miss of it may be seen.
+  std::vector<uint8_t> uneven(const ResolveWindow& window) const;
   /// Resolves the pixels of a window but for `looks_at` at its ends; the first of them is (x0, y0)
-  /// of the region. is_halved: pixels have two halves of several samples.
-  void run(const ResolveWindow& window, uint32_t x0, uint32_t y0, bool is_halved);
+  /// of the region. finer: these pixels alone, from more camera rays, but for their light; null for
+  /// none. is_halved: pixels have two halves of several samples.
+  void run(const ResolveWindow& window, const ResolveWindow* finer, uint32_t x0, uint32_t y0,
+           bool is_halved);
   /// Of a pixel, to the mean of Combined's colour and of lost alpha.
   const float* added(uint32_t pixel) const { return added_.data() + 4 * size_t(pixel); }
-  /// The same to the mean of one light; 0 where no pass shows it.
+  /// The same to the mean of one light, or of what gives light itself, after these; 0 where no pass
+  /// shows it.
   float added_to(int light, uint32_t pixel, size_t channel) const {
     return lights_[light].size() ? lights_[light].data()[3 * size_t(pixel) + channel] : 0;
   }
@@ -125,7 +140,7 @@ class Resolve {
  private:
   uint32_t side_ = 1, width_ = 0;
   Catches catches_ = Catches::kNone;
-  ZeroedBuffer<float> added_, lights_[kResolvedLights];
+  ZeroedBuffer<float> added_, lights_[kResolvedLights + kGlows];
 };
 
 }  // namespace glint

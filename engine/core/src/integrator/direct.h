@@ -57,9 +57,11 @@ class DirectLight {
   void illuminate_catchers(Batch& batch, uint32_t sample, RayCounts& counts) {
     illuminate(batch, sample, true, counts);
   }
-  /// Adds what media before the hits scatter of the lights, and give of themselves, to the rays of
-  /// `batch`, of which `spans` are, and to `gathering` the rays along which light bounced there.
-  /// clear: their weights before media dim them.  pixels: of the region, of each ray.
+  /// Adds what media before the hits give of themselves to the rays of `batch`, of which `spans`
+  /// are. clear: their weights before media dim them.
+  void add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear);
+  /// Adds what they scatter of the lights, and to `gathering` the rays along which light bounced
+  /// there. pixels: of the region, of each ray.
   void scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                const std::vector<uint32_t>& pixels, uint32_t sample, Queue& gathering,
                RayCounts& counts);
@@ -119,7 +121,7 @@ class DirectLight {
   size_t meet_emitters(const Light& light, size_t count, bool matt);
   size_t draw_matt(size_t count);
   void apply_program(const Light& light, size_t count);
-  void add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear);
+  void find_ends(const Batch& batch);
   void place_points(const Batch& batch);
   void scatter_bounce(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                       const std::vector<uint32_t>& pixels, uint32_t sample, Queue& gathering,

@@ -50,8 +50,9 @@ uint32_t parts_of_light(uint32_t samples, uint32_t least) {
 
 }  // namespace
 
-/// What media give of themselves.
 void DirectLight::add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear) {
+  if (spans.empty() || !scene_.media.emits || batch.queue->gathers()) return;
+  find_ends(batch);
   const double* const begin = batch.queue->column(Queue::kTMin);
   for (size_t k = 0; k < batch.size(); ++k) {
     spans.list_pieces(k, begin[k], ends_of_rays_[k], pieces_);
@@ -63,6 +64,12 @@ void DirectLight::add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* c
       batch.add_to_group(group, k, clear[k] * glow_of(pieces_));
     }
   }
+}
+
+void DirectLight::find_ends(const Batch& batch) {
+  ends_of_rays_.resize(batch.size());
+  for (size_t k = 0; k < batch.size(); ++k)
+    ends_of_rays_[k] = batch.missed(k) ? kInfinity : batch.t[k];
 }
 
 /// What the stage reads of points on the rays instead of those on surfaces.
@@ -83,14 +90,10 @@ void DirectLight::place_points(const Batch& batch) {
 void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                           const std::vector<uint32_t>& pixels, uint32_t sample, Queue& gathering,
                           RayCounts& counts) {
-  if (spans.empty()) return;
+  if (spans.empty() || !scene_.media.scatters) return;
   sample_ = sample;
   alone_ = false;  // whatever was lit before
-  ends_of_rays_.resize(batch.size());
-  for (size_t k = 0; k < batch.size(); ++k)
-    ends_of_rays_[k] = batch.missed(k) ? kInfinity : batch.t[k];
-  if (scene_.media.emits && !batch.queue->gathers()) add_glow(batch, spans, clear);
-  if (!scene_.media.scatters) return;
+  find_ends(batch);
   depths_.build(spans, batch.queue->rays(), ends_of_rays_.data());
   if (!depths_.any()) return;
   prepare(batch);

@@ -43,14 +43,16 @@ struct Accumulator {
 }  // namespace
 
 void WindowPoints::set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile,
-                       uint32_t first, uint32_t count) {
+                       Run run) {
   plan_ = &plan;
+  const auto [table, first, count, sample] = run;
   first_ = first;
   count_ = count;
+  sample_ = sample;
   x0_ = plan.region.x0 + tile.x0;
   y0_ = plan.region.y0 + tile.y0;
   const double column = x0_, row = y0_;
-  const double* const offsets = plan.pixel_offsets + 2 * size_t(first);
+  const double* const offsets = table + 2 * size_t(first);
   for (size_t s = 0; s < count; ++s) {
     for (uint32_t k = 0; k < tile.width(); ++k)
       u_[k * count + s] = camera.u(column + k, offsets[2 * s]);
@@ -165,6 +167,11 @@ void Paths::add_to(Film& film, const Tile& tile, const Stages& stages) {
     else if (is_whole(tile)) stages.add(to, sums_[c], size());
     else with_constant(1u << shift_, [&](auto count) { add_column<count>(to, sums_[c]); });
   }
+}
+
+void Paths::add_to(double* sums, size_t stride) const {
+  for (size_t c = 0; c < columns_; ++c, sums += stride)
+    with_constant(1u << shift_, [&](auto count) { add_column<count>(sums, sums_[c]); });
 }
 
 void Paths::spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots,

@@ -15,23 +15,28 @@ class WindowPoints {
  public:
   static constexpr uint32_t kMaxPacketSamples = 16;
 
-  /// Samples [first, first + count), a power of two up to kMaxPacketSamples.
-  void set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile, uint32_t first,
-           uint32_t count);
+  /// Places [first, first + count) of `offsets` in a pixel, of the samples from `sample` on of the
+  /// tables of lenses and of where the camera is. count: a power of two up to kMaxPacketSamples.
+  struct Run {
+    const double* offsets;
+    uint32_t first, count, sample;
+  };
+  void set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile, Run run);
 
   uint32_t first() const { return first_; }
   uint32_t count() const { return count_; }
   const RenderPlan& plan() const { return *plan_; }
   /// The first of them in the tables of the camera.
   size_t camera_row(size_t column, size_t row) const {
-    return plan_->camera_row(x0_ + column, y0_ + row) + first_;
+    return plan_->camera_row(x0_ + column, y0_ + row) + sample_;
   }
   const double* u(size_t column) const { return u_ + column * count_; }
   const double* v(size_t row) const { return v_ + row * count_; }
 
  private:
   const RenderPlan* plan_ = nullptr;
-  uint32_t first_ = 0, count_ = 1, x0_ = 0, y0_ = 0;  // x0_, y0_: of the tile in the frame
+  uint32_t first_ = 0, count_ = 1, sample_ = 0;
+  uint32_t x0_ = 0, y0_ = 0;  // x0_, y0_: of the tile in the frame
   double u_[Tile::kSize * kMaxPacketSamples], v_[Tile::kSize * kMaxPacketSamples];
 };
 
@@ -85,6 +90,8 @@ class Paths {
   uint8_t* soft_light() { return soft_light_.data(); }
   /// Adds that to the film, sample by sample, and tells its refinement.
   void add_to(Film& film, const Tile& tile, const Stages& stages);
+  /// Adds it to sums of the film's columns, each so long.
+  void add_to(double* sums, size_t stride) const;
   /// The same as if each of some slots, which are alike so far, had `samples` samples that bring
   /// what the only path here brought.
   void spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots,

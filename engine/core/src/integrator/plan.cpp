@@ -53,6 +53,8 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
            g.dome_columns, g.dome_irradiance_rows, g.dome_irradiance_columns} {
   interleaving = std::max(g.interleaving, 1u);
   resolves = g.resolves && interleaving > 1;
+  const bool catches = scene.features & (GLINT_FEATURE_SHADOW_CATCHER | GLINT_FEATURE_HOLDOUT);
+  if (!resolves || moving || catches) visibility_samples = 1;
   shown = {g.region[0], g.region[1], g.region[2], g.region[3]};
   reflects_gloss =
       max_bounces > 0 && ((reflections == GLINT_REFLECT_METALS && scene.materials.has_metals) ||

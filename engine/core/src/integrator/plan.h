@@ -47,7 +47,9 @@ struct SampleTable {
 /// The settings, and what follows from them.
 struct RenderPlan : GlintRenderSettings {
   /// One sample of nothing.
-  RenderPlan() : GlintRenderSettings{} { samples = light_samples = lobe_levels = 1; }
+  RenderPlan() : GlintRenderSettings{} {
+    samples = visibility_samples = light_samples = lobe_levels = 1;
+  }
   /// The settings have no problems.
   RenderPlan(const GlintRenderSettings& settings, const Scene& scene);
 
@@ -185,6 +187,19 @@ struct RenderPlan : GlintRenderSettings {
                  share = double(number) / count + scatter_offsets[sample] + own;
     return share - std::floor(share);
   }
+
+  /// Where in a pixel of the frame its camera rays go: of its samples, then of the rest.
+  const double* offsets_of(uint32_t column, uint32_t row) const {
+    uint32_t number = 0;
+    for (uint32_t bit = 2; bit > 0; bit /= 2) {
+      const uint32_t x = (column & bit) != 0, y = (row & bit) != 0;
+      number = 4 * number + 2 * (x ^ y) + y;
+    }
+    return pixel_offsets + 2 * size_t(number % visibility_samples) * samples * visibility_samples;
+  }
+
+  /// Camera rays of a pixel beyond its samples, which light does not follow.
+  uint32_t beyond_samples() const { return samples * (visibility_samples - 1); }
 
   /// Whether the samples of a pixel look from different places.
   bool is_spread() const { return lens_points || camera_frames; }

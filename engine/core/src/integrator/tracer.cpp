@@ -14,7 +14,8 @@ constexpr size_t kFewer = 8;        // times paths at once where each has many c
 WindowReach reach_of(const RenderPlan& plan) {
   const double* p = plan.pixel_offsets;
   WindowReach r{p[0], p[1], p[0], p[1]};
-  for (const double* const end = p + 2 * size_t(plan.samples); p != end; p += 2)
+  const size_t count = size_t(plan.samples) + plan.beyond_samples();  // each table has the same
+  for (const double* const end = p + 2 * count; p != end; p += 2)
     r = {std::min(r.x0, p[0]), std::min(r.y0, p[1]), std::max(r.x1, p[0]), std::max(r.y1, p[1])};
   return r;
 }
@@ -138,7 +139,7 @@ void Tracer::start_paths() {
 
 /// One path through a surely_empty tile stands for all.
 uint32_t Tracer::trace_empty(uint32_t first, uint32_t last) {
-  points_.set(camera_, plan_, *tile_, first, 1);
+  points_.set(camera_, plan_, *tile_, {offsets_of(active_[0]), first, 1, first});
   follow_some(active_.data(), active_.data() + 1, first, 0);
   paths_.spread(film_, *tile_, active_, last - first);
   return last - first;
@@ -160,9 +161,10 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
   if (surely_empty_) return trace_empty(first, last);
   const uint32_t count = packet_samples(last - first);
   const size_t step = Paths::kMost / count / (scene_.media.varies ? kFewer : 1);
-  if (!active_.empty()) points_.set(camera_, plan_, *tile_, first, count);
   size_t k = 0;
-  for (uint32_t number = 0; number < class_ends_.size(); ++number)
+  for (uint32_t number = 0; number < class_ends_.size(); ++number) {
+    if (k < class_ends_[number])
+      points_.set(camera_, plan_, *tile_, {offsets_of(active_[k]), first, count, first});
     for (const size_t end = class_ends_[number]; k < end && !cancel_;) {
       const size_t some = std::min(step, end - k);
       follow_some(active_.data() + k, active_.data() + k + some, first, number);
@@ -171,6 +173,7 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
       keep_meetings();
       k += some;
     }
+  }
   return count;
 }
 
@@ -262,8 +265,10 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   bounce(queue, sample, next.gathering, &next.around);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
-  if (scene_.features & GLINT_FEATURE_MEDIA && queue.past.caught == Queue::Past::kSeen)
+  if (scene_.features & GLINT_FEATURE_MEDIA && queue.past.caught == Queue::Past::kSeen) {
+    direct_.add_glow(batch_, media_, clear_.data());
     direct_.scatter(batch_, media_, clear_.data(), pixels_, sample, next.scattered, counts_);
+  }
   if (scene_.materials.has_translucent) light_behind(queue, sample, next.behind);
   keep(queue);
 }

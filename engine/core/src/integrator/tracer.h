@@ -35,6 +35,9 @@ class Tracer {
   void choose(const Tile& tile);
   /// Some of the samples from `first` up to `last` of every chosen pixel. Returns how many.
   uint32_t trace(uint32_t first, uint32_t last);
+  /// What the rest of the camera rays of these slots of the tile show, after all samples; null of
+  /// none. Of the tracer, until it is called again.
+  const MoreSeen* see(const Tile& tile, std::vector<uint32_t> slots);
   /// The film's refinement and estimate, for one tile after a wave.
   void measure(const Tile& tile, uint32_t samples);
   void decide(const Tile& tile, uint32_t samples);
@@ -65,6 +68,13 @@ class Tracer {
   };
   void follow_queue(Queue& queue, uint32_t sample);
   void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
+  /// Where the camera rays of a slot go in its pixel.
+  const double* offsets_of(uint32_t slot) const {
+    return plan_.offsets_of(plan_.region.x0 + tile_->x0 + uint32_t(slots_.columns()[slot]),
+                            plan_.region.y0 + tile_->y0 + uint32_t(slots_.rows()[slot]));
+  }
+  void see_some(const uint32_t* begin, const uint32_t* end, uint32_t sample);
+  void see_surfaces(Queue& queue, Queue& straight, uint32_t sample);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
   void make_diffuse(const Queue& queue);
@@ -165,6 +175,7 @@ class Tracer {
   WindowPoints points_;                // of the samples that are traced now
   Paths paths_;                        // those that are followed now
   Queue first_{kCamera};               // their camera rays
+  MoreSeen seen_;
   std::vector<Queue> waiting_, spare_;
   PathCuts cuts_;
   RayCounts counts_;

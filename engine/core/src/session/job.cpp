@@ -195,8 +195,13 @@ void Job::ask_for_scene() {
 
 /// Averages the light of the wave up to `samples` over pixels.
 void Job::resolve(uint32_t samples) {
-  if (film_.resolves())
-    on_all_tiles([&](Tracer&, const Tile& tile) { film_.resolve(tile, samples); });
+  if (!film_.resolves()) return;
+  const uint32_t more = samples == plan_.samples ? plan_.beyond_samples() : 0;
+  on_all_tiles([&](Tracer& tracer, const Tile& tile) {
+    const ResolveWindow window = film_.window_of(tile, samples);
+    const MoreSeen* const seen = more ? tracer.see(tile, film_.uneven(tile, window)) : nullptr;
+    film_.resolve(tile, samples, window, seen);
+  });
 }
 
 /// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
