@@ -35,8 +35,8 @@ class CellHash(IntEnum):
 
 
 class CellOrder(IntEnum):
-    """What F1 compares of Minkowski's distances: the sums under the root since Blender 4.5, of which
-    those with an exponent below 0 fall as distances grow; distances before.
+    """What F1 compares of Minkowski's distances: the sums under the root since Blender 4.5, which
+    fall as distances grow where the exponent is below 0; distances before.
     """
 
     SUM = 0

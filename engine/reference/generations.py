@@ -131,6 +131,38 @@ class Generations:
         part = shown(self._tile, self._gloss, self._thrown, self._number)
         self._tile.take(self._gloss, part)
 
+    def see(self, rays: Rays) -> None:
+        """What the camera rays show, one for each pixel of the tile, but for light."""
+        paths: Paths | None = camera_paths(rays, self._stage.camera.weights(rays))
+        while paths is not None:
+            paths = self._see(paths)
+
+    def _see(self, paths: Paths) -> Paths | None:
+        """The same of their next hits; those that go straight on are returned."""
+        stage = self._stage
+        stage.rays[paths.kind] += len(paths)
+        self._tile.charge(paths.pixel)
+        hits = stage.closest(paths, None)
+        if stage.media:
+            paths = self._dim(paths, hits.depth, None)
+        else:
+            self._see_lights(paths, hits.depth)
+        self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
+        hit = np.flatnonzero(hits.primitive != NOTHING)
+        if not len(hit):
+            return None
+        at, depth = self._interaction(paths, hit, hits)
+        passed = straight_on(at, depth, self._seen.wants_data(at))
+        self._seen.guide(at)
+        self._tile.lose(at.pixel, at.weight * at.coefficients.holdout)
+        self._seen.note_asked(at)
+        at, _ = entering(stage, at)
+        self._glow(at)
+        self._note_colors(at)
+        if at.coefficients.translucent.any():
+            self._note_colors(other_side(stage, at, hits.depth[at.hit]))
+        return passed
+
     def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
         """A step of the paths; what rough surfaces reflect is kept apart."""
         if not paths.is_gloss:
@@ -311,9 +343,9 @@ class Generations:
             if term.lobe.is_rough_glass:
                 self._tile.cut[at.pixel[term.index]] = True
 
-    def _dim(self, paths: Paths, depth: Array, deeper: list[Paths]) -> Paths:
+    def _dim(self, paths: Paths, depth: Array, deeper: list[Paths] | None) -> Paths:
         """The paths with what media let through of them, once lights before these are seen; rays
-        that bring bounced light to media go to `deeper`.
+        that bring bounced light to media go to `deeper`. None: nothing lights media.
         """
         media = self._stage.media
         spans = media.spans(paths.rays, paths.visibility, depth)
@@ -324,7 +356,7 @@ class Generations:
             for group in range(len(self._stage.scene.light_groups)):
                 part = media.of_group(group).pieces(spans, paths.rays.near, depth).glow()
                 self._tile.add_to_groups(group, paths.pixel, paths.weight * part)
-        if not paths.caught:
+        if deeper is not None and not paths.caught:
             self._scatter(paths, spans, depth, deeper)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
@@ -432,8 +464,7 @@ class Generations:
         world = stage.scene.world.light_group
         add("Ambient", self._stage.even_light(surface, coefficients), world)
         if not (paths.reflections and self._stage.is_lit_by_meshes):
-            group = stage.per_object("light_group", surface.row)
-            add("Emission", coefficients.emission, group)
+            self._glow(at)
         on_reach, on_cut = self._listeners(pixel)
         light = self._stage.lighting_of(paths).direct(
             surface, coefficients, weight, self._sample, on_reach, on_cut
@@ -446,6 +477,15 @@ class Generations:
             self._tile.add_to_groups(number, pixel, given)
         if stage.splits and paths.depth == 0:
             self._split(at, light)
+
+    def _glow(self, at: Interaction) -> None:
+        """What surfaces give of themselves."""
+        given, group = (
+            at.coefficients.emission,
+            self._stage.per_object("light_group", at.surface.row),
+        )
+        if given.any():
+            self._add(at.paths, "Emission", at.pixel, at.weight * given, group)
 
     def _add(
         self, paths: Paths, part: str, pixel: Array, values: Array, group: Array | int = -1
@@ -464,17 +504,19 @@ class Generations:
             self._tile.add(f"{surface} {'Direct' if is_direct else 'Indirect'}", pixel, values)
 
     def _split(self, at: Interaction, light: DirectLight) -> None:
-        """The light that camera rays meet, by the kind of lobe that gives it back, and what of it
-        these give back.
-        """
+        """The light that camera rays meet, by the kind of lobe that gives it back."""
+        ambient = self._stage.even_light(at.surface, at.coefficients)
+        self._tile.add("Diffuse Direct", at.pixel, at.weight * (ambient + light.lit_diffuse))
+        self._tile.add("Glossy Direct", at.pixel, at.weight * light.lit_specular)
+        self._note_colors(at)
+
+    def _note_colors(self, at: Interaction) -> None:
+        """What of light the surfaces give back that camera rays meet."""
         coefficients, weight = at.coefficients, at.weight
         mirrored, refracted, clear = gives(at.surface, coefficients)
         below = -coefficients.diffuse if at.paths.comes_out else coefficients.below
-        ambient = self._stage.even_light(at.surface, coefficients)
         found = {
-            "Diffuse Direct": ambient + light.lit_diffuse,
             "Diffuse Color": coefficients.matt() + (0.0 if below is None else below),
-            "Glossy Direct": light.lit_specular,
             "Glossy Color": coefficients.glossy() + mirrored,
             "Transmission Color": refracted,
             SHARP["Glossy Color"]: mirrored,

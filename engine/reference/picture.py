@@ -24,7 +24,19 @@ from ..film import (
     light_group_pass,
 )
 from . import catchers
-from .resolve import ALONE, CAUGHT, SHARP, UNHIDDEN, UNSHADED, Guides, resolved
+from .resolve import (
+    ALONE,
+    CAUGHT,
+    COLORS,
+    LIGHTS,
+    SHARP,
+    UNHIDDEN,
+    UNSHADED,
+    Guides,
+    Seen,
+    resolved,
+    uneven,
+)
 
 Array = np.ndarray
 
@@ -32,6 +44,8 @@ HEALTH = ("Error", "Samples", "Cost", "Fallbacks")
 """Passes that grow with every sample and belong to no part."""
 _OTHERS = ("Combined", *PARTS, *HEALTH, *SEEN, CATCHER, OCCLUSION, *LIGHTING)
 DATA = tuple(name for name in PASSES if name not in _OTHERS)
+GLOWS = ("Emission", "Environment")
+"""What gives light itself."""
 LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -179,6 +193,10 @@ class Picture:
         self._halves = {name: np.zeros(count) for name in kept if name not in PARTS}
         self._sharp = {name: np.zeros(count) for name in SHARP}
         self._added: dict[str, Array] = {}
+        self._more, self._rest = np.zeros(count), np.zeros((4, count))
+        self._finely = {name: np.zeros((3, count)) for name in (*COLORS, UNHIDDEN, *GLOWS)}
+        self._fine_guides = np.zeros((7, count))
+        self._glow = np.zeros((4, count))  # what more of what gives light itself adds
         self._parts = {name: np.zeros((3, count)) for name in kept}
         self._color, self._lost = np.zeros((3, count)), np.zeros(count)
         self._data = {name: np.zeros((PASSES[name], count)) for name in DATA if name in passes}
@@ -217,6 +235,40 @@ class Picture:
         for name, values in tile.data.items():
             self._data[name][:, here] = values
 
+    def see(self, here: Array, tile: Tile) -> None:
+        """Adds what camera rays beyond the samples of these pixels show, but for light."""
+        self._more[here] += 1
+        self._fine_guides[:, here] += tile.guides
+        self._rest[:3, here] += tile.color()
+        self._rest[3, here] += tile.lost
+        self._cost[here] += tile.cost
+        for name, total in self._finely.items():
+            if name in tile.parts:
+                total[:, here] += tile.parts[name]
+
+    def uneven(self) -> Array:
+        """(pixels,) bool: such as more of these would tell more about."""
+        seen, whole = self._seen(0.0), self._color / np.maximum(self.samples, 1)
+        return uneven(seen, whole.reshape(3, *self._shape)).ravel()
+
+    def _seen(self, more: float = 1.0) -> Seen:
+        """What camera rays show; more: 0 of the samples alone."""
+        count = np.maximum(self.samples, 1) + more * self._more
+        lights = [self._parts[name] for name in LIGHTS if name not in (CAUGHT, OCCLUSION)]
+        rest = np.concatenate([self._color - sum(lights), self._lost[None]])
+        shape = (-1, *self._shape)
+        colors = {
+            name: (self._parts[name] + more * self._finely[name]) / count
+            for name in (*COLORS, UNHIDDEN)
+        }
+        return Seen(
+            Guides.of(
+                (self._guides + more * self._fine_guides).reshape(shape), count.reshape(self._shape)
+            ),
+            {name: color.reshape(shape) for name, color in colors.items()},
+            ((rest + more * self._rest) / count).reshape(shape),
+        )
+
     def _note_halves(self, here: slice | Array) -> None:
         """Before pixels take another sample: where they have as many as a power of 2."""
         taken = self.samples[here]
@@ -236,15 +288,17 @@ class Picture:
         if self._side == 1:
             return
         samples = np.maximum(self.samples, 1).reshape(self._shape)
-        guides = Guides.of(self._guides.reshape(-1, *self._shape), samples)
+        seen, finely = self._seen(0.0), self._seen() if self._more.any() else None
         parts = {name: sums.reshape(3, *self._shape) for name, sums in self._parts.items()}
         halves = {name: half.reshape(self._shape) for name, half in self._halves.items()}
         sharp = {name: color.reshape(self._shape) for name, color in self._sharp.items()}
-        added = resolved(self._side, guides, parts, halves, sharp, samples)
+        added = resolved(self._side, seen, finely, parts, halves, sharp, samples)
         more = added.pop(CAUGHT, 0.0)
         if parts[UNSHADED].any():
             added[CATCHER] = self._shadows(parts, samples, more)
         self._added = {name: values.reshape(3, -1) for name, values in added.items()}
+        if finely is not None:
+            self._glow = (finely.rest - seen.rest).reshape(4, -1)
 
     def _shadows(self, parts: dict[str, Array], samples: Array, more: Array | float) -> Array:
         """(3, h, w) what catchers get that get so much more of light: their shadows are as dark as
@@ -256,7 +310,7 @@ class Picture:
             left = catchers.light_left(left)[None]
         return (parts[UNSHADED] * (left - 1.0) - parts[CATCHER]) / samples
 
-    def _more(self) -> Array | float:
+    def _gets_more(self) -> Array | float:
         """What resolving adds to the colour."""
         beside = (OCCLUSION,) if self._catches == "color" else (OCCLUSION, CATCHER)
         return sum(added for name, added in self._added.items() if name not in beside)
@@ -265,7 +319,8 @@ class Picture:
         """(4, pixels) mean so far of the colour and of the alpha lost."""
         sums = np.concatenate([self._color, self._lost[None]])
         mean = sums / np.maximum(self.samples, 1)
-        mean[:3] += self._more()
+        mean[:3] += self._gets_more()
+        mean += self._glow
         if self._catches == "alpha" and CATCHER in self._added:
             mean[3] += self._added[CATCHER].mean(0)
         return mean
@@ -312,7 +367,7 @@ class Picture:
     def _resolved(self, group: Array) -> Array:
         """A light group's (3, pixels), which gets as much more as Combined does."""
         own = self._color / np.maximum(self.samples, 1)
-        more = self._more() / np.where(own > 0, own, 1.0)
+        more = (self._gets_more() + self._glow[:3]) / np.where(own > 0, own, 1.0)
         return group * np.where(own > 0, 1 + more, 1.0)
 
     def _added_to(self, part: str) -> Array | float:
@@ -324,7 +379,11 @@ class Picture:
         kinds["Mirror"] = ("Transmission",)
         kinds["Environment"] = ("Shadow",) if self._catches == "color" else ()
         own = [name for name in self._added if name.split()[0] in kinds.get(part, ())]
-        return sum(self._added[name] for name in own)
+        more = sum(self._added[name] for name in own)
+        if part not in GLOWS:
+            return more
+        sums, count = self._parts[part], np.maximum(self.samples, 1)
+        return more + (sums + self._finely[part]) / (count + self._more) - sums / count
 
     def _lighting(self, samples: Array) -> dict[str, Array]:
         """Direct and indirect light over its colour, which is 1 where it is 0 and there is

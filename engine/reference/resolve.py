@@ -33,6 +33,8 @@ normal, the place, the colour.
 """
 FLATTER = 1e-3
 """Slopes that so little of the light speaks for are flat: what rounding leaves has none."""
+EVEN = 1 / 50
+"""Colours, and what is seen beside them, that differ by no more look the same."""
 WIDE = ("Diffuse Indirect", VOLUME[1])
 """What is averaged over blocks of twice the side, over which bounces are dealt; all of it
 of one sample.
@@ -111,18 +113,57 @@ def _moved(image: Array, x: int, y: int) -> Array:
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What camera rays show. colors: (3, h, w) means by name, of `COLORS` and UNHIDDEN. rest: (4,
+    h, w) of the picture but for light that is resolved, and of lost alpha.
+    """
+
+    guides: Guides
+    colors: dict[str, Array]
+    rest: Array
+
+
+def uneven(seen: Seen, whole: Array) -> Array:
+    """(h, w) bool: pixels that show with those round them more than one surface of one colour, so
+    that what their samples miss of it may be seen. whole: (3, h, w) the picture.
+    """
+    found, inside = np.zeros(whole.shape[1:], bool), np.ones(whole.shape[1:])
+    guides = seen.guides
+
+    def moved(values: Array, x: int, y: int) -> Array:
+        return np.moveaxis(_moved(np.moveaxis(values, 0, -1), x, y), -1, 0)
+
+    for x, y in ((x, y) for y in (-1, 0, 1) for x in (-1, 0, 1)):
+        surface = guides.surface + _moved(guides.surface, x, y) > 0
+        apart = surface & (guides.alike(x, y) == 0)
+
+        def differ(values: Array, of: Array, x: int = x, y: int = y) -> Array:
+            size = np.maximum(np.abs(of).max(0), np.abs(moved(of, x, y)).max(0))
+            return (np.abs(values - moved(values, x, y)) > EVEN * size).any(0)
+
+        for color in seen.colors.values():
+            apart |= differ(color, color)
+        apart |= differ(seen.rest[:3], whole) | differ(seen.rest[3:], np.ones_like(whole))
+        found |= apart & (_moved(inside, x, y) > 0)
+    return found
+
+
 def resolved(
     side: int,
-    guides: Guides,
+    seen: Seen,
+    finely: Seen | None,
     parts: dict[str, Array],
     halves: dict[str, Array],
     sharp: dict[str, Array],
     samples: Array,
 ) -> dict[str, Array]:
     """(3, h, w) by what there is of `LIGHTS`: what is added to the mean of a pixel's samples.
-    parts: (3, h, w) sums. halves: (h, w) of the first half of the samples, the sums of channels.
-    sharp: (h, w) by pass of colour what `SHARP` names of it, the sum of the channels.
+    finely: what samples and further camera rays show together; None where there are none. parts:
+    (3, h, w) sums. halves: (h, w) of the first half of the samples, the sums of channels. sharp:
+    (h, w) by pass of colour what `SHARP` names of it, the sum of the channels.
     """
+    guides, finely = seen.guides, finely or seen
     block, wide = list(_block(side)), list(_block(2 * side))
     on_surfaces, on_wide = (
         [share * guides.alike(x, y) for x, y, share in pixels] for pixels in (block, wide)
@@ -137,8 +178,10 @@ def resolved(
             continue
         weights, color = in_media, np.ones_like(parts[name])
         half_color, images = 3.0 * _half(samples), np.zeros_like(guides.surface)
+        own_color = color
         if of_color:
             weights, color = on_surfaces, parts[of_color] / samples
+            own_color = finely.colors.get(of_color, color)
             half_color = halves[of_color]
         if of_color in SHARP:
             images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
@@ -149,21 +192,45 @@ def resolved(
             around, weights = wide, in_wide_media if name in VOLUME else on_wide
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
-        one = Resolving(light, color, noise, images)
-        found[name] = _resolved(side, guides, around, weights, one)
+        one = Resolving(light, color, own_color, noise, images)
+        told = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
-            _resolve_edges(found[name], guides, wide, weights, one)
+            _resolve_edges(told, guides, finely.guides, wide, weights, one)
+        found[name] = told.added(light)
     return found
 
 
 @dataclass(frozen=True, eq=False)
+class Told:
+    """What pixels have (3, h, w): as their samples show it, and as all camera rays do. taken: (h,
+    w) how much of that is taken in place of their own. known: (3, h, w) bool.
+    """
+
+    coarse: Array
+    fine: Array
+    taken: Array
+    known: Array
+
+    def added(self, light: Array) -> Array:
+        """(3, h, w) to the pixels' own: what of it stays is as much less as they are told to have
+        less, or by so much more.
+        """
+        less = self.coarse > self.fine
+        part = self.fine / np.where(less, self.coarse, 1.0)
+        stays = np.where(less, light * part, light + (self.fine - self.coarse))
+        more = self.taken * self.fine + (1 - self.taken) * stays - light
+        return np.where(self.known & np.isfinite(more), more, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class Resolving:
-    """One kind of light. light, color: (3, h, w) means. noise: as `_noise`; None where all may be.
-    images: (h, w) how much of the light is of sharp images.
+    """One kind of light. light, color: (3, h, w) means; own_color: of all camera rays. noise: as
+    `_noise`; None where all may be. images: (h, w) how much of the light is of sharp images.
     """
 
     light: Array
     color: Array
+    own_color: Array
     noise: Array | None
     images: Array
 
@@ -203,10 +270,8 @@ def _resolved(
     block: list[tuple[int, int, float]],
     weights: list[Array],
     one: Resolving,
-) -> Array:
-    """(3, h, w) what is added where pixels of a block are alike; weights: (h, w) how much, of each
-    of these.
-    """
+) -> Told:
+    """Where pixels of a block are alike; weights: (h, w) how much, of each of these."""
     light, color, noise, images = one.light, one.color, one.noise, one.images
 
     def over_block(values: Array) -> Array:
@@ -233,25 +298,28 @@ def _resolved(
     sure = np.zeros_like(sure) if noise is None else sure
     stays = images * seen + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
-    return np.where(colors > 0, repeats * (_over(lights, colors) * color - light), 0.0)
+    ratio = _over(lights, colors)
+    return Told(ratio * color, ratio * one.own_color, repeats, colors > 0)
 
 
 def _resolve_edges(
-    added: Array,
+    told: Told,
     guides: Guides,
+    finely: Guides,
     block: list[tuple[int, int, float]],
     weights: list[Array],
     one: Resolving,
 ) -> None:
-    """Sets what is added where surfaces meet: to pixels to which fewer of their own block are alike
+    """Sets what is told where surfaces meet: of pixels to which fewer of their own block are alike
     than guides may tell apart of the wider `block`. Their light is what a fit to the guides of that
     block, by least squares, is at their own (Moon, Carr, Yoon 2014, Adaptive rendering based on
-    weighted local regression). weights: as `_resolved`, of their own blocks.
+    weighted local regression). finely: the guides of all camera rays. weights: as `_resolved`, of
+    their own blocks.
     """
     light, color, noise, images = one.light, one.color, one.noise, one.images
-    tint = color.sum(0)
+    tint, own_tint = color.sum(0), one.own_color.sum(0)
     share = np.array([share for _, _, share in block])
-    seen = (guides.surface > 0) & (tint > 0) & (GUIDES * sum(weights) < share.sum())
+    seen = (finely.surface > 0) & (own_tint > 0) & (GUIDES * sum(weights) < share.sum())
     y, x = np.nonzero(seen)
     if not len(y):
         return
@@ -261,39 +329,45 @@ def _resolve_edges(
         return np.stack([_moved(values, i, j)[y, x] for i, j, _ in block])
 
     weight = share[:, None] * around(guides.surface)
+    share_here = finely.share[y, x]
+    turn_here = (finely.along[..., None] * finely.normal)[y, x] / share_here[:, None]
+    middle = len(block) // 2
     part = around(guides.share)
-    normal = guides.along[..., None] * guides.normal
-    share_here = guides.share[y, x]
-    turn = around(normal) - part[..., None] * (normal[y, x] / share_here[:, None])
-    way = part[..., None] * (around(guides.place) - guides.place[y, x])
+    turn = around(guides.along[..., None] * guides.normal) - part[..., None] * turn_here
+    way = part[..., None] * (around(guides.place) - finely.place[y, x])
     whole = (weight * part**2).sum(0)
     way *= np.sqrt(_over(whole, (weight * (way**2).sum(-1)).sum(0)))[:, None]
     tints = around(tint)
     full = np.sqrt(_over(whole, (weight * tints**2).sum(0)))
 
-    def fitted(values: Array, colors: Array) -> tuple[Array, Array]:
+    def fitted(values: Array, colors: Array, own: Array) -> tuple[Array, Array]:
         """What is seen at the pixels, (n,), and at those of their blocks, (81, n), of values (h, w)
-        and colours.
+        and colours; own: the pixels'.
         """
-        tinted = full * (around(colors) - part * colors[y, x] / share_here)
+        tinted = full * (around(colors) - part * own[y, x] / share_here)
         g = np.concatenate([part[..., None], turn, way, tinted[..., None]], -1)
         a = np.einsum("kn,kni,knj->nij", weight, g, g)
         a[:, range(1, GUIDES), range(1, GUIDES)] += FLATTER * a[:, :1, 0]
         b = np.einsum("kn,kni,kn->ni", weight, g, around(values))
+        lit = a[:, 0, 0] > 0
+        a[~lit] = np.eye(GUIDES)
         slopes = np.linalg.solve(a, b[..., None])[..., 0]
         return slopes[:, 0] * share_here, np.einsum("kni,ni->kn", g, slopes)
 
     white = light.sum(0)
-    apart = (weight * (around(white) - fitted(white, tint)[1]) ** 2).sum(0)
+    apart = (weight * (around(white) - fitted(white, tint, own_tint)[1]) ** 2).sum(0)
     sure = np.zeros_like(apart)
     if noise is not None:
         chance = (weight * (around(noise) * tints) ** 2).sum(0)
         sure = np.maximum(1 - SURE_FIT * _over(chance, apart), 0.0)
     stays = images[y, x] + (1 - images[y, x]) * sure
-    mean = np.stack([fitted(*pair)[0] for pair in zip(light, color, strict=True)])
-    more = np.maximum(mean, 0.0) - light[:, y, x]
-    lit = (apart > 0) & (color[:, y, x] > 0)
-    added[:, y, x] = np.where(lit, (1 - stays) * more, 0.0)
+    for c in range(3):
+        fine, all_told = fitted(light[c], color[c], one.own_color[c])
+        most = np.maximum((around(light[c]) * (weight > 0)).max(0), 0.0)
+        told.fine[c, y, x] = np.clip(fine, 0.0, most)
+        told.coarse[c, y, x] = np.clip(all_told[middle], 0.0, most)
+    told.taken[y, x] = np.where(apart > 0, 1 - stays, 0.0)
+    told.known[:, y, x] = one.own_color[:, y, x] > 0
 
 
 def _change(side: int, guides: Guides, values: Array) -> Array:

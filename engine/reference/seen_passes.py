@@ -128,4 +128,10 @@ class SeenPasses:
         stays = at.weight * catchers.opacity(at.coefficients)
         found = openness(self._stage, at.surface, self._sample, lambda: self._tile.charge(at.pixel))
         self._tile.add(OCCLUSION, at.pixel, stays * found)
-        self._tile.add(UNHIDDEN, at.pixel, stays)
+        self.note_asked(at)
+
+    def note_asked(self, at: Interaction) -> None:
+        """Of the points how much is asked that."""
+        if OCCLUSION in self._stage.settings.passes:
+            stays = at.weight * catchers.opacity(at.coefficients)
+            self._tile.add(UNHIDDEN, at.pixel, stays)

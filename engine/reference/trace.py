@@ -10,12 +10,13 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
-from ..lights.interleaving import interleaving
+from ..lights.interleaving import interleaving, visibility_samples
 from ..lights.lamps import group_stats, sharing_stats
 from ..sampling import (
+    dealt_offsets,
     dealt_sample,
     interleaving_classes,
-    pixel_offsets,
+    offset_classes,
 )
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
@@ -83,6 +84,9 @@ class Tracer:
         estimates = "Error" in settings.passes or (refines and resolves)
         self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if estimates else None
         self._resolves = resolves
+        self._each = visibility_samples(scene, settings)
+        self._offsets = dealt_offsets(settings.samples, self._each, settings.filter_width)
+        self._has_seen = False
         self._spreads = Spread.samples(scene, settings.samples)
         self._times = sample_times(scene, settings.samples)[0] if is_moving(scene) else None
         self._finished = 0  # samples
@@ -98,14 +102,12 @@ class Tracer:
         try:
             with self._clock("build"):
                 self._stage = self._stage_of(0)
-            for sample, offset in enumerate(
-                pixel_offsets(self._settings.samples, self._settings.filter_width)
-            ):
+            for sample in range(self._settings.samples):
                 if sample > 0 and self._times is not None:
                     with self._clock("build"):
                         self._stage = self._stage_of(sample)
                 with self._clock("trace"):
-                    for done in self._sample(self._stage, sample, offset):
+                    for done in self._sample(self._stage, sample):
                         on_progress((sample + done) / self._settings.samples)
                 self._finished = sample + 1
                 if (sample + 1) & sample == 0:
@@ -153,6 +155,9 @@ class Tracer:
         return (x0 <= x) & (x < x1) & (y0 <= y) & (y < y1)
 
     def _end_wave(self, samples: int) -> None:
+        if samples == self._settings.samples and self._each > 1 and not self._has_seen:
+            with self._clock("trace"):
+                self._see()
         self.picture.resolve()
         if self._estimate and self._refinement:
             self._estimate.end_wave(self.picture.color_and_loss(), samples, self._refinement.active)
@@ -161,27 +166,57 @@ class Tracer:
         elif self._refinement:
             self._refinement.end_wave(self.picture.color_and_loss()[:3], samples)
 
-    def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
-        """Traces one sample of every pixel tile by tile; yields the finished fraction."""
+    def _strips(self) -> Iterator[tuple[int, tuple[int, int], tuple[int, int]]]:
+        """The region bit by bit: its first pixel, and from where to where it goes."""
         x0, y0, x1, y1 = self._region
         rows = max(TILE // (x1 - x0), 1)
         for y in range(y0, y1, rows):
-            above = min(y + rows, y1)
-            rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
+            yield (y - y0) * (x1 - x0), (x0, x1), (y, min(y + rows, y1))
+
+    def _rays(
+        self, stage: Stage, x: tuple[int, int], y: tuple[int, int], number: int
+    ) -> Callable[[Array], tuple[Rays, Strips | None]]:
+        """What gives some pixels of one class those of their camera rays that have the number."""
+        spread, classes = self._spreads[number % self._settings.samples], self._each
+        rays = [stage.camera.rays(x, y, own[number], spread) for own in self._offsets]
+        which = offset_classes(x, y, classes)
+
+        def of(pixels: Array) -> tuple[Rays, Strips | None]:
+            every, strips = rays[which[pixels[0]] if classes > 1 else 0]
+            whole = len(pixels) == len(every)
+            return (every, strips) if whole else (every.take(pixels), None)
+
+        return of
+
+    def _sample(self, stage: Stage, sample: int) -> Iterator[float]:
+        """Traces one sample of every pixel tile by tile; yields the finished fraction."""
+        _, y0, _, y1 = self._region
+        for first, across, up in self._strips():
+            rays = self._rays(stage, across, up, sample)
             stage.cancellation.check()
-            first = (y - y0) * (x1 - x0)
-            places = stage.places((x0, x1), (y, above))
-            across, up = (x0, x1), (y, above)
-            every = np.arange(len(rays))
+            places = stage.places(across, up)
+            every = np.arange(len(places))
             if self._refinement:
-                every = np.flatnonzero(self._refinement.active[first : first + len(rays)])
+                every = np.flatnonzero(self._refinement.active[first : first + len(places)])
             for chosen, dealt in self._dealt(every, across, up, sample):
-                if len(chosen) == len(rays):
-                    self._trace(stage, first + chosen, sample, dealt, rays, strips, places)
-                    continue
-                some = rays.take(chosen)
-                self._trace(stage, first + chosen, sample, dealt, some, None, places[chosen])
-            yield (above - y0) / (y1 - y0)
+                some, strips = rays(chosen)
+                self._trace(stage, first + chosen, sample, dealt, some, strips, places[chosen])
+            yield (up[1] - y0) / (y1 - y0)
+
+    def _see(self) -> None:
+        """The camera rays beyond the samples, of the pixels that these tell more about."""
+        stage, samples, self._has_seen = self._stage, self._settings.samples, True
+        assert stage is not None
+        uneven = self.picture.uneven()
+        for number in range(samples, samples * self._each):
+            for first, across, up in self._strips():
+                rays, places = self._rays(stage, across, up, number), stage.places(across, up)
+                every = np.flatnonzero(uneven[first : first + len(places)])
+                for chosen, dealt in self._dealt(every, across, up, number % samples):
+                    tile = Tile(len(chosen), frozenset(), 0, len(self._scene.light_groups))
+                    seen = Generations(stage, tile, number, dealt, places[chosen])
+                    seen.see(rays(chosen)[0])
+                    self.picture.see(first + chosen, tile)
 
     def _dealt(
         self, pixels: Array, x: tuple[int, int], y: tuple[int, int], sample: int

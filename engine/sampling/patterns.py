@@ -387,7 +387,9 @@ def offset_classes(x: tuple[int, int], y: tuple[int, int], count: int) -> np.nda
     touch have others.
     """
     column, row = np.arange(*x), np.arange(*y)[:, None]
-    low, high = ((2 * (u ^ v) + v) for u, v in ((column & 1, row & 1), (column >> 1 & 1, row >> 1 & 1)))
+    low, high = (
+        (2 * (u ^ v) + v) for u, v in ((column & 1, row & 1), (column >> 1 & 1, row >> 1 & 1))
+    )
     return ((low + 4 * high) % count).ravel()
 
 

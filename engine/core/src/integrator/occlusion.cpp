@@ -72,23 +72,35 @@ void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32
 
 /// What the passes of the queue's paths have of the points that they meet.
 void Tracer::note_occlusion(const Queue& queue, uint32_t sample) {
+  find_asked(queue);
+  if (occlusion_rows_.empty()) return;
+  direct_.ambient_occlusion(batch_, occlusion_rows_, sample, open_, counts_);
+  add_asked(queue, paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION));
+  note_asked(queue);
+}
+
+/// How much is asked of what the queue's rays meet.
+void Tracer::note_asked(const Queue& queue) {
+  find_asked(queue);
+  open_.assign(occlusion_rows_.size(), {1, 1, 1});
+  if (double* const whole = paths_.sums(film_, kUnhidden)) add_asked(queue, whole);
+}
+
+void Tracer::find_asked(const Queue& queue) {
   occlusion_rows_.clear();
   for (uint32_t k = 0; k < queue.size(); ++k)
     if (batch_.material[k] < scene_.materials.size() && !is_caught(queue, k))
       occlusion_rows_.push_back(k);
-  if (occlusion_rows_.empty()) return;
-  direct_.ambient_occlusion(batch_, occlusion_rows_, sample, open_, counts_);
-  double* const sums = paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION);
-  double* const whole = paths_.sums(film_, kUnhidden);
+}
+
+/// To sums of the paths what is open over those, as much as stays of the rays there.
+void Tracer::add_asked(const Queue& queue, double* sums) {
   for (size_t i = 0; i < occlusion_rows_.size(); ++i) {
     const uint32_t k = occlusion_rows_[i];
     const Vec3d T = queue.path(k).T, passed = shader_.passed(batch_, k);
-    for (size_t c = 0; c < 3; ++c) {
-      const double stays = T[int(c)] * (1 - std::clamp(passed[int(c)], 0.0, 1.0));
-      const size_t at = c * paths_.stride() + queue.slot(k);
-      sums[at] += stays * open_[i][int(c)];
-      if (whole) whole[at] += stays;
-    }
+    for (int c = 0; c < 3; ++c)
+      sums[size_t(c) * paths_.stride() + queue.slot(k)] +=
+          T[c] * (1 - std::clamp(passed[c], 0.0, 1.0)) * open_[i][c];
   }
 }
 

@@ -118,6 +118,9 @@ class Tracer {
   void note_guides(const Queue& queue);
   void note_colors(const Queue& queue);
   void note_occlusion(const Queue& queue, uint32_t sample);
+  void note_asked(const Queue& queue);
+  void find_asked(const Queue& queue);
+  void add_asked(const Queue& queue, double* sums);
   void keep_lighting(const Queue& queue);
   void keep_groups(const Queue& queue);
   void note_aovs(const Queue& queue);

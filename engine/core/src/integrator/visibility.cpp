@@ -84,6 +84,7 @@ void Tracer::see_surfaces(Queue& queue, Queue& straight, uint32_t sample) {
   give(std::move(bounced));
   note_guides(queue);
   note_colors(queue);
+  if (film_.wants(GLINT_PASS_AMBIENT_OCCLUSION)) note_asked(queue);
   const SumColumns& s = batch_.sums;
   const auto add = [&](int pass, double* const(&columns)[3], double* const* less) {
     double* const sums = paths_.sums(film_, pass);
