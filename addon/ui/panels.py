@@ -88,7 +88,17 @@ class _SamplingPanel(EnginePanel):
         group = getattr(context.scene.glint, self.group)
         column = self.column
         for name in self.names:
-            draw_wide(column, group, name)
+            draw_wide(_with_reason(context, column, name), group, name)
+
+
+def _with_reason(context, column, name):
+    """Where the setting is drawn: greyed, with the reason, where it does nothing."""
+    if name != "visibility_samples":
+        return column
+    part = column.column()
+    part.active = context.scene.glint.final.soft_light == "RESOLVED"
+    draw_reason(column, not part.active, "Visibility Samples need Soft Light Resolved")
+    return part
 
 
 class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
@@ -102,7 +112,8 @@ class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
         found, chosen = column.column(), column.column()
         found.active = not has_target
         for number, name in enumerate(self.names):
-            draw_wide(found if number < 2 else chosen, context.scene.glint.final, name)
+            part = found if number < 2 else _with_reason(context, chosen, name)
+            draw_wide(part, context.scene.glint.final, name)
 
 
 class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):

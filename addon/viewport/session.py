@@ -349,6 +349,7 @@ class Session:
         return replace(
             self._settings,
             samples=1,
+            visibility_samples=1,
             error_threshold=0.0,
             passes=self._settings.passes - {"Error"} | ({self._shown_pass} & engine.PASSES.keys()),
         )

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
+from ..lights.interleaving import visibility_samples
 from ..lights.lamps import is_soft, shared_samples
 from ..scene import Scene
 from ..settings import Settings
@@ -82,6 +83,11 @@ def glows_below(scene: Scene, settings: Settings) -> bool:
     return scene.has_subsurface and settings.subsurface == "ON"
 
 
+def sees_more(scene: Scene, settings: Settings) -> bool:
+    """Whether pixels may have camera rays that light does not follow."""
+    return visibility_samples(scene, replace(settings, visibility_samples=2)) > 1
+
+
 def has_bounces(scene: Scene, settings: Settings) -> bool:
     """Whether a material reflects or refracts rays, as rough ones do where they may."""
     which = settings.reflections
@@ -112,6 +118,7 @@ def has_fog(scene: Scene, settings: Settings) -> bool:
 TUNABLES = (
     Tunable("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
     Tunable("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
+    Tunable("visibility_samples", (1, 2, 4, 8), sees_more, group="visibility"),
     Tunable("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
     Tunable("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
     Tunable("max_bounces", (0, 1, 4, 12), has_bounces, group="bounces"),

@@ -110,6 +110,8 @@ told["Volume Scatter is for what gives light: volumes see the object whatever it
 scene.glint.target_rmse, final.samples = 50.0, 16
 told["Quality Target finds the first two"] = during(
     (scene.glint, "target", "RMSE"), (final, "samples", 9), (final, "error_threshold", 8.0))
+told["Visibility Samples need Soft Light Resolved"] = during(
+    (final, "soft_light", "DEALT"), (final, "visibility_samples", 1))
 scene.glint.target = "RMSE"
 light_samples = changes(final, "light_samples", 2)  # 1 is a hard shadow from the lamp's centre
 scene.glint.target = "NONE"
@@ -118,7 +120,7 @@ mirror.hide_render = behind.hide_render = True
 put("spot", bpy.data.lights.new("spot", "SPOT"), -1, -2, 5).data.energy = 100
 skin = look(box("skin", (1, 1, 1), -0.5, -2, 0), "ShaderNodeBsdfPrincipled", **{"Subsurface Weight": 1.0, "Subsurface Scale": 1.0})
 acts = {name: changes(final, name, value) for name, value in {
-    "samples": 9, "error_threshold": 64.0, "light_samples": 2, "lamp_shadows": 1, "volume_samples": 1,
+    "samples": 9, "visibility_samples": 1, "error_threshold": 64.0, "light_samples": 2, "lamp_shadows": 1, "volume_samples": 1,
     "max_bounces": 0, "cutoff": 0.9, "illumination": "CLASSIC", "world_light": "CONSTANT",
     "mesh_light": "OFF", "reflections": "OFF", "subsurface": "OFF", "soft_light": "SHARED",
     "diffuse_bounces": 0, "volume_bounces": 1, "clamp_indirect": 1e-3, "acceleration": "FAST",
