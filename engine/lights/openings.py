@@ -45,7 +45,7 @@ MOST = 12
 """Openings."""
 FEWEST = 0.02
 """Share of the lines that an opening takes at least."""
-WIDEST = 0.09
+WIDEST = 1 / 8
 """Share of the sphere in which places in rooms see the sky, and half of its lines an opening: what
 is wider directions on all sides find.
 """

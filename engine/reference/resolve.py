@@ -192,7 +192,8 @@ def resolved(
             around, weights = wide, in_wide_media if name in VOLUME else on_wide
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
-        one = Resolving(light, color, own_color, noise, images)
+        is_direct = name in ("Glossy Direct", "Transmission Direct")
+        one = Resolving(light, color, own_color, noise, images, is_direct)
         told = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
             _resolve_edges(told, guides, finely.guides, wide, weights, one)
@@ -226,6 +227,7 @@ class Told:
 class Resolving:
     """One kind of light. light, color: (3, h, w) means; own_color: of all camera rays. noise: as
     `_noise`; None where all may be. images: (h, w) how much of the light is of sharp images.
+    is_direct: these are of what gives light, which have no points.
     """
 
     light: Array
@@ -233,6 +235,7 @@ class Resolving:
     own_color: Array
     noise: Array | None
     images: Array
+    is_direct: bool
 
 
 def _half(samples: Array) -> Array:
@@ -294,7 +297,8 @@ def _resolved(
         changed += own * _moved(change, x, y)
         if noise is not None:
             chance += own * _moved(noise, x, y) ** 2
-    seen, sure = np.minimum(changed, apart), np.maximum(apart - SURE * chance, 0.0)
+    seen = apart if one.is_direct else np.minimum(changed, apart)
+    sure = np.maximum(apart - SURE * chance, 0.0)
     sure = np.zeros_like(sure) if noise is None else sure
     stays = images * seen + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)

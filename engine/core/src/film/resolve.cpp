@@ -223,6 +223,7 @@ class LightResolve {
       color_[c] = window_.column(ResolveWindow::kColor + 3 * kind_of(light) + c);
     }
     kind_ = kind_of(light);
+    is_direct_ = light == kGlossyDirect || light == kTransmissionDirect;
     halves_ = window_.column(ResolveWindow::kNoise + light);
     is_halved_ = is_halved;
     set_sharp(light);
@@ -284,7 +285,7 @@ class LightResolve {
 
   /// What pixel k of the span, q of the window, gets in a channel.
   float given(size_t k, size_t q, int c) const {
-    const float sharp = sharp_[q], seen = std::min(changed_[k], apart_[k]),
+    const float sharp = sharp_[q], seen = is_direct_ ? apart_[k] : std::min(changed_[k], apart_[k]),
                 sure = is_halved_ ? std::max(apart_[k] - kSure * noise_[k], 0.0f) : 0,
                 stays = sharp * seen + (1 - sharp) * sure,
                 taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0, light = light_[c][q],
@@ -388,7 +389,7 @@ class LightResolve {
 
   /// What repeats from block to block, where that is asked for.
   void find_change() {
-    if (!is_sharp_) return change_.assign(window_.pixels(), 0.0f);
+    if (!is_sharp_ || is_direct_) return change_.assign(window_.pixels(), 0.0f);
     if (!changes_) changes_.emplace(window_, inside(window_, side_), int(side_));
     changes_->of(white_.data(), change_);
   }
@@ -414,6 +415,7 @@ class LightResolve {
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
   int kind_ = 0;
   bool is_sharp_ = false, is_halved_ = false;
+  bool is_direct_ = false;  // images of it are of no points
   struct Near {
     size_t pixel;  // of the window
     double weight;
