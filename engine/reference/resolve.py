@@ -290,16 +290,19 @@ def _resolved(
     white, mean = _over(light.sum(0), tint), _over(lights.sum(0), colors.sum(0))
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
     square = tint**2
+    noises, told = (np.zeros_like(white), 0.0) if noise is None else (noise, 1.0)
     change = _change(side, guides, white) if images.any() else np.zeros_like(white)
     for weight, (x, y, _) in zip(weights, block, strict=True):
         own = weight * _moved(square, x, y)
-        apart += own * (_moved(white, x, y) - mean) ** 2
-        changed += own * _moved(change, x, y)
-        if noise is not None:
-            chance += own * _moved(noise, x, y) ** 2
+        off, off_by_chance = (_moved(white, x, y) - mean) ** 2, _moved(noises, x, y) ** 2
+        moved = _moved(change, x, y)
+        apart += own * off
+        changed += own * np.where(
+            moved < 0, told * np.maximum(off - SURE * off_by_chance, 0.0), moved
+        )
+        chance += own * off_by_chance
     seen = apart if one.is_direct else np.minimum(changed, apart)
-    sure = np.maximum(apart - SURE * chance, 0.0)
-    sure = np.zeros_like(sure) if noise is None else sure
+    sure = told * np.maximum(apart - SURE * chance, 0.0)
     stays = images * seen + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
     ratio = _over(lights, colors)
@@ -376,14 +379,14 @@ def _resolve_edges(
 
 def _change(side: int, guides: Guides, values: Array) -> Array:
     """(h, w) how far each pixel is from the mean of those a block to either side of it, squared, on
-    the axis on which it is farther.
+    the axis on which it is farther; below 0 where none of these shows the same surface.
     """
-    found = np.zeros_like(values)
+    found = np.full_like(values, -1.0)
     for x, y in ((side, 0), (0, side)):
         after, before = guides.alike(x, y), guides.alike(-x, -y)
         total = after + before
         mean = (after * _moved(values, x, y) + before * _moved(values, -x, -y)) / np.where(
             total > 0, total, 1.0
         )
-        found = np.maximum(found, np.where(total > 0, values - mean, 0.0) ** 2)
+        found = np.maximum(found, np.where(total > 0, (values - mean) ** 2, -1.0))
     return found

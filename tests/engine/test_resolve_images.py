@@ -212,35 +212,28 @@ def test_light_that_is_not_there_is_not_missed(scene):
 
 
 @pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
-@pytest.mark.parametrize("lobe", [MIRROR, CLEAR], ids=["mirror", "glass"])
-def test_images_of_what_gives_light_stay_as_they_are(lobe: s.Lobe, backend: str) -> None:
-    """A small and very bright card, and no halo round what a mirror or glass shows of it."""
-    scene = hall((MIRROR,), 24)
+def test_what_gives_light_has_no_halo_in_mirrors(backend: str) -> None:
+    """A small and very bright card in a mirror ball, of which hardly any pixels are alike."""
+    scene = hall((CLEAR,), 32)
     card = s.Mesh(
         "card",
-        np.array([(0, 0, 0), (0.3, 0, 0), (0.3, 0.3, 0), (0, 0.3, 0)], np.float32),
+        np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], np.float32),
         np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
     )
     glow = s.Material("glow", (s.Lobe("EMISSION", (s.Input((500.0,) * 3),)),))
-    at = (-0.95, 0.65, 0.2) if lobe is MIRROR else (-0.34, 2.5, 0.54)  # before it, behind it
-    stands = np.column_stack([[[1, 0, 0], [0, 0, -1], [0, 1, 0]], at])
-    number = len(scene.geometries), len(scene.materials)
+    stands = np.column_stack([np.eye(3), (0.2, -1.2, 3.5)])[None]
+    above = s.Instances("card", len(scene.geometries), stands, (4,), visible_camera=False)
     scene = replace(
         scene,
         geometries=(*scene.geometries, card),
-        materials=(*scene.materials[:3], s.Material("shown", (lobe,)), glow),
-        instances=(
-            *scene.instances,
-            s.Instances("card", number[0], stands[None], (number[1],), visible_camera=False),
-        ),
+        materials=(*scene.materials[:3], s.Material("shown", (MIRROR,)), glow),
+        instances=(*scene.instances, above),
     )
-    name = f"{'Glossy' if lobe is MIRROR else 'Transmission'} "
     found, own = (
         engine.render(scene, settings(kind, 4, backend=backend)).passes
         for kind in ("RESOLVED", "DEALT")
     )
-    image = own[name + "Color"].min(-1) > 0.1
-    direct = own[name + "Direct"]
-    assert direct[image].max() > 100
-    image &= own["Diffuse Color"].max(-1) == 0  # nothing else is seen
-    np.testing.assert_allclose(found[name + "Direct"][image], direct[image], rtol=1e-5, atol=1e-5)
+    image = (own["Glossy Color"].min(-1) > 0.1) & (own["Diffuse Color"].max(-1) == 0)
+    direct = own["Glossy Direct"][image]
+    assert (direct.max(-1) > 100).sum() > 1 < (direct.max(-1) == 0).sum()
+    np.testing.assert_allclose(found["Glossy Direct"][image], direct, rtol=1e-5, atol=1e-5)

@@ -112,7 +112,7 @@ struct Block {
 };
 
 /// How far each pixel of the span is from the mean of those a block to either side of it, on the
-/// axis on which it is farther.
+/// axis on which it is farther; below 0 where none of these shows the same surface.
 class Changes {
  public:
   Changes(const ResolveWindow& window, const Span& span, int side)
@@ -127,7 +127,7 @@ class Changes {
   }
 
   void of(const float* values, Floats& found) const {
-    found.assign(pixels_, 0.0f);
+    found.assign(pixels_, -1.0f);
     for (size_t axis = 0; axis < 2; ++axis) {
       const float *const after = same_[axis][0].data(), *const before = same_[axis][1].data();
       span_.rows([&](size_t out, size_t at) {
@@ -137,8 +137,8 @@ class Changes {
         for (size_t i = 0; i < span_.width; ++i) {
           const float a = after[out + i], b = before[out + i], sum = a + b,
                       mean = (a * next[i] + b * last[i]) / (sum > 0 ? sum : 1),
-                      off = sum > 0 ? here[i] - mean : 0;
-          found[at + i] = std::max(found[at + i], std::fabs(off));
+                      off = sum > 0 ? std::fabs(here[i] - mean) : -1;
+          found[at + i] = std::max(found[at + i], off);
         }
       });
     }
@@ -399,10 +399,11 @@ class LightResolve {
     for (size_t i = 0; i < span_.width; ++i) {
       const size_t k = out + i, q = first + i;
       const float inverse = over(1, mean_[k]), off = (white_[q] - mean_[k]) * inverse,
-                  moved = change_[q] * inverse, half = halves_[q] * inverse,
+                  half = halves_[q] * inverse, moved = change_[q] * inverse,
+                  sure = is_halved_ ? std::max(off * off - kSure * half * half, 0.0f) : 0,
                   weight = weights[k] * tint_[q] * tint_[q];
       apart_[k] += weight * off * off;
-      changed_[k] += weight * moved * moved;
+      changed_[k] += weight * (moved < 0 ? sure : moved * moved);
       noise_[k] += weight * half * half;
     }
   }
