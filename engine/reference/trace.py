@@ -33,6 +33,8 @@ from .stage import Stage
 
 Array = np.ndarray
 
+RAYS_OF_SAMPLE = 8
+"""So many camera rays that light does not follow take about as long as a sample."""
 TILE = 1 << 19
 """Pixels traced together: many, because each tile projects the whole scene; not all of a large
 picture, because of memory.
@@ -102,19 +104,23 @@ class Tracer:
         try:
             with self._clock("build"):
                 self._stage = self._stage_of(0)
-            for sample in range(self._settings.samples):
+            samples = self._settings.samples
+            steps = samples + samples * (self._each - 1) / RAYS_OF_SAMPLE
+            for sample in range(samples):
                 if sample > 0 and self._times is not None:
                     with self._clock("build"):
                         self._stage = self._stage_of(sample)
                 with self._clock("trace"):
                     for done in self._sample(self._stage, sample):
-                        on_progress((sample + done) / self._settings.samples)
+                        on_progress((sample + done) / steps)
                 self._finished = sample + 1
                 if (sample + 1) & sample == 0:
                     self._end_wave(sample + 1)
                 if on_wave and (sample + 1) & sample == 0:
                     on_wave(self.film(True))
-            self._end_wave(self._settings.samples)
+            self._end_wave(samples)
+            if self._has_seen:
+                on_progress(1.0)
         except Stopped:
             return False
         return True

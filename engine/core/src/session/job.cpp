@@ -201,6 +201,7 @@ void Job::resolve(uint32_t samples) {
     const ResolveWindow window = film_.window_of(tile, samples);
     const MoreSeen* const seen = more ? tracer.see(tile, film_.uneven(tile, window)) : nullptr;
     film_.resolve(tile, samples, window, seen);
+    if (more) done_ += steps_beyond();
   });
 }
 
@@ -283,7 +284,8 @@ void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
 }
 
 double Job::fraction() const {
-  return double(done_.load()) / (double(film_.tiles().size()) * plan_.samples);
+  return double(done_.load()) /
+         (double(film_.tiles().size()) * (double(plan_.samples) + steps_beyond()));
 }
 
 GlintProgress Job::wait(uint32_t milliseconds) {

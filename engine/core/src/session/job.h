@@ -37,6 +37,7 @@ class Job {
   const std::string& error() const { return error_; }
 
  private:
+  static constexpr uint32_t kRaysOfSample = 8;
   void work();
   void run();
   uint32_t first_wave();
@@ -61,12 +62,16 @@ class Job {
   void fail(const char* what);
   bool ended() const { return state_ >= GLINT_DONE; }
   double fraction() const;
+  /// Camera rays that light does not follow, in samples that take about as long.
+  uint32_t steps_beyond() const {
+    return (plan_.beyond_samples() + kRaysOfSample - 1) / kRaysOfSample;
+  }
 
   Scene* scene_;  // of the sample that is traced
   RenderPlan plan_;
   Film film_;
   std::atomic<bool> cancel_{false};
-  std::atomic<uint64_t> done_{0};                 // tiles times samples
+  std::atomic<uint64_t> done_{0};                 // tiles times samples, and times steps beyond
   std::unique_ptr<ThreadPool> pool_;              // while waves are traced, and
   std::vector<std::unique_ptr<Tracer>> tracers_;  // one for each of its threads
 
