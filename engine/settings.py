@@ -486,7 +486,7 @@ class Settings:
         points = self.samples * self.light_samples
         if points > MOST_LIGHT_POINTS:
             yield f"samples × light_samples is {points}: use at most {MOST_LIGHT_POINTS}"
-        if (rays := self.camera_rays) > MOST_LIGHT_POINTS:
+        elif (rays := self.camera_rays) > MOST_LIGHT_POINTS:
             yield f"samples × visibility_samples is {rays}: use at most {MOST_LIGHT_POINTS}"
         if unknown := sorted(str(name) for name in self.passes if name not in PASSES):
             yield f"no such pass: {', '.join(unknown)}"

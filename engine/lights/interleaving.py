@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..film import CRYPTOMATTES
 from ..sampling import MOST_TABLED, dealt_samples
 from ..sampling.motion import is_moving
 from ..scene import Scene
@@ -22,11 +23,15 @@ def interleaving(scene: Scene, settings: Settings) -> int:
 
 def visibility_samples(scene: Scene, settings: Settings) -> int:
     """Camera rays for each sample of a pixel: 1 where light is not resolved, which tells what
-    others see, where things move, and where there are catchers of shadows or holdouts.
+    others see, where things move, where there are catchers of shadows or holdouts, and with AOVs
+    and Cryptomatte, whose edges must be those of the picture.
     """
     resolves = settings.soft_light == "RESOLVED" and interleaving(scene, settings) > 1
     caught = any(block.catcher or block.holdout for block in scene.instances)
-    return settings.visibility_samples if resolves and not caught and not is_moving(scene) else 1
+    beside = bool(scene.aovs) or not settings.passes.isdisjoint(CRYPTOMATTES)
+    if not resolves or caught or beside or is_moving(scene):
+        return 1
+    return settings.visibility_samples
 
 
 def _is_soft(scene: Scene, settings: Settings) -> bool:

@@ -69,6 +69,7 @@ for name in {BLENDER_SWITCHES}:
     setattr(layer, "use_pass_" + name, True)
 for name in {OUR_SWITCHES}:
     setattr(layer.glint, "use_pass_" + name, True)
+scene.glint.final.visibility_samples = 1  # so that all passes have the edges of one sample
 cube = bpy.data.objects["Cube"]
 cube.pass_index = 7
 turn = scene.camera.matrix_world.to_3x3()

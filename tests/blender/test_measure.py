@@ -147,8 +147,9 @@ answer([len(job.scene.geometries[0].triangles), len(trade.rows), fractions[-1], 
     assert (triangles, fraction, stopped_rows, complete) == (192, 1.0, 0, False)
     # samples 1 and the scene's 4, all light samples (the lamp has a radius); instead of the scene's
     # bounces none, and three numbers of them with three cutoffs, one of which is the scene's own;
-    # 0, 1 and 2 diffuse bounces instead of its 4; a constant world; and two ways to reflect less
-    assert rows == 2 * 5 + 1 + 3 * 3 - 1 + 3 + 1 + 2
+    # 0, 1 and 2 diffuse bounces instead of its 4; a constant world; and two ways to reflect less;
+    # 1, 2 and 8 camera rays a sample instead of its 4
+    assert rows == 2 * 5 + 1 + 3 * 3 - 1 + 3 + 1 + 2 + 3
 
 
 def test_a_failure_is_reported_and_leaves_nothing(tmp_path):

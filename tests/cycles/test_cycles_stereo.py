@@ -27,6 +27,7 @@ layer = scene.view_layers[0]
 layer.use_pass_z = layer.use_pass_position = True
 from glint.operators.compare_cycles import direct_light_only
 scene.glint.final.light_samples, render.filter_size = 1, 0.01
+scene.glint.final.visibility_samples = 1
 render.use_multiview = True
 
 def kind(multilayer):

@@ -157,6 +157,8 @@ NONE = {
     "shared points": (lambda: corner(16), {"soft_light": "SHARED"}),
     "unresolved": (lambda: corner(16), {"soft_light": "DEALT"}),
     "catchers": (catching, {}),
+    "Cryptomatte": (lambda: corner(16), {"passes": frozenset({"Crypto Object"})}),
+    "AOVs": (lambda: replace(corner(16), aovs=("matte",)), {}),
     "a pixel's middle": (lambda: corner(16), {"filter_width": 0.0}),
 }
 
