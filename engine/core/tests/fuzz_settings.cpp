@@ -136,8 +136,8 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.threads = uint32_t(1 + dice.below(3));
   s.passes = dice.below(pass_bit(GLINT_PASS_COUNT)) | 1u;
   s.visibility_samples = dice.chance(0.7) ? 1 : uint32_t(1 + dice.below(4));
-  s.pixel_offsets =
-      arena.fill<double>(2 * s.samples * s.visibility_samples, [&] { return 0.5 * dice.number(); });
+  const size_t offsets = size_t(s.samples) * s.visibility_samples * s.visibility_samples;
+  s.pixel_offsets = arena.fill<double>(2 * offsets, [&] { return 0.5 * dice.number(); });
   s.light_point_count = uint64_t(s.samples) * s.light_samples;
   s.error_threshold = stops_early        ? dice.uniform(0, 16)
                       : dice.chance(0.5) ? 0
