@@ -118,7 +118,7 @@ def has_fog(scene: Scene, settings: Settings) -> bool:
 TUNABLES = (
     Tunable("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
     Tunable("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
-    Tunable("visibility_samples", (1, 2, 4, 8), sees_more, group="visibility"),
+    Tunable("visibility_samples", (1, 4), sees_more, group="visibility"),
     Tunable("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
     Tunable("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
     Tunable("max_bounces", (0, 1, 4, 12), has_bounces, group="bounces"),

@@ -148,8 +148,8 @@ answer([len(job.scene.geometries[0].triangles), len(trade.rows), fractions[-1], 
     # samples 1 and the scene's 4, all light samples (the lamp has a radius); instead of the scene's
     # bounces none, and three numbers of them with three cutoffs, one of which is the scene's own;
     # 0, 1 and 2 diffuse bounces instead of its 4; a constant world; and two ways to reflect less;
-    # 1, 2 and 8 camera rays a sample instead of its 4
-    assert rows == 2 * 5 + 1 + 3 * 3 - 1 + 3 + 1 + 2 + 3
+    # 1 camera ray a sample instead of its 4
+    assert rows == 2 * 5 + 1 + 3 * 3 - 1 + 3 + 1 + 2 + 1
 
 
 def test_a_failure_is_reported_and_leaves_nothing(tmp_path):
