@@ -140,19 +140,10 @@ class Generations:
     def _see(self, paths: Paths) -> Paths | None:
         """The same of their next hits; those that go straight on are returned."""
         stage = self._stage
-        stage.rays[paths.kind] += len(paths)
-        self._tile.charge(paths.pixel)
-        hits = stage.closest(paths, None)
-        if stage.media:
-            paths = self._dim(paths, hits.depth, None)
-        else:
-            self._see_lights(paths, hits.depth)
-        self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
-        hit = np.flatnonzero(hits.primitive != NOTHING)
-        if not len(hit):
+        met = self._meet(paths, None, None)
+        if met is None:
             return None
-        at, depth = self._interaction(paths, hit, hits)
-        passed = straight_on(at, depth, self._seen.wants_data(at))
+        at, hits, passed = met
         self._seen.guide(at)
         self._tile.lose(at.pixel, at.weight * at.coefficients.holdout)
         self._seen.note_asked(at)
@@ -188,21 +179,10 @@ class Generations:
     def _trace(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
         """The same, whatever they bring."""
         stage = self._stage
-        stage.rays["gather" if paths.gathers else paths.kind] += len(paths)
-        self._tile.charge(paths.pixel)
-        hits = stage.closest(paths, strips)
-        if stage.media:
-            paths = self._dim(paths, hits.depth, deeper)
-        else:
-            self._see_lights(paths, hits.depth)
-        if paths.around:
-            paths = dimmed(stage, paths, hits.depth)
-        self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
-        hit = np.flatnonzero(hits.primitive != NOTHING)
-        if not len(hit):
+        met = self._meet(paths, strips, deeper)
+        if met is None:
             return None
-        at, depth = self._interaction(paths, hit, hits)
-        passed = straight_on(at, depth, self._seen.wants_data(at))
+        at, hits, passed = met
         if not paths.depth:
             at = self._cut_holdouts(at)
             self._seen.guide(at)
@@ -223,6 +203,30 @@ class Generations:
         if paths.depth < stage.settings.max_bounces and not paths.gathers:
             deeper += self._bounce(at)
         return passed
+
+    def _meet(
+        self, paths: Paths, strips: Strips | None, deeper: list[Paths] | None
+    ) -> tuple[Interaction, Hits, Paths | None] | None:
+        """The surfaces that the paths meet, with all hits, and those that go straight on from
+        there, if any; None where nothing is met. What is seen before them, and instead of them, is added.
+        deeper: as `_dim`.
+        """
+        stage = self._stage
+        stage.rays["gather" if paths.gathers else paths.kind] += len(paths)
+        self._tile.charge(paths.pixel)
+        hits = stage.closest(paths, strips)
+        if stage.media:
+            paths = self._dim(paths, hits.depth, deeper)
+        else:
+            self._see_lights(paths, hits.depth)
+        if paths.around:
+            paths = dimmed(stage, paths, hits.depth)
+        self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
+        hit = np.flatnonzero(hits.primitive != NOTHING)
+        if not len(hit):
+            return None
+        at, depth = self._interaction(paths, hit, hits)
+        return at, hits, straight_on(at, depth, self._seen.wants_data(at))
 
     def _interaction(self, paths: Paths, hit: Array, hits: Hits) -> tuple[Interaction, Array]:
         """Where the rays `hit` meet surfaces, and how far along them; data passes have what they

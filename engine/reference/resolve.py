@@ -194,17 +194,18 @@ def resolved(
             noise = None
         is_direct = name in ("Glossy Direct", "Transmission Direct")
         one = Resolving(light, color, own_color, noise, images, is_direct)
-        told = _resolved(side, guides, around, weights, one)
+        predicted = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
-            _resolve_edges(told, guides, finely.guides, wide, weights, one)
-        found[name] = told.added(light)
+            _resolve_edges(predicted, guides, finely.guides, wide, weights, one)
+        found[name] = predicted.added(light)
     return found
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What pixels have (3, h, w): as their samples show it, and as all camera rays do. taken: (h,
-    w) how much of that is taken in place of their own. known: (3, h, w) bool.
+class Prediction:
+    """The light of pixels (3, h, w) as guides and colours predict it: coarse from their samples',
+    fine from those of all camera rays. taken: (h, w) how much of that is taken in place of their
+    own. known: (3, h, w) bool.
     """
 
     coarse: Array
@@ -213,8 +214,8 @@ class Told:
     known: Array
 
     def added(self, light: Array) -> Array:
-        """(3, h, w) to the pixels' own: what of it stays is as much less as they are told to have
-        less, or by so much more.
+        """(3, h, w) to the pixels' own: what stays of it is scaled where the fine prediction is below the
+        coarse one, and raised by the difference where it is above.
         """
         less = self.coarse > self.fine
         part = self.fine / np.where(less, self.coarse, 1.0)
@@ -273,7 +274,7 @@ def _resolved(
     block: list[tuple[int, int, float]],
     weights: list[Array],
     one: Resolving,
-) -> Told:
+) -> Prediction:
     """Where pixels of a block are alike; weights: (h, w) how much, of each of these."""
     light, color, noise, images = one.light, one.color, one.noise, one.images
 
@@ -290,7 +291,7 @@ def _resolved(
     white, mean = _over(light.sum(0), tint), _over(lights.sum(0), colors.sum(0))
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
     square = tint**2
-    noises, told = (np.zeros_like(white), 0.0) if noise is None else (noise, 1.0)
+    noises, halved = (np.zeros_like(white), 0.0) if noise is None else (noise, 1.0)
     change = _change(side, guides, white) if images.any() else np.zeros_like(white)
     for weight, (x, y, _) in zip(weights, block, strict=True):
         own = weight * _moved(square, x, y)
@@ -298,27 +299,27 @@ def _resolved(
         moved = _moved(change, x, y)
         apart += own * off
         changed += own * np.where(
-            moved < 0, told * np.maximum(off - SURE * off_by_chance, 0.0), moved
+            moved < 0, halved * np.maximum(off - SURE * off_by_chance, 0.0), moved
         )
         chance += own * off_by_chance
     seen = apart if one.is_direct else np.minimum(changed, apart)
-    sure = told * np.maximum(apart - SURE * chance, 0.0)
+    sure = halved * np.maximum(apart - SURE * chance, 0.0)
     stays = images * seen + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
     ratio = _over(lights, colors)
-    return Told(ratio * color, ratio * one.own_color, repeats, colors > 0)
+    return Prediction(ratio * color, ratio * one.own_color, repeats, colors > 0)
 
 
 def _resolve_edges(
-    told: Told,
+    predicted: Prediction,
     guides: Guides,
     finely: Guides,
     block: list[tuple[int, int, float]],
     weights: list[Array],
     one: Resolving,
 ) -> None:
-    """Sets what is told where surfaces meet: of pixels to which fewer of their own block are alike
-    than guides may tell apart of the wider `block`. Their light is what a fit to the guides of that
+    """Sets the prediction where surfaces meet: of pixels to which fewer of their own block are
+    alike than guides may tell apart of the wider `block`. Their light is what a fit to the guides of that
     block, by least squares, is at their own (Moon, Carr, Yoon 2014, Adaptive rendering based on
     weighted local regression). finely: the guides of all camera rays. weights: as `_resolved`, of
     their own blocks.
@@ -369,12 +370,12 @@ def _resolve_edges(
         sure = np.maximum(1 - SURE_FIT * _over(chance, apart), 0.0)
     stays = images[y, x] + (1 - images[y, x]) * sure
     for c in range(3):
-        fine, all_told = fitted(light[c], color[c], one.own_color[c])
+        fine, everywhere = fitted(light[c], color[c], one.own_color[c])
         most = np.maximum((around(light[c]) * (weight > 0)).max(0), 0.0)
-        told.fine[c, y, x] = np.clip(fine, 0.0, most)
-        told.coarse[c, y, x] = np.clip(all_told[middle], 0.0, most)
-    told.taken[y, x] = np.where(apart > 0, 1 - stays, 0.0)
-    told.known[:, y, x] = one.own_color[:, y, x] > 0
+        predicted.fine[c, y, x] = np.clip(fine, 0.0, most)
+        predicted.coarse[c, y, x] = np.clip(everywhere[middle], 0.0, most)
+    predicted.taken[y, x] = np.where(apart > 0, 1 - stays, 0.0)
+    predicted.known[:, y, x] = one.own_color[:, y, x] > 0
 
 
 def _change(side: int, guides: Guides, values: Array) -> Array:

@@ -155,9 +155,9 @@ def pixel_offsets(samples: int, filter_width: float) -> np.ndarray:
 
 
 def dealt_offsets(samples: int, rays: int, filter_width: float) -> np.ndarray:
-    """(rays, rays * samples, 2) as `pixel_offsets`: for each of so many classes of pixels
-    (`offset_classes`) the same ones, of which the first `samples` are those of samples, a run of
-    their own but for the first, which is exactly 0.
+    """(rays, rays * samples, 2) float64, pixels: for each of `rays` classes of pixels
+    (`offset_classes`) the same `pixel_offsets`, in an order of its own. The first `samples` are
+    those of its samples: exactly 0, then a run that no other class has.
     """
     offsets = pixel_offsets(rays * samples, filter_width)
     own = samples * np.arange(rays)[:, None] + np.arange(samples)
@@ -383,8 +383,8 @@ def interleaving_classes(x: tuple[int, int], y: tuple[int, int], side: int) -> n
 
 
 def offset_classes(x: tuple[int, int], y: tuple[int, int], count: int) -> np.ndarray:
-    """(pixels,) which of `count` `dealt_offsets` each pixel has, as `interleaving_classes`: such as
-    touch have others.
+    """(pixels,) which of `count` `dealt_offsets` each pixel has, in the order of
+    `interleaving_classes`; up to four, neighbours have different ones.
     """
     column, row = np.arange(*x), np.arange(*y)[:, None]
     low, high = (

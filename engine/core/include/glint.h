@@ -413,7 +413,7 @@ typedef struct GlintNeighbour {
  * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
  * HELD: see glint_render_resume. pixel_offsets: (visibility_samples, samples * visibility_samples,
  * 2), for each class of pixels (engine/sampling, offset_classes) the same ones; the first `samples`
- * are of the samples. Where light is resolved, nothing moves and catches shadows, no light follows
+ * are of the samples. Where light is resolved, nothing moves or catches shadows, no light follows
  * the camera rays of the rest, which tell how much of the pixel shows what; else visibility_samples
  * is 1. light_square, light_disc: (light_point_count, 2), at least samples * light_samples points
  * when light_samples > 1 and a light has an extent; else they may be null. dome_table: (dome_count,

@@ -248,12 +248,12 @@ class LightResolve {
       mean_[i] = over(light_sum_[0][i] + light_sum_[1][i] + light_sum_[2][i],
                       color_sum_[0][i] + color_sum_[1][i] + color_sum_[2][i]);
     for (int c = 0; c < 3; ++c) {
-      told_[c].resize(span_.count());
-      finely_[c].resize(span_.count());
+      coarse_[c].resize(span_.count());
+      fine_[c].resize(span_.count());
       for (size_t k = 0; k < span_.count(); ++k) {
         const float ratio = over(light_sum_[c][k], color_sum_[c][k]);
-        told_[c][k] = ratio * color_[c][span_.pixel(k)];
-        finely_[c][k] = ratio * own_color(k, c);
+        coarse_[c][k] = ratio * color_[c][span_.pixel(k)];
+        fine_[c][k] = ratio * own_color(k, c);
       }
     }
   }
@@ -289,8 +289,8 @@ class LightResolve {
                 sure = is_halved_ ? std::max(apart_[k] - kSure * noise_[k], 0.0f) : 0,
                 stays = sharp * seen + (1 - sharp) * sure,
                 taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0, light = light_[c][q],
-                told = told_[c][k], fine = finely_[c][k],
-                stayed = told > fine ? light * (fine / told) : light + (fine - told),
+                coarse = coarse_[c][k], fine = fine_[c][k],
+                stayed = coarse > fine ? light * (fine / coarse) : light + (fine - coarse),
                 more = taken * fine + (1 - taken) * stayed - light;
     return color_sum_[c][k] > 0 && std::isfinite(more) ? more : 0;
   }
@@ -369,10 +369,10 @@ class LightResolve {
       channels[c].solve();
       const auto held = [&](double light) { return float(std::clamp(light, 0.0, most[c])); };
       const float fine = held(share * channels[c].here());
-      finely_[c][k] = told_[c][k] = fine;
+      fine_[c][k] = coarse_[c][k] = fine;
       color_sum_[c][k] = own_color(k, c);
       if (!finer_) continue;
-      told_[c][k] = held(channels[c].at(with_color(coarse, color_[c][p], own_color(k, c))));
+      coarse_[c][k] = held(channels[c].at(with_color(coarse, color_[c][p], own_color(k, c))));
     }
   }
 
@@ -425,7 +425,8 @@ class LightResolve {
   std::vector<Near> near_;       // of the block of one pixel
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
-  Floats told_[3], finely_[3];  // of the span: what its samples, and all its rays, are told to have
+  Floats coarse_[3],
+      fine_[3];  // of the span: predictions of its samples' light, and of all its rays'
 };
 
 /// What pixel q gets whose catchers get that much more of light: their shadows are as dark as what

@@ -37,6 +37,7 @@ class Job {
   const std::string& error() const { return error_; }
 
  private:
+  /// So many camera rays that light does not follow take about as long as a sample.
   static constexpr uint32_t kRaysOfSample = 8;
   void work();
   void run();
@@ -62,7 +63,7 @@ class Job {
   void fail(const char* what);
   bool ended() const { return state_ >= GLINT_DONE; }
   double fraction() const;
-  /// Camera rays that light does not follow, in samples that take about as long.
+  /// Those of a pixel, in samples.
   uint32_t steps_beyond() const {
     return (plan_.beyond_samples() + kRaysOfSample - 1) / kRaysOfSample;
   }
