@@ -208,8 +208,8 @@ class Generations:
         self, paths: Paths, strips: Strips | None, deeper: list[Paths] | None
     ) -> tuple[Interaction, Hits, Paths | None] | None:
         """The surfaces that the paths meet, with all hits, and those that go straight on from
-        there, if any; None where nothing is met. What is seen before them, and instead of them, is added.
-        deeper: as `_dim`.
+        there, if any; None where nothing is met. What is seen before them, and in their place, is
+        added. deeper: as `_dim`.
         """
         stage = self._stage
         stage.rays["gather" if paths.gathers else paths.kind] += len(paths)

@@ -214,8 +214,8 @@ class Prediction:
     known: Array
 
     def added(self, light: Array) -> Array:
-        """(3, h, w) to the pixels' own: what stays of it is scaled where the fine prediction is below the
-        coarse one, and raised by the difference where it is above.
+        """(3, h, w) to the pixels' own: what stays of it is scaled where the fine prediction is
+        below the coarse one, and raised by the difference where it is above.
         """
         less = self.coarse > self.fine
         part = self.fine / np.where(less, self.coarse, 1.0)
@@ -319,10 +319,10 @@ def _resolve_edges(
     one: Resolving,
 ) -> None:
     """Sets the prediction where surfaces meet: of pixels to which fewer of their own block are
-    alike than guides may tell apart of the wider `block`. Their light is what a fit to the guides of that
-    block, by least squares, is at their own (Moon, Carr, Yoon 2014, Adaptive rendering based on
-    weighted local regression). finely: the guides of all camera rays. weights: as `_resolved`, of
-    their own blocks.
+    alike than guides may tell apart of the wider `block`. Their light is what a fit to the guides
+    of that block, by least squares, is at their own (Moon, Carr, Yoon 2014, Adaptive rendering
+    based on weighted local regression). finely: the guides of all camera rays. weights: as
+    `_resolved`, of their own blocks.
     """
     light, color, noise, images = one.light, one.color, one.noise, one.images
     tint, own_tint = color.sum(0), one.own_color.sum(0)

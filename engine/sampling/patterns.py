@@ -384,7 +384,7 @@ def interleaving_classes(x: tuple[int, int], y: tuple[int, int], side: int) -> n
 
 def offset_classes(x: tuple[int, int], y: tuple[int, int], count: int) -> np.ndarray:
     """(pixels,) which of `count` `dealt_offsets` each pixel has, in the order of
-    `interleaving_classes`; up to four, neighbours have different ones.
+    `interleaving_classes`; of four or a multiple, pixels that touch have different ones.
     """
     column, row = np.arange(*x), np.arange(*y)[:, None]
     low, high = (
