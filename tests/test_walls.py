@@ -121,7 +121,9 @@ WALLS = {
     ),
     "engine/lights": (
         {"numpy"} | STDLIB,
-        _only("lights", "scene", "program", "sampling", "reference", "accelerator", "settings"),
+        _only(
+            "lights", "scene", "program", "sampling", "reference", "accelerator", "settings", "film"
+        ),
     ),
     "engine/native": ({"numpy", "glint_core"} | STDLIB, _inside_engine),
     "engine": ({"numpy"} | STDLIB, _inside_engine),
