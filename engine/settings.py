@@ -10,7 +10,7 @@ from math import inf
 from numbers import Integral, Real
 from typing import Any, TypedDict
 
-from .film import PASSES
+from .film import CRYPTOMATTES, PASSES
 
 _ILLUMINATIONS = (
     (
@@ -163,7 +163,6 @@ class Lighting(TypedDict):
 
     by_world: bool
     by_meshes: bool
-    bounces: int
 
 
 @dataclass(frozen=True)
@@ -415,15 +414,24 @@ class Settings:
 
     @property
     def lighting(self) -> Lighting:
-        """What `Scene.as_lit` is told: whether surfaces hide the world's light, whether what glows
-        lights, and how often light bounces.
+        """What `Scene.as_lit` is told: whether surfaces hide the world's light, and whether what
+        glows lights.
         """
         physical = self.illumination == "PHYSICAL"
         return {
             "by_world": physical and self.world_light == "OCCLUDED",
             "by_meshes": physical and self.mesh_light == "ON",
-            "bounces": self.diffuse_bounces if physical else 0,
         }
+
+    @property
+    def has_mattes(self) -> bool:
+        """Whether Cryptomatte's passes are asked for."""
+        return not self.passes.isdisjoint(CRYPTOMATTES)
+
+    @property
+    def bounces(self) -> int:
+        """How often light bounces."""
+        return self.diffuse_bounces if self.illumination == "PHYSICAL" else 0
 
     @property
     def reflecting(self) -> str:

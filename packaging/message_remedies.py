@@ -31,7 +31,6 @@ REMEDIES: dict[str, str] = {
     "… of … is not supported: … take a constant": "Use another output, or bake it to an image",
     "'Aspect Ratio' of Principled Hair: … has the light of all turns of its strands' ellipses, whichever way these lie": "Choose the model Chiang, or set Aspect Ratio to 0.85",
     "… of hair varies in …: it counts as …": "Link a constant",
-    "Light from strand to strand is not traced: in … it goes straight on through strands, and lobes that the strands round each point make stronger stand for the rest": "Nothing, where the picture is right; else make the colour lighter",
     "Hair shaders are matt under a highlight on what is no strand: … shows no light that passes through": "Use Principled BSDF there, or leave it as it is",
     "Particle Info is not known in …: it is as where there are no particles": "Use Object Info or an attribute",
     "Matt shaders of … have normals of their own: each point has their mean, by how much of each shader it shows": "Give all matt shaders of the material the same normal, or mix by a mask of 0 and 1",

@@ -121,9 +121,7 @@ WALLS = {
     ),
     "engine/lights": (
         {"numpy"} | STDLIB,
-        _only(
-            "lights", "scene", "program", "sampling", "reference", "accelerator", "settings", "film"
-        ),
+        _only("lights", "scene", "program", "sampling", "reference", "accelerator", "settings"),
     ),
     "engine/native": ({"numpy", "glint_core"} | STDLIB, _inside_engine),
     "engine": ({"numpy"} | STDLIB, _inside_engine),

@@ -32,8 +32,7 @@ APPROXIMATED: dict[str, str] = {
     "glows and the sky, and of other things their light alone, no shapes",
     "ShaderNodeBsdfVelvet": "as diffuse",
     "ShaderNodeBsdfHair": "highlights round the strand",
-    "ShaderNodeBsdfHairPrincipled": "highlights and light that passes round the strand and on to "
-    "strands behind; the rest of the light from strand to strand is by how dense strands are",
+    "ShaderNodeBsdfHairPrincipled": "lobes round the strand's tangent",
     **dict.fromkeys(
         (
             "ShaderNodeVolumeAbsorption",

@@ -312,7 +312,7 @@ class Session:
     def _bounces_anew(self) -> bool:
         """Whether it takes time to find out how light bounces before there is an exact picture."""
         known = self._traced is not None and self._since_traced.keeps_content
-        return self._settings.lighting["bounces"] > 0 and not known
+        return self._settings.bounces > 0 and not known
 
     @property
     def _since_traced(self) -> SceneDelta:

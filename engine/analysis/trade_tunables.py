@@ -102,7 +102,7 @@ def has_bounces(scene: Scene, settings: Settings) -> bool:
 
 def scatters(scene: Scene, settings: Settings) -> bool:
     """Whether surfaces throw light onto others: it is measured where it is wanted at all."""
-    return settings.lighting["bounces"] > 0 and bool(scene.instances)
+    return settings.bounces > 0 and bool(scene.instances)
 
 
 def has_many_lamps(scene: Scene, settings: Settings) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ..film import CRYPTOMATTES
 from ..sampling import MOST_TABLED, dealt_samples
 from ..sampling.motion import is_moving
 from ..scene import Scene
@@ -28,7 +27,7 @@ def visibility_samples(scene: Scene, settings: Settings) -> int:
     """
     resolves = settings.soft_light == "RESOLVED" and interleaving(scene, settings) > 1
     caught = any(block.catcher or block.holdout for block in scene.instances)
-    beside = bool(scene.aovs) or not settings.passes.isdisjoint(CRYPTOMATTES)
+    beside = bool(scene.aovs) or settings.has_mattes
     if not resolves or caught or beside or is_moving(scene):
         return 1
     return settings.visibility_samples
@@ -44,7 +43,7 @@ def _is_soft(scene: Scene, settings: Settings) -> bool:
     glossy = settings.reflecting != "OFF" and any(lobe.is_glossy for lobe in lobes)
     below = settings.subsurface == "ON" and scene.has_subsurface
     rough = any(lobe.is_rough_glass for lobe in lobes)
-    bounces = settings.lighting["bounces"] > 0 and bool(scene.lights)
+    bounces = settings.bounces > 0 and bool(scene.lights)
     return (
         tabled
         or bounces

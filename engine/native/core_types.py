@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 75
+ABI_VERSION = 76
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -92,9 +92,7 @@ class LobeKind(IntEnum):
 class Fresnel(IntEnum):
     DIELECTRIC = 1
     SCHLICK = 2
-    SCATTERED = 4
-    NOT_TO_FIBRES = 8
-    EDGE = 16
+    EDGE = 4
 
 
 class BumpShadowing(IntEnum):

@@ -19,13 +19,10 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
     outputs = program.outputs if program else ()
     for lobe in material.lobes:
         kind = number(lobe.kind, LobeKind, "lobe kind")
-        scattered = lobe.between_fibres and lobe.kind.startswith("FIBRE")
         fresnel = (
             Fresnel.DIELECTRIC * lobe.fresnel
             | Fresnel.SCHLICK * lobe.schlick
             | Fresnel.EDGE * lobe.edge
-            | Fresnel.SCATTERED * scattered
-            | Fresnel.NOT_TO_FIBRES * (lobe.not_to_fibres and lobe.kind == "TRANSPARENT")
         )
         packer.lobes.append(
             (

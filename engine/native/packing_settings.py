@@ -254,7 +254,7 @@ def _add_bounces(
     data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
 ) -> None:
     """How light bounces along paths, where it does."""
-    data.bounces = settings.lighting["bounces"] if scene.lights else 0
+    data.bounces = settings.bounces if scene.lights else 0
     if data.bounces:
         parts = BOUNCE_PARTS if data.interleaving > 1 else 1
         points = bounce_points(parts * settings.samples)

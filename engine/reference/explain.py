@@ -23,7 +23,7 @@ from .cancellation import Cancellation
 from .coefficients import Coefficients, Term
 from .explain_shadows import shadow_of
 from .explained import Bounce, Hit, LightTerm, Numbers, Ray
-from .gathering import bounce, bouncing, dimmed, seen_lobes
+from .gathering import bounce, bouncing, seen_lobes
 from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
@@ -111,8 +111,6 @@ class Explainer:
             media = tuple(self._media(paths, spans, found.depth))
         scattered_rays = self._bounced_in_media(paths, spans, found.depth)
         paths = replace(paths, weight=paths.weight * passed)
-        if paths.around:
-            paths = dimmed(stage, paths, found.depth)
         ray = Ray(
             kind,
             paths.depth,

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..scene import Strands
 from .bumps import bump_shadow
 from .coefficients import Coefficients
+from .fibre_sampling import drawn
 from .gloss import even_gloss
 from .lights import LightSample
 from .lobe_light import fibres, matt_lobes, ways_through
 from .paths import Interaction, Paths, leaving, widened
-from .surface import Surface
 from .terminator import lowered
 from .vectors import basis_around, dot, pick
 
@@ -26,38 +25,33 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+WIDEST = 8.0
+"""Exponent of what light that bounced makes of gloss: about what Cycles' Filter Glossy does."""
+
 
 def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[Paths]:
-    """The rays along which light goes on that what is matt throws back, those of strands by
-    themselves. Of what bounced before, as much as the surface gives back (Russian roulette: Arvo,
-    Kirk 1990, Particle transport and image synthesis). places: (n,) of the tile's pixels, as
-    `Stage.places`.
+    """The rays along which light goes on that what is matt throws back. Of what bounced before, as
+    much as the surface gives back (Russian roulette: Arvo, Kirk 1990, Particle transport and image
+    synthesis). places: (n,) of the tile's pixels, as `Stage.places`.
     """
     paths, hit, surface = at.paths, at.hit, at.surface
     if not stage.gathers(paths):
         return []
     d, k, share, least = bounce(stage, at, sample, places)
-    after = np.abs(at.weight * k).max(0)
-    is_strand = surface.primitive >= stage.geometry.first_rod
     side = np.where(dot(d, surface.n) < 0, -1.0, 1.0)
-    goes = (after > 0) & (side * dot(d, surface.g) > 0) & (is_strand | (least < share))
-    found = []
-    for of_strands in (False, True):
-        go = np.flatnonzero(goes & (is_strand == of_strands))
-        if not len(go) or (of_strands and paths.gathers):
-            continue
-        given = pick(k, go) if of_strands else pick(k, go) / share[go]
-        some, along = surface.take(go), pick(d, go)
-        gone = leaving(paths, hit[go], some, along, given, 0.0)
-        if of_strands:
-            sample_there = LightSample(along, np.ones(len(go)), None, np.zeros(len(go)))
-            through = ways_through(surface, at.coefficients.fibres, go, sample_there)
-            if through is not None:
-                rays = replace(gone.rays, origin=gone.rays.origin + through * along)
-                gone = replace(gone, rays=rays)
-        skyless = np.ones(len(gone), bool)
-        found.append(replace(gone, skyless=skyless, around=of_strands, **_past(paths)))
-    return found
+    given = np.abs(at.weight * k).max(0) > 0
+    go = np.flatnonzero(given & (side * dot(d, surface.g) > 0) & (least < share))
+    if not len(go):
+        return []
+    paths = replace(paths, widest=np.minimum(paths.widest, WIDEST))
+    some, along = surface.take(go), pick(d, go)
+    gone = leaving(paths, hit[go], some, along, pick(k, go) / share[go], 0.0)
+    there = LightSample(along, np.ones(len(go)), None, np.zeros(len(go)))
+    through = ways_through(surface, at.coefficients.fibres, go, there)
+    if through is not None:
+        rays = replace(gone.rays, origin=gone.rays.origin + through * along)
+        gone = replace(gone, rays=rays)
+    return [replace(gone, skyless=np.ones(len(go), bool), **_past(paths))]
 
 
 def bounce(
@@ -69,34 +63,22 @@ def bounce(
     """
     surface, coefficients = at.surface, at.coefficients
     *disc, least = stage.bounce_points(sample, at.paths.bounced, places[at.pixel])
-    side = _sides(stage, surface, coefficients, least)
-    d, factor = _onward(surface.n, np.array(disc), side)
+    point, factor = np.array(disc), np.ones(len(at.hit))
+    d = _onward(surface.n, point)
+    strands = np.flatnonzero(surface.primitive >= stage.geometry.first_rod)
+    if len(strands):
+        number, least = least[strands], least.copy()
+        of = drawn(surface, coefficients, at.weight, strands, point[:, strands], number)
+        d[:, strands], density, least[strands] = of
+        cosine = np.abs(dot(pick(surface.n, strands), of[0]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor[strands] = np.where(density > 0, cosine / (np.pi * density), 0.0)
     k = factor * _thrown_back(stage, at, d)
     share = np.ones(len(at.hit))
     if at.paths.bounced:
         before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
         share = np.minimum(after / np.where(before > 0, before, 1.0), 1.0)
     return d, k, share, least
-
-
-def dimmed(stage: Stage, paths: Paths, depth: Array) -> Paths:
-    """Those of strands after what their like on the way take. depth: (n,) of what they meet."""
-    met = np.flatnonzero(np.isfinite(depth))
-    weight, shadows = paths.weight.copy(), stage.shadows.of_strands().met_by("diffuse")
-    weight[:, met] *= shadows.along(paths.rays.take(met), depth[met])
-    return replace(paths, weight=weight)
-
-
-def _sides(stage: Stage, surface: Surface, coefficients: Coefficients, number: Array) -> Array:
-    """(n,) 0, or of points on strands -1 where their ray goes to the back, else 1, times how many
-    sides it stands for: of strands that let light pass, half go to the back.
-    """
-    passes = np.zeros(len(surface), bool)
-    for term in coefficients.fibres:
-        if term.lobe.kind == "FIBRE_TRANSMISSION":
-            passes[term.index] = True
-    is_strand = surface.primitive >= stage.geometry.first_rod
-    return is_strand * np.where(passes, np.where(number < 0.5, 2.0, -2.0), 1.0)
 
 
 def _past(paths: Paths) -> dict[str, Any]:
@@ -114,56 +96,47 @@ def _thrown_back(stage: Stage, at: Interaction, d: Array) -> Array:
     lobes = lobes / np.maximum(np.abs(cosine), 2.0**-20)
     matt = np.where(cosine > 0, coefficients.diffuse, 0.0) + lobes
     seen = dot(surface.n, surface.v)
-    gloss = even_gloss(seen, coefficients.highlights, stage.settings.reflecting)
+    which = "BOUNCED" if at.paths.gathers else stage.settings.reflecting
+    gloss = even_gloss(seen, coefficients.highlights, which)
     gloss = np.where(cosine > 0, gloss, 0.0)
     hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
     return np.where(hidden, 0.0, lowered(surface.lowering, cosine) * (share * matt + gloss))
 
 
-def _onward(n: Array, point: Array, side: Array) -> tuple[Array, Array]:
+def _onward(n: Array, point: Array) -> Array:
     """(3, m) where rays go on, at points (2, m) of the unit disc: as densely as the cosine round n
-    (Malley's method); from strands, whose lobes know none, evenly over half of the sphere. And (m,)
-    the cosine's density over that. side: (m,) as `_sides`.
+    (Malley's method).
     """
     x, y = point
     first, second = basis_around(n)
-    rest = np.maximum(1 - x * x - y * y, 0.0)
-    up = np.where(side != 0, np.sign(side) * rest, np.sqrt(rest))
-    across = np.where(side != 0, np.sqrt(1 + rest), 1.0)
-    factor = np.where(side != 0, 2 * np.abs(side) * rest, 1.0)
-    return up * n + across * (x * first + y * second), factor
+    return np.sqrt(np.maximum(1 - x * x - y * y, 0.0)) * n + x * first + y * second
 
 
-def _as_diffuse(stage: Stage, at: Interaction) -> Coefficients:
-    """What throws light on, and gives nothing of itself. Strands throw no light on."""
+def _lit_alone(stage: Stage, at: Interaction) -> Coefficients:
+    """What throws light on, and gives nothing of itself: TOON_SPECULAR lobes as if they were matt,
+    others as wide as light that bounced makes them.
+    """
     surface, coefficients = at.surface, at.coefficients
-    scene, block = stage.scene, stage.geometry.placements.block[surface.row]
-    varnished = [any(lobe.kind == "AMBIENT" for lobe in m.lobes) for m in scene.materials]
-    is_hair = [isinstance(scene.geometries[b.geometry], Strands) for b in scene.instances]
-    gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights)
+    varnished = [any(lobe.kind == "AMBIENT" for lobe in m.lobes) for m in stage.scene.materials]
+    gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights, "ALL")
     gloss = np.where(np.array(varnished, bool)[surface.material], gloss, 0.0)
-    near = np.where(np.array(is_hair, bool)[block], 0.0, 1.0)
-    none, ones = np.zeros_like(coefficients.diffuse), np.ones((3, 1))
-    lobes = (*coefficients.sheens, *coefficients.fibres)
-    matt = [replace(term, k=pick(near * ones, term.index) * term.k) for term in lobes]
-    return replace(
+    none = np.zeros_like(coefficients.diffuse)
+    seen = replace(
         coefficients,
         ambient=none,
-        diffuse=near * (coefficients.diffuse + gloss),
-        translucent=near * coefficients.translucent,
+        diffuse=coefficients.diffuse + gloss,
         emission=none,
-        highlights=[],
+        highlights=[term for term in coefficients.highlights if term.lobe.kind == "SPECULAR"],
         mirrors=[],
         refractions=[],
-        sheens=[term for term in matt if not term.lobe.kind.startswith("FIBRE")],
-        fibres=[term for term in matt if term.lobe.kind == "FIBRE_DIFFUSE"],
     )
+    return widened(seen, at.paths.widest[at.hit])
 
 
 def seen_lobes(stage: Stage, at: Interaction) -> Interaction:
     """The points with what the paths see of the lobes there."""
     if at.paths.gathers:
-        return replace(at, coefficients=_as_diffuse(stage, at))
+        return replace(at, coefficients=_lit_alone(stage, at))
     if not at.paths.reflections:
         return at
     return replace(at, coefficients=widened(at.coefficients, at.paths.widest[at.hit]))

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..film import CATCHER, VOLUME
 from . import catchers
-from .gathering import bouncing, dimmed, seen_lobes
+from .gathering import bouncing, seen_lobes
 from .lighting import DirectLight
 from .lights import Source
 from .media import Spans
@@ -52,7 +52,7 @@ AT_ONCE = 1 << 13
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
     names = ["reflections", "transmitted", "gathers", "bounced", "through_glass", "in_medium"]
-    names += ["around", "caught"]
+    names += ["caught"]
     pasts = [tuple(getattr(p, name) for name in names) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
@@ -219,8 +219,6 @@ class Generations:
             paths = self._dim(paths, hits.depth, deeper)
         else:
             self._see_lights(paths, hits.depth)
-        if paths.around:
-            paths = dimmed(stage, paths, hits.depth)
         self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
         hit = np.flatnonzero(hits.primitive != NOTHING)
         if not len(hit):

@@ -155,8 +155,7 @@ def gather(scene: Scene, eye: Array) -> Geometry:
         lower,
         upper,
         float(reach),
-        {kind: _visible(scene, ordered, kind) for kind in KINDS}
-        | {"solid": _solid(scene, ordered)},
+        {kind: _visible(scene, ordered, kind) for kind in KINDS},
         any(block.visible_mirror != block.visible_shadow for block in scene.instances),
         any(block.visible_mirror != block.visible_diffuse for block in scene.instances),
         any(block.visible_mirror != block.visible_transmission for block in scene.instances),
@@ -395,16 +394,6 @@ def _shape_bounds(
     lower.append(np.minimum(rods.start_world - first, there - second))
     upper.append(np.maximum(rods.start_world + first, there + second))
     return np.concatenate(lower, 1), np.concatenate(upper, 1)
-
-
-def _solid(scene: Scene, ordered: list[_Drawn]) -> Array | None:
-    """What diffuse rays see that is no strand."""
-    flags = [
-        d.instances.visible_diffuse
-        and not isinstance(scene.geometries[d.instances.geometry], Strands)
-        for d in ordered
-    ]
-    return _of_all(flags, ordered)
 
 
 def _visible(scene: Scene, ordered: list[_Drawn], kind: str) -> Array | None:

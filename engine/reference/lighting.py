@@ -98,18 +98,12 @@ class Lighting:
         media = max(self.medium_marks // max(divisors, default=1), 1)
         return replace(self, sources=tuple(parts), medium_marks=media)
 
-    @cached_property
-    def of_strands(self) -> Lighting:
-        """As strands see it."""
-        few = self.of_few_samples
-        return replace(few, shadows=self.shadows.of_strands())
-
     def kinds(self, surface: Surface, weight: Array) -> Iterator[tuple[Lighting, Array]]:
         """What lights points of a kind, and (n,) bool which points these are. weight: (3, n) T."""
-        strands, faint = surface.primitive >= self.first_rod, np.abs(weight).max(0) < self.faint
-        yield self, ~strands & ~faint
-        yield self.of_few_samples, ~strands & faint
-        yield self.of_strands, strands
+        few = (surface.primitive >= self.first_rod) | (np.abs(weight).max(0) < self.faint)
+        few &= not self.each_once
+        yield self, ~few
+        yield self.of_few_samples, few
 
     @cached_property
     def _clusters(self) -> LampClusters:
@@ -326,7 +320,8 @@ class Lighting:
         sample: int,
     ) -> Iterator[tuple[Narrow | None, LightSample, Coefficients]]:
         """The samples of a light: highlights narrower than it, if there are any, the sample, and
-        the lobes that it lights, not all where these draw it.
+        the lobes that it lights, not all where these draw it. To light that bounced gloss is so
+        wide that it draws none.
         """
         n = source.sample_count(self.light_samples)
         points = self.points if source.points is None else source.points
@@ -335,10 +330,11 @@ class Lighting:
             return
         glossy = source.has_highlights and source.light.lights_gloss
         terms = coefficients.highlights if glossy else []
-        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ(source))
         numbers = source.surface_numbers(sample, n)
         seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
         once = self.each_once and not self._shares(source)
+        differ = self.shadows.mirrors_differ(source)
+        narrow = None if once else Narrow(surface, terms, weight, source, differ)
         numbers = numbers[sample % n :: n] if once else numbers
         glows = None
         if self.draws_matt and isinstance(source, MeshSource) and source.light.kind == "MESH":

@@ -115,13 +115,12 @@ def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, m
 
     def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
         assert term.fibre is not None
-        cosine, t, scattered = dot(n, l), pick(term.fibre, chosen), term.lobe.between_fibres
+        cosine, t = dot(n, l), pick(term.fibre, chosen)
         if matt:
-            return np.where(cosine > 0, fibre_diffuse(t, l, scattered), 0.0)
+            return np.where(cosine > 0, fibre_diffuse(t, l), 0.0)
         behind = term.lobe.kind == "FIBRE_TRANSMISSION"
-        fan = 0.0 if scattered else taken(term.masking, chosen)
-        numbers = taken(term.exponent, chosen), fan
-        given = fibre_highlight(t, v, l, *numbers, behind, term.lobe.tilt, scattered)
+        numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
+        given = fibre_highlight(t, v, l, *numbers, behind, term.lobe.tilt)
         return np.where((cosine < 0) if behind else (cosine > 0), given, 0.0)
 
     chosen = [term for term in terms if (term.lobe.kind == "FIBRE_DIFFUSE") == matt]

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -141,28 +140,6 @@ class _Found:
 def _lowering(surface: Surface, index: Array) -> Array | None:
     low = surface.lowering[index]
     return low if (low > 1).any() else None
-
-
-FADED, MOST_FADING = 2.0**-8, 16
-"""What of light behind fibres counts as nothing, where at most so many leave less."""
-
-
-def most_passed(material: Material, to_fibres: bool = False) -> float:
-    """What a fibre lets through at most, to fibres or to what is none: its lobes' constants, as
-    outputs that they are times count as at most 1. 1 where an input is none of these, and of what
-    is no fibre.
-    """
-    total = np.zeros(3)
-    for lobe in (x for x in material.lobes if x.kind == "TRANSPARENT"):
-        if to_fibres and lobe.not_to_fibres:
-            continue
-        if any(
-            x.texture >= 0 or x.attribute or x.complement or not x.is_plain for x in lobe.factors
-        ):
-            return 1.0
-        total += np.maximum(np.prod([x.value for x in lobe.factors], 0), 0.0)
-    is_fibre = any(lobe.kind.startswith("FIBRE") for lobe in material.lobes)
-    return float(total.max()) if is_fibre and total.max() < 1 else 1.0
 
 
 def _lifts(material: Material) -> bool:
@@ -300,19 +277,16 @@ class Shader:
                 found[first + 3, index] = 1
         return found
 
-    def transmittance(self, spot: Spot, to_fibres: bool, kind: str = "shadow") -> Array:
+    def transmittance(self, spot: Spot, kind: str = "shadow") -> Array:
         """(n, 4): what passes straight through, the clamped sum of the TRANSPARENT lobes, and by
         how much light is narrowed.
 
-        spot: a `Surface` where `reads_surfaces`.  to_fibres: the rays are of points on strands.
-        kind: as of `points.light_path`.
+        spot: a `Surface` where `reads_surfaces`.  kind: as of `points.light_path`.
         """
         total = np.zeros((len(spot.primitive), 3))
         size, narrow = np.zeros((2, len(spot.primitive)))
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
-            if to_fibres and lobe.not_to_fibres:
-                return
             total[index] += k.T
             given = np.maximum(k.sum(0), 0.0)
             size[index] += given
@@ -322,21 +296,9 @@ class Shader:
             narrow[index] += given
 
         self._each_lobe(spot, kind, add, ("TRANSPARENT",))
-        most = self._most_passed[int(to_fibres)][spot.material]
-        passed = np.clip(total, 0.0, most[:, None])
+        passed = np.clip(total, 0.0, 1.0)
         share = np.where(size > 0, narrow / np.where(size > 0, size, 1.0), 1.0)
         return np.concatenate([passed, share[:, None]], 1)
-
-    @cached_property
-    def _most_passed(self) -> list[Array]:
-        return [np.array([most_passed(m, x) for m in self._materials]) for x in (False, True)]
-
-    @cached_property
-    def fades(self) -> bool:
-        """Whether light that fibres alone let through ends where little of it is left."""
-        clear = [m for m in self._materials if any(x.kind == "TRANSPARENT" for x in m.lobes)]
-        most = max((most_passed(m, True) for m in clear), default=0.0)
-        return most > 0 and most**MOST_FADING < FADED * (1 - 1e-9)
 
     def _each_lobe(
         self,

@@ -131,18 +131,12 @@ def lost_once(cosine: Array) -> Array:
     return NEVER_LOST - given / np.pi
 
 
-SCATTERED = 0.25
-"""The square of the sine by which fibres catch light that others scattered, where it comes along
-them.
-"""
-
-
-def fibre_diffuse(t: Array, l: Array, scattered: bool = False) -> Array:  # noqa: E741
+def fibre_diffuse(t: Array, l: Array) -> Array:  # noqa: E741
     """(m,) Kajiya and Kay's sine of the angle to the tangent t of a fibre, of any length, times
     2 / pi: over the fibre's width, of which half sees a light from the side, all of a uniform world
-    comes back.  scattered: of light that other fibres scattered.
+    comes back.
     """
-    return 2 / np.pi * _caught(dot(unit(t), l), scattered)
+    return 2 / np.pi * _across(dot(unit(t), l))
 
 
 def fibre_highlight(
@@ -153,13 +147,11 @@ def fibre_highlight(
     fan: Array | float = 0.0,
     behind: bool = False,
     tilt: float = 0.0,
-    scattered: bool = False,
 ) -> Array:
     """(m,) max(0, n·h)^p round a fibre, n across its tangent t and h half way from v to l turned
     round t to v's side, times what keeps the light of a uniform world (SEMANTICS.md).  fan: how far
     light fans out round t from v's side, or from behind, 0 to 1; 0 for as far as normals do.  tilt:
-    the tangent of how far n leans from across t, against it.  scattered: of light that other fibres
-    scattered.
+    the tangent of how far n leans from across t, against it.
     """
     t = unit(t)
     to_l, to_v = dot(t, l), dot(t, v)
@@ -178,12 +170,7 @@ def fibre_highlight(
         q = 1 / np.where(np.greater(fan, 0), fan, 1.0)
         power = power * np.where(u > 0, u ** (q - 1), 0.0)
     size = size * np.where(np.greater(fan, 0), np.sqrt(np.pi * (2 * q + 0.5) / 8), 1.0)
-    return np.where(across > 0, size * power * _caught(to_l, scattered) / widest**2, 0.0)
-
-
-def _caught(cosine: Array, scattered: bool) -> Array:
-    """By what sine a fibre catches light."""
-    return np.sqrt(np.maximum(1 - cosine * cosine * (1 - SCATTERED * scattered), 0.0))
+    return np.where(across > 0, size * power * across_l / widest**2, 0.0)
 
 
 def _across(cosine: Array) -> Array:

@@ -249,8 +249,8 @@ class _PathTracer:
             spot = surface_at(
                 self._geometry, self._attributes, rays, ray, primitive, depth, self._never
             )
-            return self._shader.transmittance(spot, False)
-        return self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive), False)
+            return self._shader.transmittance(spot)
+        return self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive))
 
     # --- onwards
 

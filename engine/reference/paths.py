@@ -53,10 +53,9 @@ class Paths:
     first surface that they left refracted them, where passes ask for that. through_glass: they obey
     `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
     what is matt scattered them last: they look for surfaces that throw light on. bounced: how often
-    it did so far. in_medium: a medium did so first. around: it was on a strand, whose like only dim
-    them. caught: they bring light to a catcher of shadows, "with all" things there or "alone", as
-    if catchers were the only ones. comes_out: they end where light comes out that went below other
-    points.
+    it did so far. in_medium: a medium did so first. caught: they bring light to a catcher of
+    shadows, "with all" things there or "alone", as if catchers were the only ones. comes_out: they
+    end where light comes out that went below other points.
     """
 
     rays: Rays
@@ -74,7 +73,6 @@ class Paths:
     bounced: int = 0
     through_glass: bool = False
     in_medium: bool = False
-    around: bool = False
     caught: str = ""
     comes_out: bool = False
 
@@ -96,7 +94,7 @@ class Paths:
     def visibility(self) -> str:
         """Which flag of an object they obey."""
         if self.gathers:
-            return "solid" if self.around else "diffuse"
+            return "diffuse"
         return "transmission" if self.through_glass else self.kind
 
     @property

@@ -264,7 +264,6 @@ def scattered_on(
         bounced=paths.bounced + 1,
         gathers=True,
         in_medium=paths.in_medium or not paths.bounced,
-        around=False,
     )
 
 

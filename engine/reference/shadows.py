@@ -16,7 +16,7 @@ import numpy as np
 
 from .attributes import Attributes
 from .lights import LightSample, Source
-from .materials import FADED, Shader
+from .materials import Shader
 from .media import Media
 from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
 from .surface import Surface, spot_at, surface_at
@@ -28,11 +28,7 @@ Array = np.ndarray
 
 
 class Shadows:
-    """Shadow rays through one geometry. rays: where they are counted. to_fibres: they are of points
-    on strands.
-    """
-
-    to_fibres = False
+    """Shadow rays through one geometry. rays: where they are counted."""
 
     def __init__(
         self,
@@ -66,12 +62,6 @@ class Shadows:
     def _of_blockers(self, blockers: Array, seen: Array | None) -> Array:
         mine = blockers[self._geometry.row]
         return mine if seen is None else mine & seen
-
-    def of_strands(self) -> Shadows:
-        """Those of points on strands."""
-        result = copy.copy(self)
-        result.to_fibres = True
-        return result
 
     def met_by(self, kind: str) -> Shadows:
         """Those of what rays of a kind meet; media stay."""
@@ -169,15 +159,12 @@ class Shadows:
 
     def _blocked(self, rays: Rays) -> Array:
         found = self._visibility.blocked(rays, self._transmittance, self._seen)
-        passed = found[:, :3] * np.minimum(found[:, 3:], 1.0)
-        if self._shader.fades:
-            passed[(passed < FADED).all(1)] = 0.0
-        return passed
+        return found[:, :3] * np.minimum(found[:, 3:], 1.0)
 
     def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
         if not self._shader.reads_surfaces:
             spot = spot_at(self._geometry, rays, ray, primitive)
-            return self._shader.transmittance(spot, self.to_fibres, self._kind)
+            return self._shader.transmittance(spot, self._kind)
         from_light = isinstance(rays, CoherentRays) and rays.frame.perspective
         surface = surface_at(
             self._geometry,
@@ -192,7 +179,7 @@ class Shadows:
         o, d = rays.lines(ray)
         left = o + (rays.far if from_light else rays.near)[ray] * d
         surface = replace(surface, far=length(surface.x - left))
-        return self._shader.transmittance(surface, self.to_fibres, self._kind)
+        return self._shader.transmittance(surface, self._kind)
 
     def _parallel(self, start: Array, direction: Array) -> Array:
         matrix = parallel_frame(direction)

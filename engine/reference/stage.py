@@ -72,7 +72,7 @@ class Stage:
         self.scene, self.settings, self.cancellation = scene, settings, cancellation
         self.interleaving = interleaving(scene, settings)
         self.samples = dealt_samples(settings.samples, self.interleaving)  # of tables
-        self.bounces = settings.lighting["bounces"] if scene.lights else 0
+        self.bounces = settings.bounces if scene.lights else 0
         self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
         self.geometry = gather(scene, self.eye)
         cancellation.check()

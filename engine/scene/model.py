@@ -143,14 +143,12 @@ class Scene:
         *,
         by_world: bool,
         by_meshes: bool,
-        bounces: int,
         finding: bool = True,
     ) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
-        lights it too.  bounces: how often surfaces scatter light onto others; lobes of light
-        between fibres stay where they do.  finding: the openings of rooms to the sky, else its
-        light keeps those that it has. A scene with nothing of all that stays.
+        lights it too.  finding: the openings of rooms to the sky, else its light keeps those that
+        it has. A scene with nothing of all that stays.
         """
         from ..lights.glowing_media import medium_lights
         from ..lights.lamps import in_order
@@ -170,12 +168,7 @@ class Scene:
         glow = (*mesh_lights(self), *medium_lights(self)) if by_meshes else ()
         scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
         shining = tuple(light for light in scene.lights if self._shines(light))
-        scene = replace(scene, lights=shining) if len(shining) < len(scene.lights) else scene
-        if not bounces:
-            materials = tuple(material.of_single_fibres() for material in scene.materials)
-            if any(a is not b for a, b in zip(materials, scene.materials, strict=True)):
-                scene = replace(scene, materials=materials)
-        return scene
+        return replace(scene, lights=shining) if len(shining) < len(scene.lights) else scene
 
     def _shines(self, light: Light) -> bool:
         """False for a sky, and for what glows, where nothing gets their light."""

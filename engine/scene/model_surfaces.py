@@ -125,10 +125,7 @@ class Lobe:
     it is zero or not finite, or -1, they have the point's. stretch_output: of SPECULAR lobes, the
     output with a direction in the world along the surface: slopes of half vectors along it are
     times its length, those across it over that (SEMANTICS.md); -1, zero or not finite: none.
-    between_fibres: what it shows or lets through is light that other fibres scattered:
-    `Scene.as_lit` drops it where light does not bounce; FIBRE lobes catch of it what comes along
-    them too, and have no masking then. not_to_fibres: of TRANSPARENT lobes, what rays from points
-    on strands do not pass, whose own lobes stand for it. radius: of DIFFUSE lobes, RGB, at least 0,
+    radius: of DIFFUSE lobes, RGB, at least 0,
     world units: how far below the surface their light goes before it comes out again, the d of
     Christensen and Burley's profile (SEMANTICS.md, Subsurface); 0: it comes out where it goes in.
     radius_output: the output that takes its place, -1 for none.
@@ -148,8 +145,6 @@ class Lobe:
     fibre_output: int = -1
     normal_output: int = -1
     stretch_output: int = -1
-    between_fibres: bool = False
-    not_to_fibres: bool = False
     radius: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius_output: int = -1
 
@@ -264,8 +259,3 @@ class Material:
     medium: Medium | None = None
     bump_shadowing: str = "NONE"
     base_normal_output: int = -1
-
-    def of_single_fibres(self) -> Material:
-        """Without what light between fibres shows; itself where there is nothing of it."""
-        lobes = tuple(lobe for lobe in self.lobes if not lobe.between_fibres)
-        return self if len(lobes) == len(self.lobes) else replace(self, lobes=lobes)

@@ -201,22 +201,16 @@ def test_principled_hair_has_lobes_round_the_strand(scene, model):  # noqa: F811
         return [x for x in export().scene.materials[-1].lobes if x.kind != "AMBIENT"]
 
     (strands,) = strands_of(export())
-    assert [a.name for a in strands.attributes] == ["(enclosed)", "(fibre)"]
+    assert [a.name for a in strands.attributes] == ["(fibre)"]
     more = "FIBRE_DIFFUSE" if model == "HUANG" else "FIBRE_SPECULAR"
     kinds = ["FIBRE_SPECULAR", *["FIBRE_TRANSMISSION"] * 2, more]
-    assert sorted(x.kind for x in lobes() if not x.between_fibres) == sorted(kinds)
-    between = ["FIBRE_DIFFUSE", "FIBRE_TRANSMISSION", "TRANSPARENT", "TRANSPARENT"]
-    assert sorted(x.kind for x in lobes() if x.between_fibres) == between
-    assert [x.not_to_fibres for x in lobes() if x.kind == "TRANSPARENT"] == [False, True]
-    assert len({x.fibre_output for x in lobes() if x.kind != "TRANSPARENT"}) == 1
+    assert sorted(x.kind for x in lobes()) == sorted(kinds)
+    assert len({x.fibre_output for x in lobes()}) == 1
     assert sent(lobes()).max() < 1
     if model == "HUANG":
         for name in ("Reflection", "Transmission", "Secondary Reflection"):
             shader.shader.inputs[name].default_value = 0.0
         assert not lobes()
-    shader.shader.inputs["Melanin"].default_value = 0.0
-    shader.material.use_transparent_shadow = False
-    assert "TRANSPARENT" not in [x.kind for x in lobes()]
 
 
 def sent(lobes) -> np.ndarray:
@@ -227,7 +221,7 @@ def sent(lobes) -> np.ndarray:
     l, size, turn = sphere()  # noqa: E741
     t = np.broadcast_to(np.array([[1.0], [0.0], [0.0]]), l.shape)
     v = np.broadcast_to(np.array([[0.0], [0.0], [1.0]]), l.shape)
-    for lobe in (x for x in lobes if not x.between_fibres):
+    for lobe in lobes:
         share, behind = 1.0, lobe.kind == "FIBRE_TRANSMISSION"
         if behind or lobe.kind == "FIBRE_SPECULAR":
             given = fibre_highlight(t, v, l, lobe.exponent, lobe.masking, behind)
@@ -265,8 +259,6 @@ def test_hair_of_any_colour_sends_no_more_than_comes(scene, model):  # noqa: F81
             shader.shader.inputs["IOR"].default_value = ior
             lobes = [x for x in export().scene.materials[-1].lobes if x.kind != "AMBIENT"]
             assert (sent(lobes) <= 1).all()
-            passed = np.sum([x.factors[0].value for x in lobes if x.kind == "TRANSPARENT"], 0)
-            assert max(passed) <= 1
 
 
 def test_colours_that_are_not_finite_count_as_0_and_are_told(scene):  # noqa: F811

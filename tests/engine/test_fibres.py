@@ -144,25 +144,6 @@ def test_a_strand_under_a_sun_in_closed_form(backend, kind, below, lean) -> None
     np.testing.assert_allclose(found[on], expected, rtol=1e-6)
 
 
-@needs_core
-@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
-@pytest.mark.parametrize("kind", ["DIFFUSE", "TRANSMISSION"])
-@pytest.mark.parametrize("height", [0.0, 0.7, 1.4])
-def test_light_that_others_scattered_is_caught_along_the_strand_too(backend, kind, height) -> None:
-    up = -np.cos(height) if kind == "TRANSMISSION" else np.cos(height)
-    sun = replace(SUN, world_from_light=_towards(np.array([np.sin(height), 0.0, up])))
-    scattered = lobe(kind, 1.0, 3.0 * (kind == "TRANSMISSION"), between_fibres=True)
-    options = {"samples": 1, "filter_width": 0.0, "diffuse_bounces": 1}
-    found = render(scene(scattered, lights=(sun,)), Settings(**options, backend=backend)).combined
-    on = np.abs(P[..., 1]) < 0.45
-    expected = np.sqrt(1 - 0.75 * np.sin(height) ** 2)
-    if kind == "TRANSMISSION":
-        expected *= np.sqrt(3.5 / (8 * np.pi)) * np.cos(height / 2) ** 3
-    else:
-        expected *= 2 / np.pi
-    np.testing.assert_allclose(found[..., 0][on], expected, rtol=1e-6)
-
-
 def _towards(direction: np.ndarray) -> np.ndarray:
     """A light's frame whose -z leaves a sun that is seen in a direction."""
     z = direction / np.linalg.norm(direction)
@@ -307,20 +288,6 @@ def test_light_passes_bent_strands_whatever_they_are_cut_to(backend) -> None:
     assert (found[1][lit] > 0.5 * found[0][lit]).mean() > 0.9
 
 
-def test_light_between_fibres_is_there_where_light_bounces() -> None:
-    """Neither the lobe that shows it nor what lets it on to the next fibre is there without."""
-    made = scene(lobe("DIFFUSE", 0.5), replace(lobe("DIFFUSE", 0.3), between_fibres=True))
-    options = {"by_world": False, "by_meshes": False}
-    assert made.as_lit(**options, bounces=1).materials is made.materials
-    assert len(made.as_lit(**options, bounces=0).materials[0].lobes) == 1
-    alone = scene(lobe("DIFFUSE", 0.5))
-    settings = Settings(samples=1, backend="NUMPY")
-    for each, bounces in ((made, 0), (made, 1)):
-        film = render(each, replace(settings, diffuse_bounces=bounces)).passes["Combined"]
-        expected = render(alone, settings).passes["Combined"] * (1.6 if bounces else 1.0)
-        np.testing.assert_allclose(film[..., 0], expected[..., 0], rtol=1e-6)
-
-
 @needs_core
 @pytest.mark.parametrize(
     ("kind", "backend"),
@@ -350,9 +317,8 @@ def test_what_a_floor_throws_on_lights_fibres_as_if_it_glowed(kind, backend) -> 
         instances=(*bare.instances, below),
         materials=(*bare.materials, paint),
     )
-    samples = {"NATIVE": 64, "NUMPY": 32}[backend]
     plan = Settings(
-        samples=samples,
+        samples=64,
         diffuse_bounces=1,
         backend=backend,
         filter_width=0.0,
@@ -370,85 +336,6 @@ def test_what_a_floor_throws_on_lights_fibres_as_if_it_glowed(kind, backend) -> 
     mine, other = (p[on_strand][:, :3].mean(0) for p in (picture, shining))
     assert other[0] > 0.01 * given
     np.testing.assert_allclose(mine, other, rtol=0.05)
-
-
-def behind_fibres(count: int, radius: float = 1.5) -> s.Scene:
-    """A strand in a sun that comes by way of others, each of which lets 0.4 of it through."""
-    ends, radii = [[-3, 0, 0], [3, 0, 0]], [0.5, 0.5]
-    for y in 6 + 4 * np.arange(count):
-        ends += [[-3, y, 0.1 * y], [3, y, 0.1 * y]]
-        radii += [radius] * 2
-    starts = 2 * np.arange(count + 1)
-    tangent = np.tile(np.float32([1, 0, 0, 0]), (len(ends), 1))
-    geometry = s.Strands("hair", np.array(ends, np.float32), np.array(radii, np.float32),
-                         np.array(starts, np.uint32),
-                         attributes=(s.Attribute(TANGENT, "POINT", tangent),))  # fmt: skip
-    clear = s.Lobe("TRANSPARENT", (s.Input((0.4, 0.2, 0.4)),), between_fibres=True)
-    sun = replace(SUN, world_from_light=_towards(np.array([0.0, 1.0, 0.1])))
-    return scene(clear, lobe("DIFFUSE", 1.0), lights=(sun,), geometry=geometry)
-
-
-@needs_core
-@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
-def test_light_ends_behind_so_many_fibres_that_little_is_left(backend) -> None:
-    """0.4⁶ is a 244th, which is shown; 0.4⁷ is less than a 256th."""
-    settings = Settings(samples=1, filter_width=0.0, backend=backend, diffuse_bounces=1)
-    pictures = [
-        render(behind_fibres(count), settings).passes["Combined"][..., 0] for count in (0, 1, 6, 7)
-    ]
-    lit = pictures[0] > 0.1
-    assert lit.sum() > 10
-    np.testing.assert_allclose(pictures[1][lit], 0.4 * pictures[0][lit], rtol=1e-5)
-    np.testing.assert_allclose(pictures[2][lit], 0.4**6 * pictures[0][lit], rtol=1e-5)
-    assert (pictures[3][lit] == 0).all()
-    other = s.Material("glass", (s.Lobe("TRANSPARENT"),))
-    made = behind_fibres(7)
-    whole = replace(made, materials=(*made.materials, other))
-    expected = 0.4**7 * pictures[0][lit]
-    found = render(whole, settings).passes["Combined"][..., 0][lit]
-    np.testing.assert_allclose(found, expected, rtol=1e-5)
-
-
-def skin_behind_fibres(count: int) -> s.Scene:
-    """The same with a matt square in place of the strand that is lit, and of what fibres let
-    through 0.3 more where it is no strand that is lit.
-    """
-    made = behind_fibres(count)
-    hair, bare = made.geometries[0], made.materials[0]
-    kept = replace(hair, starts=hair.starts[1:]) if count else None
-    corners = np.array([(x, y, 0) for x in (-3, 3) for y in (-0.4, 0.4)], np.float32)
-    square = s.Mesh("skin", corners, np.array([(0, 2, 1), (1, 2, 3)], np.uint32))
-    more = s.Lobe("TRANSPARENT", (s.Input((0.3,) * 3),), between_fibres=True, not_to_fibres=True)
-    matt = s.Material("matt", (s.Lobe("DIFFUSE", (s.Input((1.0,) * 3),)),))
-    below = replace(placed(), geometry=1 if count else 0, materials=(1,))
-    return replace(
-        made,
-        geometries=(kept, square) if count else (square,),
-        instances=(*made.instances, below) if count else (below,),
-        materials=(replace(bare, lobes=(*bare.lobes, more)), matt),
-    )
-
-
-@needs_core
-@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
-def test_fibres_let_more_light_through_to_what_is_no_strand(backend) -> None:
-    """0.7 in red by each, 0.5 in green, down to a 256th of all, whatever light fibres get."""
-    settings = Settings(samples=1, filter_width=0.0, backend=backend, diffuse_bounces=1)
-    bare = render(skin_behind_fibres(0), settings).combined
-    lit = bare[..., 0] > 0.01
-    assert lit.sum() > 10
-    for count in (1, 3, 15, 16):
-        found = render(skin_behind_fibres(count), settings).combined
-        share = np.array([0.7**count, 0.5**count])
-        if share.max() < 2.0**-8:
-            share[:] = 0.0
-        np.testing.assert_allclose(found[lit][:, :2], share * bare[lit][:, :2], rtol=1e-5)
-    for count in (1, 6):
-        made = behind_fibres(count)
-        more = skin_behind_fibres(1).materials[0]
-        plain, other = (render(x, settings).combined for x in
-                        (made, replace(made, materials=(more,))))  # fmt: skip
-        np.testing.assert_array_equal(plain, other)
 
 
 def glowing_and_lit() -> s.Scene:
@@ -487,7 +374,12 @@ def test_both_tracers_light_strands_by_the_same_parts_of_tables() -> None:
     passes = frozenset({"Diffuse Direct", "Diffuse Indirect", "Glossy Direct", "Cost"})
     made = glowing_and_lit()
     films = [
-        render(made, Settings(samples=6, diffuse_bounces=2, passes=passes, backend=backend))
+        render(
+            made,
+            Settings(
+                samples=6, diffuse_bounces=2, passes=passes, backend=backend, soft_light="DEALT"
+            ),
+        )
         for backend in ("NATIVE", "NUMPY")
     ]
     assert films[0].passes["Diffuse Indirect"].max() > 0.01

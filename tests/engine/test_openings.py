@@ -243,7 +243,7 @@ def test_without_openings_the_same_floor_shows_the_windows_outline():
     """What openings are for: rows of pixels bend a seventh as much."""
     room = scene(walls())
     with_them = floor_light(room, 64)
-    lights = room.as_lit(by_world=True, by_meshes=False, bounces=0).lights
+    lights = room.as_lit(by_world=True, by_meshes=False).lights
     none = replace(lights[0], openings=NOWHERE)
     without = floor_light(replace(room, lights=(none,)), 64)
     rough = [np.abs(np.diff(image, 2, axis=1)).mean() for image in (with_them, without)]

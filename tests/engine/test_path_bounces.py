@@ -314,6 +314,9 @@ SCENES: dict[str, Callable[[], s.Scene]] = {
         s.Lobe("MIRROR", ior=1.5, fresnel=True), s.Lobe("REFRACTION", ior=1.5, fresnel=True)
     ),
     "rough gloss": lambda: thing(MATT, SHINE),
+    "rough gloss under a sky": lambda: corner(
+        (box(0.4), s.Material("thing", (MATT, SHINE))), **SKIES
+    ),
     "leaf": lambda: thing(MATT, s.Lobe("TRANSLUCENT", constant(0.2, 0.4, 0.1))),
     "bumps": lambda: corner((box(0.4), bumpy((MATT, SHINE), "GGX"))),
     "groups": grouped,

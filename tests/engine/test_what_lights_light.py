@@ -55,7 +55,7 @@ LAMPS = {
         lamp("POINT", (1.0 + 0.002 * k, 0.01 * (k % 7), 4), strength=5.0) for k in range(80)
     ),
 }
-LIT = {"by_world": False, "by_meshes": True, "bounces": 0}
+LIT = {"by_world": False, "by_meshes": True}
 SETTINGS = {"samples": 2, "light_samples": 2, "lamp_shadows": 2}
 
 

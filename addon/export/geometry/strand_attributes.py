@@ -11,8 +11,7 @@ from ....engine.scene import FACE, POINT, Attribute, Strands
 from ..materials.required import RequiredAttributes
 from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
-from ..shader_nodes.reader import ENCLOSED, FIBRE, GENERATED, HAIR
-from .enclosure import light_between
+from ..shader_nodes.reader import FIBRE, GENERATED, HAIR
 from .hashing import random_of
 from .meshes import GREY, sound, values_as_color, values_of
 from .strands import StrandSource, systems_of
@@ -124,7 +123,6 @@ def fibre_values(strands: Strands) -> np.ndarray:
 _TOLD: dict[str, Callable[[StrandSource], np.ndarray]] = {
     HAIR: _hair_values,
     FIBRE: lambda source: fibre_values(source.strands),
-    ENCLOSED: lambda source: light_between(source.strands),
 }
 
 

@@ -30,11 +30,6 @@ class LobeKey(Lobe):
 
 Closure = dict[LobeKey, Sum]
 
-PASSED = "PASSED"
-"""Kind of what rays to lights alone pass (`materials.passed_by_light`): of these all, or with
-`not_to_fibres` those of what is no strand.
-"""
-
 
 def add_closures(*closures: Closure) -> Closure:
     """The lobes of all, equal ones merged."""

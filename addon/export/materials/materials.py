@@ -33,7 +33,7 @@ from . import (  # noqa: F401  (they fill the evaluator's tables)
     nodes_toon,
 )
 from .aovs import Aov, aov_material
-from .closures import PASSED, Closure, LobeKey, add_closures, scale_closure, without_normals
+from .closures import Closure, LobeKey, add_closures, scale_closure, without_normals
 from .compiled import Compiled, MaterialKey
 from .displacing import Displacement, compile_displacement, method_of, wanted_objects
 from .evaluator import NOT_FINITE, Evaluator, is_finite
@@ -188,7 +188,6 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     kinds = {key.kind for key in closure}
     note_material(material, kinds, is_bumped, report)
     passed = passed_by_light(closure, evaluator)
-    closure = {key: terms for key, terms in closure.items() if key.kind != PASSED}
     if getattr(material, "use_transparent_shadow", True):
         closure = add_closures(closure, passed)
     elif not _is_bounds(tree):
@@ -253,24 +252,16 @@ def compile_volume(
 
 
 def passed_by_light(closure: Closure, evaluator: Evaluator) -> Closure:
-    """Light passes glass straight on: what refracts is transparent to rays towards lights; and so
-    does what hair lets through to strands behind.
+    """Light passes glass straight on: what refracts is transparent to rays towards lights.
 
     A pane lets through what it does in the world; of the light that a body bends, caustics, as much
     arrives on average.
     """
     passed: Closure = {}
     for key, terms in closure.items():
-        if key.kind in ("REFRACTION", PASSED):
+        if key.kind == "REFRACTION":
             share = evaluator.expressions.sum_of(_passing(key, evaluator.expressions))
-            fibre = key.kind == PASSED
-            clear = LobeKey(
-                "TRANSPARENT",
-                ior=1.0 if fibre else key.ior,
-                ior_output=-1 if fibre else key.ior_output,
-                between_fibres=fibre,
-                not_to_fibres=fibre and key.not_to_fibres,
-            )
+            clear = LobeKey("TRANSPARENT", ior=key.ior, ior_output=key.ior_output)
             passed = add_closures(passed, {clear: multiply(evaluator.limited(terms), share)})
     return passed
 

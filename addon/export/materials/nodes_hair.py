@@ -7,7 +7,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +15,8 @@ from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.table import BY_NAME
 from ....engine.scene import Lobe
-from ..shader_nodes.reader import ENCLOSED, FIBRE, HAIR
-from .closures import PASSED, Closure, LobeKey, add_closures
+from ..shader_nodes.reader import FIBRE, HAIR
+from .closures import Closure, LobeKey, add_closures
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import mean_across_fibre
 from .terms import RGB, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
@@ -36,8 +35,8 @@ _TAIL = 3.0
 
 
 class _Model(NamedTuple):
-    """What a model of Principled Hair makes of light: of one strand, as Cycles' direct light shows
-    it, and of a mass of them, what Cycles' 8 bounces add (docs/decisions/0047-hair-lobes.md).
+    """What one strand of a model of Principled Hair makes of light, as Cycles' direct light shows
+    it (docs/decisions/0047-hair-lobes.md).
     """
 
     before: float  # of what Fresnel reflects, what leaves the strand before it
@@ -47,13 +46,6 @@ class _Model(NamedTuple):
     fan: float  # and how far it fans out (Lobe.masking)
     behind: float  # what passes and leaves in all directions
     matt: float  # what comes back in all directions
-    # A mass all round: what comes back and what leaves strands behind, and the radii that dim it;
-    # what lights the next strand straight on, and the same.
-    back: tuple[float, float]
-    broad: tuple[float, float]
-    onward: tuple[float, float]
-    # what more gets through to what is no strand and has no such lobes, and the same.
-    skin: tuple[float, float]
     # How far reflections, what goes straight on and what is reflected within lean along a strand
     # whose scales tilt by 1.
     leans: tuple[float, float, float]
@@ -68,10 +60,6 @@ _MODELS = {
         0.16,
         0.03,
         0.0,
-        (1.46, 8.6),
-        (2.4, 4.4),
-        (0.34, 3.0),
-        (0.52, 0.9),
         (1.0, -0.5, -2.0),
     ),
     "HUANG": _Model(
@@ -82,10 +70,6 @@ _MODELS = {
         0.09,
         0.123,
         0.056,
-        (0.46, 8.1),
-        (1.0, 4.35),
-        (0.45, 1.5),
-        (0.3, 1.0),
         (0.5, 0.0, 0.0),
     ),
 }
@@ -102,10 +86,8 @@ _GIVEN = (
     (1e4, 1.0),
 )
 """Of even light, what a lobe of an exponent gives back of what it is meant to, seen from across."""
-_THROUGH = 0.5
-"""Of the colour of Hair BSDF, what lights the next strand, as a power."""
 _USUAL_ENTERS, _USUAL_ROUGHNESS = 0.856, 0.3
-"""Of an index of 1.55, for which masses are, and for which lobes are."""
+"""Of an index of 1.55, for which lobes are."""
 _CAUCHY = np.array(
     [
         [0.02, 1637.0, 31.1, 0.22],
@@ -161,19 +143,9 @@ def _tangent_output(view: NodeView) -> int:
     return expressions.output(told)
 
 
-def _on_strands(view: NodeView, color: Sum) -> Sum:
-    """Nothing of what is no strand, which has no thickness."""
-    expressions = view.evaluator.expressions
-    thickness = expressions.graph.apply(BY_NAME["attribute"], attribute=FIBRE, shift=0)[1]
-    is_strand = expressions.math("GREATER_THAN", thickness, 0.0)
-    return multiply(color, expressions.sum_of(is_strand))
-
-
 def _principled_hair(view: NodeView) -> Closure:
     """Reflection R, transmission TT and the light TRT that is reflected within (Marschner et al.
-    2003), each as wide as Chiang et al. (2016) have it. Where light bounces, a mass of strands has
-    more (after Zinke et al. 2008): what goes on straight to strands behind, what comes back, and
-    what leaves a strand behind in all directions, by how much of it others enclose.
+    2003), each as wide as Chiang et al. (2016) have it, and what leaves a strand in all directions.
     """
     _note_limits(view)
     model = _MODELS.get(view.node.model, _MODELS["CHIANG"])
@@ -206,45 +178,26 @@ def _principled_hair(view: NodeView) -> Closure:
         lost = roughness.number(lambda x: usually / _given(exponent(x)))
         return _fibre(view, kind, multiply(weight, lost), **roughness.exponent(exponent), **more)
 
-    def of_mass(share: float, radii: float, times: float = 1.0) -> Sum:
-        return multiply(tt, scale(hair.dimmed(radii), times * share * usual**2))
-
     passes, within = (hair.dimmed(radii) for radii in (_ACROSS, 2 * _ACROSS))
     passes = multiply(tt, scale(passes, enters))
     straight = add(scale(passes, goes_on * model.straight), scale(r, _FORWARD * edge))
     reflected = multiply(trt, scale(within, returns * model.within * edge * usual))
-    come_back, left_behind = _enclosed(view)
     return add_closures(
         lobe("SPECULAR", scale(r, model.before * edge), 1.0, model.leans[0], smoother),
         lobe("TRANSMISSION", straight, model.wide, model.leans[1], masking=model.fan),
         lobe("SPECULAR", reflected, 4.0, model.leans[2], even=0.77, masking=_WITHIN_FAN),
         _fibre(view, "DIFFUSE", multiply(trt, scale(within, returns * model.matt))),
         _fibre(view, "TRANSMISSION", scale(passes, model.behind), even=0.53, exponent=_TAIL),
-        _of_others(_fibre(view, "DIFFUSE", multiply(of_mass(*model.back, returns), come_back))),
-        _of_others(
-            _fibre(
-                view,
-                "TRANSMISSION",
-                multiply(of_mass(*model.broad), left_behind),
-                exponent=_TAIL,
-            )
-        ),
-        {LobeKey(PASSED): _on_strands(view, of_mass(*model.onward))},
-        {LobeKey(PASSED, not_to_fibres=True): _on_strands(view, of_mass(*model.skin))},
     )
 
 
 def _note_limits(view: NodeView) -> None:
-    """Inputs without effect, and what is not traced."""
+    """Inputs without effect."""
     how = view.node.parametrization
     unused = {"Radial Roughness": 0.3} if how == "COLOR" else {}
     if how in ("COLOR", "ABSORPTION"):  # that tell all of it
         unused |= {"Random": 0.0, "Random Color": 0.0}
     _note_unused(view, unused)
-    view.note(
-        "Light from strand to strand is not traced: in {} it goes straight on through strands, and "
-        "lobes that the strands round each point make stronger stand for the rest"
-    )
 
 
 def _of_ellipse(view: NodeView) -> tuple[float, float]:
@@ -261,25 +214,6 @@ def _of_ellipse(view: NodeView) -> tuple[float, float]:
         )
     ratios, returns, goes_on = zip(*_FLAT, strict=True)
     return float(np.interp(ratio, ratios, returns)), float(np.interp(ratio, ratios, goes_on))
-
-
-def _enclosed(view: NodeView) -> tuple[Sum, Sum]:
-    """What of the light of a mass of hair comes back, and what leaves strands behind, by how much
-    of them others enclose.
-    """
-    expressions = view.evaluator.expressions
-    told = expressions.graph.apply(BY_NAME["attribute"], attribute=ENCLOSED, shift=0)[0]
-    back, broad, _ = expressions.parts(told)
-    return expressions.sum_of(back), expressions.sum_of(broad)
-
-
-def _of_others(closure: Closure) -> Closure:
-    """Light that others threw onto the strand: it is there where light bounces."""
-    return {
-        replace(key, between_fibres=True): weight
-        for key, weight in closure.items()
-        if key.kind != "AMBIENT"
-    }
 
 
 def _given(exponent: float) -> float:
@@ -431,9 +365,7 @@ def _hair(view: NodeView) -> Closure:
         color = scale(color, min(math.sqrt(8 * math.pi / (2 * power + 0.5)) / (4 * across), 1.0))
     fan = {"masking": 1 / power, "ior": Lobe.leaning(math.tan(tilt))}
     share = along.number(lambda r: _cauchy(r, 3))
-    passes = view.node.component == "Transmission"
     return add_closures(
-        {LobeKey(PASSED): _on_strands(view, scale(color, _THROUGH))} if passes else {},
         *(
             _fibre(view, kind, part, **fan, **along.exponent(functools.partial(_cauchy, column=n)))
             for n, part in ((1, multiply(color, complement(share))), (2, multiply(color, share)))

@@ -46,10 +46,9 @@ GENERATED = "(generated)"
 TANGENT = "(tangent) "
 """Prefix of attribute names that stand for the tangents of a UV map, "" the active one."""
 
-HAIR, FIBRE, ENCLOSED = "(hair)", "(fibre)", "(enclosed)"
+HAIR, FIBRE = "(hair)", "(fibre)"
 """Attribute names that stand for what strands tell: how far along (0 to 1), the length, a random
-number and 1; the tangent and the thickness; what light between strands is times, by how much of
-each place others enclose (`geometry.enclosure`).
+number and 1; the tangent and the thickness.
 """
 
 POINT_PLACE, POINT_SHAPE = "(point)", "(radius)"

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 75
+#define GLINT_ABI_VERSION 76
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -146,11 +146,9 @@ enum GlintLobeKind {
   GLINT_FIBRE_TRANSMISSION
 };
 
-/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK, GLINT_EDGE, GLINT_SCATTERED of a FIBRE lobe that
- * shows light that other fibres scattered, and GLINT_NOT_TO_FIBRES of a TRANSPARENT one that
- * shadow rays from points on strands do not pass. masking: 0 to 1, Smith's alpha of a SPECULAR
- * lobe, 0 for none. Of a SHEEN lobe exponent is its width and masking its lean, of a TOON lobe
- * they are the shares of a right angle of its size, up to 1, and of its smooth edge, of a
+/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK and GLINT_EDGE. masking: 0 to 1, Smith's alpha of a
+ * SPECULAR lobe, 0 for none. Of a SHEEN lobe exponent is its width and masking its lean, of a TOON
+ * lobe they are the shares of a right angle of its size, up to 1, and of its smooth edge, of a
  * TRANSPARENT lobe ior is how much denser it is inside, for light to lit points, 1 for not, of a
  * FIBRE lobe masking how far light fans out round the tangent, 0 for as far as normals do, and ior
  * 1 plus over 1 minus the tangent of how far it leans against it. exponent_slot, masking_slot,
@@ -164,13 +162,7 @@ enum GlintLobeKind {
  * none. radius: of DIFFUSE lobes, how far below the surface their light goes in red, green and
  * blue, world units: the d of Christensen and Burley's profile, at least 0, 0 for none;
  * radius_slot: 0, or 1 plus the first of three slots that take its place. reserved: 0. */
-enum GlintFresnel {
-  GLINT_DIELECTRIC = 1,
-  GLINT_SCHLICK = 2,
-  GLINT_SCATTERED = 4,
-  GLINT_NOT_TO_FIBRES = 8,
-  GLINT_EDGE = 16
-};
+enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2, GLINT_EDGE = 4 };
 typedef struct GlintLobe {
   double exponent, ior, masking, radius[3];
   uint32_t first_input, input_count;

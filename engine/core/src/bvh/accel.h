@@ -19,7 +19,6 @@ enum Visibility : uint32_t {
   kShadow = 4,
   kTransmission = 32,
   kDiffuse = 64,
-  kSolid = 128,  // kDiffuse of what is no strand
   kAnyRay = kCamera | kMirror | kShadow | kTransmission | kDiffuse
 };
 
@@ -111,10 +110,8 @@ struct Hits {
 /// meet them one after the other. Those at one distance are all there.
 struct Layers {
   static constexpr uint32_t kMost = 16;
-  Hit* hits;       // kMost a ray
-  uint8_t* count;  // kMost + 1: there are more
-  /// Rays that meet so many, at distances of their own, count as stopped.
-  uint8_t enough = 255;
+  Hit* hits;                          // kMost a ray
+  uint8_t* count;                     // kMost + 1: there are more
   const uint8_t* left_out = nullptr;  // not 0 for instances that are none; null for none of them
 };
 

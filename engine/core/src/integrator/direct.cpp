@@ -18,7 +18,6 @@ constexpr size_t kColumns =
 constexpr double kFaint = 1.0 / 16;
 
 /// Kinds of points.
-constexpr uint8_t kOnStrand = 1, kIsFaint = 2;
 
 /// The mean over the light of an even sky of what stage_terminator.h has it times.
 double mean_lowered(double lowering) {
@@ -108,33 +107,30 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, bool alone, RayCount
   sample_ = sample;
   alone_ = alone;
   prepare(batch);
-  const uint32_t kinds = find_kinds(batch);
-  if (kinds <= 1) return add_lights(batch, sample, counts);
+  if (!find_few(batch)) return add_lights(batch, sample, counts);
   whole_.assign(batch.lit.begin(), batch.lit.end());
-  for (uint32_t kind = 0; kind < 4; ++kind) {
-    if (!(kinds >> kind & 1)) continue;
-    for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = kinds_[k] == kind ? whole_[k] : 0;
-    on_strands_ = kind & kOnStrand;
-    takes_few_ = kind != 0;
+  for (const bool few : {false, true}) {
+    for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = few_[k] == few ? whole_[k] : 0;
+    takes_few_ = few;
     add_lights(batch, sample, counts);
   }
-  on_strands_ = takes_few_ = false;
+  takes_few_ = false;
   std::copy(whole_.begin(), whole_.end(), batch.lit.begin());
 }
 
-/// What kinds of points that lights may reach there are, a bit for each; which they are.
-uint32_t DirectLight::find_kinds(const Batch& batch) {
+/// Which points take few samples of lights: strands, of which each sample of a pixel meets others,
+/// and what is faint. Whether there are any.
+bool DirectLight::find_few(const Batch& batch) {
   const Queue& queue = *batch.queue;
   const bool bounced = queue.visibility != kCamera && !queue.gathers(),
-             strands = scene_.instances.has_strands;
-  if (!bounced && !strands && !queue.exits) return 0;
-  kinds_.resize(batch.size());
-  uint32_t found = 0;
+             strands = scene_.instances.has_strands && !queue.gathers();
+  if (!bounced && !strands && !queue.exits) return false;
+  few_.resize(batch.size());
+  bool found = false;
   for (size_t k = 0; k < batch.size(); ++k) {
-    kinds_[k] = queue.exits || (bounced && max_abs(queue.weight(k)) < kFaint) ? kIsFaint : 0;
-    if (!batch.lit[k]) continue;
-    if (is_on_strand(batch, k)) kinds_[k] |= kOnStrand;
-    found |= 1u << kinds_[k];
+    few_[k] = queue.exits || (bounced && max_abs(queue.weight(k)) < kFaint) ||
+              (strands && batch.lit[k] && is_on_strand(batch, k));
+    found |= few_[k] && batch.lit[k];
   }
   return found;
 }
@@ -168,6 +164,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (uint32_t j = 0; j < count + openings && !cancel_; ++j, ++number) {
       const uint32_t own = j < count ? first + j : first_opening + (j - count);
       LightPoint point = plan_.set_sample(stage_, light, sample, own);
+      stage_.draws &= !one;  // gloss is wide to light that bounced
       if (parts > 1) stage_.share = count;
       if (parts > 1 && light.is_mesh()) point.draws = j == 0;
       group_ = point.group;
@@ -278,14 +275,12 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, on_strands_,
-                               met_by_);
+    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, met_by_);
   } else {
     if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));
     if (glassy_)
-      transparent_shadows_.follow(stage_, blocked_.data(), count, shadow_, counts, on_strands_,
-                                  met_by_);
+      transparent_shadows_.follow(stage_, blocked_.data(), count, shadow_, counts, met_by_);
   }
   if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
   add(batch, count);
@@ -356,7 +351,7 @@ size_t DirectLight::draw_matt(size_t count) {
   const bool before = stage_.matt_alone;
   stage_.matt_alone = true;
   stage_.gathers_gloss = false;
-  stage_.side = nullptr;
+  stage_.chooses = nullptr;
   const size_t drawn = stages_.gather(stage_);
   stage_.matt_alone = before;
   std::fill_n(stage_.t_max, drawn, kInfinity);

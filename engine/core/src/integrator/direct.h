@@ -77,29 +77,25 @@ class DirectLight {
   /// Whether light bounces on at what the rays of a queue meet.
   bool bounces(const Queue& queue) const { return queue.past.bounced < plan_.bounces; }
   /// Adds to `gathering` the rays along which light came that bounced, to the points that
-  /// `illuminate` was told last. pixels: of the region, of each point of the batch.  around: those
-  /// of points on strands, whose like only dim them; null where there are none.
+  /// `illuminate` was told last. pixels: of the region, of each point of the batch.
   void bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
-              Queue& gathering, Queue* around, RayCounts& counts);
-  /// Takes from such rays, which met what `batch` has, what strands on their way take.
-  void dim_by_strands(Queue& queue, const Batch& batch, RayCounts& counts);
+              Queue& gathering, RayCounts& counts);
   /// Whether point k of a batch is on a strand.
   bool is_on_strand(const Batch& batch, size_t k) const;
-  /// Makes of what gather rays hit surfaces that throw light on alike to all sides.
+  /// Makes TOON_SPECULAR lobes matt where gather rays hit.
   void make_diffuse(Batch& batch);
 
  private:
   void illuminate(Batch& batch, uint32_t sample, bool alone, RayCounts& counts);
   void prepare(const Batch& batch);
-  const double* choose_sides(const Batch& batch,
-                             const double* const (&at)[RenderPlan::kBounceParts]);
-  void send(Path& path, const double* const (&x)[3], uint32_t from, size_t k, uint32_t visibility,
-            Queue& gathering, RayCounts& counts) const;
+  const double* choices(const Batch& batch, const double* const (&at)[RenderPlan::kBounceParts]);
+  void send(Path& path, const double* const (&x)[3], uint32_t from, size_t k, Queue& gathering,
+            RayCounts& counts) const;
   void push_reflected(const Batch& batch, size_t k, Queue& glossy, RayCounts& counts);
   const Opacity* opacity(const Light& light) const {
     return alone_ ? scene_.trees.opacity_of_catchers(light) : scene_.trees.opacity(light);
   }
-  uint32_t find_kinds(const Batch& batch);
+  bool find_few(const Batch& batch);
   void add_lights(Batch& batch, uint32_t sample, RayCounts& counts);
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count, uint32_t parts);
@@ -157,17 +153,16 @@ class DirectLight {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   uint32_t sample_ = 0;
-  bool alone_ = false;       // catchers of shadows are the only things there
-  bool on_strands_ = false;  // only points on strands are lit
-  bool takes_few_ = false;   // of them, or of what is faint
-  std::vector<uint8_t> kinds_;
+  bool alone_ = false;      // catchers of shadows are the only things there
+  bool takes_few_ = false;  // of them, or of what is faint
+  std::vector<uint8_t> few_;
   std::vector<int64_t> whole_;   // the batch's mask of points that lights may reach
   bool scattering_ = false;      // points are of media and not of surfaces
   const bool glassy_;            // some surface lets light through
   LightStage stage_{};           // what it writes: a row for each point that a light sample reaches
   std::vector<uint8_t> place_;   // RenderPlan::bounce_part of each point
   std::vector<double> disc_[2];  // below the direction of the gather ray of each point; in lobes
-  std::vector<double> side_;     // as the stage has it
+  std::vector<double> choices_;  // as the stage has them
   Columns columns_;
   double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where

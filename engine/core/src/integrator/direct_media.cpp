@@ -133,7 +133,7 @@ void DirectLight::scatter_bounce(const Batch& batch, const MediaSpans& spans, co
     set_row(x, k, row(rays.o, k) + place.t * d);
     set_row(stage_.o, k, row(x, k));
     set_row(stage_.to, k, l);
-    send(path, x, k, k, kDiffuse, gathering, counts);
+    send(path, x, k, k, gathering, counts);
   }
 }
 

@@ -285,8 +285,7 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
   met_by_ = drawn ? kMirror : kShadow;
   if (glassy_)
-    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, on_strands_,
-                               met_by_);
+    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, met_by_);
   else find_shadows(light, count, nullptr, counts);
   met_by_ = kShadow;
   if (scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);

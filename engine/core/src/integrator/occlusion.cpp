@@ -51,8 +51,7 @@ void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32
     aim_around(points, place);
     for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(points[k]);
     if (glassy_) {
-      transparent_shadows_.trace(stage_, scene_.trees.opacity(), zeros_, count, shadow_, counts,
-                                 false);
+      transparent_shadows_.trace(stage_, scene_.trees.opacity(), zeros_, count, shadow_, counts);
     } else {
       const Timer timer(counts.tracing);
       scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);

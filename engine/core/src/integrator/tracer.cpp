@@ -217,11 +217,10 @@ void Tracer::follow_queue(Queue& queue, uint32_t sample) {
   mirrored.gathers = false;
   of_media.in_medium |= past.bounced == 0;
   NextRays next{
-      take(queue.visibility, past), take(kMirror, mirrored), take(kMirror, mirrored.reflected()),
-      take(kDiffuse, scattered),    take(kSolid, scattered), take(kDiffuse, of_media),
-      take(kDiffuse, scattered)};
+      take(queue.visibility, past), take(kMirror, mirrored),  take(kMirror, mirrored.reflected()),
+      take(kDiffuse, scattered),    take(kDiffuse, of_media), take(kDiffuse, scattered)};
   process(queue, sample, apart ? next.straight : next.bounced, next);
-  for (Queue* more : {&next.gathering, &next.around, &next.scattered, &next.behind, &next.straight})
+  for (Queue* more : {&next.gathering, &next.scattered, &next.behind, &next.straight})
     wait(std::move(*more));
   if (glass_differs_) {
     Queue refracted = take(kTransmission, mirrored);
@@ -241,7 +240,6 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (scene_.features & GLINT_FEATURE_MEDIA) dim(queue);
-  if (queue.visibility == kSolid) direct_.dim_by_strands(queue, batch_, counts_);
   if (is_first_ && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
   for (size_t c = 0; gives_aovs && scene_.materials.bends_normals && c < 3; ++c)
@@ -262,7 +260,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   if (plan_.reflects_gloss && !queue.gathers())
     direct_.reflect(batch_, sample, next.glossy, counts_);
-  bounce(queue, sample, next.gathering, &next.around);
+  bounce(queue, sample, next.gathering);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
   if (scene_.features & GLINT_FEATURE_MEDIA && queue.past.caught == Queue::Past::kSeen) {
@@ -280,10 +278,9 @@ void Tracer::find_pixels(const Queue& queue) {
   for (size_t k = 0; k < queue.size(); ++k) pixels_[k] = pixel(queue, k);
 }
 
-void Tracer::bounce(const Queue& queue, uint32_t sample, Queue& gathering, Queue* around) {
+void Tracer::bounce(const Queue& queue, uint32_t sample, Queue& gathering) {
   if (!direct_.bounces(queue)) return;
-  direct_.bounce(batch_, pixels_, sample, gathering,
-                 scene_.instances.has_strands ? around : nullptr, counts_);
+  direct_.bounce(batch_, pixels_, sample, gathering, counts_);
 }
 
 /// Adds what TRANSLUCENT lobes let through of the light on the other side: there they are DIFFUSE

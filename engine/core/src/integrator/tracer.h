@@ -63,8 +63,8 @@ class Tracer {
   void follow(uint32_t sample);
   /// Rays that leave the surfaces of a queue.
   struct NextRays {
-    Queue straight, bounced, glossy, gathering, around, scattered,
-        behind;  // around: gather rays of strands; scattered: of media; behind: of other sides
+    Queue straight, bounced, glossy, gathering, scattered,
+        behind;  // scattered: gather rays of media; behind: of other sides
   };
   void follow_queue(Queue& queue, uint32_t sample);
   void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
@@ -79,7 +79,7 @@ class Tracer {
   void widen(const Queue& queue);
   void make_diffuse(const Queue& queue);
   void find_pixels(const Queue& queue);
-  void bounce(const Queue& queue, uint32_t sample, Queue& gathering, Queue* around = nullptr);
+  void bounce(const Queue& queue, uint32_t sample, Queue& gathering);
   void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
   void scatter_below(const Queue& queue, uint32_t sample);
   void light_exits(Queue& queue, uint32_t sample);

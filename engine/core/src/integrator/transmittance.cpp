@@ -35,13 +35,12 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
 }
 
 void TransparentShadows::begin(const LightStage& light, size_t count, double* const (&shadow)[3],
-                               const Opacity* opacity, bool to_fibres, uint32_t visibility) {
+                               const Opacity* opacity, uint32_t visibility) {
   opacity_ = opacity;
   visibility_ = visibility;
   stage_.kind = visibility == kDiffuse  ? RayKind::kShadowScattered
                 : visibility == kMirror ? RayKind::kShadowBounced
                                         : RayKind::kShadow;
-  stage_.to_fibres = to_fibres;
   stage_.point = light.point;
   const bool endless = light.shape == kDirection || light.shape == kSky || light.shape == kOpenSky;
   for (size_t c = 0; c < 3; ++c) {
@@ -58,8 +57,8 @@ void TransparentShadows::begin(const LightStage& light, size_t count, double* co
 
 void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
                                const double* starts, size_t count, double* const (&shadow)[3],
-                               RayCounts& counts, bool to_fibres, uint32_t visibility) {
-  begin(light, count, shadow, opacity, to_fibres, visibility);
+                               RayCounts& counts, uint32_t visibility) {
+  begin(light, count, shadow, opacity, visibility);
   counts.shadow += count;
   const double* const* o = light.o;
   const double* const* d = light.to;
@@ -80,9 +79,9 @@ void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
 }
 
 void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
-                                double* const (&shadow)[3], RayCounts& counts, bool to_fibres,
+                                double* const (&shadow)[3], RayCounts& counts,
                                 uint32_t visibility) {
-  begin(light, count, shadow, scene_.trees.opacity(), to_fibres, visibility);
+  begin(light, count, shadow, scene_.trees.opacity(), visibility);
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);
@@ -112,10 +111,7 @@ void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
 void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCounts& counts) {
   {
     const Timer timer(counts.tracing);
-    const MaterialTable& materials = scene_.materials;
-    const uint8_t fading = stage_.to_fibres ? materials.fading_to_fibres : materials.fading_fibres,
-                  enough = fading ? fading : 255;
-    scene_.trees.accel().find_layers(rays, {hits_.data(), found_, enough}, blocked_, scratch_);
+    scene_.trees.accel().find_layers(rays, {hits_.data(), found_}, blocked_, scratch_);
   }
   bool dimmed = false;
   for (size_t k = 0; k < rays.count; ++k) {
@@ -198,7 +194,6 @@ void TransparentShadows::read_shares(const Rays& rays) {
     if (material.has(GLINT_TRANSPARENT)) {
       stage_.first = first;
       stage_.count = end - first;
-      stage_.most = stage_.to_fibres ? material.most_passed_to_fibres : material.most_passed;
       stage_.lobes = scene_.materials.lobes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
       stage_.program = material.program > 0 ? scene_.programs.of(material.program) : nullptr;
@@ -223,8 +218,6 @@ void TransparentShadows::multiply(const LightStage& light, size_t ray) {
     if (has_dense && scene_.materials[layers_[i].material].is_dense)
       narrowed_[number] *= narrows_[layers_[i].row];
   }
-  const bool fades = scene_.materials.fading_to_fibres != 0;
-  if (fades && std::max({S.x, S.y, S.z}) < MaterialTable::kFaded) S = {};
   set_row(shadow_, number, S);
   if (found_[ray] > Layers::kMost && any(S))
     wait(light, number, beyond(hits_[layers_[end - 1].hit].t));

@@ -19,13 +19,12 @@ class TransparentShadows {
                      Scratch& scratch);
 
   /// Of rays of which nothing is known. starts: of the rays, 0. opacity: as of the scene's light.
-  /// to_fibres: the points are on strands. visibility: of what they meet.
+  /// visibility: of what they meet.
   void trace(const LightStage& light, const Opacity* opacity, const double* starts, size_t count,
-             double* const (&shadow)[3], RayCounts& counts, bool to_fibres,
-             uint32_t visibility = kShadow);
+             double* const (&shadow)[3], RayCounts& counts, uint32_t visibility = kShadow);
   /// Of rays of which it is known whether anything is on their way.
   void follow(const LightStage& light, const uint8_t* blocked, size_t count,
-              double* const (&shadow)[3], RayCounts& counts, bool to_fibres, uint32_t visibility);
+              double* const (&shadow)[3], RayCounts& counts, uint32_t visibility);
 
  private:
   static constexpr size_t kAtOnce = 256;  // rays, as many as go down as a beam
@@ -36,7 +35,7 @@ class TransparentShadows {
   };
 
   void begin(const LightStage& light, size_t count, double* const (&shadow)[3],
-             const Opacity* opacity, bool to_fibres, uint32_t visibility);
+             const Opacity* opacity, uint32_t visibility);
   void wait(const LightStage& light, uint32_t number, double t_min);
   void go_on(const LightStage& light, RayCounts& counts);
   void pass(const LightStage& light, const Rays& rays, RayCounts& counts);

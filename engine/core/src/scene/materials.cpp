@@ -246,44 +246,6 @@ bool same_read(const GlintInput& a, const GlintInput& b) {
 }
 
 /// The default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given materials.
-namespace {
-
-/// What a fibre lets through at most: its lobes' constants, as outputs that they are times count as
-/// at most 1. 1 where an input is none of these, and of what is no fibre.
-double most_passed(const MaterialTable& t, const Material& material, bool to_fibres) {
-  Vec3d sum{};
-  bool fibre = false;
-  for (uint32_t l = 0; l < material.lobe_count; ++l) {
-    const LobeShape& lobe = t.lobes[material.first_lobe + l];
-    fibre = fibre || is_fibre(lobe.kind);
-    if (lobe.kind != GLINT_TRANSPARENT) continue;
-    if (to_fibres && lobe.fresnel & GLINT_NOT_TO_FIBRES) continue;
-    Vec3d k{1, 1, 1};
-    for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
-      const GlintInput& input = t.inputs[i];
-      if (input.bounded || input.complement || input.texture >= 0 || input.attribute >= 0) return 1;
-      k = k * Vec3d{input.value[0], input.value[1], input.value[2]};
-    }
-    for (int c = 0; c < 3; ++c) sum[c] += std::max(k[c], 0.0);
-  }
-  const double most = std::max({sum.x, sum.y, sum.z});
-  return fibre && most < 1 ? most : 1;
-}
-
-/// After how many fibres, at most as many as layers are found at a time, too little is left.
-uint8_t count_fading(const MaterialTable& t, double Material::* passed) {
-  double most = 0;
-  for (const Material& material : t.rows)
-    if (material.has(GLINT_TRANSPARENT)) most = std::max(most, material.*passed);
-  if (!(most > 0)) return 0;
-  double left = 1;
-  for (uint8_t fibres = 1; fibres <= Layers::kMost; ++fibres)
-    if ((left *= most) < MaterialTable::kFaded * (1 - 1e-9)) return fibres;
-  return 0;
-}
-
-}  // namespace
-
 MaterialTable compile_materials(const GlintSceneData& data, const World& world) {
   MaterialTable t;
   for (uint64_t i = 0; i < data.texture_count; ++i)
@@ -303,11 +265,7 @@ MaterialTable compile_materials(const GlintSceneData& data, const World& world) 
   for (Material& material : t.rows) {
     compare_lobes(t, material);
     number_reads(t, material);
-    material.most_passed = most_passed(t, material, false);
-    material.most_passed_to_fibres = most_passed(t, material, true);
   }
-  t.fading_to_fibres = count_fading(t, &Material::most_passed_to_fibres);
-  t.fading_fibres = t.fading_to_fibres ? count_fading(t, &Material::most_passed) : 0;
   fold_materials(t, world);
   count_passing(t);
   return t;

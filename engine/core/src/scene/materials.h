@@ -35,8 +35,6 @@ struct Material {
   bool is_varnished = false;  // it has AMBIENT lobes, whatever the world gives these
   bool is_rough_glass = false;
   bool is_dense = false;  // light to lamps goes into something denser, or out of it
-  // Of light to lamps, by a surface; less than 1 of fibres alone. To fibres: of what reaches these.
-  double most_passed = 1, most_passed_to_fibres = 1;
   bool has(int kind) const { return kinds >> kind & 1; }
   /// Whether normals of the lobe are lifted so far that mirrors see nothing below the surface.
   bool lifts(const LobeShape& lobe) const {
@@ -96,16 +94,11 @@ struct MaterialTable {
   int max_view = 0;             // lobes of a material that depend on the view, at most
   int max_passing = 0;          // Material::passing, at most
   int passing_columns = PassingTerm::kPlain;  // of each of these lobes
-  /// Where fibres alone let light through: behind so many less than kFaded of it is left to light
-  /// fibres, and what is none; or 0. The latter alone may be 0 where these are more than are found
-  /// at a time.
-  uint8_t fading_to_fibres = 0, fading_fibres = 0;
-  static constexpr double kFaded = 0x1p-8;
-  bool bends_normals = false;    // some material gives shading normals of its own
-  bool shadows_bumps = false;    // and hides light by them
-  bool turns_lobes = false;      // some SPECULAR lobe may have a normal of its own
-  bool stretches_lobes = false;  // and one may be stretched
-  bool edges_lobes = false;      // and one may have the weight of edges
+  bool bends_normals = false;                 // some material gives shading normals of its own
+  bool shadows_bumps = false;                 // and hides light by them
+  bool turns_lobes = false;                   // some SPECULAR lobe may have a normal of its own
+  bool stretches_lobes = false;               // and one may be stretched
+  bool edges_lobes = false;                   // and one may have the weight of edges
 
   /// Whether bounced light is shown by gloss as if it were matt. by_rays: the surroundings are.
   bool has_even_gloss(bool by_rays) const { return has_toon_gloss || (has_varnish && !by_rays); }

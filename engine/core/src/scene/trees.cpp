@@ -21,9 +21,8 @@ std::vector<InstanceView> instance_views(const InstanceTable& t, const Anchor& a
   views.reserve(t.placements.size());
   for (const Placement& p : t.placements) {
     const GlintInstances& group = t.groups[p.group];
-    const bool solid = group.flags & kDiffuse && t.geometry(group).kind != GLINT_STRANDS;
-    views.push_back({group.geometry, (group.flags & kAnyRay) | (solid ? kSolid : 0),
-                     anchor.matrix(affine(t.matrix_row(p.row)))});
+    views.push_back(
+        {group.geometry, group.flags & kAnyRay, anchor.matrix(affine(t.matrix_row(p.row)))});
   }
   return views;
 }

@@ -136,9 +136,10 @@ struct LightStage {
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
   bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
-  const double* side;   // `gather`: 0, or of points on strands -1 where their ray goes to the back,
-                        // else 1, times how many sides it stands for; null: there are none
-  double shown;         // how much of dielectrics' gloss reflected rays show, 0 or 1
+  bool all_gloss;       // so is that of metals, and what rays show
+  const double* chooses;  // `gather`: of points on strands a number that chooses a lobe, what is
+                          // left of which is in t_max; else -1. null: there are none
+  double shown;           // how much of dielectrics' gloss reflected rays show, 0 or 1
   bool has_sheen, has_fibre;     // among the lobes
   bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes;          // or be stretched

@@ -67,8 +67,7 @@ inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   scatter(column + SpecularTerm::kExponent * s.stride, at, choose(here, splat(kind), exponent));
   scatter(column + SpecularTerm::kMasking * s.stride, at, where(here, exponent));
   const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
-  const Doubles fan =
-      lobe.fresnel & GLINT_SCATTERED ? splat(-1) : choose(masking > 0, 1 / masking, splat(0));
+  const Doubles fan = choose(masking > 0, 1 / masking, splat(0));
   scatter(column + SpecularTerm::kFresnel * s.stride, at, where(here, fan));
   if (s.specular_columns == SpecularTerm::kStretched)
     scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at, Three{});

@@ -2,6 +2,7 @@
 // and rays that look for bounced light (final gathering). Letters as in stage_highlights.h.
 #pragma once
 #include "shading/stage_bump.h"
+#include "shading/stage_fibre.h"
 #include "shading/stage_highlights.h"
 #include "shading/stage_rows.h"
 
@@ -57,26 +58,31 @@ inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l)
   return bump.some ? where(~bump.hidden, T) : T;
 }
 
-/// Where a ray goes on from a point.
+/// Where a ray goes on from a point: as densely as the cosine (Malley's method); from strands as
+/// their lobes are.
 struct Onward {
   Three l;
-  Doubles way, factor;  // way: -1 to the back.  factor: the cosine's density over its own
+  Doubles way, factor, left;  // way: -1 to the back.  factor: the cosine's density over its own
 };
 
-/// As densely as the cosine (Malley's method); from strands, whose lobes know none, evenly over the
-/// half of the sphere.
 inline Onward onward(const LightStage& s, size_t k, const Three& n) {
   Three t1, t2;
   frame(n, t1, t2);
-  const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k),
-                rest = larger(1 - x * x - y * y, Doubles{});
-  if (!s.side) return {root(rest) * n + x * t1 + y * t2, splat(1), splat(1)};
-  const Doubles side = load(s.side + k), way = choose(side < 0, splat(-1), splat(1));
-  const Mask even = side != 0;
-  const Doubles up = choose(even, way * rest, root(rest)),
-                across = choose(even, root(1 + rest), splat(1));
-  return {up * n + across * (x * t1 + y * t2), way,
-          choose(even, 2 * magnitude(side) * rest, splat(1))};
+  const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k);
+  Onward on{root(larger(1 - x * x - y * y, Doubles{})) * n + x * t1 + y * t2, splat(1), splat(1),
+            splat(0)};
+  if (!s.chooses) return on;
+  const Doubles number = load(s.chooses + k);
+  const Mask strand = number >= 0;
+  if (!bits(strand)) return on;
+  const FibreDrawn drawn = draw_fibre(s, k, n, number);
+  const Doubles cosine = dot(n, drawn.l);
+  on.l = choose(strand, drawn.l, on.l);
+  on.way = choose(strand & (cosine < 0), splat(-1), on.way);
+  on.factor = choose(
+      strand, where(drawn.density > 0, magnitude(cosine) / (kCircle * drawn.density)), on.factor);
+  on.left = choose(strand, drawn.left, on.left);
+  return on;
 }
 
 size_t gather(const LightStage& s) {
@@ -94,7 +100,10 @@ size_t gather(const LightStage& s) {
     append(s.diffuse_out, T);
     append(s.to, on.l);
     Three o = load3(s.points_x, k) + on.way * load(s.offset + k) * g;
-    if (s.side) o = o + way_through(s, k, on.l) * on.l;
+    if (s.chooses) {
+      o = o + way_through(s, k, on.l) * on.l;
+      append(s.t_max, on.left);
+    }
     append(s.o, o);
     found += size_t(__builtin_popcount(lanes));
   }

@@ -118,10 +118,6 @@ inline Doubles fan(Doubles turned, Doubles q, Doubles behind) {
   return choose(q > 0, root(kCircle * (2 * q + 0.5) / 8) * where(u > 0, power), splat(1));
 }
 
-/// The square of the sine by which fibres catch light that others scattered, where it comes along
-/// them.
-constexpr double kScattered = 0.25;
-
 /// What a FIBRE lobe gives (SEMANTICS.md); cosine: n.l.
 inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, const Three& l,
                      Doubles cosine) {
@@ -137,16 +133,15 @@ inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, co
                 across = (across_l + across_v) - tilt * (to_l + to_v),
                 widest = larger(larger(across_l, across_v), splat(0.125));
   const Mask behind = kind == SpecularTerm::kFibreTransmission;
-  const Doubles q = load(column + SpecularTerm::kFresnel * s.stride), along2 = to_l * to_l,
-                caught = root(larger(1 - along2 + where(q < 0, kScattered * along2), splat(0)));
+  const Doubles q = load(column + SpecularTerm::kFresnel * s.stride);
   const Doubles both = across_l * across_v,
                 turned = where(both > 0, (-dot(l, load3(s.d, k)) - to_l * to_v) / both),
                 fanned = fan(turned, q, choose(behind, splat(-1), splat(1)));
   const Doubles power =
                     exponential(-0.5 * p * logarithm_of_one_and(along * along, across * across)),
                 glossy =
-                    fanned * root((p + 0.5) / (8 * kCircle)) * power * caught / (widest * widest),
-                given = choose(kind == SpecularTerm::kFibreDiffuse, (2 / kCircle) * caught,
+                    fanned * root((p + 0.5) / (8 * kCircle)) * power * across_l / (widest * widest),
+                given = choose(kind == SpecularTerm::kFibreDiffuse, (2 / kCircle) * across_l,
                                where(across > 0, glossy));
   return where((behind & (cosine < 0)) | (~behind & (cosine > 0)), given);
 }
@@ -305,8 +300,8 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
 }
 
 /// About what gloss of dielectrics gives back of even light, as it does straight from above and
-/// where it mirrors; ever less slanting the wider the lobe. Less what rays show. TOON_SPECULAR
-/// lobes all that they do.
+/// where it mirrors; ever less slanting the wider the lobe. Less what rays show, or all gloss.
+/// TOON_SPECULAR lobes all that they do.
 inline Three even_gloss(const LightStage& s, size_t k) {
   const Doubles seen = seen_cosine(load3(s.n, k), load3(s.d, k));
   Three sum{};
@@ -317,9 +312,9 @@ inline Three even_gloss(const LightStage& s, size_t k) {
                   fresnel = load(column + SpecularTerm::kFresnel * s.stride), p = term.exponent;
     const Mask toon = p == SpecularTerm::kToonSpecular;
     if (bits(toon)) sum = sum + where(toon, Toon(masking2, fresnel).albedo() * term.k);
-    const Mask good = (masking2 > 0) & (fresnel > 0) & (p >= 0);
+    const Mask good = (masking2 > 0) & (p >= 0) & (s.all_gloss ? ~Mask{} : fresnel > 0);
     if (!any(good & nonzero(term.k))) continue;
-    const Doubles rest = 1 - splat(s.shown);
+    const Doubles rest = splat(s.all_gloss ? 1 : 1 - s.shown);
     sum = sum + where(good, rest * of_even_light<false>(seen, p, masking2, fresnel) * term.k);
   }
   return sum;

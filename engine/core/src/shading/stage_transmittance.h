@@ -91,14 +91,10 @@ inline OnMesh on_mesh(const TransmittanceStage& s, size_t k, const Chosen& ray, 
   return p;
 }
 
-inline bool counts(const TransmittanceStage& s, const LobeShape& lobe) {
-  return lobe.kind == GLINT_TRANSPARENT && !(s.to_fibres && lobe.fresnel & GLINT_NOT_TO_FIBRES);
-}
-
 inline bool constant(const TransmittanceStage& s) {
   bool constant = true;
   for (uint32_t i = 0; i < s.lobe_count; ++i)
-    constant = constant && (!counts(s, s.lobes[i]) || s.lobes[i].constant);
+    constant = constant && (s.lobes[i].kind != GLINT_TRANSPARENT || s.lobes[i].constant);
   return constant;
 }
 
@@ -107,7 +103,8 @@ inline Three transparency(const TransmittanceStage& s, const OnMesh& p) {
   Three sum{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i)
-    if (counts(s, s.lobes[i])) sum = sum + coefficient(s.tables, p, s.lobes[i], reads);
+    if (s.lobes[i].kind == GLINT_TRANSPARENT)
+      sum = sum + coefficient(s.tables, p, s.lobes[i], reads);
   return sum;
 }
 
@@ -117,7 +114,7 @@ inline Doubles narrowed(const TransmittanceStage& s, const OnMesh& p, Mask outsi
   Doubles sum{}, narrow{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
-    if (!counts(s, s.lobes[i])) continue;
+    if (s.lobes[i].kind != GLINT_TRANSPARENT) continue;
     const Three k = coefficient(s.tables, p, s.lobes[i], reads);
     const Doubles ior = lobe_ior(p, s.lobes[i]), size = larger(k.x + k.y + k.z, splat(0)),
                   square = ior * ior;
@@ -127,9 +124,7 @@ inline Doubles narrowed(const TransmittanceStage& s, const OnMesh& p, Mask outsi
   return choose(sum > 0, narrow / choose(sum > 0, sum, splat(1)), splat(1));
 }
 
-inline Doubles clamped_share(Doubles x, double most) {
-  return larger(smaller(x, splat(most)), splat(0));
-}
+inline Doubles clamped_share(Doubles x) { return larger(smaller(x, splat(1)), splat(0)); }
 
 /// What the surface stage needs of a block of hits beside what programs read.
 struct BlockScratch {
@@ -219,9 +214,9 @@ void transmit(const TransmittanceStage& s) {
     if (!alike) p = on_mesh(s, k, ray, Met(s, k, ray.count));
     if (s.program) p.slots = s.slots + in_block;
     const Three share = transparency(s, p);
-    store(s.share[0] + k, clamped_share(share.x, s.most));
-    store(s.share[1] + k, clamped_share(share.y, s.most));
-    store(s.share[2] + k, clamped_share(share.z, s.most));
+    store(s.share[0] + k, clamped_share(share.x));
+    store(s.share[1] + k, clamped_share(share.y));
+    store(s.share[2] + k, clamped_share(share.z));
     if (s.narrowed) store(s.narrowed + k, narrowed(s, p, load(outside + in_block)));
   }
 }

@@ -210,8 +210,6 @@ struct TransmittanceStage {
   const double* start[3];
   double* share[3];  // of each hit
   double* narrowed;  // by how much; null where surfaces are of no density
-  double most;       // Material::most_passed, or most_passed_to_fibres
-  bool to_fibres;    // the rays are of points on strands
   RayKind kind;
   const LobeShape* lobes;
   uint32_t lobe_count;

@@ -46,19 +46,6 @@ struct Answers {
     if (at > end) return;
     for (; end > at; --end) hits[end] = hits[end - 1];
     hits[at] = hit;
-    if (count >= layers.enough && distinct(slot) >= layers.enough) blocked[slot] = stop();
-  }
-  /// How many of a ray's layers count as ones of their own (see TransparentShadows).
-  uint8_t distinct(int slot) const {
-    const Hit* const hits = layers.hits + uint32_t(slot) * Layers::kMost;
-    double last = t_min[slot];
-    uint8_t found = 0;
-    for (uint8_t k = 0; k < layers.count[slot] && k < Layers::kMost; ++k) {
-      if (!(hits[k].t > last)) continue;
-      last = hits[k].t + 0x1p-39 * hits[k].t;  // as surface.h has it
-      ++found;
-    }
-    return found;
   }
   static bool nearer(const Hit& a, const Hit& b) {
     const double p = key_of(a.t), q = key_of(b.t);

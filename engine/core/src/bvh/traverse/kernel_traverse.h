@@ -247,8 +247,7 @@ void occluded(const TopLevelView& world, const Rays& rays, uint8_t* blocked, con
     Answers a = answers_of(world, rays, first, stacks);
     a.blocked = blocked + first;
     if (layers)
-      a.layers = {layers->hits + first * Layers::kMost, layers->count + first, layers->enough,
-                  layers->left_out};
+      a.layers = {layers->hits + first * Layers::kMost, layers->count + first, layers->left_out};
     return a;
   });
 }

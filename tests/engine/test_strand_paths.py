@@ -1,0 +1,188 @@
+"""Light that bounces from strand to strand along directions drawn from their lobes, and gloss that
+light meets after it bounced: closed forms.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bounced_scenes import ALBEDO, lamp, matt, room
+from glint.engine import Settings, render
+from glint.engine import scene as s
+from glint.engine.reference.coefficients import Coefficients, Term
+from glint.engine.reference.fibre_sampling import RoundLobe, drawn
+from glint.engine.reference.gathering import WIDEST
+from glint.engine.reference.optics import fibre_highlight, gloss
+from native_tools import constant, needs_core
+from test_fibres import lobe, placed, sphere, strand, view_from_above
+from test_fibres import of_strands as material_of
+
+BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
+SIDE = 256
+"""Directions that are drawn, along each side of the square of numbers."""
+
+
+STRANDS = 8
+
+
+def grid() -> np.ndarray:
+    """(2, m) the middles of cells of the unit disc of equal area."""
+    first, second = (np.mgrid[:SIDE, :SIDE].reshape(2, -1) + 0.5) / SIDE
+    return np.sqrt(first) * np.array([np.cos(2 * np.pi * second), np.sin(2 * np.pi * second)])
+
+
+class Point:
+    """Of a surface seen from `height`, radians off the plane across the strand along x, as often
+    as there are directions.
+    """
+
+    def __init__(self, height: float, count: int) -> None:
+        v = np.array([np.sin(height), 0.0, np.cos(height)])
+        self.v, self.n = (np.repeat(x[:, None], count, 1) for x in (v, np.array([0.0, 0.0, 1.0])))
+
+    def __len__(self) -> int:
+        return self.v.shape[1]
+
+
+def term(kind: str, exponent: float, fan: float, lean: float, count: int) -> Term:
+    made = replace(lobe(kind, exponent=exponent, masking=fan), ior=s.Lobe.leaning(lean))
+    along = np.repeat(np.array([[1.0], [0.0], [0.0]]), count, 1)
+    every = np.arange(count)
+    return Term(every, np.full((3, count), 0.7), made, exponent, fan, made.ior, fibre=along)
+
+
+@pytest.mark.parametrize("kind", ["SPECULAR", "TRANSMISSION"])
+@pytest.mark.parametrize("exponent", [0.0, 3.0, 200.0])
+@pytest.mark.parametrize(("fan", "lean"), [(0.0, 0.0), (0.16, 0.1)])
+@pytest.mark.parametrize("height", [0.0, -0.6, 1.3])
+def test_directions_are_drawn_as_densely_as_is_told(kind, exponent, fan, lean, height) -> None:
+    """Mean of what the lobe gives there over that density: its integral over the sphere."""
+    disc = grid()
+    point, behind = Point(height, disc.shape[1]), kind == "TRANSMISSION"
+    of = RoundLobe(point, term(kind, exponent, fan, lean, len(point)), np.arange(len(point)))
+    l = of.draw(disc)  # noqa: E741
+    length = np.sqrt((l * l).sum(0))
+    assert ((np.abs(length - 1) < 1e-9) | (length == 0)).all()
+    density, tilt = of.density(l), lobe(kind, ior=s.Lobe.leaning(lean)).tilt
+    t = np.repeat(np.array([[1.0], [0.0], [0.0]]), len(point), 1)
+    found = fibre_highlight(t, point.v, l, exponent, fan, behind, tilt)
+    good = (density > 0) & (length > 0)
+    mean = np.where(good, found / np.where(good, density, 1.0), 0.0).mean()
+    every, size, _ = sphere(2000)
+    t, v = (np.repeat(x[:, :1], every.shape[1], 1) for x in (t, point.v))
+    expected = (fibre_highlight(t, v, every, exponent, fan, behind, tilt) * size).sum()
+    assert mean == pytest.approx(expected, rel=0.01)
+
+
+def test_numbers_choose_lobes_by_what_they_give_and_are_whole_again() -> None:
+    """Of three lobes: the first number is even over [0, 1) in each, and as many are of each as its
+    share of T says.
+    """
+    count = 4000
+    point = Point(0.3, count)
+    terms = [
+        term("DIFFUSE", 0.0, 0.0, 0.0, count),
+        term("SPECULAR", 30.0, 0.0, 0.0, count),
+        term("TRANSMISSION", 30.0, 0.2, 0.0, count),
+    ]
+    shares = np.array([0.2, 0.5, 0.3])
+    terms = [replace(x, k=np.full((3, count), k)) for x, k in zip(terms, shares, strict=True)]
+    none = np.zeros((3, count))
+    coefficients = Coefficients(none, none, none, none, none, none, [], [], [], [], terms)
+    number, every = (np.arange(count) + 0.5) / count, np.arange(count)
+    disc = np.repeat(np.array([[0.3], [0.4]]), count, 1)
+    told = drawn(point, coefficients, np.ones((3, count)), every, disc, number)
+    direction, density, left = told
+    kinds, first = np.unique(direction.round(9), axis=1, return_index=True)
+    assert kinds.shape[1] == 3 and (density > 0).all()
+    ends = np.append(np.sort(first), count)
+    np.testing.assert_allclose(np.diff(ends) / count, shares, atol=2 / count)
+    for a, b in itertools.pairwise(ends):
+        np.testing.assert_allclose(left[a:b], (np.arange(b - a) + 0.5) / (b - a), atol=2e-3)
+
+
+def bundle(*lobes: s.Lobe) -> s.Scene:
+    """Some strands beside and before each other under an even sky."""
+    chance = np.random.default_rng(4)
+    ends = chance.uniform(-1, 1, (STRANDS, 2, 3)) * (1.4, 1.4, 0.6)
+    ends[:, 1, 0] += 4.0
+    ends[:, 0, 0] -= 4.0
+    ends = ends.reshape(-1, 3).astype(np.float32)
+    ways = np.repeat(ends[1::2] - ends[::2], 2, 0)
+    tangent = np.zeros((2 * STRANDS, 4), np.float32)
+    tangent[:, :3] = ways / np.linalg.norm(ways, axis=1)[:, None]
+    hair = strand()
+    hair = replace(
+        hair,
+        vertices=ends,
+        radii=np.full(2 * STRANDS, 0.1, np.float32),
+        starts=np.arange(0, 2 * STRANDS, 2, dtype=np.uint32),
+        attributes=(replace(hair.attributes[0], values=tangent),),
+    )
+    sky = s.Light("sky", "DOME", np.eye(4)[:3], radiance=np.ones((4, 8, 3), np.float32))
+    world = s.World(background=(1.0, 1.0, 1.0))
+    made = (material_of(*lobes),)
+    return s.Scene(view_from_above(), (hair,), (placed(),), made, (), (sky,), world)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_white_strands_vanish_in_an_even_sky(backend: str) -> None:
+    """Matt ones give back all that reaches them, from the sky or from each other: the more light
+    bounces, the less of them is seen.
+    """
+    samples = {"NATIVE": 64, "NUMPY": 16}[backend]
+    white = s.Lobe("FIBRE_DIFFUSE", constant(1.0), fibre_output=0)
+    scene, found = bundle(white), []
+    for bounces in (0, 1, 8):
+        plan = Settings(
+            samples=samples,
+            diffuse_bounces=bounces,
+            filter_width=0.0,
+            backend=backend,
+            soft_light="DEALT",
+        )
+        found.append(float(render(scene, plan).combined[..., 0].mean()))
+    assert found[0] < found[1] - 0.03 < found[2] - 0.03
+    assert found[2] == pytest.approx(1.0, abs=0.012)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("exponent", [4.0, WIDEST, 1000.0])
+def test_gloss_throws_light_on_what_is_matt(backend: str, exponent: float) -> None:
+    """A lamp in the middle of a ball that is matt and shines as metals do: every place is seen from
+    every other as aslant as it sees that, and its highlight has half of that angle. Lobes narrower
+    than light that bounced are as wide as that, and as bright in all.
+    """
+    shine, masking = 0.4, 0.3
+    bare = room(lamp())
+    metal = s.Lobe("SPECULAR", constant(shine), exponent, masking=masking)
+    made = replace(bare, materials=(s.Material("shiny", (*matt(ALBEDO).lobes, metal)),))
+    samples = {"NATIVE": 64, "NUMPY": 16}[backend]
+    plan = Settings(
+        samples=samples,
+        filter_width=0.0,
+        backend=backend,
+        soft_light="DEALT",
+        reflections="OFF",
+        diffuse_bounces=0,
+    )
+    added = [
+        render(x, replace(plan, diffuse_bounces=1)).combined[..., :3].astype(float)
+        - render(x, plan).combined[..., :3]
+        for x in (bare, made)
+    ]
+    of_gloss = (added[1] - added[0]).mean((0, 1))
+    theta = (np.arange(4000) + 0.5) / 4000 * np.pi / 2
+    zero = np.zeros_like(theta)
+    v = np.array([np.sin(theta), zero, np.cos(theta)])
+    n = np.array([zero, zero, zero + 1])
+    wide = min(exponent, WIDEST)
+    size = shine * (wide + 1) / (exponent + 1)
+    seen = size * np.cos(theta / 2) ** wide * gloss(n, v, n, masking, 1.0, False, False)
+    mean = (2 * seen * np.sin(theta) * np.cos(theta)).sum() * (np.pi / 2 / 4000)
+    one = 100 / (4 * np.pi**2)
+    np.testing.assert_allclose(of_gloss, ALBEDO * mean * one, rtol=0.02)
