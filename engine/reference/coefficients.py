@@ -79,6 +79,11 @@ class Coefficients:
         for term in self.highlights:
             is_toon = term.lobe.kind == "TOON_SPECULAR"
             add_at(total, term.index, (1.0 if is_toon else 8 / (term.exponent + 2)) * term.k)
+        return total + self.round_fibres()
+
+    def round_fibres(self) -> Array:
+        """(3, n): about what of even light FIBRE lobes but matt ones give back."""
+        total = np.zeros_like(self.diffuse)
         for term in self.fibres:
             if term.lobe.kind != "FIBRE_DIFFUSE":
                 add_at(total, term.index, term.k)

@@ -186,7 +186,7 @@ class Explainer:
         """The rays along which light bounced to the point, and what is told of them."""
         stage, paths = self.stage, at.paths
         found = tuple(self._gathered(bouncing(stage, at, self._sample, self._places)))
-        if stage.bounces == 0 or at.surface.primitive[0] >= stage.geometry.first_rod:
+        if stage.bounces == 0:
             return found, about
         _, k, share, number = bounce(stage, at, self._sample, self._places)
         if not k.any():

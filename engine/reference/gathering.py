@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-WIDEST = 8.0
-"""Exponent of what light that bounced makes of gloss: about what Cycles' Filter Glossy does."""
-
 
 def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[Paths]:
     """The rays along which light goes on that what is matt throws back. Of what bounced before, as
@@ -43,7 +40,6 @@ def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[
     go = np.flatnonzero(given & (side * dot(d, surface.g) > 0) & (least < share))
     if not len(go):
         return []
-    paths = replace(paths, widest=np.minimum(paths.widest, WIDEST))
     some, along = surface.take(go), pick(d, go)
     gone = leaving(paths, hit[go], some, along, pick(k, go) / share[go], 0.0)
     there = LightSample(along, np.ones(len(go)), None, np.zeros(len(go)))
@@ -96,8 +92,7 @@ def _thrown_back(stage: Stage, at: Interaction, d: Array) -> Array:
     lobes = lobes / np.maximum(np.abs(cosine), 2.0**-20)
     matt = np.where(cosine > 0, coefficients.diffuse, 0.0) + lobes
     seen = dot(surface.n, surface.v)
-    which = "BOUNCED" if at.paths.gathers else stage.settings.reflecting
-    gloss = even_gloss(seen, coefficients.highlights, which)
+    gloss = even_gloss(seen, coefficients.highlights, stage.settings.reflecting)
     gloss = np.where(cosine > 0, gloss, 0.0)
     hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
     return np.where(hidden, 0.0, lowered(surface.lowering, cosine) * (share * matt + gloss))
@@ -113,24 +108,21 @@ def _onward(n: Array, point: Array) -> Array:
 
 
 def _lit_alone(stage: Stage, at: Interaction) -> Coefficients:
-    """What throws light on, and gives nothing of itself: TOON_SPECULAR lobes as if they were matt,
-    others as wide as light that bounced makes them.
-    """
+    """What throws light on, and gives nothing of itself."""
     surface, coefficients = at.surface, at.coefficients
     varnished = [any(lobe.kind == "AMBIENT" for lobe in m.lobes) for m in stage.scene.materials]
-    gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights, "ALL")
+    gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights)
     gloss = np.where(np.array(varnished, bool)[surface.material], gloss, 0.0)
     none = np.zeros_like(coefficients.diffuse)
-    seen = replace(
+    return replace(
         coefficients,
         ambient=none,
         diffuse=coefficients.diffuse + gloss,
         emission=none,
-        highlights=[term for term in coefficients.highlights if term.lobe.kind == "SPECULAR"],
+        highlights=[],
         mirrors=[],
         refractions=[],
     )
-    return widened(seen, at.paths.widest[at.hit])
 
 
 def seen_lobes(stage: Stage, at: Interaction) -> Interaction:

@@ -518,7 +518,9 @@ class Generations:
         mirrored, refracted, clear = gives(at.surface, coefficients)
         below = -coefficients.diffuse if at.paths.comes_out else coefficients.below
         found = {
-            "Diffuse Color": coefficients.matt() + (0.0 if below is None else below),
+            "Diffuse Color": coefficients.matt()
+            + coefficients.round_fibres()
+            + (0.0 if below is None else below),
             "Glossy Color": coefficients.glossy() + mirrored,
             "Transmission Color": refracted,
             SHARP["Glossy Color"]: mirrored,

@@ -42,14 +42,14 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
     """(3, n) about what the highlights of dielectrics give back of even light at points that are
     seen at the cosines (n,): within 8 % down to 17 degrees off the surface, for roughnesses of 0.2
     to 0.6. Wide lobes are as if seen from less aslant. which: less what `reflecting` has of them.
-    TOON_SPECULAR ones give all that they do. "BOUNCED": of all that have GGX's masking.
+    TOON_SPECULAR ones give all that they do.
     """
     total = np.zeros((3, len(seen)))
     for term in terms:
         if term.lobe.kind == "TOON_SPECULAR":
             add_at(total, term.index, toon_albedo(term.exponent, term.masking) * term.k)
     for term in () if which == "ALL" else terms:
-        if term.lobe.is_glossy and (term.lobe.fresnel or which == "BOUNCED"):
+        if term.lobe.is_glossy and term.lobe.fresnel:
             add_at(total, term.index, of_even_light(term, seen[term.index]) * term.k)
     return total
 

@@ -320,8 +320,7 @@ class Lighting:
         sample: int,
     ) -> Iterator[tuple[Narrow | None, LightSample, Coefficients]]:
         """The samples of a light: highlights narrower than it, if there are any, the sample, and
-        the lobes that it lights, not all where these draw it. To light that bounced gloss is so
-        wide that it draws none.
+        the lobes that it lights, not all where these draw it.
         """
         n = source.sample_count(self.light_samples)
         points = self.points if source.points is None else source.points
@@ -330,11 +329,10 @@ class Lighting:
             return
         glossy = source.has_highlights and source.light.lights_gloss
         terms = coefficients.highlights if glossy else []
+        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ(source))
         numbers = source.surface_numbers(sample, n)
         seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
         once = self.each_once and not self._shares(source)
-        differ = self.shadows.mirrors_differ(source)
-        narrow = None if once else Narrow(surface, terms, weight, source, differ)
         numbers = numbers[sample % n :: n] if once else numbers
         glows = None
         if self.draws_matt and isinstance(source, MeshSource) and source.light.kind == "MESH":

@@ -190,12 +190,15 @@ void Batch::clear_specular() {
     for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
 }
 
-void Batch::clear_toon_gloss(size_t k) {
+void Batch::clear_gloss(size_t k) {
   const size_t width = size_t(scene_.materials.specular_columns);
   for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term) {
     double* const column = specular + width * term * stride + k;
-    if (column[SpecularTerm::kExponent * stride] != SpecularTerm::kToonSpecular) continue;
-    for (size_t c = 0; c < 3; ++c) column[c * stride] = 0;
+    const double kind = column[SpecularTerm::kExponent * stride];
+    const bool stays = kind == SpecularTerm::kSheen || kind == SpecularTerm::kOrenNayar ||
+                       kind == SpecularTerm::kOrenNayarMultiple ||
+                       kind == SpecularTerm::kToonDiffuse || kind <= SpecularTerm::kFibreDiffuse;
+    for (size_t c = 0; !stays && c < 3; ++c) column[c * stride] = 0;
   }
 }
 

@@ -164,7 +164,6 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (uint32_t j = 0; j < count + openings && !cancel_; ++j, ++number) {
       const uint32_t own = j < count ? first + j : first_opening + (j - count);
       LightPoint point = plan_.set_sample(stage_, light, sample, own);
-      stage_.draws &= !one;  // gloss is wide to light that bounced
       if (parts > 1) stage_.share = count;
       if (parts > 1 && light.is_mesh()) point.draws = j == 0;
       group_ = point.group;

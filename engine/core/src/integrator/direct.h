@@ -82,7 +82,7 @@ class DirectLight {
               Queue& gathering, RayCounts& counts);
   /// Whether point k of a batch is on a strand.
   bool is_on_strand(const Batch& batch, size_t k) const;
-  /// Makes TOON_SPECULAR lobes matt where gather rays hit.
+  /// Makes of what gather rays hit surfaces that throw light on alike to all sides, but for fibres.
   void make_diffuse(Batch& batch);
 
  private:

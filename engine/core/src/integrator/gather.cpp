@@ -7,12 +7,6 @@
 #include "math/math.h"
 
 namespace glint {
-namespace {
-
-constexpr double kWidest = 8;  // exponent of what light that bounced makes of gloss
-
-}  // namespace
-
 void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
                          Queue& gathering, RayCounts& counts) {
   const Queue& queue = *batch.queue;
@@ -25,17 +19,13 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
     place_[k] = uint8_t(plan_.bounce_part(pixels[k]));
     for (size_t c = 0; c < 2; ++c) disc_[c][k] = at[place_[k]][c];
   }
-  stage_.gathers_gloss =
-      queue.gathers() ? scene_.materials.specular_columns >= SpecularTerm::kShaped
-                      : scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
-  stage_.all_gloss = queue.gathers();
+  stage_.gathers_gloss = scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
   stage_.chooses = scene_.instances.has_strands ? choices(batch, at) : nullptr;
   const bool before = stage_.matt_alone;
   stage_.matt_alone = true;
   const size_t count = stages_.gather(stage_);
   stage_.matt_alone = before;
   stage_.chooses = nullptr;
-  stage_.all_gloss = false;
   for (uint32_t part = 0; part < RenderPlan::kBounceParts; ++part)  // of one direction together
     for (size_t k = 0; k < count; ++k) {
       const uint32_t from = point_[k];
@@ -50,7 +40,8 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
       const bool chosen = scene_.instances.has_strands && choices_[from] >= 0;
       if (!((chosen ? stage_.t_max[k] : at[part][2]) < share)) continue;
       path.T = (1 / share) * path.T;
-      send(path, batch.points.x, from, k, gathering, counts);
+      if (chosen) send(path, stage_.o, k, k, gathering, counts);  // which may be behind the strand
+      else send(path, batch.points.x, from, k, gathering, counts);
     }
 }
 
@@ -71,7 +62,6 @@ void DirectLight::send(Path& path, const double* const (&x)[3], uint32_t from, s
   path.straight = 0;
   path.wants_data = false;
   path.skyless = true;
-  path.widest = std::min(path.widest, kWidest);
   path.depth = uint8_t(std::min(path.depth + 1, 255));
   gathering.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kDiffuse}, path);
   ++counts.gather;
@@ -90,13 +80,12 @@ void DirectLight::make_diffuse(Batch& batch) {
       if (linked_[k] && !scene_.materials[batch.material[k]].is_varnished) linked_[k] = 0;
     stage_.lit = linked_.data();
     stage_.gathers_gloss = true;
-    stage_.all_gloss = false;
-    stage_.shown = 1;
+    stage_.shown = 0;
     stages_.make_diffuse(stage_, batch.diffuse);
   }
   if (scene_.materials.max_specular == 0) return;
   for (size_t k = 0; k < batch.size(); ++k)
-    if (!batch.missed(k)) batch.clear_toon_gloss(k);
+    if (!batch.missed(k)) batch.clear_gloss(k);
 }
 
 /// Rays that bounced show what lights throw on surfaces, and nothing that these give of themselves.

@@ -22,7 +22,7 @@ void Tracer::note_colors(const Queue& queue) {
     Vec3d glossy = T * gives.mirrored;
     if (batch_.lit[k]) {
       const Highlights given = highlights(k);
-      add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.diffuse, k) + given.matt);
+      add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.diffuse, k) + given.matt + given.fibre);
       glossy += given.glossy;
     }
     if (batch_.translucent[0]) add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.translucent, k));

@@ -128,6 +128,7 @@ class Tracer {
   Vec3d albedo(size_t k) const;
   struct Highlights {
     Vec3d glossy, matt;  // matt: of SHEEN, TOON_DIFFUSE, OREN_NAYAR, FIBRE_DIFFUSE ones
+    Vec3d fibre;         // of the glossy, what is of FIBRE ones
   };
   Highlights highlights(size_t k) const;
   size_t note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count);

@@ -300,8 +300,8 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
 }
 
 /// About what gloss of dielectrics gives back of even light, as it does straight from above and
-/// where it mirrors; ever less slanting the wider the lobe. Less what rays show, or all gloss.
-/// TOON_SPECULAR lobes all that they do.
+/// where it mirrors; ever less slanting the wider the lobe. Less what rays show. TOON_SPECULAR
+/// lobes all that they do.
 inline Three even_gloss(const LightStage& s, size_t k) {
   const Doubles seen = seen_cosine(load3(s.n, k), load3(s.d, k));
   Three sum{};
@@ -312,9 +312,9 @@ inline Three even_gloss(const LightStage& s, size_t k) {
                   fresnel = load(column + SpecularTerm::kFresnel * s.stride), p = term.exponent;
     const Mask toon = p == SpecularTerm::kToonSpecular;
     if (bits(toon)) sum = sum + where(toon, Toon(masking2, fresnel).albedo() * term.k);
-    const Mask good = (masking2 > 0) & (p >= 0) & (s.all_gloss ? ~Mask{} : fresnel > 0);
+    const Mask good = (masking2 > 0) & (fresnel > 0) & (p >= 0);
     if (!any(good & nonzero(term.k))) continue;
-    const Doubles rest = splat(s.all_gloss ? 1 : 1 - s.shown);
+    const Doubles rest = 1 - splat(s.shown);
     sum = sum + where(good, rest * of_even_light<false>(seen, p, masking2, fresnel) * term.k);
   }
   return sum;
