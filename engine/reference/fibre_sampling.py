@@ -1,72 +1,71 @@
-"""Directions drawn from the lobes of strands (SEMANTICS.md, Bounces)."""
+"""Directions sampled from the lobes of strands (SEMANTICS.md, Bounces)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from .coefficients import Coefficients, Term, taken
+from .optics import FibreAngles, sine
 from .surface import Surface
 from .vectors import basis_around, cross, dot, pick, unit
 
 Array = np.ndarray
 
 
-class RoundLobe:
-    """How directions are drawn from a FIBRE_SPECULAR or FIBRE_TRANSMISSION lobe at m points of its
-    own: along the strand the tangent of half the angle to the mirrored cone is Student's of two
-    degrees of freedom, round it that of half the angle to the viewer, or to behind, Cauchy's. Both
-    have closed forms, and tails above any power of a cosine.
+class FibreSampler:
+    """Directions sampled from a FIBRE_SPECULAR or FIBRE_TRANSMISSION lobe at m points of its own:
+    along the strand the tangent of half the angle to the mirrored cone is Student's of two degrees
+    of freedom, round it that of half the angle to the viewer, or to behind, Cauchy's. Both have
+    closed inverses, and tails above any power of a cosine, so that no weight is without bound
+    (docs/decisions/0068-strands-by-paths.md).
     """
 
     def __init__(self, surface: Surface, term: Term, own: Array) -> None:
+        """own: (m,) which of the term's points."""
         assert term.fibre is not None
         self._t, self._v = unit(pick(term.fibre, own)), pick(surface.v, term.index[own])
-        self._to_v = dot(self._t, self._v)
-        self._across_v = _across(self._to_v)
         self._tilt = term.lobe.tilt
         self._way = -1.0 if term.lobe.kind == "FIBRE_TRANSMISSION" else 1.0
-        fan = np.broadcast_to(np.asarray(taken(term.masking, own), float), self._to_v.shape)
+        fan = np.asarray(taken(term.masking, own), float)
         self._along2 = 1 / (np.asarray(taken(term.exponent, own)) + 1)
         self._round2 = 1 / (2 / np.where(fan > 0, fan, 1.0) + 1)
 
-    def draw(self, disc: Array) -> Array:
-        """(3, m) at points (2, m) of the unit disc; 0 where that leads beyond the strand's end."""
+    def sample(self, disc: Array) -> Array:
+        """(3, m) unit, at points (2, m) of the unit disc; 0 where that leads beyond the strand's
+        end.
+        """
         x, y = disc
-        tilt, to_v, across_v = self._tilt, self._to_v, self._across_v
+        tilt, to_v = self._tilt, dot(self._t, self._v)
+        across_v = sine(to_v)
         u = np.clip(x * x + y * y, 2.0**-40, 1 - 2.0**-40)
         tan = np.sqrt(self._along2 / (2 * u * (1 - u))) * (2 * u - 1)
         size = 1 / ((1 + tan * tan) * (1 + tilt * tilt))
-        sine = size * (2 * tan * (1 - tilt * tilt) - 2 * tilt * (1 - tan * tan))
-        cosine = size * ((1 - tan * tan) * (1 - tilt * tilt) + 4 * tan * tilt)
-        to_l, across_l = sine * across_v - cosine * to_v, cosine * across_v + sine * to_v
-        turn = (
-            np.sqrt(self._round2) * (np.sqrt(u) + x) / np.where(np.abs(y) > 2.0**-40, y, 2.0**-40)
-        )
+        up = size * (2 * tan * (1 - tilt * tilt) - 2 * tilt * (1 - tan * tan))
+        out = size * ((1 - tan * tan) * (1 - tilt * tilt) + 4 * tan * tilt)
+        to_l, across_l = up * across_v - out * to_v, out * across_v + up * to_v
+        aside = np.where(np.abs(y) > 2.0**-40, y, 2.0**-40)
+        turn = np.sqrt(self._round2) * (np.sqrt(u) + x) / aside
         seen = across_v > 2.0**-20
         towards = (self._v - to_v * self._t) / np.where(seen, across_v, 1.0)
         first = np.where(seen, towards, basis_around(self._t)[0])
         part = self._way * across_l / (1 + turn * turn)
-        aside = (1 - turn * turn) * first + 2 * turn * cross(self._t, first)
-        return np.where(across_l > 0, to_l * self._t + part * aside, 0.0)
+        beside = (1 - turn * turn) * first + 2 * turn * cross(self._t, first)
+        return np.where(across_l > 0, to_l * self._t + part * beside, 0.0)
 
-    def density(self, direction: Array) -> Array:
-        """(m,) a steradian, of directions (3, m)."""
-        to_v, across_v, along2, round2 = self._to_v, self._across_v, self._along2, self._round2
-        to_l = dot(self._t, direction)
-        across_l = _across(to_l)
-        along = to_l + to_v + self._tilt * (across_l + across_v)
-        across = across_l + across_v - self._tilt * (to_l + to_v)
-        a2, c2, both = along * along, across * across, across_l * across_v
+    def pdf(self, direction: Array) -> Array:
+        """(m,) a steradian, of unit directions (3, m)."""
+        along2, round2 = self._along2, self._round2
+        at = FibreAngles(self._t, self._tilt, self._v, direction)
+        a2, c2 = at.along * at.along, at.across * at.across
         far = 2 * along2 * c2 + a2
+        c = self._way * np.clip(at.turned, -1.0, 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            turned = np.where(both > 0, (dot(direction, self._v) - to_l * to_v) / both, 0.0)
-            c = self._way * np.clip(turned, -1.0, 1.0)
             around = np.sqrt(round2) / (np.pi * (round2 * (1 + c) + (1 - c)))
-            given = around * along2 * across * (c2 + a2) / (2 * far * np.sqrt(far) * across_l)
-        return np.where((across > 0) & (across_l > 0), given, 0.0)
+            pdf = around * along2 * at.across * (c2 + a2) / (2 * far * np.sqrt(far) * at.across_l)
+        return np.where((at.across > 0) & (at.across_l > 0), pdf, 0.0)
 
 
-def drawn(
+def sampled(
     surface: Surface,
     coefficients: Coefficients,
     weight: Array,
@@ -75,10 +74,10 @@ def drawn(
     number: Array,
 ) -> tuple[Array, Array, Array]:
     """Where rays go on from the points `chosen` (m,) of strands: each from one lobe, chosen by how
-    much of T = weight (3, n) it gives back; what is even draws evenly over the front's half of the
-    sphere. disc: (2, m) of the unit disc. number: (m,) that chooses, of [0, 1). Returns (3, m) the
-    directions, (m,) how densely all lobes together draw there, a steradian, and (m,) what is left
-    of the numbers.
+    much of T = weight (3, n) it gives back; what is even gives evenly over the front's half of the
+    sphere. disc: (2, m) of the unit disc. number: (m,) that chooses, of [0, 1). Returns (3, m) unit
+    directions in the world, 0 for none, (m,) the pdf of all lobes together there, a steradian, and
+    (m,) what is left of the numbers, of [0, 1).
     """
     place = np.full(len(surface), -1)
     place[chosen] = np.arange(len(chosen))
@@ -116,16 +115,16 @@ def drawn(
     for term, own, at, size in rounds:
         some = size[own]
         here = (asked[at] >= before[at]) & (some > 0)
-        told = RoundLobe(surface, term, own).draw(disc[:, at])
+        told = FibreSampler(surface, term, own).sample(disc[:, at])
         direction[:, at] = np.where(here, told, direction[:, at])
         with np.errstate(divide="ignore", invalid="ignore"):
             rest_of = np.minimum((asked[at] - before[at]) / some, 1 - 2.0**-53)
         left[at] = np.where(here, rest_of, left[at])
         before[at] += some
-    density = np.where(dot(n, direction) > 0, even / (2 * np.pi), 0.0)
+    pdf = np.where(dot(n, direction) > 0, even / (2 * np.pi), 0.0)
     for term, own, at, size in rounds:
-        density[at] += size[own] * RoundLobe(surface, term, own).density(direction[:, at])
-    return direction, density / total, left
+        pdf[at] += size[own] * FibreSampler(surface, term, own).pdf(direction[:, at])
+    return direction, pdf / total, left
 
 
 def _placed(term: Term, place: Array) -> tuple[Array, Array]:
@@ -136,10 +135,5 @@ def _placed(term: Term, place: Array) -> tuple[Array, Array]:
 
 
 def _size(weight: Array, term: Term) -> Array:
-    """(m,) what a lobe gives of T."""
-    k = np.broadcast_to(np.asarray(term.k).reshape(3, -1), (3, len(term.index)))
-    return np.abs(weight[:, term.index] * k).sum(0)
-
-
-def _across(cosine: Array) -> Array:
-    return np.sqrt(np.maximum(1 - cosine * cosine, 0.0))
+    """(m,) what a lobe gives of T, over the channels."""
+    return np.abs(weight[:, term.index] * term.k).sum(0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from .bumps import bump_shadow
 from .coefficients import Coefficients
-from .fibre_sampling import drawn
+from .fibre_sampling import sampled
 from .gloss import even_gloss
 from .lights import LightSample
 from .lobe_light import fibres, matt_lobes, ways_through
@@ -64,11 +64,11 @@ def bounce(
     strands = np.flatnonzero(surface.primitive >= stage.geometry.first_rod)
     if len(strands):
         number, least = least[strands], least.copy()
-        of = drawn(surface, coefficients, at.weight, strands, point[:, strands], number)
-        d[:, strands], density, least[strands] = of
+        of = sampled(surface, coefficients, at.weight, strands, point[:, strands], number)
+        d[:, strands], pdf, least[strands] = of
         cosine = np.abs(dot(pick(surface.n, strands), of[0]))
         with np.errstate(divide="ignore", invalid="ignore"):
-            factor[strands] = np.where(density > 0, cosine / (np.pi * density), 0.0)
+            factor[strands] = np.where(pdf > 0, cosine / (np.pi * pdf), 0.0)
     k = factor * _thrown_back(stage, at, d)
     share = np.ones(len(at.hit))
     if at.paths.bounced:

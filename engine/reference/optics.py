@@ -136,7 +136,7 @@ def fibre_diffuse(t: Array, l: Array) -> Array:  # noqa: E741
     2 / pi: over the fibre's width, of which half sees a light from the side, all of a uniform world
     comes back.
     """
-    return 2 / np.pi * _across(dot(unit(t), l))
+    return 2 / np.pi * sine(dot(unit(t), l))
 
 
 def fibre_highlight(
@@ -153,27 +153,40 @@ def fibre_highlight(
     light fans out round t from v's side, or from behind, 0 to 1; 0 for as far as normals do.  tilt:
     the tangent of how far n leans from across t, against it.
     """
-    t = unit(t)
-    to_l, to_v = dot(t, l), dot(t, v)
-    across_l, across_v = _across(to_l), _across(to_v)
-    along, across = to_l + to_v, across_l + across_v
-    along, across = along + tilt * across, across - tilt * along
+    at = FibreAngles(unit(t), tilt, v, l)
     with np.errstate(divide="ignore", invalid="ignore"):
-        tangent2 = along**2 / across**2
+        tangent2 = at.along**2 / at.across**2
         power = np.exp(-exponent / 2 * np.log1p(tangent2))
-    widest = np.maximum(np.maximum(across_l, across_v), 1 / 8)
+    widest = np.maximum(np.maximum(at.across_l, at.across_v), 1 / 8)
     size = np.sqrt((exponent + 0.5) / (8 * np.pi))
     with np.errstate(divide="ignore", invalid="ignore"):
-        both = across_l * across_v
-        turned = np.where(both > 0, (dot(l, v) - to_l * to_v) / both, 0.0)
-        u = 0.5 * (1 + (-1 if behind else 1) * np.clip(turned, -1.0, 1.0))
+        u = 0.5 * (1 + (-1 if behind else 1) * np.clip(at.turned, -1.0, 1.0))
         q = 1 / np.where(np.greater(fan, 0), fan, 1.0)
         power = power * np.where(u > 0, u ** (q - 1), 0.0)
     size = size * np.where(np.greater(fan, 0), np.sqrt(np.pi * (2 * q + 0.5) / 8), 1.0)
-    return np.where(across > 0, size * power * across_l / widest**2, 0.0)
+    return np.where(at.across > 0, size * power * at.across_l / widest**2, 0.0)
 
 
-def _across(cosine: Array) -> Array:
+class FibreAngles:
+    """How l and v (3, m) lie to the unit tangents t (3, m) of fibres whose lobe leans by the
+    tangent `tilt`. All (m,): to_l, to_v and across_l, across_v, sines and cosines of the angles off the
+    plane across t; along, across: half of both angles together, leant, has the tangent along /
+    across; turned: the cosine of the angle round t from v to l.
+    """
+
+    def __init__(self, t: Array, tilt: float, v: Array, l: Array) -> None:  # noqa: E741
+        self.to_l, self.to_v = dot(t, l), dot(t, v)
+        self.across_l, self.across_v = sine(self.to_l), sine(self.to_v)
+        along, across = self.to_l + self.to_v, self.across_l + self.across_v
+        self.along, self.across = along + tilt * across, across - tilt * along
+        both = self.across_l * self.across_v
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned = (dot(l, v) - self.to_l * self.to_v) / both
+        self.turned = np.where(both > 0, turned, 0.0)
+
+
+def sine(cosine: Array) -> Array:
+    """(m,) at least 0, of the angles of these cosines (m,)."""
     return np.sqrt(np.maximum(1 - cosine * cosine, 0.0))
 
 

@@ -103,12 +103,9 @@ Tracer::Highlights Tracer::highlights(size_t k) const {
       sum.matt += k_s;
     else if (exponent == SpecularTerm::kOrenNayar) sum.matt += kNeverLost * k_s;
     else if (exponent == SpecularTerm::kOrenNayarMultiple) continue;
-    else if (exponent < 0) {
-      sum.glossy += k_s;
-      if (exponent < SpecularTerm::kFibreDiffuse) sum.fibre += k_s;
-    } else {
-      sum.glossy += 8 / (exponent + 2) * k_s;
-    }
+    else if (exponent < 0) sum.glossy += k_s;
+    else sum.glossy += 8 / (exponent + 2) * k_s;
+    if (exponent < SpecularTerm::kFibreDiffuse) sum.fibre += k_s;
   }
   return sum;
 }

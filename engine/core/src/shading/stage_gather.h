@@ -62,7 +62,8 @@ inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l)
 /// their lobes are.
 struct Onward {
   Three l;
-  Doubles way, factor, left;  // way: -1 to the back.  factor: the cosine's density over its own
+  // way: -1 to the back.  factor: the cosine's pdf over its own.  left: as of FibreSample
+  Doubles way, factor, left;
 };
 
 inline Onward onward(const LightStage& s, size_t k, const Three& n) {
@@ -75,12 +76,12 @@ inline Onward onward(const LightStage& s, size_t k, const Three& n) {
   const Doubles number = load(s.chooses + k);
   const Mask strand = number >= 0;
   if (!bits(strand)) return on;
-  const FibreDrawn drawn = draw_fibre(s, k, n, number);
+  const FibreSample drawn = sample_fibre(s, k, n, number);
   const Doubles cosine = dot(n, drawn.l);
   on.l = choose(strand, drawn.l, on.l);
   on.way = choose(strand & (cosine < 0), splat(-1), on.way);
-  on.factor = choose(
-      strand, where(drawn.density > 0, magnitude(cosine) / (kCircle * drawn.density)), on.factor);
+  on.factor =
+      choose(strand, where(drawn.pdf > 0, magnitude(cosine) / (kCircle * drawn.pdf)), on.factor);
   on.left = choose(strand, drawn.left, on.left);
   return on;
 }

@@ -118,31 +118,47 @@ inline Doubles fan(Doubles turned, Doubles q, Doubles behind) {
   return choose(q > 0, root(kCircle * (2 * q + 0.5) / 8) * where(u > 0, power), splat(1));
 }
 
+/// How l and v lie to a FIBRE lobe's tangent t, which leans by the tangent `tilt`.
+struct FibreAngles {
+  Doubles to_l, to_v, across_l, across_v;  // sines and cosines off the plane across t
+  Doubles along, across;  // half of both angles together, leant, has the tangent along / across
+  Doubles turned;         // cosine of the angle round t from v to l
+  FibreAngles(const Three& t, Doubles tilt, const Three& v, const Three& l)
+      : to_l(dot(t, l)),
+        to_v(dot(t, v)),
+        across_l(root(larger(1 - to_l * to_l, splat(0)))),
+        across_v(root(larger(1 - to_v * to_v, splat(0)))),
+        along((to_l + to_v) + tilt * (across_l + across_v)),
+        across((across_l + across_v) - tilt * (to_l + to_v)) {
+    const Doubles both = across_l * across_v;
+    turned = where(both > 0, (dot(l, v) - to_l * to_v) / both);
+  }
+};
+
+/// The tangent of a FIBRE lobe, as long as the fibre is thick.
+inline Three fibre_tangent(const LightStage& s, size_t k, int number) {
+  const int column = s.specular_columns * number + SpecularTerm::kTangent;
+  const double* t = s.specular + size_t(column) * s.stride + k;
+  return {load(t), load(t + s.stride), load(t + 2 * s.stride)};
+}
+
 /// What a FIBRE lobe gives (SEMANTICS.md); cosine: n.l.
 inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, const Three& l,
                      Doubles cosine) {
   const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
-  const double* tangent = column + SpecularTerm::kTangent * s.stride;
-  const Three t = unit({load(tangent), load(tangent + s.stride), load(tangent + 2 * s.stride)});
-  const Doubles to_l = dot(t, l), to_v = -dot(t, load3(s.d, k)),
-                across_l = root(larger(1 - to_l * to_l, splat(0))),
-                across_v = root(larger(1 - to_v * to_v, splat(0)));
-  const Doubles p = load(column + SpecularTerm::kMasking * s.stride);
-  const Doubles tilt = load(column + SpecularTerm::kTilt * s.stride),
-                along = (to_l + to_v) + tilt * (across_l + across_v),
-                across = (across_l + across_v) - tilt * (to_l + to_v),
-                widest = larger(larger(across_l, across_v), splat(0.125));
+  const FibreAngles at(unit(fibre_tangent(s, k, number)),
+                       load(column + SpecularTerm::kTilt * s.stride), -load3(s.d, k), l);
+  const Doubles p = load(column + SpecularTerm::kMasking * s.stride),
+                q = load(column + SpecularTerm::kFresnel * s.stride),
+                widest = larger(larger(at.across_l, at.across_v), splat(0.125));
   const Mask behind = kind == SpecularTerm::kFibreTransmission;
-  const Doubles q = load(column + SpecularTerm::kFresnel * s.stride);
-  const Doubles both = across_l * across_v,
-                turned = where(both > 0, (-dot(l, load3(s.d, k)) - to_l * to_v) / both),
-                fanned = fan(turned, q, choose(behind, splat(-1), splat(1)));
-  const Doubles power =
-                    exponential(-0.5 * p * logarithm_of_one_and(along * along, across * across)),
-                glossy =
-                    fanned * root((p + 0.5) / (8 * kCircle)) * power * across_l / (widest * widest),
-                given = choose(kind == SpecularTerm::kFibreDiffuse, (2 / kCircle) * across_l,
-                               where(across > 0, glossy));
+  const Doubles fanned = fan(at.turned, q, choose(behind, splat(-1), splat(1))),
+                power = exponential(
+                    -0.5 * p * logarithm_of_one_and(at.along * at.along, at.across * at.across)),
+                glossy = fanned * root((p + 0.5) / (8 * kCircle)) * power * at.across_l /
+                         (widest * widest),
+                given = choose(kind == SpecularTerm::kFibreDiffuse, (2 / kCircle) * at.across_l,
+                               where(at.across > 0, glossy));
   return where((behind & (cosine < 0)) | (~behind & (cosine > 0)), given);
 }
 
@@ -156,8 +172,7 @@ inline Doubles way_through(const LightStage& s, size_t k, const Three& l) {
     const Mask here =
         load(column + SpecularTerm::kExponent * s.stride) == SpecularTerm::kFibreTransmission;
     if (!bits(here)) continue;
-    const double* tangent = column + SpecularTerm::kTangent * s.stride;
-    const Three t = {load(tangent), load(tangent + s.stride), load(tangent + 2 * s.stride)};
+    const Three t = fibre_tangent(s, k, number);
     const Doubles thick = length(t), along = dot(unit(t), l),
                   chord = thick * behind / larger(1 - along * along, splat(1.0 / 64));
     way = choose(here & (chord < 0x1p60), larger(way, chord), way);
