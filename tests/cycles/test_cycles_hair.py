@@ -225,7 +225,9 @@ def mean_lights(
         cycles.make_exact(scene, 16 if bounces and stand != "ball" else 4, 0, bounces)
         scene.cycles.transmission_bounces = scene.cycles.diffuse_bounces = bounces
         truth.append(cycles.render_passes(scene)["Combined"][..., :3].mean((0, 1)))
-        film = render_glint(scene, "NATIVE", diffuse_bounces=bounces, soft_light="DEALT")
+        film = render_glint(
+            scene, "NATIVE", diffuse_bounces=4 if bounces else 0, soft_light="DEALT"
+        )
         mine.append(film.combined[..., :3].mean((0, 1)))
     return np.array(truth), np.array(mine)
 
@@ -258,7 +260,6 @@ def kinds(*quick: tuple[str, str, str], missed: tuple[tuple[str, str, str], ...]
 
 
 ALONG = "0068, Left: of light along strands .3 of Cycles', as they reflect no more where it grazes"
-FLAT = "0068, Left: very flat strands are fitted to masses that lobes stood for, .4 of Cycles'"
 
 
 BOUNCED = ("ball", "CHIANG", "brown"), ("field", "HUANG", "black"), ("few", "HUANG", "brown")
@@ -360,7 +361,7 @@ def test_light_goes_on_through_strands_and_nothing_else(shader):
     lights = {"samples": 64, "soft_light": "DEALT"}
     mine = render_glint(scene, "NATIVE", diffuse_bounces=1, **lights).combined[..., 0]
     lit, under = mine[-1, 32], mine[30:34, 30:34].mean()
-    assert 0.01 * lit < under < 0.95 * lit
+    assert 0.05 * lit < under < 0.95 * lit
     assert render_glint(scene, "NATIVE").combined[32, 32, 0] == 0
 
 
@@ -422,9 +423,7 @@ def test_a_coat_makes_reflections_narrower_along_the_strand(coat):
     assert (truth[0] < 0.01) == (mine[0] < 0.01) == (coat == 0.9)
 
 
-@pytest.mark.parametrize(
-    "ratio", [pytest.param(0.2, marks=pytest.mark.xfail(strict=True, reason=FLAT)), 1.0]
-)
+@pytest.mark.parametrize("ratio", [0.2, 1.0])
 def test_elliptic_strands_are_as_bright_as_in_cycles_on_average(ratio):
     """A ball of fur, within a fifth and a seventh of the brightest; round or as usual it is up to
     2.7 times as bright.

@@ -106,15 +106,15 @@ root mean square of the square roots: within 15 % below 0.05, 9 % above.
 
 _USUAL_ASPECT = 0.85
 _FLAT = (
-    (0.2, 0.33, 0.43),
-    (0.4, 0.41, 0.54),
-    (0.6, 0.65, 0.75),
+    (0.2, 0.33, 0.72),
+    (0.4, 0.41, 0.78),
+    (0.6, 0.65, 0.87),
     (_USUAL_ASPECT, 1.0, 1.0),
-    (1.0, 1.22, 1.06),
+    (1.0, 1.22, 1.09),
 )
 """Ratios of the axes of Huang's elliptic strands; of light that was within them, what comes back
-and what goes on, of what does with the usual one, over all turns of the ellipse (Cycles' means of
-few strands and of balls of fur).
+and what goes on, of what does with the usual one, over all turns of the ellipse: Cycles' means of
+few strands in direct light, the latter from behind.
 """
 
 
