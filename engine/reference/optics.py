@@ -168,10 +168,11 @@ def fibre_highlight(
 
 
 class FibreAngles:
-    """How l and v (3, m) lie to the unit tangents t (3, m) of fibres whose lobe leans by the
-    tangent `tilt`. All (m,): to_l, to_v and across_l, across_v, sines and cosines of the angles off the
-    plane across t; along, across: half of both angles together, leant, has the tangent along /
-    across; turned: the cosine of the angle round t from v to l.
+    """How l and v (3, m) lie to the unit tangents t (3, m) of fibres whose lobe leans by `tilt`.
+
+    `tilt` is a tangent. (m,) each: to_l, to_v and across_l, across_v are sines and cosines of the
+    angles off the plane across t; half of both angles together, leant, has the tangent along /
+    across; turned is the cosine of the angle round t from v to l.
     """
 
     def __init__(self, t: Array, tilt: float, v: Array, l: Array) -> None:  # noqa: E741

@@ -125,10 +125,10 @@ class Lobe:
     it is zero or not finite, or -1, they have the point's. stretch_output: of SPECULAR lobes, the
     output with a direction in the world along the surface: slopes of half vectors along it are
     times its length, those across it over that (SEMANTICS.md); -1, zero or not finite: none.
-    radius: of DIFFUSE lobes, RGB, at least 0,
-    world units: how far below the surface their light goes before it comes out again, the d of
-    Christensen and Burley's profile (SEMANTICS.md, Subsurface); 0: it comes out where it goes in.
-    radius_output: the output that takes its place, -1 for none.
+    radius: of DIFFUSE lobes, RGB, at least 0, world units: how far below the surface their light
+    goes before it comes out again, the d of Christensen and Burley's profile (SEMANTICS.md,
+    Subsurface); 0: it comes out where it goes in. radius_output: the output that takes its place,
+    -1 for none.
     """
 
     kind: str

@@ -17,8 +17,6 @@ constexpr size_t kColumns =
 /// Paths that bring less than this of what a bounced ray meets ask for few samples of lights.
 constexpr double kFaint = 1.0 / 16;
 
-/// Kinds of points.
-
 /// The mean over the light of an even sky of what stage_terminator.h has it times.
 double mean_lowered(double lowering) {
   if (!(lowering > 1)) return 1;

@@ -80,14 +80,14 @@ class DirectLight {
   /// `illuminate` was told last. pixels: of the region, of each point of the batch.
   void bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
               Queue& gathering, RayCounts& counts);
-  /// Whether point k of a batch is on a strand.
-  bool is_on_strand(const Batch& batch, size_t k) const;
   /// Makes of what gather rays hit surfaces that throw light on alike to all sides, but for fibres.
   void make_diffuse(Batch& batch);
 
  private:
   void illuminate(Batch& batch, uint32_t sample, bool alone, RayCounts& counts);
   void prepare(const Batch& batch);
+  /// Whether point k of a batch is on a strand.
+  bool is_on_strand(const Batch& batch, size_t k) const;
   const double* choices(const Batch& batch, const double* const (&at)[RenderPlan::kBounceParts]);
   void send(Path& path, const double* const (&x)[3], uint32_t from, size_t k, Queue& gathering,
             RayCounts& counts) const;
@@ -154,7 +154,7 @@ class DirectLight {
   Scratch& scratch_;
   uint32_t sample_ = 0;
   bool alone_ = false;      // catchers of shadows are the only things there
-  bool takes_few_ = false;  // of them, or of what is faint
+  bool takes_few_ = false;  // only points that `few_` names are lit
   std::vector<uint8_t> few_;
   std::vector<int64_t> whole_;   // the batch's mask of points that lights may reach
   bool scattering_ = false;      // points are of media and not of surfaces

@@ -7,6 +7,7 @@
 #include "math/math.h"
 
 namespace glint {
+
 void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
                          Queue& gathering, RayCounts& counts) {
   const Queue& queue = *batch.queue;

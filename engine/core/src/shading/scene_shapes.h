@@ -51,10 +51,10 @@ struct SpecularTerm {
   /// The same of TOON lobes, of which `masking` has the size and `fresnel` the smooth edge.
   static constexpr double kToonDiffuse = -5, kToonSpecular = -6;
   /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one over the masking,
-  /// 0 for none,
-  /// `tangent` three numbers and `tilt` the tangent by which they lean. There SPECULAR lobes have a
-  /// normal of their own, 0 for the point's, and `stretch` a direction across it, as long as slopes
-  /// of half vectors along it are times, and those across both over that; 0 for none.
+  /// 0 for none, `tangent` three numbers and `tilt` the tangent by which they lean. There SPECULAR
+  /// lobes have a normal of their own, 0 for the point's, and `stretch` a direction across it, as
+  /// long as slopes of half vectors along it are times, and those across both over that; 0 for
+  /// none.
   static constexpr double kFibreDiffuse = -7, kFibreSpecular = -8, kFibreTransmission = -9;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
                        kTangent = 6, kTilt = 9, kFibred = 10, kNormal = 6, kTurned = 9,
