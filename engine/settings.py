@@ -299,8 +299,9 @@ class Settings:
     max_bounces: int = _setting(
         4,
         "Bounces",
-        "Depth of mirror and refraction rays; costs nothing without mirrors or glass. Choose 12 "
-        "for glass, 4 where mirrors face each other and time is short, 0 for no reflections",
+        "Depth of mirror and refraction rays, and of light that goes from strand to strand of "
+        "hair; costs nothing without these. Choose 12 for glass and hair, 4 where mirrors face "
+        "each other and time is short, 0 for no reflections",
         high=64,
         remedy="0 to 64",
     )

@@ -186,12 +186,13 @@ class Explainer:
         """The rays along which light bounced to the point, and what is told of them."""
         stage, paths = self.stage, at.paths
         found = tuple(self._gathered(bouncing(stage, at, self._sample, self._places)))
-        if stage.bounces == 0:
+        most = int(stage.strand_bounces if stage.are_strands(at.surface)[0] else stage.bounces)
+        if most == 0:
             return found, about
         _, k, share, number = bounce(stage, at, self._sample, self._places)
         if not k.any():
             return found, about
-        told = Bounce(paths.bounced, stage.bounces, float(share[0]), float(number[0]))
+        told = Bounce(paths.bounced, most, float(share[0]), float(number[0]))
         return found, replace(about, bounce=told)
 
     def _gathered(self, near: list[Paths]) -> Iterator[Ray]:

@@ -32,11 +32,12 @@ def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[
     synthesis). places: (n,) of the tile's pixels, as `Stage.places`.
     """
     paths, hit, surface = at.paths, at.hit, at.surface
-    if not stage.gathers(paths):
+    on = stage.bounces_on(paths, surface)
+    if not on.any():
         return []
     d, k, share, least = bounce(stage, at, sample, places)
     side = np.where(dot(d, surface.n) < 0, -1.0, 1.0)
-    given = np.abs(at.weight * k).max(0) > 0
+    given = on & (np.abs(at.weight * k).max(0) > 0)
     go = np.flatnonzero(given & (side * dot(d, surface.g) > 0) & (least < share))
     if not len(go):
         return []
@@ -61,7 +62,7 @@ def bounce(
     *disc, least = stage.bounce_points(sample, at.paths.bounced, places[at.pixel])
     point, factor = np.array(disc), np.ones(len(at.hit))
     d = _onward(surface.n, point)
-    strands = np.flatnonzero(surface.primitive >= stage.geometry.first_rod)
+    strands = np.flatnonzero(stage.are_strands(surface))
     if len(strands):
         number, least = least[strands], least.copy()
         of = sampled(surface, coefficients, at.weight, strands, point[:, strands], number)

@@ -148,23 +148,33 @@ def fibre_highlight(
     behind: bool = False,
     tilt: float = 0.0,
 ) -> Array:
-    """(m,) max(0, n·h)^p round a fibre, n across its tangent t and h half way from v to l turned
-    round t to v's side, times what keeps the light of a uniform world (SEMANTICS.md).  fan: how far
-    light fans out round t from v's side, or from behind, 0 to 1; 0 for as far as normals do.  tilt:
-    the tangent of how far n leans from across t, against it.
+    """(m,) what a fibre gives back of light along l, spread along its tangent t with the variance
+    4 / exponent (SEMANTICS.md).  fan: how far light fans out round t from v's side, or from behind,
+    0 to 1; 0 for as far as normals do.  tilt: the tangent of half of how far it leans along the
+    fibre, against t.
     """
     at = FibreAngles(unit(t), tilt, v, l)
     with np.errstate(divide="ignore", invalid="ignore"):
-        tangent2 = at.along**2 / at.across**2
-        power = np.exp(-exponent / 2 * np.log1p(tangent2))
-    widest = np.maximum(np.maximum(at.across_l, at.across_v), 1 / 8)
-    size = np.sqrt((exponent + 0.5) / (8 * np.pi))
-    with np.errstate(divide="ignore", invalid="ignore"):
         u = 0.5 * (1 + (-1 if behind else 1) * np.clip(at.turned, -1.0, 1.0))
         q = 1 / np.where(np.greater(fan, 0), fan, 1.0)
-        power = power * np.where(u > 0, u ** (q - 1), 0.0)
-    size = size * np.where(np.greater(fan, 0), np.sqrt(np.pi * (2 * q + 0.5) / 8), 1.0)
-    return np.where(at.across > 0, size * power * at.across_l / widest**2, 0.0)
+        fanned = np.sqrt(np.pi * (2 * q + 0.5) / 8) * np.where(u > 0, u ** (q - 1), 0.0)
+    fanned = np.where(np.greater(fan, 0), fanned, 1.0)
+    return fanned * _spread_along(at, tilt, np.asarray(exponent, float))
+
+
+def _spread_along(at: FibreAngles, tilt: float, exponent: Array) -> Array:
+    """(m,) of d'Eon and others (An energy-conserving hair reflectance model, 2011), for a variance
+    of 4 / exponent: the integral over all l, times the cosine off the plane across t, is 1.
+    """
+    leans, v = 2 * np.arctan(tilt), exponent / 4
+    to_v = at.to_v * np.cos(leans) + at.across_v * np.sin(leans)
+    both = at.across_l * np.abs(at.across_v * np.cos(leans) - at.to_v * np.sin(leans))
+    x = v * both
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        far = (1 + 1 / (8 * x) + 9 / (128 * x * x)) / np.sqrt(2 * np.pi * x)
+        bessel = np.where(x < 500, np.i0(np.minimum(x, 500)) * np.exp(-np.minimum(x, 500)), far)
+        whole = np.where(v > 0, v / -np.expm1(-2 * v), 0.5)
+    return whole * bessel * np.exp(v * np.minimum(both - at.to_l * to_v - 1, 0.0))
 
 
 class FibreAngles:

@@ -17,6 +17,7 @@ from ..lights.interleaving import interleaving
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import (
+    BOUNCE_LEVELS,
     BOUNCE_PARTS,
     bounce_parts,
     bounce_points,
@@ -73,6 +74,8 @@ class Stage:
         self.interleaving = interleaving(scene, settings)
         self.samples = dealt_samples(settings.samples, self.interleaving)  # of tables
         self.bounces = settings.bounces if scene.lights else 0
+        most = min(settings.max_bounces, BOUNCE_LEVELS) if self.bounces else 0
+        self.strand_bounces = max(self.bounces, most)
         self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
         self.geometry = gather(scene, self.eye)
         cancellation.check()
@@ -167,8 +170,17 @@ class Stage:
         )
 
     def gathers(self, paths: Paths) -> bool:
-        """Whether light bounces on at what the paths meet."""
+        """Whether light bounces on at what the paths meet, but for strands."""
         return paths.bounced < self.bounces
+
+    def are_strands(self, surface: Surface) -> Array:
+        """(m,) bool."""
+        return surface.primitive >= self.geometry.first_rod
+
+    def bounces_on(self, paths: Paths, surface: Surface) -> Array:
+        """(m,) whether light bounces on at what the paths meet."""
+        most = np.where(self.are_strands(surface), self.strand_bounces, self.bounces)
+        return paths.bounced < most
 
     def closest(self, paths: Paths, strips: Strips | None = None) -> Hits:
         """What the paths meet first. strips: as `Visibility.closest`."""

@@ -3,6 +3,7 @@
 """
 
 from .patterns import (
+    BOUNCE_LEVELS,
     BOUNCE_PARTS,
     LOBE_LEVELS,
     MOST_LOBE_POINTS,
@@ -36,6 +37,7 @@ from .patterns import (
 )
 
 __all__ = [
+    "BOUNCE_LEVELS",
     "BOUNCE_PARTS",
     "LOBE_LEVELS",
     "MOST_LOBE_POINTS",

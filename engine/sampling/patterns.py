@@ -18,6 +18,8 @@ MOST_TABLED = 1 << 20
 MOST_LOBE_POINTS = MOST_NODE_POINTS = 1 << 16
 LOBE_LEVELS = 8
 """Reflections of a path whose directions are independent."""
+BOUNCE_LEVELS = 16
+"""The same of bounces by which light goes on."""
 _ASIDE = 0.7
 """Radians."""
 TILE_SIDE = 32
@@ -274,13 +276,12 @@ def places_in_blocks(x: tuple[int, int], y: tuple[int, int], side: int) -> np.nd
 
 @functools.lru_cache(maxsize=4)
 def bounce_points(samples: int) -> np.ndarray:
-    """(LOBE_LEVELS, k, 3) float64, not to be written to: how light bounces, at each of the first
-    bounces of a path; later ones, and samples beyond k = MOST_LOBE_POINTS, take these again. A
-    point of the unit disc below the direction, turned so that rays do not lie in faces along the
-    axes; and a number of [0, 1)
-    that what goes on of the light is not below, else the path ends there (Russian roulette: Arvo,
-    Kirk 1990, Particle transport and image synthesis). The same points in another order each time,
-    as `lobe_points`.
+    """(BOUNCE_LEVELS, k, 3) float64, not to be written to: how light bounces, at each bounce of a
+    path; samples beyond k = MOST_LOBE_POINTS take these again. A point of the unit disc below the
+    direction, turned so that rays do not lie in faces along the axes; and a number of [0, 1) that
+    what goes on of the light is not below, else the path ends there (Russian roulette: Arvo, Kirk
+    1990, Particle transport and image synthesis). The same points in another order each time, as
+    `lobe_points`.
     """
     count = min(samples, MOST_LOBE_POINTS)
     bits = max(count - 1, 0).bit_length()
@@ -288,7 +289,7 @@ def bounce_points(samples: int) -> np.ndarray:
     x, y = concentric_disc(2 * numbers[:, :2] - 1).T
     cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
     all_points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y, numbers[:, 2]])
-    levels = range(LOBE_LEVELS, 2 * LOBE_LEVELS)
+    levels = range(LOBE_LEVELS, LOBE_LEVELS + BOUNCE_LEVELS)
     points = np.stack([all_points[_shuffled(bits, level)[:count]] for level in levels])
     points.flags.writeable = False
     return points

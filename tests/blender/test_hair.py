@@ -202,8 +202,9 @@ def test_principled_hair_has_lobes_round_the_strand(scene, model):  # noqa: F811
 
     (strands,) = strands_of(export())
     assert [a.name for a in strands.attributes] == ["(fibre)"]
-    more = "FIBRE_DIFFUSE" if model == "HUANG" else "FIBRE_SPECULAR"
-    kinds = ["FIBRE_SPECULAR", *["FIBRE_TRANSMISSION"] * 2, more]
+    # reflection before the strand and behind it, what passes, and what is reflected within, which
+    # Huang's model sends to both sides
+    kinds = ["FIBRE_SPECULAR"] * 2 + ["FIBRE_TRANSMISSION"] * (2 if model == "CHIANG" else 3)
     assert sorted(x.kind for x in lobes()) == sorted(kinds)
     assert len({x.fibre_output for x in lobes()}) == 1
     assert sent(lobes()).max() < 1
@@ -258,7 +259,7 @@ def test_hair_of_any_colour_sends_no_more_than_comes(scene, model):  # noqa: F81
         for ior in (1.0, 1.3, 1.55, 2.0, 4.0, 1000.0):
             shader.shader.inputs["IOR"].default_value = ior
             lobes = [x for x in export().scene.materials[-1].lobes if x.kind != "AMBIENT"]
-            assert (sent(lobes) <= 1).all()
+            assert (sent(lobes) <= 1 + 1e-9).all()
 
 
 def test_colours_that_are_not_finite_count_as_0_and_are_told(scene):  # noqa: F811

@@ -7,114 +7,80 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
+from ....engine.program.operations_vector import VectorMeasure, VectorOperation
 from ....engine.program.table import BY_NAME
 from ....engine.scene import Lobe
 from ..shader_nodes.reader import FIBRE, HAIR
 from .closures import Closure, LobeKey, add_closures
 from .evaluator import CLOSURE_NODES, NodeView
-from .fresnel import mean_across_fibre
-from .terms import RGB, Sum, add, complement, constant, constant_value, is_constant, multiply, scale
+from .fibre_optics import Way, slanted, ways
+from .terms import RGB, Sum, complement, constant, constant_value, is_constant, multiply, scale
 from .varying import Roughness
 
 _EUMELANIN, _PHEOMELANIN = (0.506, 0.841, 1.653), (0.343, 0.733, 1.924)
 """What melanin absorbs, a fibre's radius (Donner and Jensen 2006)."""
 _SMOOTHEST = 0.02
 """Of highlights along a strand."""
-_ACROSS = 1.85
-"""Radii that light goes within a fibre of an index of about 1.5, on average over its width."""
+_NARROWEST = 0.01
+"""Radians, of the standard deviation along a strand."""
+_USUAL_ASPECT = 0.85
 _STEEPEST = 0.3
 """Radians that scales lean at most: lobes lean up to twice as far."""
-_TAIL = 3.0
-"""Exponent of light that leaves a strand behind in all directions."""
 
 
-class _Model(NamedTuple):
-    """What one strand of a model of Principled Hair makes of light, as Cycles' direct light shows
-    it (docs/decisions/0047-hair-lobes.md).
-    """
-
-    before: float  # of what Fresnel reflects, what leaves the strand before it
-    within: float  # the same after a way within
-    straight: float  # of what passes, what goes on straight
-    wide: float  # the variance of that, of the reflection's
-    fan: float  # and how far it fans out (Lobe.masking)
-    behind: float  # what passes and leaves in all directions
-    matt: float  # what comes back in all directions
-    # How far reflections, what goes straight on and what is reflected within lean along a strand
-    # whose scales tilt by 1.
-    leans: tuple[float, float, float]
-
-
-_MODELS = {
-    "CHIANG": _Model(
-        0.72,
-        1.65,
-        0.98,
-        0.42,
-        0.16,
-        0.03,
-        0.0,
-        (1.0, -0.5, -2.0),
-    ),
-    "HUANG": _Model(
-        0.58,
-        0.0,
-        0.745,
-        1.0,
-        0.09,
-        0.123,
-        0.056,
-        (0.5, 0.0, 0.0),
-    ),
-}
-_WITHIN_FAN = 0.25
-_FORWARD = 0.3
-"""Of what Fresnel reflects, what grazes the strand and goes on before the light."""
-_GIVEN = (
-    (0.0, 0.222),
-    (1.0, 0.369),
-    (3.0, 0.522),
-    (10.0, 0.734),
-    (30.0, 0.886),
-    (100.0, 0.96),
-    (1e4, 1.0),
-)
-"""Of even light, what a lobe of an exponent gives back of what it is meant to, seen from across."""
-_USUAL_ENTERS, _USUAL_ROUGHNESS = 0.856, 0.3
-"""Of an index of 1.55, for which lobes are."""
-_CAUCHY = np.array(
+_VARIANCES = (1.0, 0.25, 4.0)
+"""Along a strand, of R, TT and TRT in Chiang's model, of `_variance`."""
+_LEANS = {"CHIANG": (1.0, -0.5, -2.0), "HUANG": (0.5, 0.0, 0.0)}
+"""How far R, TT and TRT lean along a strand whose scales tilt by 1."""
+_HUANG = np.array(
     [
-        [0.02, 1637.0, 31.1, 0.22],
-        [0.05, 345.0, 12.4, 0.29],
-        [0.1, 122.0, 7.8, 0.39],
-        [0.2, 49.0, 5.1, 0.55],
-        [0.3, 35.0, 4.5, 0.71],
-        [0.5, 20.0, 4.4, 1.0],
-        [1.0, 20.0, 2.6, 1.0],
+        [0.0, 1.00, 1.00, 1.00, -0.06, -0.86, 0.84, 0.00, 0.000, 0.00],
+        [0.05, 0.98, 0.97, 1.00, -0.06, -0.87, 0.83, 0.118, 0.079, 0.252],
+        [0.1, 0.98, 0.93, 0.90, -0.07, -0.88, 0.81, 0.214, 0.136, 0.349],
+        [0.2, 0.86, 0.85, 1.06, 0.02, -0.90, 0.62, 0.328, 0.214, 0.436],
+        [0.3, 0.75, 0.82, 1.30, 0.11, -0.91, 0.46, 0.402, 0.257, 0.483],
+        [0.45, 0.63, 0.80, 1.72, 0.20, -0.93, 0.30, 0.483, 0.290, 0.618],
+        [0.6, 0.52, 0.82, 2.07, 0.26, -0.94, 0.20, 0.558, 0.315, 0.727],
+        [0.8, 0.42, 0.85, 2.25, 0.31, -0.94, 0.11, 0.630, 0.325, 0.740],
+        [1.0, 0.34, 0.89, 2.26, 0.35, -0.94, 0.04, 0.712, 0.335, 0.773],
     ]
 )
-"""A row each: half the width of Cauchy's distribution, cut off at a quarter of a circle, and the
-exponents of two powers of a cosine and the share of the second that are nearest to it, in the
-root mean square of the square roots: within 15 % below 0.05, 9 % above.
+"""Roughness of Huang's model (Huang, Hullin, Hanika 2022), and of R, TT and TRT how much there is,
+of what a smooth strand has, the mean cosine round the strand, and the standard deviation along it:
+measured on Cycles' pictures of one round strand (docs/decisions/0068-strands-by-paths.md).
 """
-
-_USUAL_ASPECT = 0.85
-_FLAT = (
-    (0.2, 0.33, 0.72),
-    (0.4, 0.41, 0.78),
-    (0.6, 0.65, 0.87),
-    (_USUAL_ASPECT, 1.0, 1.0),
-    (1.0, 1.22, 1.09),
+_FLAT = np.array(
+    [
+        [0.2, 0.70, 0.61, 1.64, -0.02, -0.04, -0.61],
+        [0.4, 0.62, 0.59, 2.25, 0.14, -0.03, -0.59],
+        [0.6, 0.70, 0.70, 1.65, 0.13, -0.02, -0.22],
+        [0.85, 0.90, 0.91, 1.10, 0.02, 0.00, 0.00],
+        [1.0, 1.00, 1.00, 1.00, 0.00, 0.00, 0.00],
+    ]
 )
-"""Ratios of the axes of Huang's elliptic strands; of light that was within them, what comes back
-and what goes on, of what does with the usual one, over all turns of the ellipse: Cycles' means of
-few strands in direct light, the latter from behind.
+"""Ratios of the axes of Huang's elliptic strands, and of R, TT and TRT how much there is, of what a
+round one has, and what is added to the mean cosine: the same, over all turns of the ellipse.
+"""
+_CAUCHY = np.array(
+    [
+        [0.02, 1886.0, 45.7, 0.25],
+        [0.05, 388.0, 17.7, 0.3],
+        [0.1, 136.0, 11.8, 0.4],
+        [0.2, 56.1, 7.8, 0.55],
+        [0.3, 29.5, 2.0, 0.55],
+        [0.5, 31.6, 1.2, 0.85],
+        [1.0, 31.6, 0.3, 1.0],
+    ]
+)
+"""A row each: half the width of Cauchy's distribution of half angles, cut off at a quarter of a
+circle, and the exponents of two lobes and the share of the second that are nearest to it, seen from
+across, over the root of the cosine off the plane across the strand, in the root mean square of the
+square roots.
 """
 
 
@@ -127,68 +93,116 @@ def _note_unused(view: NodeView, usual: dict[str, float]) -> None:
             view.note(f"'{name}' of {view.node.bl_label} is not rendered: {{}} go without it")
 
 
-def _fibre(view: NodeView, kind: str, color: Sum, even: float = 1.0, **exponent) -> Closure:
-    """A FIBRE lobe, and what of even light it gives back; even: what its shape does."""
+def _fibre(view: NodeView, kind: str, color: Sum, **exponent) -> Closure:
+    """A FIBRE lobe, and what of even light it gives back."""
     key = LobeKey(f"FIBRE_{kind}", fibre_output=_tangent_output(view), **exponent)
-    return {key: color, LobeKey("AMBIENT"): scale(color, even)}
+    return {key: color, LobeKey("AMBIENT"): color}
 
 
 def _tangent_output(view: NodeView) -> int:
     """The tangent, as long as the strand is thick."""
+    return view.evaluator.expressions.output(_tangent(view))
+
+
+def _tangent(view: NodeView) -> Value:
     expressions = view.evaluator.expressions
     along, thickness = expressions.graph.apply(BY_NAME["attribute"], attribute=FIBRE, shift=0)[:2]
     along = expressions.apply("scaled_sum", along, thickness, expressions.constant((0.0, 0.0, 0.0)))
     spaces = {"convert_from": Space.OBJECT, "convert_to": Space.WORLD}
-    told = expressions.apply("transform_vector", along, vector_type=VectorType.VECTOR, **spaces)
-    return expressions.output(told)
+    return expressions.apply("transform_vector", along, vector_type=VectorType.VECTOR, **spaces)
 
 
 def _principled_hair(view: NodeView) -> Closure:
     """Reflection R, transmission TT and the light TRT that is reflected within (Marschner et al.
-    2003), each as wide as Chiang et al. (2016) have it, and what leaves a strand in all directions.
+    2003), each in lobes that aim where it goes round the strand, as wide as it is along it.
     """
     _note_limits(view)
-    model = _MODELS.get(view.node.model, _MODELS["CHIANG"])
-    roughness = _roughness(view)
-    coat = view.constant("Coat", 0.0) if view.node.model == "CHIANG" else 0.0
-    smoother = 1 - min(max(coat, 0.0), 1.0)
-    returns, goes_on = _of_ellipse(view)
+    roughness, hair = _roughness(view), _Hair(view)
     tilt = min(max(view.constant("Offset", 2 * math.pi / 180), -_STEEPEST), _STEEPEST)
-    edge = mean_across_fibre(max(view.constant("IOR", 1.55), 1.0))
-    enters = (1 - edge) ** 2
-    usual = min(enters / _USUAL_ENTERS, 1.0)
-    hair = _Hair(view)
-    r, tt, trt = (
-        view.factor(name, 1.0) if view.input(name) and view.node.model == "HUANG" else constant(1.0)
-        for name in ("R lobe", "TT lobe", "TRT lobe")
+    leans = _LEANS.get(view.node.model, _LEANS["CHIANG"])
+    of = _of_huang if view.node.model == "HUANG" else _of_chiang
+    lobes, slant = [], _slant(view)
+    for number, (way, weight, variance) in enumerate(of(view, roughness)):
+        lean = leans[number]
+        aside = slant.number(lambda sine, k=number: slanted(_ior(view), sine)[k])
+        color = multiply(multiply(weight, aside), scale(hair.dimmed(way.radii), way.amount))
+        more = roughness.exponent(lambda x, variance=variance: 4 / variance(x))
+        more["ior"] = Lobe.leaning(math.tan(lean * tilt))
+        lobes += [
+            _fibre(
+                view,
+                "TRANSMISSION" if behind else "SPECULAR",
+                scale(color, share),
+                masking=fan,
+                **more,
+            )
+            for behind, share, fan in way.shares()
+        ]
+    return add_closures(*lobes)
+
+
+def _slant(view: NodeView) -> Roughness:
+    """The sine of the angle by which the view leaves the plane across the strand."""
+    expressions = view.evaluator.expressions
+    zero, normalize = expressions.constant((0.0, 0.0, 0.0)), VectorOperation.NORMALIZE
+    one = expressions.constant(1.0)
+    way = expressions.apply("vector_math", _tangent(view), zero, zero, one, operation=normalize)
+    along = expressions.apply(
+        "vector_measure", way, expressions.apply("incoming"), measure=VectorMeasure.DOT_PRODUCT
     )
+    return Roughness(expressions.math("ABSOLUTE", along), expressions)
 
-    def lobe(
-        kind: str, weight: Sum, times: float, leans: float, coat: float = 1.0, **more
-    ) -> Closure:
-        """times: its variance, of the reflection's.  leans: as far as scales, so many times.
-        coat: of the roughness, what one leaves.
-        """
-        more |= {"ior": Lobe.leaning(math.tan(leans * tilt))}
 
-        def exponent(x: float) -> float:
-            return 4 / (times * _variance(coat * x))
+_Told = list[tuple[Way, Sum, Callable[[float], float]]]
+"""Of R, TT and TRT: what the amount is times, and the variance along a strand by its roughness."""
 
-        usually = _given(exponent(_USUAL_ROUGHNESS))
-        lost = roughness.number(lambda x: usually / _given(exponent(x)))
-        return _fibre(view, kind, multiply(weight, lost), **roughness.exponent(exponent), **more)
 
-    passes, within = (hair.dimmed(radii) for radii in (_ACROSS, 2 * _ACROSS))
-    passes = multiply(tt, scale(passes, enters))
-    straight = add(scale(passes, goes_on * model.straight), scale(r, _FORWARD * edge))
-    reflected = multiply(trt, scale(within, returns * model.within * edge * usual))
-    return add_closures(
-        lobe("SPECULAR", scale(r, model.before * edge), 1.0, model.leans[0], smoother),
-        lobe("TRANSMISSION", straight, model.wide, model.leans[1], masking=model.fan),
-        lobe("SPECULAR", reflected, 4.0, model.leans[2], even=0.77, masking=_WITHIN_FAN),
-        _fibre(view, "DIFFUSE", multiply(trt, scale(within, returns * model.matt))),
-        _fibre(view, "TRANSMISSION", scale(passes, model.behind), even=0.53, exponent=_TAIL),
-    )
+def _of_chiang(view: NodeView, roughness: Roughness) -> _Told:
+    smoother = 1 - min(max(view.constant("Coat", 0.0), 0.0), 1.0)
+    coats = (smoother, 1.0, 1.0)
+    return [
+        (way, constant(1.0), lambda x, coat=coat, times=times: times * _variance(coat * x))
+        for way, coat, times in zip(
+            ways(_ior(view), view.constant("Radial Roughness", 0.3)),
+            coats,
+            _VARIANCES,
+            strict=True,
+        )
+    ]
+
+
+def _of_huang(view: NodeView, roughness: Roughness) -> _Told:
+    ratio, usual = view.constant("Aspect Ratio", _USUAL_ASPECT), view.constant("Roughness", 0.3)
+    if abs(ratio - _USUAL_ASPECT) > 1e-4:
+        view.note(
+            "'Aspect Ratio' of Principled Hair: {} has the light of all turns of its strands' "
+            "ellipses, whichever way these lie"
+        )
+    told = []
+    for number, way in enumerate(ways(_ior(view), 0.0)):
+        amount, aim, width = (
+            functools.partial(_between, _HUANG, column=column + number) for column in (1, 4, 7)
+        )
+        aims = aim(usual) + _between(_FLAT, ratio, 4 + number)
+        way = Way(way.amount * _between(_FLAT, ratio, 1 + number), way.radii, aims)
+        name = ("R lobe", "TT lobe", "TRT lobe")[number]
+        tint = view.factor(name, 1.0) if view.input(name) else constant(1.0)
+        told.append(
+            (way, multiply(tint, roughness.number(amount)), functools.partial(_square, width))
+        )
+    return told
+
+
+def _between(table: np.ndarray, x: float, column: int) -> float:
+    return float(np.interp(x, table[:, 0], table[:, column]))
+
+
+def _square(of: Callable[[float], float], x: float) -> float:
+    return max(of(x), _NARROWEST) ** 2
+
+
+def _ior(view: NodeView) -> float:
+    return max(view.constant("IOR", 1.55), 1.0)
 
 
 def _note_limits(view: NodeView) -> None:
@@ -198,28 +212,6 @@ def _note_limits(view: NodeView) -> None:
     if how in ("COLOR", "ABSORPTION"):  # that tell all of it
         unused |= {"Random": 0.0, "Random Color": 0.0}
     _note_unused(view, unused)
-
-
-def _of_ellipse(view: NodeView) -> tuple[float, float]:
-    """Of light that was within elliptic strands what comes back and what goes on, of what does with
-    the usual axes.
-    """
-    if view.node.model != "HUANG" or not view.input("Aspect Ratio"):
-        return 1.0, 1.0
-    ratio = view.constant("Aspect Ratio", _USUAL_ASPECT)
-    if abs(ratio - _USUAL_ASPECT) > 1e-4:
-        view.note(
-            "'Aspect Ratio' of Principled Hair: {} has the light of all turns of its strands' "
-            "ellipses, whichever way these lie"
-        )
-    ratios, returns, goes_on = zip(*_FLAT, strict=True)
-    return float(np.interp(ratio, ratios, returns)), float(np.interp(ratio, ratios, goes_on))
-
-
-def _given(exponent: float) -> float:
-    """Of `_GIVEN`, between its rows."""
-    exponents, shares = zip(*_GIVEN, strict=True)
-    return float(np.interp(math.log1p(exponent), np.log1p(exponents), shares))
 
 
 def _variance(roughness: float) -> float:
@@ -360,7 +352,7 @@ def _hair(view: NodeView) -> Closure:
     if view.node.component == "Transmission":
         kind, power = "TRANSMISSION", 1 + (0.26 + across / 4) * 4 / across**2
     else:
-        kind, power = "SPECULAR", 1 + 1 / (2 * across**2)
+        kind, power = "SPECULAR", 1.5 + 1 / (2 * across**2)  # it ends at a quarter turn
         # as bright in front
         color = scale(color, min(math.sqrt(8 * math.pi / (2 * power + 0.5)) / (4 * across), 1.0))
     fan = {"masking": 1 / power, "ior": Lobe.leaning(math.tan(tilt))}

@@ -31,6 +31,8 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
     for (size_t k = 0; k < count; ++k) {
       const uint32_t from = point_[k];
       if (place_[from] != part) continue;
+      const bool chosen = scene_.instances.has_strands && choices_[from] >= 0;
+      if (!chosen && !bounces(queue)) continue;
       Path path = queue.path(from);
       const double whole = max_abs(path.T);
       path.T = row(stage_.diffuse_out, k);
@@ -38,7 +40,6 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
       if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);
       // of what bounced before, as much goes on as the surface gives back (Russian roulette)
       const double share = bounced > 0 ? std::min(max_abs(path.T) / whole, 1.0) : 1;
-      const bool chosen = scene_.instances.has_strands && choices_[from] >= 0;
       if (!((chosen ? stage_.t_max[k] : at[part][2]) < share)) continue;
       path.T = (1 / share) * path.T;
       if (chosen) send(path, stage_.o, k, k, gathering, counts);  // which may be behind the strand

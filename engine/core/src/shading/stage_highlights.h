@@ -142,23 +142,52 @@ inline Three fibre_tangent(const LightStage& s, size_t k, int number) {
   return {load(t), load(t + s.stride), load(t + 2 * s.stride)};
 }
 
+/// The modified Bessel function of order 0, I0(x) of x >= 0, times e^-x and times the exponential
+/// of `off` (Abramowitz and Stegun 9.8.1, 9.8.2: within 2e-7).
+inline Doubles scaled_bessel(Doubles x, Doubles off) {
+  const Mask small = x < 3.75;
+  const Doubles t = choose(small, x, splat(0)) * (1 / 3.75), t2 = t * t,
+                s = 3.75 / choose(small, splat(3.75), x);
+  const Doubles
+      near =
+          1 + t2 * (3.5156229 +
+                    t2 * (3.0899424 +
+                          t2 * (1.2067492 + t2 * (0.2659732 + t2 * (0.0360768 + t2 * 0.0045813))))),
+      far = 0.39894228 +
+            s * (0.01328592 +
+                 s * (0.00225319 +
+                      s * (-0.00157565 +
+                           s * (0.00916281 +
+                                s * (-0.02057706 +
+                                     s * (0.02635537 + s * (-0.01647633 + s * 0.00392377)))))));
+  return exponential(choose(small, off - x, off)) *
+         choose(small, near, far / root(choose(small, splat(1), x)));
+}
+
+/// How light is spread along a fibre (d'Eon and others 2011, as Chiang and others 2016 have it),
+/// for a variance of 4 / p: its integral over all l, times the cosine off the plane across t, is 1.
+inline Doubles spread_along(const FibreAngles& at, Doubles tilt, Doubles p) {
+  const Doubles size = 1 / (1 + tilt * tilt), turned = size * (1 - tilt * tilt),
+                by = size * (2 * tilt), v = 0.25 * p, to_v = at.to_v * turned + at.across_v * by,
+                both = at.across_l * magnitude(at.across_v * turned - at.to_v * by);
+  const Doubles whole = v / (1 - exponential(-2 * larger(v, splat(0x1p-12)))),
+                wide = 0.5 + v * (0.5 + v * (1.0 / 6));
+  return choose(v < 0x1p-12, wide, whole) *
+         scaled_bessel(v * both, v * smaller(both - at.to_l * to_v - 1, splat(0)));
+}
+
 /// What a FIBRE lobe gives (SEMANTICS.md); cosine: n.l.
 inline Doubles fibre(const LightStage& s, size_t k, int number, Doubles kind, const Three& l,
                      Doubles cosine) {
   const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
-  const FibreAngles at(unit(fibre_tangent(s, k, number)),
-                       load(column + SpecularTerm::kTilt * s.stride), -load3(s.d, k), l);
-  const Doubles p = load(column + SpecularTerm::kMasking * s.stride),
-                q = load(column + SpecularTerm::kFresnel * s.stride),
-                widest = larger(larger(at.across_l, at.across_v), splat(0.125));
+  const Doubles tilt = load(column + SpecularTerm::kTilt * s.stride),
+                p = load(column + SpecularTerm::kMasking * s.stride),
+                q = load(column + SpecularTerm::kFresnel * s.stride);
+  const FibreAngles at(unit(fibre_tangent(s, k, number)), tilt, -load3(s.d, k), l);
   const Mask behind = kind == SpecularTerm::kFibreTransmission;
   const Doubles fanned = fan(at.turned, q, choose(behind, splat(-1), splat(1))),
-                power = exponential(
-                    -0.5 * p * logarithm_of_one_and(at.along * at.along, at.across * at.across)),
-                glossy = fanned * root((p + 0.5) / (8 * kCircle)) * power * at.across_l /
-                         (widest * widest),
                 given = choose(kind == SpecularTerm::kFibreDiffuse, (2 / kCircle) * at.across_l,
-                               where(at.across > 0, glossy));
+                               fanned * spread_along(at, tilt, p));
   return where((behind & (cosine < 0)) | (~behind & (cosine > 0)), given);
 }
 
