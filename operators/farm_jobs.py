@@ -176,7 +176,8 @@ case ${{GLINT_STAGE:-draw}} in
   merge) words=(merge "$scene" "${{chunks[task]}}" --tiles "$grid") ;;
   check) words=(frames "$scene" "$frames" --check) ;;
 esac
-"$blender" -b --command glint "${{words[@]}}" --out "$out"{trusted} --threads "${{SLURM_CPUS_ON_NODE:-0}}"
+words+=(--out "$out"{trusted} --threads "${{SLURM_CPUS_ON_NODE:-0}}")
+"$blender" -b --command glint "${{words[@]}}"
 code=$?
 # 128 and the number of the signal that ended Blender, but for Ctrl-C
 if [ $code -gt 128 ] && [ $code -ne 130 ] && [ "${{SLURM_RESTART_COUNT:-0}}" -lt 3 ]; then
