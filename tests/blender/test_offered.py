@@ -123,12 +123,7 @@ thing = look(box("thing", (1, 1, 1), -0.5, 0, 0.6), "ShaderNodeEmission", Streng
 light = lamp("AREA", 0, 0, 4, energy=100)
 kinds = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 change(thing, hide_render=True, is_holdout=True, is_shadow_catcher=True, **{f"visible_{kind}": False for kind in kinds})
-change(world.cycles_visibility, "world ", camera=False, diffuse=False, scatter=False)
-for kind, other in (("glossy", "transmission"), ("transmission", "glossy")):
-    # what either sees both do, which is told
-    setattr(world.cycles_visibility, other, False)
-    change(world.cycles_visibility, "world ", **{kind: False})
-    setattr(world.cycles_visibility, other, True)
+change(world.cycles_visibility, "world ", **{kind: False for kind in ("camera", "diffuse", "glossy", "transmission", "scatter")})
 layer.lightgroups.add(name="one")
 change(thing, lightgroup="one")
 change(world, "world ", lightgroup="one")
