@@ -101,9 +101,9 @@ class Progress:
         if not speed > 0:
             return math.inf
         waves = math.ceil(math.log2(samples / max(1, self._samples))) + (self._samples == 0)
-        if samples * self._share_of_sample(samples) < 0.999:  # the last picture is made meanwhile
-            waves -= 1
-        waited = now - moved
+        waited, beyond = now - moved, 1.0 - samples * self._share_of_sample(samples)
+        if beyond > 1e-3:  # the last picture is made along with that work
+            waves += min(1.0, (1.0 - fraction) / beyond) - 1.0
         pauses = waves * max(self._pause, waited)
         return max(0.0, (1.0 - fraction) / speed + pauses - waited)
 

@@ -95,7 +95,7 @@ def test_a_program_without_windows_is_told_no_texts():
 def test_remaining_time_is_true_from_a_tenth_on(pause, beyond):
     """Within 20 % and half of the second that the text rounds to; pause: seconds between a wave's
     last sample and its picture, which averages what the wave brought. beyond: work of so many
-    samples by other rays, while the last picture is made.
+    samples by other rays, along with which the last picture is made.
     """
     samples, each = 8, 5.0
     settings, steps = engine.Settings(samples=samples), samples + beyond
@@ -109,8 +109,8 @@ def test_remaining_time_is_true_from_a_tenth_on(pause, beyond):
         for k in range(40 * (last - done)):
             go_on(each / 40, done + (k + 1) / 40)
         if last == samples and beyond:
-            for k in range(40 * beyond):
-                go_on(each / 40, samples + (k + 1) / 40)
+            for k in range(40 * beyond):  # with the picture
+                go_on(each / 40 + pause / (40 * beyond), samples + (k + 1) / 40)
         else:
             for _ in range(8):
                 go_on(pause / 8, last)
