@@ -286,9 +286,8 @@ void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
 }
 
 double Job::fraction() const {
-  return double(done_.load()) /
-         (double(film_.tiles().size()) *
-          (double(plan_.samples) * kRaysOfSample + plan_.beyond_samples()));
+  return double(done_.load()) / (double(film_.tiles().size()) *
+                                 (double(plan_.samples) * kRaysOfSample + plan_.beyond_samples()));
 }
 
 GlintProgress Job::wait(uint32_t milliseconds) {
