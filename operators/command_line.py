@@ -218,6 +218,7 @@ def _add_which_frames(parser: argparse.ArgumentParser, tiles: str, *, required: 
     parser.add_argument(
         "--threads", type=int, default=0, metavar="N", help="to draw with; the file's if left out"
     )
+    _add_scripts(parser)
 
 
 def _add_frames(parser: argparse.ArgumentParser) -> None:
@@ -225,7 +226,11 @@ def _add_frames(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tile", type=_count, metavar="K", help="the one to draw, from 1 at the bottom left"
     )
-    parser.add_argument("--check", action="store_true", help="draw nothing, say what is there")
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="draw nothing, say what is there; no script of the file runs but with --scripts",
+    )
     parser.set_defaults(act=_frames)
 
 
@@ -248,6 +253,7 @@ def _add_job(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--template", type=Path, help="file to write; beside the .blend file if left out"
     )
+    _add_scripts(parser)
     parser.set_defaults(act=_job)
 
 
@@ -312,7 +318,7 @@ def _frames(options: argparse.Namespace) -> int:
     if options.check:
         if options.tiles or options.tile:
             raise ValueError("--check looks at whole frames: leave out --tiles and --tile")
-        scene, _ = _open(options.file)
+        scene, _ = _open(options.file, scripts=options.scripts)
         verdicts = []
         for is_good, line in farm.check_frames(scene, numbers, options.out):
             verdicts.append(is_good)
@@ -342,7 +348,7 @@ def _merge(options: argparse.Namespace) -> int:
 
 
 def _open_for_frames(options: argparse.Namespace) -> bpy.types.Scene:
-    scene, _ = _open(options.file)
+    scene, _ = _open(options.file, scripts=options.scripts or None)
     if options.threads > 0:
         scene.glint.final.threads = options.threads
     return scene
@@ -356,17 +362,18 @@ def _job(options: argparse.Namespace) -> int:
     suffix = {"openjd": ".openjd.json", "slurm": ".slurm.sh", "flamenco": ".flamenco.js"}
     place = options.template or options.file.with_suffix(suffix[options.engine])
     frames = options.frames, options.per_task, options.out
+    more = options.tiles, options.scripts
     if options.engine == "openjd":
-        template = farm_jobs.job_template(options.file, *frames, place, options.tiles)
+        template = farm_jobs.job_template(options.file, *frames, place, *more)
         text = json.dumps(template, indent=2) + "\n"
-        more = farm_jobs.without_default(template, {"Scene": options.file, "Out": options.out})
-        run = ["openjd", "run", str(place), "--step", "Check", "--run-dependencies", *more]
+        given = farm_jobs.without_default(template, {"Scene": options.file, "Out": options.out})
+        run = ["openjd", "run", str(place), "--step", "Check", "--run-dependencies", *given]
         remedy = f"to run it on this machine: {shlex.join(run)}"
     elif options.engine == "slurm":
-        text = farm_jobs.slurm_script(options.file, *frames, options.tiles)
+        text = farm_jobs.slurm_script(options.file, *frames, *more)
         remedy = f"to hand it to Slurm: {shlex.join(['bash', str(place)])}"
     else:
-        text = farm_jobs.flamenco_job_type(*frames, options.tiles)
+        text = farm_jobs.flamenco_job_type(*frames, *more)
         remedy = "put it into the folder scripts beside flamenco-manager and start that again"
     write_whole(place, text.encode(errors="surrogateescape"))
     _tell([f"wrote {place}; {remedy}"])

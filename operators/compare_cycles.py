@@ -6,6 +6,7 @@ Blender reads the operator's annotations as they are, so this module must not ma
 
 import json
 import logging
+import math
 import tempfile
 import threading
 import time
@@ -32,9 +33,9 @@ log = logging.getLogger(__name__)
 
 _TICK = 0.1
 """Seconds between two looks at whether Esc was pressed."""
-_STEP, _FIRST_STEP, _LARGER = 0.5, 2, 8
-"""Seconds of Cycles' work at a time in a window, the samples of the first, and how many times those
-of a step the next one may take.
+_STEP, _STEPS, _LARGER = 0.5, 64, 8
+"""Seconds of Cycles' work at a time in a window, into how many steps a picture falls at most, as
+each reads the scene, and how many times the rows of a step the next one may take.
 """
 _KNOWN = 0.1
 """Share of a picture from which on the rest of its time is told."""
@@ -162,7 +163,7 @@ def comparison_steps(
     """`compare_with_cycles`, step by step: yields the number of the picture that is made next, who
     makes it and the share of it that is done, and may be closed wherever it does. in_window: Glint
     works in the background meanwhile, and Cycles in steps of about `_STEP` seconds, to the same
-    pictures but for rounding.
+    pictures.
     """
     if options.bounces is None:
         options = replace(options, bounces=scene.glint.final.max_bounces)
@@ -266,7 +267,7 @@ class _Cycles:
             copy.cycles.sample_clamp_indirect = final.clamp_indirect
 
         path = self._folder / f"cycles_direct_{seed}.exr"
-        return self._drawn(2 + seed, "by Cycles", "cycles", samples, choose, path)
+        return self._drawn(2 + seed, "by Cycles", "cycles", choose, path)
 
     def full(self) -> Steps[np.ndarray]:
         """With all the light that the scene's own settings give it."""
@@ -277,47 +278,47 @@ class _Cycles:
             copy.cycles.pixel_filter_type = "BLACKMAN_HARRIS"
             copy.cycles.filter_width = copy.render.filter_size
 
-        path, samples = self._folder / "cycles_full.exr", self._options.samples
-        return self._drawn(4, "all light of Cycles", "cycles full", samples, choose, path)
+        path = self._folder / "cycles_full.exr"
+        return self._drawn(4, "all light of Cycles", "cycles full", choose, path)
 
     def _drawn(
         self,
         number: int,
         who: str,
         clock: str,
-        samples: int,
         choose: Callable[[bpy.types.Scene], None],
         path: Path,
     ) -> Steps[np.ndarray]:
-        """A picture of as many samples at a time as take a step's seconds."""
-        done, total, count = 0, np.zeros(()), samples
-        # before Blender 4.5 Cycles has other samples where it takes fewer of them
-        if self._in_window and hasattr(self._scene.cycles, "use_sample_subset"):
-            count = min(samples, _FIRST_STEP)
-        while done < samples:
-            yield number, who, done / samples
+        """A picture of as many rows at a time as take a step's seconds."""
+        strips: list[np.ndarray] = []
+        done, count, rows = 0, 0, 1
+        while done < rows:
+            yield number, who, done / rows
             with copied(self._scene, self._view_layer, in_focus=True) as copy:
                 choose(copy)
                 limit_size(copy, self._options.side)
-                _take_samples(copy.cycles, done, count)
+                rows = copy.render.resolution_y
+                fewest = math.ceil(rows / _STEPS) if self._in_window else rows
+                count = min(max(count, fewest), rows - done)
+                _draw_rows(copy.render, done, done + count)
                 picture, took = rendered(copy, path)
-            part = count / samples * picture.astype(np.float64)
-            total = picture if count == samples else total + part
+            strips.append(picture[done : done + count])
             self._seconds[clock] = self._seconds.get(clock, 0.0) + took
             done += count
-            count = min(max(1, round(count * _STEP / took)), _LARGER * count, samples - done)
-        if total.dtype != np.float32:
-            total = total.astype(np.float32)
-            write_picture(path, total)
-        return total
+            count = min(round(count * _STEP / took), _LARGER * count)
+        if len(strips) > 1:
+            picture = np.concatenate(strips)
+            write_picture(path, picture)
+        return picture
 
 
-def _take_samples(cycles: bpy.types.PropertyGroup, first: int, count: int) -> None:
-    """Of those of the picture, these alone."""
-    if count == cycles.samples:
-        return
-    cycles.sample_offset = first
-    cycles.use_sample_subset, cycles.sample_subset_length = True, count
+def _draw_rows(render: bpy.types.RenderSettings, first: int, last: int) -> None:
+    """These rows of the picture alone, from the bottom, at their places."""
+    render.use_border, render.use_crop_to_border = True, False
+    render.border_min_x, render.border_max_x = 0.0, 1.0
+    # Blender and Cycles cut to whole rows
+    render.border_min_y = (first + 0.25) / render.resolution_y
+    render.border_max_y = min((last + 0.25) / render.resolution_y, 1.0)
 
 
 def _mean_and_noise(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, float]:

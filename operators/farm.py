@@ -186,14 +186,16 @@ class Frames:
         """
         scene = self._scene
         scene.frame_set(frame)
-        composites = scene.render.use_compositing
-        # before 5.0 Blender composites the blank picture, and writes its nodes' files
-        scene.render.use_compositing = False
+        render = scene.render
+        added = render.use_compositing, render.use_freestyle
+        # before 5.0 Blender composites the blank picture, and writes its nodes' files; Freestyle
+        # runs scripts
+        render.use_compositing = render.use_freestyle = False
         try:
             with final.reading_only() as jobs:
                 bpy.ops.render.render(scene=scene.name)
         finally:
-            scene.render.use_compositing = composites
+            render.use_compositing, render.use_freestyle = added
         if not jobs:
             _refuse(frame)
         return jobs

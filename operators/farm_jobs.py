@@ -15,11 +15,18 @@ from .tiles import Grid
 
 
 def job_template(
-    blend: Path, text: str, chunk: int, folder: Path, place: Path, grid: Grid | None = None
+    blend: Path,
+    text: str,
+    chunk: int,
+    folder: Path,
+    place: Path,
+    grid: Grid | None = None,
+    scripts: bool = False,
 ) -> dict[str, Any]:
     """The template of Open Job Description that draws these frames into a folder, several at a
     time, and then looks at all of them. place: of the template; only paths below its folder can be
-    defaults there. grid: of tiles that are drawn apart and then merged.
+    defaults there. grid: of tiles that are drawn apart and then merged. scripts: whether
+    all commands run the file's scripts and drivers.
     """
     numbers = frame_numbers(text)
     tiles = f" in {grid} tiles" if grid else ""
@@ -33,16 +40,17 @@ def job_template(
         },
     }
     some, each = "{{Task.Param.Frames}}", "{{Task.Param.Tile}}"
+    trusted = ["--scripts"] if scripts else []
     if grid:
         tile = {"name": "Tile", "type": "INT", "range": f"1-{grid.count}"}
-        given = ["--tiles", str(grid)]
+        given = ["--tiles", str(grid), *trusted]
         steps = [
             _step("Tiles", _glint("frames", some, *given, "--tile", each), [chunks, tile]),
             _step("Frames", _glint("merge", some, *given), [chunks], after="Tiles"),
         ]
     else:
-        steps = [_step("Frames", _glint("frames", some), [chunks])]
-    check = _glint("frames", "{{Param.Frames}}", "--check")
+        steps = [_step("Frames", _glint("frames", some, *trusted), [chunks])]
+    check = _glint("frames", "{{Param.Frames}}", "--check", *trusted)
     return {
         "specificationVersion": "jobtemplate-2023-09",
         "extensions": ["TASK_CHUNKING"],
@@ -94,7 +102,14 @@ def without_default(template: dict[str, Any], values: dict[str, Path]) -> list[s
     return [word for name in given for word in ("-p", f"{name}={values[name].resolve()}")]
 
 
-def slurm_script(blend: Path, text: str, chunk: int, folder: Path, grid: Grid | None = None) -> str:
+def slurm_script(
+    blend: Path,
+    text: str,
+    chunk: int,
+    folder: Path,
+    grid: Grid | None = None,
+    scripts: bool = False,
+) -> str:
     """A Slurm array script that draws these frames, several at a time, for `sbatch`; started as a
     program it hands itself to `sbatch` for each stage, with its own arguments as options, and looks
     at all frames at the end. Raises ValueError for more tasks than Slurm takes.
@@ -117,6 +132,7 @@ def slurm_script(blend: Path, text: str, chunk: int, folder: Path, grid: Grid | 
         chunks=" ".join(_as_range(some) for some in chunks),
         grid=grid or "",
         tiles=grid.count if grid else 1,
+        trusted=" --scripts" if scripts else "",
     )
 
 
@@ -160,7 +176,8 @@ case ${{GLINT_STAGE:-draw}} in
   merge) words=(merge "$scene" "${{chunks[task]}}" --tiles "$grid") ;;
   check) words=(frames "$scene" "$frames" --check) ;;
 esac
-"$blender" -b --command glint "${{words[@]}}" --out "$out" --threads "${{SLURM_CPUS_ON_NODE:-0}}"
+words+=(--out "$out"{trusted} --threads "${{SLURM_CPUS_ON_NODE:-0}}")
+"$blender" -b --command glint "${{words[@]}}"
 code=$?
 # 128 and the number of the signal that ended Blender, but for Ctrl-C
 if [ $code -gt 128 ] && [ $code -ne 130 ] && [ "${{SLURM_RESTART_COUNT:-0}}" -lt 3 ]; then
@@ -182,7 +199,9 @@ def _as_range(numbers: list[int]) -> str:
     return ",".join("-".join(map(str, part)) for part in parts)
 
 
-def flamenco_job_type(text: str, chunk: int, folder: Path, grid: Grid | None = None) -> str:
+def flamenco_job_type(
+    text: str, chunk: int, folder: Path, grid: Grid | None = None, scripts: bool = False
+) -> str:
     """A job compiler script of Flamenco, whose settings begin as these."""
     given = {
         "frames": _as_range(frame_numbers(text)),
@@ -190,6 +209,7 @@ def flamenco_job_type(text: str, chunk: int, folder: Path, grid: Grid | None = N
         "columns": grid.columns if grid else 1,
         "rows": grid.rows if grid else 1,
         "out": str(folder.resolve()),
+        "scripts": scripts,
     }
     script = Path(__file__).with_name("flamenco_job_type.js").read_text(encoding="utf-8")
     return f"const GIVEN = {json.dumps(given)};\n\n{script}"

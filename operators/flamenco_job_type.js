@@ -16,6 +16,8 @@ const JOB_TYPE = {
           description: "Tiles of a frame, above each other", visible: "submission" },
         { key: "out", type: "string", subtype: "dir_path", required: true, default: GIVEN.out,
           description: "Folder for the pictures, which every worker sees" },
+        { key: "scripts", type: "bool", default: GIVEN.scripts,
+          description: "Run scripts and drivers of the .blend file, which you trust" },
         { key: "blendfile", type: "string", required: true, visible: "web",
           description: "Path of the .blend file" },
     ],
@@ -48,7 +50,8 @@ function add(job, name, words, dependencies = []) {
     const task = author.Task(name, "blender");
     task.addCommand(author.Command("exec", {
         exe: "{blender}",
-        args: ["-b", "--command", "glint", ...words, "--out", job.settings.out],
+        args: ["-b", "--command", "glint", ...words, "--out", job.settings.out,
+               ...(job.settings.scripts ? ["--scripts"] : [])],
     }));
     for (const other of dependencies) {
         task.addDependency(other);

@@ -20,7 +20,6 @@ REMEDIES: dict[str, str] = {
     "Meshes whose number of vertices or faces changes while the shutter is open keep their shape: …": "Remesh after the animation, or turn off Object properties → Motion Blur → Deformation",
     "Shadow caustics are not rendered: … cast none; light passes glass straight on": "Nothing: glass is lit and lets light pass; put a lamp where the caustic is missed",
     "Bump Map Correction is not switched off for mirrors of …: bent normals are kept from showing what is behind the surface": "Lower the strength of the bump where it looks flat",
-    "The world … is seen by reflections and refractions alike, where either of them see it": "Set World properties → Ray Visibility → Glossy and Transmission alike",
     "Visible errors are those of the sRGB curve alone: …": "Nothing; or set Color Management → View Transform to Standard",
     "Node … turns nothing in …: vectors stay as they are": "Use Mapping to turn vectors",
     "… varies over the surface in …: its mean is used": "Link a constant, or bake what varies into the colour",

@@ -17,6 +17,7 @@ from ...engine.lights.dome import (
 )
 from ...engine.program.graph import Value
 from ...engine.program.program import compile_program, instructions
+from ...engine.program.table import BY_NAME
 from ...engine.scene import Camera, Light, Medium, Mist, World
 from .images.images import Images
 from .lights import Lights
@@ -59,9 +60,9 @@ class _Visibility:
     """Which rays see the world, or are lit by it."""
 
     camera: bool = True
-    bounced: bool = True
     matt: bool = True
     gloss: bool = True
+    glass: bool = True
     media: bool = True
 
     @property
@@ -78,7 +79,7 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     """The evaluated world (or None: black). images: only this world's."""
     if world is None:
         return Sky(World(transparent=transparent), None)
-    visibility = _visibility(world, report)
+    visibility = _visibility(world)
     note_world(world, report)
     discs: list[Sun] = []
     expressions, radiance = _radiance(world, images, report, discs)
@@ -261,33 +262,25 @@ def _medium(world: Any, images: Images, report: Report) -> Medium | None:
     return medium_of(place, evaluator, max(step, 1e-3))
 
 
-def _visibility(world: Any, report: Report) -> _Visibility:
+def _visibility(world: Any) -> _Visibility:
     """Cycles' own switches, where they are."""
     flags = getattr(world, "cycles_visibility", None)
     if flags is None:
         return _Visibility()
-    if flags.glossy != flags.transmission:
-        report.note(
-            "The world {} is seen by reflections and refractions alike, where either of them see "
-            "it",
-            world.name,
-        )
-    bounced = flags.glossy or flags.transmission
-    return _Visibility(flags.camera, bounced, flags.diffuse, flags.glossy, flags.scatter)
+    return _Visibility(flags.camera, flags.diffuse, flags.glossy, flags.transmission, flags.scatter)
 
 
 def _as_seen(expressions: Expressions, radiance: Value, visibility: _Visibility) -> Value:
     """The radiance for the rays that see the world."""
-    if visibility.camera and visibility.bounced:
-        return radiance
-    if not (visibility.camera or visibility.bounced):
-        return expressions.constant(BLACK)
-    camera = expressions.vector(expressions.apply("light_path"))
-    share = (
-        camera
-        if visibility.camera
-        else expressions.apply(
-            "scaled_sum", camera, expressions.constant(-1.0), expressions.constant((1.0,) * 3)
-        )
-    )
+    camera, gloss, glass = map(float, (visibility.camera, visibility.gloss, visibility.glass))
+    if camera == gloss == glass:
+        return radiance if camera else expressions.constant(BLACK)
+    share = expressions.constant((gloss,) * 3)
+    for operation, output, more in (
+        ("light_path", 0, camera - gloss),
+        ("ray_depth", 3, glass - gloss),  # the last bounce was a refraction
+    ):
+        if more:
+            kind = expressions.vector(expressions.graph.apply(BY_NAME[operation])[output])
+            share = expressions.apply("scaled_sum", kind, expressions.constant(more), share)
     return expressions.apply("product", radiance, share)

@@ -247,7 +247,7 @@ def _trace(
     passes = job.settings.passes
 
     def show(film: engine.Film) -> None:
-        progress.end_wave(film, film.samples / job.settings.samples)
+        progress.end_wave(film)
         picture.show(film)
 
     if _painters and not job.preview:

@@ -45,6 +45,7 @@ class Progress:
         self._moved = self._wave  # when it came to the fraction that it has
         self._speed = 0.0  # fractions a second in the wave before
         self._pause = 0.0  # seconds between its last sample and its picture
+        self._samples = 0  # of the pixels, in all waves so far
 
     def watching(self, stage: str, should_stop: Callable[[], bool]) -> Callable[[], bool]:
         """`should_stop` for a stage of unknown length, which tells of it whenever it is asked."""
@@ -63,7 +64,7 @@ class Progress:
         self._say(now, f"{stage} ({now - self._start:.0f} s)")
 
     def trace(self, fraction: float, settings: engine.Settings) -> None:
-        """fraction: of all samples of all pixels."""
+        """fraction: of all work on pixels: their samples, and rays that tell what covers them."""
         if fraction <= 0:
             self.wait("Sorting the scene")
             return
@@ -71,7 +72,8 @@ class Progress:
         if fraction > self._moved[1]:
             self._moved = (now, fraction)
         self._move(fraction, now)
-        parts = [f"Sample {min(samples, int(fraction * samples))}/{samples}"]
+        taken = min(samples, int(fraction / self._share_of_sample(samples) + 1e-9))
+        parts = [f"Sample {taken}/{samples}"]
         if settings.backend == "NUMPY":
             parts.append(PYTHON)
         if self._error is not None:
@@ -81,13 +83,13 @@ class Progress:
             parts.extend(_time(self._remaining(samples, now)))
         self._say(now, " | ".join(parts))
 
-    def end_wave(self, film: engine.Film, fraction: float) -> None:
-        """Every pixel has had so many samples."""
+    def end_wave(self, film: engine.Film) -> None:
+        """Every pixel has had the film's samples."""
         now = self._clock()
         self._speed = self._speed_of_wave() or self._speed
         self._pause = now - self._moved[0]
-        self._wave, self._error = (now, fraction), error_of(film)
-        self._moved = self._wave
+        self._samples, self._error = film.samples, error_of(film)
+        self._wave = self._moved = (now, self._moved[1])
 
     def _remaining(self, samples: int, now: float) -> float:
         """Seconds at the speed of this wave, or of the one before while this is young, and with the
@@ -98,11 +100,18 @@ class Progress:
         speed = self._speed if is_young and self._speed else self._speed_of_wave()
         if not speed > 0:
             return math.inf
-        waves = math.ceil(math.log2(samples / max(1, self._wave[1] * samples)))
-        waves += self._wave[1] == 0
-        waited = now - moved
+        waves = math.ceil(math.log2(samples / max(1, self._samples))) + (self._samples == 0)
+        waited, beyond = now - moved, 1.0 - samples * self._share_of_sample(samples)
+        if beyond > 1e-3:  # the last picture is made along with that work
+            waves += min(1.0, (1.0 - fraction) / beyond) - 1.0
         pauses = waves * max(self._pause, waited)
         return max(0.0, (1.0 - fraction) / speed + pauses - waited)
+
+    def _share_of_sample(self, samples: int) -> float:
+        """Of the work, of each sample of all pixels; as if there were nothing else where nobody
+        knows yet.
+        """
+        return self._wave[1] / self._samples if self._samples else 1.0 / samples
 
     def _speed_of_wave(self) -> float:
         (began, before), (moved, fraction) = self._wave, self._moved

@@ -199,6 +199,7 @@ INPUTS = (
         formula="bounces before the point, 1 of rays to lights; surfaces that dim and that the ray "
         "passed since; bounces that were refractions, up to 31; 1 where the last one was",
         reads_point=True,
+        of_ray=True,
     ),
     Operation(
         "normal_map",

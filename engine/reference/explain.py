@@ -260,7 +260,7 @@ class Explainer:
         hidden = paths.skyless[0] or (paths.depth == 0 and self.stage.scene.world.transparent)
         if hidden:
             return np.zeros(3)
-        return self.stage.background_of(*paths.rays.lines(np.arange(1)), paths.kind)[:, 0]
+        return self.stage.background_of(paths, np.arange(1))[:, 0]
 
     def _behind(self, paths: Paths, coefficients: Coefficients, ratio: Array) -> Array:
         """(3,) what a shadow catcher shows of the surroundings behind it."""

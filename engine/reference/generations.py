@@ -305,7 +305,7 @@ class Generations:
         lights = catchers.lights(stage, some, given, weight, self._sample, on_reach, on_cut)
         behind = np.zeros((3, len(here)))
         if CATCHER not in stage.settings.passes and not stage.scene.world.transparent:
-            behind = behind + stage.background_of(*paths.rays.lines(hit[here]), paths.kind)
+            behind = behind + stage.background_of(paths, hit[here])
         seen = weight * catchers.opacity(given)
         self._caught.meet(at.pixel[here], seen, behind, *lights)
         for caught in ("with all", "alone"):
@@ -409,7 +409,7 @@ class Generations:
         if paths.depth == 0 and self._stage.scene.world.transparent:
             self._tile.lose(pixel, weight)
             return
-        background = self._stage.background_of(*paths.rays.lines(missed), paths.kind)
+        background = self._stage.background_of(paths, missed)
         if background.any():
             group = self._stage.scene.world.light_group
             self._add(paths, "Environment", pixel, weight * background, group)

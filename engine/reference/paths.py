@@ -102,6 +102,14 @@ class Paths:
         """Whether rough surfaces reflected them."""
         return self.reflections > self.bounced
 
+    def past(self, some: Array) -> Array:
+        """(4, m) what programs read of these rays: bounces, surfaces that dim passed since,
+        refractions among the bounces, 1 where the last was one.
+        """
+        columns = (self.straight, np.minimum(self.refractions, MOST_REFRACTIONS), self.refracted)
+        past = [np.full(len(some), self.depth), *(column[some] for column in columns)]
+        return np.array(past, np.float64)
+
     def part(self, name: str) -> str:
         """The part of the picture that they add to."""
         if self.gathers and self.depth == self.bounced:
@@ -152,9 +160,7 @@ def camera_paths(rays: Rays, seen: Array) -> Paths:
 
 def met(paths: Paths, hit: Array, surface: Surface) -> Surface:
     """The surface that the rays `hit` meet, with what programs read of these."""
-    columns = (paths.straight, np.minimum(paths.refractions, MOST_REFRACTIONS), paths.refracted)
-    past = [np.full(len(hit), paths.depth), *(column[hit] for column in columns)]
-    return replace(surface, past=np.array(past, np.float64))
+    return replace(surface, past=paths.past(hit))
 
 
 def joined(paths: list[Paths]) -> Paths:

@@ -22,11 +22,14 @@ Seen = tuple[Camera, Array]
 class Sky:
     """What the program of a world reads where rays in the directions (3, n), unit, hit nothing."""
 
-    def __init__(self, images: Images, along: Array, kind: str, seen: Seen | None) -> None:
+    def __init__(
+        self, images: Images, along: Array, kind: str, seen: Seen | None, past: Array | None
+    ) -> None:
         """kind: of the rays, "camera", "mirror" or "scattered". seen: None where no camera is
-        known.
+        known. past: (4, n) as `Paths.past` gives it; None for zeros.
         """
         self._images, self._along, self._kind, self._seen = images, along, kind, seen
+        self._past = np.zeros((4, along.shape[1])) if past is None else past
 
     def incoming(self) -> Array:
         """(3, n) back along the rays."""
@@ -52,12 +55,21 @@ class Sky:
         """Four times (n,): see `points.light_path`."""
         return light_path(self._kind, self._along.shape[1])
 
+    def ray_depth(self) -> tuple[Array, ...]:
+        """Four times (n,): as of `SurfacePoints.ray_depth`."""
+        return tuple(self._past)
+
 
 def radiance(
-    program: Program, images: Images, along: Array, kind: str, seen: Seen | None = None
+    program: Program,
+    images: Images,
+    along: Array,
+    kind: str,
+    seen: Seen | None = None,
+    past: Array | None = None,
 ) -> Array:
     """(3, n) what the program's output gives in the directions (3, n), unit; 0 where it is not
-    finite. seen: as `Sky` has it.
+    finite. seen, past: as `Sky` has them.
     """
-    (value,) = run(program, Sky(images, along, kind, seen), along.shape[1])[:1]
+    (value,) = run(program, Sky(images, along, kind, seen, past), along.shape[1])[:1]
     return np.where(np.isfinite(value), value, 0.0)

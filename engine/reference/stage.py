@@ -146,18 +146,18 @@ class Stage:
         """(3, n) what AMBIENT lobes of n points give back of the world's radiance."""
         return ambient_seen(surface, coefficients) * self.ambient
 
-    def background_of(self, origin: Array, along: Array, kind: str) -> Array:
-        """(3, n) or (3, 1): what rays of a kind, origin and directions (3, n), see that hit
-        nothing.
-        """
+    def background_of(self, paths: Paths, missed: Array) -> Array:
+        """(3, n) or (3, 1): what the rays `missed` (n,) of paths see, which hit nothing."""
         program = self.scene.world.program
         if program is None:
             return self.background
         axes = np.asarray(self.scene.world.axes, np.float64)
+        origin, along = paths.rays.lines(missed)
         camera, along = self.scene.camera, unit(along)
-        is_parallel = camera.kind == "ORTHOGRAPHIC" and kind == "camera"
+        is_parallel = camera.kind == "ORTHOGRAPHIC" and paths.kind == "camera"
         seen = camera, origin + along if is_parallel else along
-        return radiance(program, self._sky_images, axes.T @ along, kind, seen)
+        past = paths.past(missed)
+        return radiance(program, self._sky_images, axes.T @ along, paths.kind, seen, past)
 
     @cached_property
     def glass_differs(self) -> bool:

@@ -33,7 +33,7 @@ from .stage import Stage
 
 Array = np.ndarray
 
-RAYS_OF_SAMPLE = 8
+RAYS_OF_SAMPLE = 16
 """So many camera rays that light does not follow take about as long as a sample."""
 TILE = 1 << 19
 """Pixels traced together: many, because each tile projects the whole scene; not all of a large

@@ -98,12 +98,12 @@ class World:
 
     transparent: camera rays that miss leave alpha 0 instead of the background.  program: its first
     output, a vector, is seen instead of `background` where there is one; of what reads points it
-    has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
-    columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
-    is everywhere, inside of things too, its program's textures are the world's; None for nothing.
-    occlusion_distance: 0 to 1e30, how far the pass Ambient Occlusion looks, world units.
-    light_group: of `Scene.light_groups`, of what is seen, of `ambient` and of the medium; -1 for
-    none.
+    has `incoming`, `light_path` and `ray_depth` alone.  textures: what it refers to.  axes: (3, 3)
+    orthonormal columns, the program's axes in the scene. mist: of the pass, not in the picture.
+    medium: what is everywhere, inside of things too, its program's textures are the world's; None
+    for nothing. occlusion_distance: 0 to 1e30, how far the pass Ambient Occlusion looks, world
+    units. light_group: of `Scene.light_groups`, of what is seen, of `ambient` and of the medium; -1
+    for none.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)

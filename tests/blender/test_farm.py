@@ -87,6 +87,21 @@ def test_a_job_for_a_file_of_any_name(tmp_path, engine, name):
         assert os.fsencode(str(blend)) in place.read_bytes()
 
 
+@pytest.mark.parametrize("grid", [[], ["--tiles", "2x1"]])
+@pytest.mark.parametrize("engine", ["openjd", "slurm"])
+def test_all_commands_of_a_job_run_scripts_or_none(tmp_path, engine, grid):
+    blend, place = tmp_path / "a.blend", tmp_path / "job"
+    blend.touch()
+    words = ["--engine", engine, "--frames", "1-5", "--out", str(tmp_path / "out"), *grid]
+    counts = []
+    for trusted in ([], ["--scripts"]):
+        words += trusted
+        assert command_line.run(["job", str(blend), *words, "--template", str(place)]) == 0
+        counts.append(place.read_text().count("--scripts"))
+    commands = place.read_text().count('"-b"' if engine == "openjd" else '"$blender" -b')
+    assert counts == [0, commands] and commands
+
+
 def test_a_full_disk_leaves_no_job_and_the_one_before(tmp_path, monkeypatch, capsys):
     blend, place = tmp_path / "a.blend", tmp_path / "job.sh"
     blend.touch()

@@ -90,6 +90,7 @@ def test_settings_are_as_flamenco_asks(tmp_path):
         "columns": 3,
         "rows": 2,
         "out": str(tmp_path / 'o"ut'),
+        "scripts": False,
         "blendfile": None,
     }
 
@@ -106,6 +107,13 @@ def test_whole_frames(tmp_path):
     assert tasks[-1]["dependencies"] == [task["uuid"] for task in tasks[:-1]]
     _, tasks = _compiled(farm_jobs.flamenco_job_type("1-5", 4, tmp_path), blendfile="/a b.blend")
     assert [task["name"] for task in tasks] == ["frames 1-4", "frames 5", "check"]
+
+
+def test_all_commands_run_scripts_or_none(tmp_path):
+    script = farm_jobs.flamenco_job_type("1-5", 2, tmp_path, Grid(2, 1), scripts=True)
+    _, tasks = _compiled(script, blendfile="/a.blend")
+    given = [task["commands"][0]["parameters"]["args"].count("--scripts") for task in tasks]
+    assert given == [1] * len(tasks)
 
 
 def test_blenders_way_to_write_ranges(tmp_path):

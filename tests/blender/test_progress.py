@@ -70,7 +70,8 @@ def test_the_text_tells_samples_error_and_what_remains():
     render.at(1).trace(0.0, SETTINGS)  # the tree took a second, which says nothing of what comes
     render.at(2).trace(0.1, SETTINGS)
     assert render.texts[-1] == "Sample 6/64", "nobody knows yet what the threshold saves"
-    render.at(2).end_wave(film(8, 12.0), 0.125)
+    render.at(2).trace(0.125, SETTINGS)
+    render.at(2).end_wave(film(8, 12.0))
     render.at(3).trace(0.15625, SETTINGS)
     assert render.texts[-1] == "Sample 10/64 | Error 12/255 | Remaining 00:27"
     render.at(3.05).trace(0.2, SETTINGS)
@@ -89,26 +90,35 @@ def test_a_program_without_windows_is_told_no_texts():
     assert render.bar == [0.5] and render.texts == []
 
 
+@pytest.mark.parametrize("beyond", [0, 3])
 @pytest.mark.parametrize("pause", [0.0, 2.0])
-def test_remaining_time_is_true_from_a_tenth_on(pause):
+def test_remaining_time_is_true_from_a_tenth_on(pause, beyond):
     """Within 20 % and half of the second that the text rounds to; pause: seconds between a wave's
-    last sample and its picture, which averages what the wave brought.
+    last sample and its picture, which averages what the wave brought. beyond: work of so many
+    samples by other rays, along with which the last picture is made.
     """
     samples, each = 8, 5.0
-    settings = engine.Settings(samples=samples)
+    settings, steps = engine.Settings(samples=samples), samples + beyond
     render, done, told = Render(), 0, []
+
+    def go_on(seconds, work):
+        render.at(render.now + seconds).trace(work / steps, settings)
+        told.append((render.now, done, render.texts[-1]))
+
     for last in (1, 2, 4, 8):
-        steps = 40 * (last - done)
-        for k in range(steps):
-            render.at(render.now + each / 40).trace((done + (k + 1) / 40) / samples, settings)
-            told.append((render.now, render.texts[-1]))
-        for _ in range(8):
-            render.at(render.now + pause / 8).trace(last / samples, settings)
-            told.append((render.now, render.texts[-1]))
-        render.progress.end_wave(film(last, 1.0), last / samples)
+        for k in range(40 * (last - done)):
+            go_on(each / 40, done + (k + 1) / 40)
+        if last == samples and beyond:
+            for k in range(40 * beyond):  # with the picture
+                go_on(each / 40 + pause / (40 * beyond), samples + (k + 1) / 40)
+        else:
+            for _ in range(8):
+                go_on(pause / 8, last)
+        render.progress.end_wave(film(last, 1.0))
         done = last
     total = render.now
-    for at, text in told:
-        remaining = re.search(r"Remaining 00:(\d+)", text)
+    for at, taken, text in told:
+        sample, remaining = re.match(r"Sample (\d+)/8 .* Remaining 00:(\d+)", text).groups()
+        assert int(sample) >= taken - 1  # the text is up to half a second old
         if at > 0.1 * total:
-            assert abs(int(remaining[1]) + 0.5 - (total - at)) < 0.2 * (total - at) + 1, (at, text)
+            assert abs(int(remaining) + 0.5 - (total - at)) < 0.2 * (total - at) + 1, (at, text)

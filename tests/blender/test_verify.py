@@ -264,17 +264,20 @@ codes += [command_line.run(["measure", blend, "--squares", "1", "--side", "4", "
 by_commands = done()
 codes += [command_line.run(["verify", str(FOLDER / "a.exr"), blend, "--scripts"])]
 by_scripts = done()
-bpy.context.preferences.filepaths.use_scripts_auto_execute = False
-command_line.run(["frames", blend, "1", "--check", "--out", str(FOLDER)])
-answer([by_render, codes, by_commands, by_scripts, done()])
+frames = ["frames", blend, "1", "--out", str(FOLDER / "frames")]
+codes += [command_line.run(frames)]
+by_frames = done()
+codes += [command_line.run([*frames, "--check"])]
+by_check = done()
+codes += [command_line.run([*frames, "--check", "--scripts"])]
+answer([by_render, codes, by_commands, by_scripts, by_frames, by_check, done()])
 """
     )
-    by_render, codes, by_commands, by_scripts, by_check = run.answer
-    assert "written" in by_render
-    assert by_commands == []
-    assert codes == [1, 0, 0, 0], run.output
-    assert by_check == [], "whose scripts run where Blender is set so"
-    assert by_scripts == ["ran", "drove"]
+    by_render, codes, by_commands, by_scripts, by_frames, by_check, by_check_scripts = run.answer
+    assert "written" in by_render and "written" in by_frames
+    assert by_commands == by_check == []
+    assert codes == [1, 0, 0, 0, 0, 1, 0], run.output
+    assert by_scripts == by_check_scripts == ["ran", "drove"]
     assert "start.py" in run.output and "add --scripts where you trust the file" in run.output
 
 

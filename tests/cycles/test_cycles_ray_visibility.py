@@ -107,6 +107,30 @@ def test_worlds_light_what_they_are_visible_to(lit, flag) -> None:
     assert glint == pytest.approx(truth, rel=0.06)
 
 
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+@pytest.mark.parametrize("kind", ["ShaderNodeBsdfGlass", "ShaderNodeBsdfAnisotropic"])
+@pytest.mark.parametrize("flag", ["camera", "glossy", "transmission"])
+def test_mirrors_and_glass_see_the_world_that_they_are_to(flag, kind, backend) -> None:
+    """A plate with the sky behind and before it."""
+    scene = cycles.empty_scene(SIDE, SIDE)
+    cycles.set_world(scene, (0.3, 0.5, 0.9))
+    setattr(scene.world.cycles_visibility, flag, False)
+    material = bpy.data.materials.new("Clear")
+    cycles.use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
+    shader.inputs["Roughness"].default_value = 0.0
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    add(scene, "plate", cube(material), moved(0, 0.6, 0.0, 1.2, 0.1, 1.2))
+    add_camera(scene, (0, -6, 0.5), (0, 0, 0.5), lens=40)
+    glint = render_glint(scene, backend, samples=8, max_bounces=8).combined
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = 64, False
+    truth = cycles.render_passes(scene)["Combined"]
+    assert glint[..., 2].mean() == pytest.approx(truth[..., 2].mean(), abs=0.01)
+
+
 def lit_floor(paint: tuple, kind: str, flag: str, fog: float):
     """A floor before a lamp, or before a box that glows, without one of the flags."""
     scene = cycles.empty_scene(SIDE, SIDE)

@@ -48,6 +48,20 @@ def test_every_message_that_a_page_shows_is_said():
     assert shown and not unknown
 
 
+def test_every_message_that_a_page_quotes_is_said():
+    """In backticks behind what is filled in, and in quotation marks where something is looked
+    up.
+    """
+    said = {part for message in messages.messages() for part in message.text.split("…")}
+    pages = {
+        page.name: page.read_text(encoding="utf-8") for page in messages.PAGE.parent.glob("*.md")
+    }
+    quoted = [words for page in pages.values() for words in re.findall("`… ([^`]+)`", page)]
+    quoted += re.findall(r'"([^"\n]+ [^"\n]+)"', pages["troubleshooting.md"])
+    unknown = [words for words in quoted if not any(words in part for part in said)]
+    assert len(quoted) > 2 and not unknown
+
+
 def texts(path):
     return sorted(set(messages._texts(path, ast.parse(CODE))))
 

@@ -169,6 +169,7 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
   for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
     const uint32_t k = rows[std::min(i, count - 1)];
     points.outside[i] = -1;
+    points.tags[i] = queue.tags()[k];
     const Vec3d o = queue.ray(k).o, d = queue.ray(k).d;
     const double far = view.scale / length(d);
     for (int c = 0; c < 3; ++c)  // what the camera sees of the direction

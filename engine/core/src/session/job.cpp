@@ -201,7 +201,7 @@ void Job::resolve(uint32_t samples) {
     const ResolveWindow window = film_.window_of(tile, samples);
     const MoreSeen* const seen = more ? tracer.see(tile, film_.uneven(tile, window)) : nullptr;
     film_.resolve(tile, samples, window, seen);
-    if (more) done_ += steps_beyond();
+    done_ += more;
   });
 }
 
@@ -269,8 +269,10 @@ void Job::trace_tiles(size_t thread, uint32_t first, uint32_t last, std::atomic<
 
 void Job::trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last) {
   tracer.choose(tile);
-  for (uint32_t sample = first, count; sample < last && !cancel_; sample += count, done_ += count)
+  for (uint32_t sample = first, count; sample < last && !cancel_; sample += count) {
     count = tracer.trace(sample, last);
+    done_ += uint64_t(count) * kRaysOfSample;
+  }
 }
 
 void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
@@ -284,8 +286,8 @@ void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
 }
 
 double Job::fraction() const {
-  return double(done_.load()) /
-         (double(film_.tiles().size()) * (double(plan_.samples) + steps_beyond()));
+  return double(done_.load()) / (double(film_.tiles().size()) *
+                                 (double(plan_.samples) * kRaysOfSample + plan_.beyond_samples()));
 }
 
 GlintProgress Job::wait(uint32_t milliseconds) {

@@ -38,7 +38,7 @@ class Job {
 
  private:
   /// So many camera rays that light does not follow take about as long as a sample.
-  static constexpr uint32_t kRaysOfSample = 8;
+  static constexpr uint32_t kRaysOfSample = 16;
   void work();
   void run();
   uint32_t first_wave();
@@ -63,16 +63,11 @@ class Job {
   void fail(const char* what);
   bool ended() const { return state_ >= GLINT_DONE; }
   double fraction() const;
-  /// Those of a pixel, in samples.
-  uint32_t steps_beyond() const {
-    return (plan_.beyond_samples() + kRaysOfSample - 1) / kRaysOfSample;
-  }
-
   Scene* scene_;  // of the sample that is traced
   RenderPlan plan_;
   Film film_;
   std::atomic<bool> cancel_{false};
-  std::atomic<uint64_t> done_{0};                 // tiles times samples, and times steps beyond
+  std::atomic<uint64_t> done_{0};                 // tiles times rays, kRaysOfSample of a sample
   std::unique_ptr<ThreadPool> pool_;              // while waves are traced, and
   std::vector<std::unique_ptr<Tracer>> tracers_;  // one for each of its threads
 
