@@ -13,6 +13,7 @@ from glint.engine import scene as s
 from glint.engine.reference.coefficients import Coefficients, Term
 from glint.engine.reference.fibre_sampling import FibreSampler, sampled
 from glint.engine.reference.optics import fibre_highlight
+from glint.engine.sampling import BOUNCE_LEVELS
 from native_tools import constant, needs_core
 from test_fibres import lobe, placed, sphere, strand, view_from_above
 from test_fibres import of_strands as material_of
@@ -143,6 +144,32 @@ def test_white_strands_vanish_in_an_even_sky(backend: str) -> None:
         found.append(float(render(scene, plan).combined[..., 0].mean()))
     assert found[0] < found[1] - 0.03 < found[2] - 0.03
     assert found[2] == pytest.approx(1.0, abs=0.012)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_light_goes_from_strand_to_strand_as_often_as_bounces_says(backend: str) -> None:
+    """Where any bounces; what is matt throws it on as often as Diffuse Bounces says."""
+    white = s.Lobe("FIBRE_DIFFUSE", constant(1.0), fibre_output=0)
+    hair, matt = bundle(white), bundle(white)
+    matt = replace(matt, materials=(s.Material("matt", (s.Lobe("DIFFUSE", constant(1.0)),)),))
+    floor = np.array([[-9, -9, -1], [9, -9, -1], [9, 9, -1], [-9, 9, -1]], np.float32)
+    mesh = s.Mesh("floor", floor, np.uint32([[0, 1, 2], [0, 2, 3]]))
+    ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
+    matt = replace(
+        matt, geometries=(mesh, ball), instances=(placed(), replace(placed(), geometry=1))
+    )
+
+    def picture(scene: s.Scene, diffuse: int, bounces: int) -> np.ndarray:
+        plan = {"samples": 2, "filter_width": 0.0, "backend": backend, "soft_light": "DEALT"}
+        plan |= {"diffuse_bounces": diffuse, "max_bounces": bounces}
+        return render(scene, Settings(**plan)).combined
+
+    assert (picture(hair, 1, 6) == picture(hair, 6, 6)).all()
+    assert picture(hair, 1, 6).mean() > picture(hair, 1, 1).mean() + 0.01
+    assert (picture(hair, 0, 6) == picture(hair, 0, 0)).all()
+    assert (picture(hair, 1, 64) == picture(hair, 1, BOUNCE_LEVELS)).all()
+    assert (picture(matt, 1, 6) == picture(matt, 1, 1)).all()
+    assert picture(matt, 6, 6).mean() > picture(matt, 1, 1).mean() + 0.001
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

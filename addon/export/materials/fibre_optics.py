@@ -12,7 +12,7 @@ import numpy as np
 
 from .fresnel import fresnel
 
-_HEIGHTS, _SLANTED_HEIGHTS = 256, 32
+_HEIGHTS = 128
 
 
 class Way(NamedTuple):
@@ -39,21 +39,28 @@ def ways(ior: float, roughness: float) -> tuple[Way, Way, Way]:
     """R, TT and TRT, with what is reflected within more often, of Chiang et al. (A practical and
     controllable hair and fur model, 2016), with their roughness round the fibre.
     """
-    h = (np.arange(_HEIGHTS) + 0.5) * (2 / _HEIGHTS) - 1
-    out, within = np.arcsin(h), np.arcsin(h / ior)
+    out = _angles(_HEIGHTS)
+    within, width = np.arcsin(np.sin(out) / ior), np.cos(out)
+    width /= width.sum()
     edge = np.array([fresnel(math.cos(each), ior) for each in out])
     passes, chord, spread = (1 - edge) ** 2, 2 * np.cos(within), _mean_cosine(roughness)
 
     def way(number: int, amount: np.ndarray, more: np.ndarray) -> Way:
-        whole = max(float(amount.sum()), 1e-300)
-        radii = number * float((amount * chord).sum()) / whole
+        whole = max(float(amount @ width), 1e-300)
+        radii = number * float((amount * chord) @ width) / whole
         leaves = 2 * number * within - 2 * out + number * math.pi
-        return Way(
-            float(more.mean()), radii, spread * float((amount * np.cos(leaves)).sum()) / whole
-        )
+        aim = spread * float((amount * np.cos(leaves)) @ width) / whole
+        return Way(float(more @ width), radii, aim)
 
     again = passes * edge
     return way(0, edge, edge), way(1, passes, passes), way(2, again, again / (1 - edge))
+
+
+def _angles(count: int) -> np.ndarray:
+    """Off the normal, at which a fibre is met over its width; each stands for as much of that as
+    its cosine.
+    """
+    return ((np.arange(count) + 0.5) / count - 0.5) * math.pi
 
 
 @functools.lru_cache(maxsize=1024)
@@ -63,12 +70,11 @@ def slanted(ior: float, sine: float) -> tuple[float, float, float]:
     """
 
     def shares(across: float) -> tuple[float, float, float]:
-        heights = ((k + 0.5) / _SLANTED_HEIGHTS for k in range(_SLANTED_HEIGHTS))
-        edges = [fresnel(across * math.sqrt(1 - h * h), ior) for h in heights]
-        kinds = edges, [(1 - x) ** 2 for x in edges], [(1 - x) * x for x in edges]
-        return tuple(sum(kind) for kind in kinds)
+        width = np.cos(_angles(_HEIGHTS))
+        edge = np.array([fresnel(across * each, ior) for each in width])
+        return tuple(float(kind @ width) for kind in (edge, (1 - edge) ** 2, (1 - edge) * edge))
 
-    aside = shares(math.sqrt(max(1 - sine * sine, 0.0)))
+    aside = shares(math.sqrt(max(1 - sine * sine, 1e-6)))
     return tuple(a / b if b > 0 else 1.0 for a, b in zip(aside, shares(1.0), strict=True))
 
 

@@ -46,12 +46,6 @@ def dielectric_albedo(ior: float) -> float:
     return fresnel(math.sqrt(0.5), max(ior, 1e-3))
 
 
-def mean_across_fibre(ior: float) -> float:
-    """The mean reflectance over the width of a round fibre that is seen from the side."""
-    heights = ((k + 0.5) / 256 for k in range(256))
-    return sum(fresnel(math.sqrt(1 - h * h), ior) for h in heights) / 256
-
-
 EDGE_COSINE = 1 / 7
 """Of the angle of 82 degrees at which metals are tinted (Kutz, Hašan, Edmondson 2021)."""
 EDGE_WEIGHT = 7**7 / 6**6
