@@ -150,14 +150,16 @@ def test_white_strands_vanish_in_an_even_sky(backend: str) -> None:
 def test_light_goes_from_strand_to_strand_as_often_as_bounces_says(backend: str) -> None:
     """Where any bounces; what is matt throws it on as often as Diffuse Bounces says."""
     white = s.Lobe("FIBRE_DIFFUSE", constant(1.0), fibre_output=0)
-    hair, matt = bundle(white), bundle(white)
-    matt = replace(matt, materials=(s.Material("matt", (s.Lobe("DIFFUSE", constant(1.0)),)),))
+    hair = bundle(white)
     floor = np.array([[-9, -9, -1], [9, -9, -1], [9, 9, -1], [-9, 9, -1]], np.float32)
     mesh = s.Mesh("floor", floor, np.uint32([[0, 1, 2], [0, 2, 3]]))
     ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
-    matt = replace(
-        matt, geometries=(mesh, ball), instances=(placed(), replace(placed(), geometry=1))
-    )
+    # beside black strands, which throw nothing on
+    paint = s.Material("matt", (s.Lobe("DIFFUSE", constant(1.0)),))
+    black = material_of(s.Lobe("FIBRE_DIFFUSE", constant(0.0), fibre_output=0))
+    all_of = [replace(placed(), geometry=k, materials=(k == 2,)) for k in range(3)]
+    things = {"geometries": (mesh, ball, *hair.geometries), "instances": tuple(all_of)}
+    matt = replace(hair, materials=(paint, black), **things)
 
     def picture(scene: s.Scene, diffuse: int, bounces: int) -> np.ndarray:
         plan = {"samples": 2, "filter_width": 0.0, "backend": backend, "soft_light": "DEALT"}
