@@ -1,5 +1,5 @@
-"""The shaders of hair as FIBRE lobes (SEMANTICS.md): Kajiya and Kay's sines round a strand's
-tangent. What is no strand has no tangent and shows them as matt, under a highlight.
+"""The shaders of hair as FIBRE lobes (SEMANTICS.md) round a strand's tangent. What is no strand has
+no tangent and shows them as matt, under a highlight.
 """
 
 from __future__ import annotations
@@ -31,8 +31,6 @@ _NARROWEST = 0.01
 _USUAL_ASPECT = 0.85
 _STEEPEST = 0.3
 """Radians that scales lean at most: lobes lean up to twice as far."""
-
-
 _VARIANCES = (1.0, 0.25, 4.0)
 """Along a strand, of R, TT and TRT in Chiang's model, of `_variance`."""
 _LEANS = {"CHIANG": (1.0, -0.5, -2.0), "HUANG": (0.5, 0.0, 0.0)}
@@ -116,7 +114,8 @@ def _principled_hair(view: NodeView) -> Closure:
     """Reflection R, transmission TT and the light TRT that is reflected within (Marschner et al.
     2003), each in lobes that aim where it goes round the strand, as wide as it is along it.
     """
-    _note_limits(view)
+    if view.node.parametrization in ("COLOR", "ABSORPTION"):  # that tell all of it
+        _note_unused(view, {"Random": 0.0, "Random Color": 0.0})
     roughness, hair = _roughness(view), _Hair(view)
     tilt = min(max(view.constant("Offset", 2 * math.pi / 180), -_STEEPEST), _STEEPEST)
     leans = _LEANS.get(view.node.model, _LEANS["CHIANG"])
@@ -159,20 +158,16 @@ _Told = list[tuple[Way, Sum, Callable[[float], float]]]
 
 def _of_chiang(view: NodeView, roughness: Roughness) -> _Told:
     smoother = 1 - min(max(view.constant("Coat", 0.0), 0.0), 1.0)
-    coats = (smoother, 1.0, 1.0)
+    found = ways(_ior(view), view.constant("Radial Roughness", 0.3))
     return [
         (way, constant(1.0), lambda x, coat=coat, times=times: times * _variance(coat * x))
-        for way, coat, times in zip(
-            ways(_ior(view), view.constant("Radial Roughness", 0.3)),
-            coats,
-            _VARIANCES,
-            strict=True,
-        )
+        for way, coat, times in zip(found, (smoother, 1.0, 1.0), _VARIANCES, strict=True)
     ]
 
 
 def _of_huang(view: NodeView, roughness: Roughness) -> _Told:
-    ratio, usual = view.constant("Aspect Ratio", _USUAL_ASPECT), view.constant("Roughness", 0.3)
+    ratio = view.constant("Aspect Ratio", _USUAL_ASPECT)
+    usual = view.evaluator.mean(view.number("Roughness", 0.3))[0]  # where lobes aim does not vary
     if abs(ratio - _USUAL_ASPECT) > 1e-4:
         view.note(
             "'Aspect Ratio' of Principled Hair: {} has the light of all turns of its strands' "
@@ -203,15 +198,6 @@ def _square(of: Callable[[float], float], x: float) -> float:
 
 def _ior(view: NodeView) -> float:
     return max(view.constant("IOR", 1.55), 1.0)
-
-
-def _note_limits(view: NodeView) -> None:
-    """Inputs without effect."""
-    how = view.node.parametrization
-    unused = {"Radial Roughness": 0.3} if how == "COLOR" else {}
-    if how in ("COLOR", "ABSORPTION"):  # that tell all of it
-        unused |= {"Random": 0.0, "Random Color": 0.0}
-    _note_unused(view, unused)
 
 
 def _variance(roughness: float) -> float:
