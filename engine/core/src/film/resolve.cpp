@@ -47,35 +47,41 @@ Span inside(const ResolveWindow& window, size_t rim) {
   return {rim * window.width + rim, window.width - 2 * rim, window.height - 2 * rim, window.width};
 }
 
+/// The columns of a window that tell its surfaces, from one pixel on.
+struct Surfaces {
+  const float *nx, *ny, *nz, *x, *y, *z, *lx, *ly, *lz, *surface;
+  Surfaces(const ResolveWindow& window, size_t pixel) {
+    const auto from = [&](int column) { return window.column(column) + pixel; };
+    nx = from(ResolveWindow::kNormal), ny = from(ResolveWindow::kNormal + 1);
+    nz = from(ResolveWindow::kNormal + 2), x = from(ResolveWindow::kPlace);
+    y = from(ResolveWindow::kPlace + 1), z = from(ResolveWindow::kPlace + 2);
+    lx = from(ResolveWindow::kPlaceLow), ly = from(ResolveWindow::kPlaceLow + 1);
+    lz = from(ResolveWindow::kPlaceLow + 2), surface = from(ResolveWindow::kSurface);
+  }
+};
+
+/// Of `count` pixels in a row; without a branch, so that several are weighed at once.
+void weigh_row(const Surfaces& p, const Surfaces& q, size_t count, float* __restrict weights) {
+  for (size_t i = 0; i < count; ++i) {
+    const float px = p.nx[i], py = p.ny[i], pz = p.nz[i], qx = q.nx[i], qy = q.ny[i], qz = q.nz[i],
+                dx = (q.x[i] - p.x[i]) + (q.lx[i] - p.lx[i]),
+                dy = (q.y[i] - p.y[i]) + (q.ly[i] - p.ly[i]),
+                dz = (q.z[i] - p.z[i]) + (q.lz[i] - p.lz[i]), cosine = px * qx + py * qy + pz * qz,
+                along = dx * px + dy * py + dz * pz, beside = dx * qx + dy * qy + dz * qz,
+                square = dx * dx + dy * dy + dz * dz,
+                level = (cosine - kAlike) * (1 / (1 - kAlike)), above = level < 0 ? 0 : level,
+                alike = above > 1 ? 1 : above, along2 = along * along, beside2 = beside * beside,
+                off = along2 < beside2 ? beside2 : along2, most = kFlat * square,
+                part = (most - off) / (most > off ? most : 1), same = square > 0 ? 0.0f : 1.0f,
+                flat = most > off ? part : same;
+    weights[i] = alike * flat * p.surface[i] * q.surface[i];
+  }
+}
+
 /// How surely the pixel `to` away from each of the span shows the same surface, 0 to 1.
 void weigh(const ResolveWindow& window, const Span& span, ptrdiff_t to, float* weights) {
-  const float* normal[3];
-  const float* place[3];
-  const float* low[3];
-  for (int c = 0; c < 3; ++c) {
-    normal[c] = window.column(ResolveWindow::kNormal + c);
-    place[c] = window.column(ResolveWindow::kPlace + c);
-    low[c] = window.column(ResolveWindow::kPlaceLow + c);
-  }
-  const float* const surface = window.column(ResolveWindow::kSurface);
   span.rows([&](size_t out, size_t at) {
-    for (size_t i = 0; i < span.width; ++i) {
-      const size_t p = at + i, q = size_t(ptrdiff_t(p) + to);
-      float cosine = 0, along = 0, beside = 0, square = 0;
-      for (int c = 0; c < 3; ++c) {
-        const float d = (place[c][q] - place[c][p]) + (low[c][q] - low[c][p]);
-        cosine += normal[c][p] * normal[c][q];
-        along += d * normal[c][p];
-        beside += d * normal[c][q];
-        square += d * d;
-      }
-      const float alike = std::clamp((cosine - kAlike) * (1 / (1 - kAlike)), 0.0f, 1.0f),
-                  off = std::max(along * along, beside * beside), most = kFlat * square,
-                  flat = most > off   ? (most - off) / most
-                         : square > 0 ? 0.0f
-                                      : 1.0f;
-      weights[out + i] = alike * flat * surface[p] * surface[q];
-    }
+    weigh_row({window, at}, {window, size_t(ptrdiff_t(at) + to)}, span.width, weights + out);
   });
 }
 
@@ -158,47 +164,86 @@ uint32_t pixel_of(const Span& span, size_t number, uint32_t x0, uint32_t y0, uin
 
 float over(float a, float b) { return b > 0 ? a / b : 0; }
 
-/// The fit of values to guides that least squares say, at the guides of one pixel and its slopes
-/// from there.
-class GuideFit {
- public:
-  using Guides = std::array<double, kGuides>;
+/// A number for each of three channels, and one for their sum: two pairs, which every processor
+/// has registers for.
+struct Four {
+  using Pair = double __attribute__((vector_size(2 * sizeof(double))));
+  Pair low, high;
+  Four() : low{}, high{} {}
+  Four(double a, double b, double c, double d) : low{a, b}, high{c, d} {}
+  double operator[](int n) const { return n < 2 ? low[n] : high[n - 2]; }
+  Four& operator+=(const Four& o) { return low += o.low, high += o.high, *this; }
+  Four& operator-=(const Four& o) { return low -= o.low, high -= o.high, *this; }
+  Four& operator*=(const Four& o) { return low *= o.low, high *= o.high, *this; }
+  Four& operator/=(const Four& o) { return low /= o.low, high /= o.high, *this; }
+};
+inline Four every(double x) { return {x, x, x, x}; }
+inline Four operator+(Four a, const Four& b) { return a += b; }
+inline Four operator-(Four a, const Four& b) { return a -= b; }
+inline Four operator*(Four a, const Four& b) { return a *= b; }
+inline Four operator*(double a, Four b) { return b *= every(a); }
+inline Four root(const Four& a) {
+  return {std::sqrt(a[0]), std::sqrt(a[1]), std::sqrt(a[2]), std::sqrt(a[3])};
+}
 
-  void add(double weight, const Guides& guides, double value) {
-    for (int i = 0; i < kGuides; ++i) {
+/// The fits of the values of four to guides that least squares say, at the guides of one pixel and
+/// their slopes from there. The last guide, the colour, is each one's own.
+class GuideFits {
+ public:
+  static constexpr int kColor = kGuides - 1;
+  using Guides = std::array<double, kColor>;
+
+  void add(double weight, const Guides& guides, const Four& color, const Four& value) {
+    for (int i = 0; i < kColor; ++i) {
       const double own = weight * guides[size_t(i)];
       for (int j = 0; j <= i; ++j) a_[i][j] += own * guides[size_t(j)];
       x_[i] += own * value;
     }
+    const Four own = weight * color;
+    for (int j = 0; j < kColor; ++j) last_[j] += guides[size_t(j)] * own;
+    last_[kColor] += own * color;
+    x_[kColor] += own * value;
   }
   /// By Cholesky's decomposition; 0 of nothing.
   void solve() {
     const double all = a_[0][0];
     if (!(all > 0)) return;
-    for (int i = 1; i < kGuides; ++i) a_[i][i] += kFlatter * all;
-    for (int i = 0; i < kGuides; ++i)
+    for (int i = 1; i < kColor; ++i) a_[i][i] += kFlatter * all;
+    last_[kColor] += every(kFlatter * all);
+    for (int i = 0; i < kColor; ++i)
       for (int j = 0; j <= i; ++j) {
         for (int k = 0; k < j; ++k) a_[i][j] -= a_[i][k] * a_[j][k];
         a_[i][j] = i == j ? std::sqrt(a_[i][j]) : a_[i][j] / a_[j][j];
       }
-    for (int i = 0; i < kGuides; ++i) {
+    for (int j = 0; j < kColor; ++j) {
+      for (int k = 0; k < j; ++k) last_[j] -= a_[j][k] * last_[k];
+      last_[j] /= every(a_[j][j]);
+      last_[kColor] -= last_[j] * last_[j];
+    }
+    last_[kColor] = root(last_[kColor]);
+    for (int i = 0; i < kColor; ++i) {
       for (int k = 0; k < i; ++k) x_[i] -= a_[i][k] * x_[k];
-      x_[i] /= a_[i][i];
+      x_[i] /= every(a_[i][i]);
+      x_[kColor] -= last_[i] * x_[i];
     }
-    for (int i = kGuides; i-- > 0;) {
-      for (int k = i + 1; k < kGuides; ++k) x_[i] -= a_[k][i] * x_[k];
-      x_[i] /= a_[i][i];
+    x_[kColor] /= last_[kColor];
+    x_[kColor] /= last_[kColor];
+    for (int i = kColor; i-- > 0;) {
+      for (int k = i + 1; k < kColor; ++k) x_[i] -= a_[k][i] * x_[k];
+      x_[i] -= last_[i] * x_[kColor];
+      x_[i] /= every(a_[i][i]);
     }
   }
-  double at(const Guides& guides) const {
-    double sum = 0;
-    for (int i = 0; i < kGuides; ++i) sum += x_[i] * guides[size_t(i)];
-    return sum;
+  Four at(const Guides& guides, const Four& color) const {
+    Four sum;
+    for (int i = 0; i < kColor; ++i) sum += guides[size_t(i)] * x_[i];
+    return sum + x_[kColor] * color;
   }
-  double here() const { return x_[0]; }
+  const Four& here() const { return x_[0]; }
 
  private:
-  double a_[kGuides][kGuides] = {}, x_[kGuides] = {};
+  double a_[kColor][kColor] = {};
+  Four last_[kGuides], x_[kGuides];
 };
 
 /// One kind of light of a window, and what the pixels of a span take of their blocks.
@@ -306,12 +351,12 @@ class LightResolve {
 
   /// Of a pixel q of the window, but for the colour, less those of pixel k of the span as far as
   /// surfaces are seen.
-  GuideFit::Guides guides(size_t k, size_t q) const {
+  GuideFits::Guides guides(size_t k, size_t q) const {
     const auto get = [&](int column) { return double(at(column, q)); };
     const auto here = [&](int column) { return double(own(column, k)); };
     const double share = get(ResolveWindow::kShare),
                  part = share * here(ResolveWindow::kAlong) / here(ResolveWindow::kShare);
-    GuideFit::Guides found{share};
+    GuideFits::Guides found{share};
     for (int c = 0; c < 3; ++c) {
       const int normal = ResolveWindow::kNormal + c, place = ResolveWindow::kPlace + c,
                 low = ResolveWindow::kPlaceLow + c;
@@ -331,49 +376,47 @@ class LightResolve {
       const size_t q = size_t(ptrdiff_t(p) + block.to[j]);
       if (!(at(ResolveWindow::kSurface, q) > 0)) continue;
       const Near& near = near_.emplace_back(Near{q, double(block.of(j)[k]), guides(k, q)});
-      const GuideFit::Guides& g = near.guides;
+      const GuideFits::Guides& g = near.guides;
       all += near.weight * g[0] * g[0];
       far += near.weight * (g[4] * g[4] + g[5] * g[5] + g[6] * g[6]);
       tinted += near.weight * double(tint_[q]) * double(tint_[q]);
     }
     const double scale = far > 0 ? std::sqrt(all / far) : 0, full = std::sqrt(all / tinted),
                  share = double(own(ResolveWindow::kShare, k));
-    const auto with_color = [&](GuideFit::Guides g, float color, float here) {
-      g[7] = full * (double(color) - g[0] / share * double(here));
-      return g;
+    const Four here(own_color(k, 0), own_color(k, 1), own_color(k, 2), own_tint);
+    const auto color_of = [&](const GuideFits::Guides& g, size_t q) {
+      return full *
+             (Four(color_[0][q], color_[1][q], color_[2][q], tint_[q]) - g[0] / share * here);
     };
-    GuideFit channels[3], sum;
+    const auto bright = [&](size_t q) { return double(white_[q]) * double(tint_[q]); };
+    GuideFits fits;
     double most[3] = {};
     for (auto& [q, weight, g] : near_) {
       for (size_t i = 4; i < 7; ++i) g[i] *= scale;
-      for (int c = 0; c < 3; ++c) {
-        most[c] = std::max(most[c], double(light_[c][q]));
-        channels[c].add(weight, with_color(g, color_[c][q], own_color(k, c)), double(light_[c][q]));
-      }
-      sum.add(weight, with_color(g, tint_[q], own_tint), double(white_[q]) * double(tint_[q]));
+      for (int c = 0; c < 3; ++c) most[c] = std::max(most[c], double(light_[c][q]));
+      fits.add(weight, g, color_of(g, q), {light_[0][q], light_[1][q], light_[2][q], bright(q)});
     }
-    sum.solve();
+    fits.solve();
     double apart = 0, noise = 0;
     for (const auto& [q, weight, g] : near_) {
-      const double tint = double(tint_[q]), half = double(halves_[q]) * tint,
-                   off = double(white_[q]) * tint - sum.at(with_color(g, tint_[q], own_tint));
+      const double half = double(halves_[q]) * double(tint_[q]),
+                   off = bright(q) - fits.at(g, color_of(g, q))[3];
       apart += weight * off * off;
       noise += weight * half * half;
     }
     apart_[k] = changed_[k] = 1;  // images stay
     noise_[k] = float(double(kSureFit / kSure) * noise / apart);
-    GuideFit::Guides coarse{};
-    if (finer_ && at(ResolveWindow::kSurface, p) > 0) coarse = guides(k, p);
-    for (size_t i = 4; i < 7; ++i) coarse[i] *= scale;
+    const auto held = [&](double light, int c) { return float(std::clamp(light, 0.0, most[c])); };
     for (int c = 0; c < 3; ++c) {
-      channels[c].solve();
-      const auto held = [&](double light) { return float(std::clamp(light, 0.0, most[c])); };
-      const float fine = held(share * channels[c].here());
-      fine_[c][k] = coarse_[c][k] = fine;
+      fine_[c][k] = coarse_[c][k] = held(share * fits.here()[c], c);
       color_sum_[c][k] = own_color(k, c);
-      if (!finer_) continue;
-      coarse_[c][k] = held(channels[c].at(with_color(coarse, color_[c][p], own_color(k, c))));
     }
+    if (!finer_) return;
+    GuideFits::Guides coarse{};
+    if (at(ResolveWindow::kSurface, p) > 0) coarse = guides(k, p);
+    for (size_t i = 4; i < 7; ++i) coarse[i] *= scale;
+    const Four light = fits.at(coarse, color_of(coarse, p));
+    for (int c = 0; c < 3; ++c) coarse_[c][k] = held(light[c], c);
   }
 
   /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show.
@@ -420,7 +463,7 @@ class LightResolve {
   struct Near {
     size_t pixel;  // of the window
     double weight;
-    GuideFit::Guides guides;
+    GuideFits::Guides guides;
   };
   std::vector<Near> near_;       // of the block of one pixel
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
@@ -428,6 +471,16 @@ class LightResolve {
   Floats coarse_[3],
       fine_[3];  // of the span: predictions of its samples' light, and of all its rays'
 };
+
+/// Whether pixels of two rows, from p and from q on, differ in a value by more than looks the same
+/// where they are that bright, or did before.
+void differ(const float* value, const float* bright, size_t p, size_t q,
+            std::vector<uint8_t>& apart) {
+  for (size_t k = 0; k < apart.size(); ++k) {
+    const float whole = std::max(bright[p + k], bright[q + k]);
+    apart[k] |= std::fabs(value[p + k] - value[q + k]) > kEven * whole;
+  }
+}
 
 /// What pixel q gets whose catchers get that much more of light: their shadows are as dark as what
 /// they have then says, where the samples' were so by their own ratios, each of a few points.
@@ -455,36 +508,38 @@ Resolve::Resolve(uint32_t side, Region region, uint32_t kept, Catches catches)
 
 std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
   const Span span = inside(window, looks_at());
-  std::vector<uint8_t> found(span.count(), 0);
+  std::vector<uint8_t> found(span.count(), 0), apart(span.width);
   Floats alike(span.count());
-  const auto value = [&](int column, size_t q) { return window.column(column)[q]; };
-  const auto differ = [&](int column, size_t p, size_t q, float whole) {
-    return std::fabs(value(column, p) - value(column, q)) > kEven * whole;
+  // what may differ, and how bright of which the differences are
+  std::vector<std::pair<const float*, size_t>> values;
+  std::vector<Floats> bright;
+  const auto compare = [&](int column, int brightness) {
+    Floats& most = bright.emplace_back(window.pixels(), 0.0f);
+    for (int c = 0; c < 3; ++c) {
+      const float* const own = window.column(brightness + c);
+      for (size_t q = 0; q < most.size(); ++q) most[q] = std::max(most[q], std::fabs(own[q]));
+      values.emplace_back(window.column(column + c), bright.size() - 1);
+    }
   };
-  const auto brightest = [&](int column, size_t q) {
-    return std::max({std::fabs(value(column, q)), std::fabs(value(column + 1, q)),
-                     std::fabs(value(column + 2, q))});
-  };
+  for (int kind = 0; kind < kColoredKinds; ++kind)
+    compare(ResolveWindow::kColor + 3 * kind, ResolveWindow::kColor + 3 * kind);
+  compare(ResolveWindow::kRest, ResolveWindow::kWhole);
+  bright.emplace_back(window.pixels(), 1.0f);
+  values.emplace_back(window.column(ResolveWindow::kRest + 3), bright.size() - 1);
+  const float* const surface = window.column(ResolveWindow::kSurface);
+  const float* const in_picture = window.column(ResolveWindow::kInside);
   for (int j = -1; j <= 1; ++j)
     for (int i = -1; i <= 1; ++i) {
       const ptrdiff_t to = span.offset(i, j);
       weigh(window, span, to, alike.data());
-      for (size_t k = 0; k < span.count(); ++k) {
-        const size_t p = span.pixel(k), q = size_t(ptrdiff_t(p) + to);
-        if (value(ResolveWindow::kInside, q) == 0) continue;
-        bool apart = alike[k] == 0 &&
-                     value(ResolveWindow::kSurface, p) + value(ResolveWindow::kSurface, q) > 0;
-        for (int kind = 0; kind < kColoredKinds; ++kind) {
-          const int color = ResolveWindow::kColor + 3 * kind;
-          const float whole = std::max(brightest(color, p), brightest(color, q));
-          for (int c = 0; c < 3; ++c) apart |= differ(color + c, p, q, whole);
-        }
-        const float whole =
-            std::max(brightest(ResolveWindow::kWhole, p), brightest(ResolveWindow::kWhole, q));
-        for (int c = 0; c < 3; ++c) apart |= differ(ResolveWindow::kRest + c, p, q, whole);
-        apart |= differ(ResolveWindow::kRest + 3, p, q, 1);
-        found[k] |= apart;
-      }
+      span.rows([&](size_t out, size_t p) {
+        const size_t q = size_t(ptrdiff_t(p) + to);
+        for (size_t k = 0; k < span.width; ++k)
+          apart[k] = alike[out + k] == 0 && surface[p + k] + surface[q + k] > 0;
+        for (const auto& [value, of] : values) differ(value, bright[of].data(), p, q, apart);
+        for (size_t k = 0; k < span.width; ++k)
+          if (in_picture[q + k] != 0) found[out + k] |= apart[k];
+      });
     }
   return found;
 }
