@@ -56,6 +56,38 @@ else:
     output = tree.nodes.new("CompositorNodeComposite")
 """
 """An empty compositor of `scene` and its output, before Blender 5.0 and since."""
+PUT = """
+def put(name, data, *place):
+    thing = bpy.data.objects.new(name, data)
+    thing.location = place
+    scene.collection.objects.link(thing)
+    return thing
+"""
+"""`put`: a thing into `scene`."""
+
+PUT_AND_LOOK = (
+    PUT
+    + """
+def box(name, size, *place):
+    mesh, (x, y, z) = bpy.data.meshes.new(name), [side / 2 for side in size]
+    corners = [(i, j, k) for i in (-x, x) for j in (-y, y) for k in (-z, z)]
+    mesh.from_pydata(corners, [], [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+    return put(name, mesh, *place)
+
+def look(thing, kind, output="Surface", **values):
+    material = bpy.data.materials.new(thing.name)
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    node, end = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
+    for name, value in values.items():
+        node.inputs[name].default_value = value
+    tree.links.new(node.outputs[0], end.inputs[output])
+    thing.data.materials.append(material)
+    return thing
+"""  # noqa: E501 - a script for another Blender
+)
+"""`put`, `box`: one with a mesh, and `look`: gives it a material of one node."""
 ANSWER = "ANSWER "
 
 

@@ -100,6 +100,13 @@ def has_bounces(scene: Scene, settings: Settings) -> bool:
     )
 
 
+def goes_far(scene: Scene, settings: Settings) -> bool:
+    """Whether there are rays that Bounces ends: those, and of light that strands send on."""
+    kinds = {lobe.kind for material in scene.materials for lobe in material.lobes}
+    strands = not kinds.isdisjoint({"FIBRE_SPECULAR", "FIBRE_TRANSMISSION"})
+    return has_bounces(scene, settings) or (strands and scatters(scene, settings))
+
+
 def scatters(scene: Scene, settings: Settings) -> bool:
     """Whether surfaces throw light onto others: it is measured where it is wanted at all."""
     return settings.bounces > 0 and bool(scene.instances)
@@ -121,7 +128,7 @@ TUNABLES = (
     Tunable("visibility_samples", (1, 4), sees_more, group="visibility"),
     Tunable("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
     Tunable("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
-    Tunable("max_bounces", (0, 1, 4, 12), has_bounces, group="bounces"),
+    Tunable("max_bounces", (0, 1, 4, 12), goes_far, group="bounces"),
     Tunable("cutoff", (0.01, 0.001, 0.0), has_bounces, falling=True, group="bounces"),
     Tunable("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
     Tunable("volume_samples", (1, 2, 4, 8, 16), has_fog, group="volumes"),

@@ -186,7 +186,8 @@ class Explainer:
         """The rays along which light bounced to the point, and what is told of them."""
         stage, paths = self.stage, at.paths
         found = tuple(self._gathered(bouncing(stage, at, self._sample, self._places)))
-        most = int(stage.strand_bounces if stage.are_strands(at.surface)[0] else stage.bounces)
+        fibrous = any(term.lobe.kind != "FIBRE_DIFFUSE" for term in at.coefficients.fibres)
+        most = stage.fibre_bounces if fibrous else stage.bounces
         if most == 0:
             return found, about
         _, k, share, number = bounce(stage, at, self._sample, self._places)

@@ -72,12 +72,13 @@ def sampled(
     chosen: Array,
     disc: Array,
     number: Array,
+    fibres_alone: bool = False,
 ) -> tuple[Array, Array, Array]:
     """Where rays go on from the points `chosen` (m,) of strands: each from one lobe, chosen by how
     much of T = weight (3, n) it gives back; what is even gives evenly over the front's half of the
-    sphere. disc: (2, m) of the unit disc. number: (m,) that chooses, of [0, 1). Returns (3, m) unit
-    directions in the world, 0 for none, (m,) the pdf of all lobes together there, a steradian, and
-    (m,) what is left of the numbers, of [0, 1).
+    sphere. disc: (2, m) of the unit disc. number: (m,) that chooses, of [0, 1). fibres_alone: what
+    is even gives nothing. Returns (3, m) unit directions in the world, 0 for none, (m,) the pdf of
+    all lobes together there, a steradian, and (m,) what is left of the numbers, of [0, 1).
     """
     place = np.full(len(surface), -1)
     place[chosen] = np.arange(len(chosen))
@@ -101,7 +102,7 @@ def sampled(
         if term.lobe.kind == "TOON_SPECULAR":
             own, at = _placed(term, place)
             others[at] |= _size(weight, term)[own] > 0
-    even = even + np.where(others, total, 0.0)
+    even = np.zeros(len(chosen)) if fibres_alone else even + np.where(others, total, 0.0)
     even = np.where(even + total > 0, even, 1.0)
     total = even + total
     n, asked = pick(surface.n, chosen), number * total

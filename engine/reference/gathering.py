@@ -32,12 +32,11 @@ def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[
     synthesis). places: (n,) of the tile's pixels, as `Stage.places`.
     """
     paths, hit, surface = at.paths, at.hit, at.surface
-    on = stage.bounces_on(paths, surface)
-    if not on.any():
+    if paths.bounced >= stage.fibre_bounces:
         return []
     d, k, share, least = bounce(stage, at, sample, places)
     side = np.where(dot(d, surface.n) < 0, -1.0, 1.0)
-    given = on & (np.abs(at.weight * k).max(0) > 0)
+    given = np.abs(at.weight * k).max(0) > 0
     go = np.flatnonzero(given & (side * dot(d, surface.g) > 0) & (least < share))
     if not len(go):
         return []
@@ -58,19 +57,19 @@ def bounce(
     share of the rays goes on, and the number that this share has to be above, (n,) each. places: as
     `bouncing`.
     """
-    surface, coefficients = at.surface, at.coefficients
+    surface, coefficients, alone = at.surface, at.coefficients, not stage.gathers(at.paths)
     *disc, least = stage.bounce_points(sample, at.paths.bounced, places[at.pixel])
     point, factor = np.array(disc), np.ones(len(at.hit))
     d = _onward(surface.n, point)
     strands = np.flatnonzero(stage.are_strands(surface))
     if len(strands):
         number, least = least[strands], least.copy()
-        of = sampled(surface, coefficients, at.weight, strands, point[:, strands], number)
+        of = sampled(surface, coefficients, at.weight, strands, point[:, strands], number, alone)
         d[:, strands], pdf, least[strands] = of
         cosine = np.abs(dot(pick(surface.n, strands), of[0]))
         with np.errstate(divide="ignore", invalid="ignore"):
             factor[strands] = np.where(pdf > 0, cosine / (np.pi * pdf), 0.0)
-    k = factor * _thrown_back(stage, at, d)
+    k = factor * _thrown_back(stage, at, d, alone)
     share = np.ones(len(at.hit))
     if at.paths.bounced:
         before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)
@@ -84,14 +83,18 @@ def _past(paths: Paths) -> dict[str, Any]:
     return {**again, "gathers": True}
 
 
-def _thrown_back(stage: Stage, at: Interaction, d: Array) -> Array:
-    """(3, n) what points throw back as what is matt does, of light along d (3, n)."""
+def _thrown_back(stage: Stage, at: Interaction, d: Array, fibres_alone: bool) -> Array:
+    """(3, n) what points throw back as what is matt does, of light along d (3, n). fibres_alone:
+    nothing but strands, and these by what is not matt.
+    """
     surface, coefficients = at.surface, at.coefficients
     every, cosine = np.arange(len(surface)), dot(surface.n, d)
-    lobes = np.where(cosine > 0, matt_lobes(surface, coefficients, every, d), 0.0)
-    lobes = lobes + fibres(surface, coefficients.fibres, every, d, matt=False)
-    lobes = lobes / np.maximum(np.abs(cosine), 2.0**-20)
-    matt = np.where(cosine > 0, coefficients.diffuse, 0.0) + lobes
+    above = np.maximum(np.abs(cosine), 2.0**-20)
+    lobes = fibres(surface, coefficients.fibres, every, d, matt=False)
+    if fibres_alone:
+        return lobes / above
+    lobes = np.where(cosine > 0, matt_lobes(surface, coefficients, every, d), 0.0) + lobes
+    matt = np.where(cosine > 0, coefficients.diffuse, 0.0) + lobes / above
     seen = dot(surface.n, surface.v)
     gloss = even_gloss(seen, coefficients.highlights, stage.settings.reflecting)
     gloss = np.where(cosine > 0, gloss, 0.0)

@@ -75,7 +75,7 @@ class Stage:
         self.samples = dealt_samples(settings.samples, self.interleaving)  # of tables
         self.bounces = settings.bounces if scene.lights else 0
         most = min(settings.max_bounces, BOUNCE_LEVELS) if self.bounces else 0
-        self.strand_bounces = max(self.bounces, most)
+        self.fibre_bounces = max(self.bounces, most)
         self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
         self.geometry = gather(scene, self.eye)
         cancellation.check()
@@ -170,17 +170,12 @@ class Stage:
         )
 
     def gathers(self, paths: Paths) -> bool:
-        """Whether light bounces on at what the paths meet, but for strands."""
+        """Whether light bounces on at what is matt, which the paths meet."""
         return paths.bounced < self.bounces
 
     def are_strands(self, surface: Surface) -> Array:
         """(m,) bool."""
         return surface.primitive >= self.geometry.first_rod
-
-    def bounces_on(self, paths: Paths, surface: Surface) -> Array:
-        """(m,) whether light bounces on at what the paths meet."""
-        most = np.where(self.are_strands(surface), self.strand_bounces, self.bounces)
-        return paths.bounced < most
 
     def closest(self, paths: Paths, strips: Strips | None = None) -> Hits:
         """What the paths meet first. strips: as `Visibility.closest`."""

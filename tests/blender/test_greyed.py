@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from blender_process import REGISTER_TREE, Blender
+from blender_process import PUT_AND_LOOK, REGISTER_TREE, Blender
 
 UI = Path(__file__).resolve().parents[2] / "addon" / "ui"
 PROGRAM = (
     REGISTER_TREE
+    + PUT_AND_LOOK
     + """
 import math
 import numpy as np
@@ -21,30 +22,6 @@ scene, layer = bpy.context.scene, bpy.context.view_layer
 render, final = scene.render, scene.glint.final
 render.engine, render.resolution_x, render.resolution_y = "GLINT", 24, 24
 final.samples, final.error_threshold, final.light_samples, final.diffuse_bounces = 2, 0.0, 1, 1
-
-def put(name, data, *place):
-    thing = bpy.data.objects.new(name, data)
-    thing.location = place
-    scene.collection.objects.link(thing)
-    return thing
-
-def box(name, size, *place):
-    mesh, (x, y, z) = bpy.data.meshes.new(name), [side / 2 for side in size]
-    corners = [(i, j, k) for i in (-x, x) for j in (-y, y) for k in (-z, z)]
-    mesh.from_pydata(corners, [], [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
-    return put(name, mesh, *place)
-
-def look(thing, kind, output="Surface", **values):
-    material = bpy.data.materials.new(thing.name)
-    material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    node, end = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
-    for name, value in values.items():
-        node.inputs[name].default_value = value
-    tree.links.new(node.outputs[0], end.inputs[output])
-    thing.data.materials.append(material)
-    return thing
 
 eye = scene.camera = put("eye", bpy.data.cameras.new("eye"), 0, -9, 3)
 eye.rotation_euler = (math.radians(72), 0, 0)

@@ -4,10 +4,11 @@ where the next Blender has a new one, this fails, and no picture.
 
 import pytest
 
-from blender_process import REGISTER_TREE, Blender
+from blender_process import PUT, REGISTER_TREE, Blender
 
 PROGRAM = (
     REGISTER_TREE
+    + PUT
     + """
 import math
 from glint.addon.render import statistics
@@ -24,12 +25,6 @@ def fresh():
     camera.rotation_euler = (math.radians(68), 0, 0)
     scene.world = bpy.data.worlds.new("world")
     scene.world.use_nodes = True
-
-def put(name, data, *place):
-    thing = bpy.data.objects.new(name, data)
-    thing.location = place
-    scene.collection.objects.link(thing)
-    return thing
 
 def grid(name, cells, size, *place):
     side = [size * (k / cells - 0.5) for k in range(cells + 1)]

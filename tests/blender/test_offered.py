@@ -5,10 +5,11 @@ has elsewhere.
 import pytest
 
 import test_panels
-from blender_process import REGISTER_TREE, Blender
+from blender_process import PUT_AND_LOOK, REGISTER_TREE, Blender
 
 PROGRAM = (
     REGISTER_TREE
+    + PUT_AND_LOOK
     + """
 import math
 import numpy as np
@@ -28,18 +29,6 @@ def fresh():
     world = scene.world = bpy.data.worlds.new("sky")
     world.use_nodes = True
 
-def put(name, data, *place):
-    thing = bpy.data.objects.new(name, data)
-    thing.location = place
-    scene.collection.objects.link(thing)
-    return thing
-
-def box(name, size, *place):
-    mesh, (x, y, z) = bpy.data.meshes.new(name), [side / 2 for side in size]
-    corners = [(i, j, k) for i in (-x, x) for j in (-y, y) for k in (-z, z)]
-    mesh.from_pydata(corners, [], [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
-    return put(name, mesh, *place)
-
 def ball(name, *place):
     rings, around, mesh = 5, 8, bpy.data.meshes.new(name)
     turns = [(math.pi * (ring + 1) / (rings + 1), math.tau * k / around) for ring in range(rings) for k in range(around)]
@@ -49,18 +38,6 @@ def ball(name, *place):
     mesh.from_pydata(corners, [], [tuple(range(around)), *faces, tuple(reversed(range(around * (rings - 1), around * rings)))])
     mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
     return put(name, mesh, *place)
-
-def look(thing, kind, output="Surface", **values):
-    material = bpy.data.materials.new(thing.name)
-    material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    node, end = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
-    for name, value in values.items():
-        node.inputs[name].default_value = value
-    tree.links.new(node.outputs[0], end.inputs[output])
-    thing.data.materials.append(material)
-    return thing
 
 def lamp(kind, *place, **values):
     light = put("lamp", bpy.data.lights.new("lamp", kind), *place)

@@ -146,20 +146,26 @@ def test_white_strands_vanish_in_an_even_sky(backend: str) -> None:
     assert found[2] == pytest.approx(1.0, abs=0.012)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_light_goes_from_strand_to_strand_as_often_as_bounces_says(backend: str) -> None:
-    """Where any bounces; what is matt throws it on as often as Diffuse Bounces says."""
-    white = s.Lobe("FIBRE_DIFFUSE", constant(1.0), fibre_output=0)
-    hair = bundle(white)
+def matt_things(hair: s.Strands) -> dict:
+    """A floor, a ball on it and strands, for a material each of the first two and of the last."""
     floor = np.array([[-9, -9, -1], [9, -9, -1], [9, 9, -1], [-9, 9, -1]], np.float32)
     mesh = s.Mesh("floor", floor, np.uint32([[0, 1, 2], [0, 2, 3]]))
     ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
-    # beside black strands, which throw nothing on
+    every = [replace(placed(), geometry=k, materials=(k == 2,)) for k in range(3)]
+    return {"geometries": (mesh, ball, hair), "instances": tuple(every)}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_strands_send_light_on_as_often_as_bounces_says(backend: str) -> None:
+    """Where any bounces, by what is not matt; matt lobes, of strands too, throw it on as often as
+    Diffuse Bounces says.
+    """
+    shining = [lobe("SPECULAR", 0.5, 9.0), lobe("TRANSMISSION", 0.5, 9.0, masking=0.3)]
+    white = s.Lobe("FIBRE_DIFFUSE", constant(1.0), fibre_output=0)
+    hair, matt, both = bundle(*shining), bundle(white), bundle(lobe("DIFFUSE", 0.4), *shining)
     paint = s.Material("matt", (s.Lobe("DIFFUSE", constant(1.0)),))
-    black = material_of(s.Lobe("FIBRE_DIFFUSE", constant(0.0), fibre_output=0))
-    all_of = [replace(placed(), geometry=k, materials=(k == 2,)) for k in range(3)]
-    things = {"geometries": (mesh, ball, *hair.geometries), "instances": tuple(all_of)}
-    matt = replace(hair, materials=(paint, black), **things)
+    dark = material_of(lobe("SPECULAR", 0.0, 9.0))
+    beside = replace(hair, materials=(paint, dark), **matt_things(hair.geometries[0]))
 
     def picture(scene: s.Scene, diffuse: int, bounces: int) -> np.ndarray:
         plan = {"samples": 2, "filter_width": 0.0, "backend": backend, "soft_light": "DEALT"}
@@ -170,8 +176,21 @@ def test_light_goes_from_strand_to_strand_as_often_as_bounces_says(backend: str)
     assert picture(hair, 1, 6).mean() > picture(hair, 1, 1).mean() + 0.01
     assert (picture(hair, 0, 6) == picture(hair, 0, 0)).all()
     assert (picture(hair, 1, 64) == picture(hair, 1, BOUNCE_LEVELS)).all()
-    assert (picture(matt, 1, 6) == picture(matt, 1, 1)).all()
-    assert picture(matt, 6, 6).mean() > picture(matt, 1, 1).mean() + 0.001
+    for scene in (matt, beside):
+        assert (picture(scene, 1, 6) == picture(scene, 1, 1)).all()
+        assert picture(scene, 6, 6).mean() > picture(scene, 1, 1).mean() + 0.001
+    least, some, most = (picture(both, *plan).mean() for plan in ((1, 1), (1, 6), (6, 6)))
+    assert least + 0.001 < some < most - 0.001
+
+
+@needs_core
+def test_both_tracers_send_light_on_alike() -> None:
+    """Beyond Diffuse Bounces, where strands have matt lobes and others."""
+    kinds = (lobe("DIFFUSE", 0.4), lobe("SPECULAR", 0.3, 9.0), lobe("TRANSMISSION", 0.4, 9.0))
+    plan = Settings(samples=8, filter_width=0.0, soft_light="DEALT")
+    plan = replace(plan, diffuse_bounces=1, max_bounces=6)
+    films = [render(bundle(*kinds), replace(plan, backend=each)) for each in ("NATIVE", "NUMPY")]
+    np.testing.assert_allclose(films[0].combined, films[1].combined, rtol=2e-4, atol=2e-5)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

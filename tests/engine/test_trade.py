@@ -161,6 +161,8 @@ def test_the_grid_holds_only_tunables_that_can_matter():
     skin = replace(hard, materials=(Material("s", (Lobe("DIFFUSE", radius=(0.1, 0.1, 0.1)),)),))
     sky = scenes.light("DOME", radiance=np.ones((1, 1, 3), np.float32))
     under_a_sky = replace(hard, lights=(sky,))
+    fibre = Material("fibre", (Lobe("FIBRE_TRANSMISSION", exponent=9.0),))
+    hair = replace(hard, materials=(fibre,))
     bounced, many = replace(base, diffuse_bounces=2), always | {"light_samples"}
     for scene, settings, varied in (
         (hard, base, always),
@@ -171,6 +173,8 @@ def test_the_grid_holds_only_tunables_that_can_matter():
         (glow, base, many | {"mesh_light"}),
         (glow, replace(base, mesh_light="OFF"), always),
         (hard, bounced, many | {"diffuse_bounces"}),
+        (hair, bounced, many | {"diffuse_bounces", "max_bounces"}),
+        (hair, base, always),
         (hard, replace(bounced, illumination="CLASSIC"), always),
         (foggy, base, always | {"volume_samples"}),
         (skin, base, always | {"subsurface"}),

@@ -16,17 +16,23 @@ _HEIGHTS = 128
 
 
 class Way(NamedTuple):
-    """One of the ways that light goes, as means over the width of a fibre seen from the side."""
+    """One of the ways that light takes, as means over the width of a fibre seen from the side.
 
-    amount: float  # of the light that meets a clear fibre
-    radii: float  # how far it goes within, for what little is absorbed
-    aim: float  # the mean cosine, round the fibre, between where it goes and where it comes from
+    amount: of the light that meets a clear fibre.  radii: how far it goes within, where little is
+    absorbed.  aim: the mean cosine, round the fibre, between where it leaves to and where it comes
+    from.
+    """
+
+    amount: float
+    radii: float
+    aim: float
 
     def shares(self) -> tuple[tuple[bool, float, float], ...]:
-        """Of FIBRE lobes that aim so: whether behind, how much of the amount, and `Lobe.masking`.
+        """Of each of the FIBRE lobes that together aim so: whether it is behind, its share of the
+        amount, and its `Lobe.masking`.
 
-        The mean cosine of what goes before or behind as normals do is half of 1, that of a fan of 1
-        / q is q / (q + 1).
+        A lobe without masking has the mean cosine 1/2, before or behind; one with the masking 1 / q
+        has q / (q + 1).
         """
         size = abs(self.aim)
         if size > 0.5:
@@ -36,8 +42,10 @@ class Way(NamedTuple):
 
 @functools.lru_cache(maxsize=64)
 def ways(ior: float, roughness: float) -> tuple[Way, Way, Way]:
-    """R, TT and TRT, with what is reflected within more often, of Chiang et al. (A practical and
-    controllable hair and fur model, 2016), with their roughness round the fibre.
+    """R, TT and TRT of Chiang et al. (A practical and controllable hair and fur model, 2016).
+
+    What is reflected within more often is in TRT.  ior: at least 1.  roughness: theirs round the
+    fibre, 0 to 1.
     """
     out = _angles(_HEIGHTS)
     within, width = np.arcsin(np.sin(out) / ior), np.cos(out)
@@ -65,8 +73,9 @@ def _angles(count: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=1024)
 def slanted(ior: float, sine: float) -> tuple[float, float, float]:
-    """Of R, TT and TRT what there is of what is seen from the side, where the view leaves the plane
-    across the fibre by the angle of this sine: more is reflected.
+    """How much there is of R, TT and TRT in a slanted view, over what there is from the side.
+
+    More is reflected. sine: of the angle by which the view leaves the plane across the fibre.
     """
 
     def shares(across: float) -> tuple[float, float, float]:

@@ -37,28 +37,28 @@ _LEANS = {"CHIANG": (1.0, -0.5, -2.0), "HUANG": (0.5, 0.0, 0.0)}
 """How far R, TT and TRT lean along a strand whose scales tilt by 1."""
 _HUANG = np.array(
     [
-        [0.0, 1.00, 1.00, 1.00, -0.06, -0.86, 0.84, 0.00, 0.000, 0.00],
-        [0.05, 0.98, 0.97, 1.00, -0.06, -0.87, 0.83, 0.118, 0.079, 0.252],
-        [0.1, 0.98, 0.93, 0.90, -0.07, -0.88, 0.81, 0.214, 0.136, 0.349],
-        [0.2, 0.86, 0.85, 1.06, 0.02, -0.90, 0.62, 0.328, 0.214, 0.436],
-        [0.3, 0.75, 0.82, 1.30, 0.11, -0.91, 0.46, 0.402, 0.257, 0.483],
-        [0.45, 0.63, 0.80, 1.72, 0.20, -0.93, 0.30, 0.483, 0.290, 0.618],
-        [0.6, 0.52, 0.82, 2.07, 0.26, -0.94, 0.20, 0.558, 0.315, 0.727],
-        [0.8, 0.42, 0.85, 2.25, 0.31, -0.94, 0.11, 0.630, 0.325, 0.740],
-        [1.0, 0.34, 0.89, 2.26, 0.35, -0.94, 0.04, 0.712, 0.335, 0.773],
+        [0.0, 1.0, 1.0, 1.0, -0.07, -0.86, 0.97, 0.0, 0.0, 0.0],
+        [0.05, 0.93, 0.984, 0.996, 0.001, -0.873, 0.831, 0.105, 0.074, 0.242],
+        [0.1, 0.942, 0.939, 0.913, -0.01, -0.887, 0.805, 0.2, 0.13, 0.35],
+        [0.2, 0.847, 0.872, 1.074, 0.069, -0.904, 0.63, 0.328, 0.203, 0.438],
+        [0.3, 0.75, 0.838, 1.313, 0.147, -0.915, 0.469, 0.404, 0.25, 0.49],
+        [0.45, 0.627, 0.82, 1.688, 0.23, -0.928, 0.313, 0.49, 0.289, 0.556],
+        [0.6, 0.527, 0.832, 1.999, 0.287, -0.936, 0.21, 0.556, 0.308, 0.613],
+        [0.8, 0.423, 0.865, 2.189, 0.34, -0.94, 0.114, 0.632, 0.323, 0.664],
+        [1.0, 0.345, 0.904, 2.254, 0.376, -0.939, 0.035, 0.719, 0.328, 0.696],
     ]
 )
 """Roughness of Huang's model (Huang, Hullin, Hanika 2022), and of R, TT and TRT how much there is,
-of what a smooth strand has, the mean cosine round the strand, and the standard deviation along it:
-measured on Cycles' pictures of one round strand (docs/decisions/0068-strands-by-paths.md).
+of what a smooth strand has, the mean cosine round the strand, and the standard deviation along it,
+in radians: measured on Cycles' pictures of one round strand (tests/bench/strand.py).
 """
 _FLAT = np.array(
     [
-        [0.2, 0.70, 0.61, 1.64, -0.02, -0.04, -0.61],
-        [0.4, 0.62, 0.59, 2.25, 0.14, -0.03, -0.59],
-        [0.6, 0.70, 0.70, 1.65, 0.13, -0.02, -0.22],
-        [0.85, 0.90, 0.91, 1.10, 0.02, 0.00, 0.00],
-        [1.0, 1.00, 1.00, 1.00, 0.00, 0.00, 0.00],
+        [0.2, 0.691, 0.614, 1.574, -0.024, -0.04, -0.636],
+        [0.4, 0.694, 0.613, 2.3, 0.042, -0.029, -0.614],
+        [0.6, 0.761, 0.721, 1.773, 0.053, -0.017, -0.251],
+        [0.85, 0.89, 0.913, 1.035, 0.033, -0.004, -0.008],
+        [1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0],
     ]
 )
 """Ratios of the axes of Huang's elliptic strands, and of R, TT and TRT how much there is, of what a
@@ -72,13 +72,13 @@ _CAUCHY = np.array(
         [0.2, 56.1, 7.8, 0.55],
         [0.3, 29.5, 2.0, 0.55],
         [0.5, 31.6, 1.2, 0.85],
-        [1.0, 31.6, 0.3, 1.0],
+        [1.0, 0.3, 0.3, 1.0],
     ]
 )
 """A row each: half the width of Cauchy's distribution of half angles, cut off at a quarter of a
 circle, and the exponents of two lobes and the share of the second that are nearest to it, seen from
 across, over the root of the cosine off the plane across the strand, in the root mean square of the
-square roots.
+square roots (tests/bench/strand.py).
 """
 
 
@@ -120,10 +120,10 @@ def _principled_hair(view: NodeView) -> Closure:
     tilt = min(max(view.constant("Offset", 2 * math.pi / 180), -_STEEPEST), _STEEPEST)
     leans = _LEANS.get(view.node.model, _LEANS["CHIANG"])
     of = _of_huang if view.node.model == "HUANG" else _of_chiang
-    lobes, slant = [], _slant(view)
-    for number, (way, weight, variance) in enumerate(of(view, roughness)):
+    lobes, slant, ior = [], _slant(view), max(view.constant("IOR", 1.55), 1.0)
+    for number, (way, weight, variance) in enumerate(of(view, roughness, ior)):
         lean = leans[number]
-        aside = slant.number(lambda sine, k=number: slanted(_ior(view), sine)[k])
+        aside = slant.number(lambda sine, k=number: slanted(ior, sine)[k])
         color = multiply(multiply(weight, aside), scale(hair.dimmed(way.radii), way.amount))
         more = roughness.exponent(lambda x, variance=variance: 4 / variance(x))
         more["ior"] = Lobe.leaning(math.tan(lean * tilt))
@@ -156,16 +156,16 @@ _Told = list[tuple[Way, Sum, Callable[[float], float]]]
 """Of R, TT and TRT: what the amount is times, and the variance along a strand by its roughness."""
 
 
-def _of_chiang(view: NodeView, roughness: Roughness) -> _Told:
+def _of_chiang(view: NodeView, roughness: Roughness, ior: float) -> _Told:
     smoother = 1 - min(max(view.constant("Coat", 0.0), 0.0), 1.0)
-    found = ways(_ior(view), view.constant("Radial Roughness", 0.3))
+    found = ways(ior, view.constant("Radial Roughness", 0.3))
     return [
         (way, constant(1.0), lambda x, coat=coat, times=times: times * _variance(coat * x))
         for way, coat, times in zip(found, (smoother, 1.0, 1.0), _VARIANCES, strict=True)
     ]
 
 
-def _of_huang(view: NodeView, roughness: Roughness) -> _Told:
+def _of_huang(view: NodeView, roughness: Roughness, ior: float) -> _Told:
     ratio = view.constant("Aspect Ratio", _USUAL_ASPECT)
     usual = view.evaluator.mean(view.number("Roughness", 0.3))[0]  # where lobes aim does not vary
     if abs(ratio - _USUAL_ASPECT) > 1e-4:
@@ -174,7 +174,7 @@ def _of_huang(view: NodeView, roughness: Roughness) -> _Told:
             "ellipses, whichever way these lie"
         )
     told = []
-    for number, way in enumerate(ways(_ior(view), 0.0)):
+    for number, way in enumerate(ways(ior, 0.0)):
         amount, aim, width = (
             functools.partial(_between, _HUANG, column=column + number) for column in (1, 4, 7)
         )
@@ -194,10 +194,6 @@ def _between(table: np.ndarray, x: float, column: int) -> float:
 
 def _square(of: Callable[[float], float], x: float) -> float:
     return max(of(x), _NARROWEST) ** 2
-
-
-def _ior(view: NodeView) -> float:
-    return max(view.constant("IOR", 1.55), 1.0)
 
 
 def _variance(roughness: float) -> float:

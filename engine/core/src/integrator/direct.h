@@ -76,8 +76,9 @@ class DirectLight {
   void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
   /// Whether light bounces on at what the rays of a queue meet.
   bool bounces(const Queue& queue) const { return queue.past.bounced < plan_.bounces; }
-  bool bounces_from_strands(const Queue& queue) const {
-    return queue.past.bounced < plan_.strand_bounces;
+  /// The same of FIBRE_SPECULAR and FIBRE_TRANSMISSION lobes.
+  bool bounces_from_fibres(const Queue& queue) const {
+    return queue.past.bounced < plan_.fibre_bounces;
   }
   /// Adds to `gathering` the rays along which light came that bounced, to the points that
   /// `illuminate` was told last. pixels: of the region, of each point of the batch.

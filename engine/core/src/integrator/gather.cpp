@@ -24,6 +24,7 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
   stage_.chooses = scene_.instances.has_strands ? choices(batch, at) : nullptr;
   const bool before = stage_.matt_alone;
   stage_.matt_alone = true;
+  stage_.fibres_alone = !bounces(queue);
   const size_t count = stages_.gather(stage_);
   stage_.matt_alone = before;
   stage_.chooses = nullptr;
@@ -32,7 +33,6 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
       const uint32_t from = point_[k];
       if (place_[from] != part) continue;
       const bool chosen = scene_.instances.has_strands && choices_[from] >= 0;
-      if (!chosen && !bounces(queue)) continue;
       Path path = queue.path(from);
       const double whole = max_abs(path.T);
       path.T = row(stage_.diffuse_out, k);

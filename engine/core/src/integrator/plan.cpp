@@ -56,8 +56,9 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
   const bool catches = scene.features & (GLINT_FEATURE_SHADOW_CATCHER | GLINT_FEATURE_HOLDOUT);
   if (!resolves || moving || catches) visibility_samples = 1;
   shown = {g.region[0], g.region[1], g.region[2], g.region[3]};
-  if (scene.instances.has_strands && bounces > 0)
-    strand_bounces = std::max(bounces, std::min(max_bounces, bounce_levels));
+  fibre_bounces = bounces;
+  if (scene.instances.has_strands && scene.materials.has_fibre && bounces > 0)
+    fibre_bounces = std::max(bounces, std::min(max_bounces, bounce_levels));
   reflects_gloss =
       max_bounces > 0 && ((reflections == GLINT_REFLECT_METALS && scene.materials.has_metals) ||
                           (reflections == GLINT_REFLECT_ALL && scene.materials.has_gloss));

@@ -85,7 +85,7 @@ struct RenderPlan : GlintRenderSettings {
                          : sample;
     return bounce_points + 3 * (level * bounce_count + number % bounce_count);
   }
-  uint32_t strand_bounces = 0;  // how often light bounces that goes on from strands
+  uint32_t fibre_bounces;  // as often at most light bounces; what is matt throws it on less often
   /// Bounces are dealt over blocks twice as wide: which part of the run of its class a pixel of the
   /// region has.
   uint32_t bounce_part(uint32_t pixel) const {

@@ -279,7 +279,7 @@ void Tracer::find_pixels(const Queue& queue) {
 }
 
 void Tracer::bounce(const Queue& queue, uint32_t sample, Queue& gathering) {
-  if (!direct_.bounces(queue) && !direct_.bounces_from_strands(queue)) return;
+  if (!direct_.bounces_from_fibres(queue)) return;
   direct_.bounce(batch_, pixels_, sample, gathering, counts_);
 }
 

@@ -136,6 +136,7 @@ struct LightStage {
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
   bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
+  bool fibres_alone;    // `gather`: nothing that is matt throws light on
   const double* chooses;  // `gather`: of points on strands a number that chooses a lobe, what is
                           // left of which is in t_max; else -1. null: there are none
   double shown;           // how much of dielectrics' gloss reflected rays show, 0 or 1

@@ -80,7 +80,7 @@ inline FibreSample sample_fibre(const LightStage& s, size_t k, const Three& n, D
     even = even + where(term.exponent == SpecularTerm::kFibreDiffuse, size_of(term.k));
     others |= nonzero(term.k) & (term.exponent < 0) & (term.exponent > SpecularTerm::kFibreDiffuse);
   }
-  even = even + where(others, round);
+  even = s.fibres_alone ? splat(0) : even + where(others, round);
   even = choose(even + round > 0, even, splat(1));
   const Doubles total = even + round;
   const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k),

@@ -46,15 +46,16 @@ size_t reflect(const LightStage& s) {
 inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l) {
   const BumpShadow bump = bump_shadow<true>(s, k, n, l);
   const Doubles cosine = dot(n, l);
-  Three T = where(cosine > 0, load3(s.diffuse, k));
+  Three T = where(s.fibres_alone ? Mask{} : cosine > 0, load3(s.diffuse, k));
   if (s.has_sheen) {
     const Highlights seen = highlights<false, true>(s, k, n, l, cosine, nullptr);
-    Three lobes = where(cosine > 0, seen.sheen);
+    Three lobes = where(s.fibres_alone ? Mask{} : cosine > 0, seen.sheen);
     if (s.has_fibre) lobes = lobes + seen.fibre;
     T = T + (1 / larger(magnitude(cosine), splat(0x1p-20))) * lobes;
   }
   if (bump.some) T = bump.share * T;
-  if (s.gathers_gloss) T = T + where(cosine > 0, lowered<true>(s, k, n, l) * even_gloss(s, k));
+  if (s.gathers_gloss && !s.fibres_alone)
+    T = T + where(cosine > 0, lowered<true>(s, k, n, l) * even_gloss(s, k));
   return bump.some ? where(~bump.hidden, T) : T;
 }
 
