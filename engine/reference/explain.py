@@ -190,7 +190,8 @@ class Explainer:
         most = stage.fibre_bounces if fibrous else stage.bounces
         if most == 0:
             return found, about
-        _, k, share, number = bounce(stage, at, self._sample, self._places)
+        alone = fibrous and not stage.gathers(paths)
+        _, k, share, number = bounce(stage, at, self._sample, self._places, alone)
         if not k.any():
             return found, about
         told = Bounce(paths.bounced, most, float(share[0]), float(number[0]))

@@ -34,7 +34,7 @@ def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[
     paths, hit, surface = at.paths, at.hit, at.surface
     if paths.bounced >= stage.fibre_bounces:
         return []
-    d, k, share, least = bounce(stage, at, sample, places)
+    d, k, share, least = bounce(stage, at, sample, places, not stage.gathers(paths))
     side = np.where(dot(d, surface.n) < 0, -1.0, 1.0)
     given = np.abs(at.weight * k).max(0) > 0
     go = np.flatnonzero(given & (side * dot(d, surface.g) > 0) & (least < share))
@@ -51,25 +51,27 @@ def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[
 
 
 def bounce(
-    stage: Stage, at: Interaction, sample: int, places: Array
+    stage: Stage, at: Interaction, sample: int, places: Array, fibres_alone: bool
 ) -> tuple[Array, Array, Array, Array]:
     """Where light goes on, (3, n); what points throw back of what comes from there, (3, n); what
     share of the rays goes on, and the number that this share has to be above, (n,) each. places: as
-    `bouncing`.
+    `bouncing`. fibres_alone: nothing throws light back but strands, and these by what is not matt.
     """
-    surface, coefficients, alone = at.surface, at.coefficients, not stage.gathers(at.paths)
+    surface, coefficients = at.surface, at.coefficients
     *disc, least = stage.bounce_points(sample, at.paths.bounced, places[at.pixel])
     point, factor = np.array(disc), np.ones(len(at.hit))
     d = _onward(surface.n, point)
     strands = np.flatnonzero(stage.are_strands(surface))
     if len(strands):
         number, least = least[strands], least.copy()
-        of = sampled(surface, coefficients, at.weight, strands, point[:, strands], number, alone)
+        of = sampled(
+            surface, coefficients, at.weight, strands, point[:, strands], number, fibres_alone
+        )
         d[:, strands], pdf, least[strands] = of
         cosine = np.abs(dot(pick(surface.n, strands), of[0]))
         with np.errstate(divide="ignore", invalid="ignore"):
             factor[strands] = np.where(pdf > 0, cosine / (np.pi * pdf), 0.0)
-    k = factor * _thrown_back(stage, at, d, alone)
+    k = factor * _thrown_back(stage, at, d, fibres_alone)
     share = np.ones(len(at.hit))
     if at.paths.bounced:
         before, after = np.abs(at.weight).max(0), np.abs(at.weight * k).max(0)

@@ -20,10 +20,26 @@ struct Four {
   Four() : low{}, high{} {}
   Four(double a, double b, double c, double d) : low{a, b}, high{c, d} {}
   double operator[](int n) const { return n < 2 ? low[n] : high[n - 2]; }
-  Four& operator+=(const Four& o) { return low += o.low, high += o.high, *this; }
-  Four& operator-=(const Four& o) { return low -= o.low, high -= o.high, *this; }
-  Four& operator*=(const Four& o) { return low *= o.low, high *= o.high, *this; }
-  Four& operator/=(const Four& o) { return low /= o.low, high /= o.high, *this; }
+  Four& operator+=(const Four& o) {
+    low += o.low;
+    high += o.high;
+    return *this;
+  }
+  Four& operator-=(const Four& o) {
+    low -= o.low;
+    high -= o.high;
+    return *this;
+  }
+  Four& operator*=(const Four& o) {
+    low *= o.low;
+    high *= o.high;
+    return *this;
+  }
+  Four& operator/=(const Four& o) {
+    low /= o.low;
+    high /= o.high;
+    return *this;
+  }
 };
 inline Four every(double x) { return {x, x, x, x}; }
 inline Four operator+(Four a, const Four& b) { return a += b; }

@@ -44,24 +44,26 @@ Span inside(const ResolveWindow& window, size_t rim) {
 
 /// The columns of a window that tell its surfaces, from one pixel on.
 struct Surfaces {
-  const float *nx, *ny, *nz, *x, *y, *z, *lx, *ly, *lz, *surface;
-  Surfaces(const ResolveWindow& window, size_t pixel) {
-    const auto from = [&](int column) { return window.column(column) + pixel; };
-    nx = from(ResolveWindow::kNormal), ny = from(ResolveWindow::kNormal + 1);
-    nz = from(ResolveWindow::kNormal + 2), x = from(ResolveWindow::kPlace);
-    y = from(ResolveWindow::kPlace + 1), z = from(ResolveWindow::kPlace + 2);
-    lx = from(ResolveWindow::kPlaceLow), ly = from(ResolveWindow::kPlaceLow + 1);
-    lz = from(ResolveWindow::kPlaceLow + 2), surface = from(ResolveWindow::kSurface);
+  const float *normal[3], *place[3], *low[3], *surface;
+  Surfaces(const ResolveWindow& window, size_t pixel)
+      : surface(window.column(ResolveWindow::kSurface) + pixel) {
+    for (int c = 0; c < 3; ++c) {
+      normal[c] = window.column(ResolveWindow::kNormal + c) + pixel;
+      place[c] = window.column(ResolveWindow::kPlace + c) + pixel;
+      low[c] = window.column(ResolveWindow::kPlaceLow + c) + pixel;
+    }
   }
 };
 
 /// Of `count` pixels in a row; without a branch, so that several are weighed at once.
 void weigh_row(const Surfaces& p, const Surfaces& q, size_t count, float* __restrict weights) {
   for (size_t i = 0; i < count; ++i) {
-    const float px = p.nx[i], py = p.ny[i], pz = p.nz[i], qx = q.nx[i], qy = q.ny[i], qz = q.nz[i],
-                dx = (q.x[i] - p.x[i]) + (q.lx[i] - p.lx[i]),
-                dy = (q.y[i] - p.y[i]) + (q.ly[i] - p.ly[i]),
-                dz = (q.z[i] - p.z[i]) + (q.lz[i] - p.lz[i]), cosine = px * qx + py * qy + pz * qz,
+    const auto off_by = [&](int c) {
+      return (q.place[c][i] - p.place[c][i]) + (q.low[c][i] - p.low[c][i]);
+    };
+    const float px = p.normal[0][i], py = p.normal[1][i], pz = p.normal[2][i], qx = q.normal[0][i],
+                qy = q.normal[1][i], qz = q.normal[2][i], dx = off_by(0), dy = off_by(1),
+                dz = off_by(2), cosine = px * qx + py * qy + pz * qz,
                 along = dx * px + dy * py + dz * pz, beside = dx * qx + dy * qy + dz * qz,
                 square = dx * dx + dy * dy + dz * dz,
                 level = (cosine - kAlike) * (1 / (1 - kAlike)), above = level < 0 ? 0 : level,
