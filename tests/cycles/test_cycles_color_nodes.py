@@ -7,7 +7,7 @@ import pytest
 
 from cycles_reference import bpy
 from glint.engine.program.operations_color import BlendType
-from node_tiles import add, compared
+from node_tiles import add, compared, greatest_difference
 
 RANDOM = np.random.default_rng(8)
 
@@ -298,6 +298,26 @@ def test_node_is_cycles(case, rendered):
     seen, expected = rendered[case]
     error = np.abs(seen - expected).max(-1)
     assert np.mean(error > 1e-4) <= 0.02, f"{np.sort(error)[-5:]}"
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.4])
+@pytest.mark.parametrize(
+    "kind", ["ShaderNodeRGBCurve", "ShaderNodeVectorCurve", "ShaderNodeFloatCurve"]
+)
+def test_constants_beyond_the_ends_of_curves(kind, factor):
+    """Cycles works them out by itself, and goes beyond the ends but for a Float Curve."""
+
+    def curve(value):
+        def build(tree, position):
+            names = {"ShaderNodeRGBCurve": "Color", "ShaderNodeVectorCurve": "Vector"}
+            given = {"ShaderNodeFloatCurve": value, "ShaderNodeRGBCurve": (value, 0.3, 2.0, 1.0)}
+            inputs = {names.get(kind, "Value"): given.get(kind, (value, 0.3, 2.0))}
+            return add(tree, kind, inputs | {"Fac": factor, "Factor": factor}).outputs[0]
+
+        return build
+
+    seen, expected = compared([curve(value) for value in (-1.5, 0.3, 2.5)])
+    assert greatest_difference(seen, expected) <= 1e-4
 
 
 @pytest.mark.parametrize("extend", ["EXTRAPOLATED", "HORIZONTAL"])

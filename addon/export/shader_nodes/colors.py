@@ -147,8 +147,12 @@ def _float_curve(view: NodeInputs) -> Outputs:
     mapping = view.node.mapping
     table = view.table(lambda: _curve_table(mapping, [mapping.curves[0]] * 3))
     factor = view.value("Factor" if "Factor" in view.node.inputs else "Fac")
-    arguments = (factor, view.vector_of(view.value("Value")))
-    found = view.apply("curves", *arguments, extends=_extends(mapping), table=table)[0]
+    value = view.value("Value")
+    # Cycles goes beyond the ends at each point only, not where it folds constants
+    folded = factor.constant is not None and value.constant is not None
+    extends = 0 if folded else _extends(mapping)
+    arguments = (factor, view.vector_of(value))
+    found = view.apply("curves", *arguments, extends=extends, table=table)[0]
     return {"Value": view.apply("separate_xyz", found)[0]}
 
 
