@@ -6,7 +6,7 @@ equation).
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from .fibre_sampling import sampled
 from .gloss import even_gloss
 from .lights import LightSample
 from .lobe_light import fibres, matt_lobes, ways_through
-from .paths import Interaction, Paths, leaving, widened
+from .paths import Interaction, Paths, leaving, thrown_on, widened
 from .terminator import lowered
 from .vectors import basis_around, dot, pick
 
@@ -47,7 +47,7 @@ def bouncing(stage: Stage, at: Interaction, sample: int, places: Array) -> list[
     if through is not None:
         rays = replace(gone.rays, origin=gone.rays.origin + through * along)
         gone = replace(gone, rays=rays)
-    return [replace(gone, skyless=np.ones(len(go), bool), **_past(paths))]
+    return [thrown_on(gone)]
 
 
 def bounce(
@@ -79,12 +79,6 @@ def bounce(
     return d, k, share, least
 
 
-def _past(paths: Paths) -> dict[str, Any]:
-    """Of rays from what the paths meet."""
-    again = {"reflections": paths.reflections + 1, "bounced": paths.bounced + 1}
-    return {**again, "gathers": True}
-
-
 def _thrown_back(stage: Stage, at: Interaction, d: Array, fibres_alone: bool) -> Array:
     """(3, n) what points throw back as what is matt does, of light along d (3, n). fibres_alone:
     nothing but strands, and these by what is not matt.
@@ -98,7 +92,8 @@ def _thrown_back(stage: Stage, at: Interaction, d: Array, fibres_alone: bool) ->
     lobes = np.where(cosine > 0, matt_lobes(surface, coefficients, every, d), 0.0) + lobes
     matt = np.where(cosine > 0, coefficients.diffuse, 0.0) + lobes / above
     seen = dot(surface.n, surface.v)
-    gloss = even_gloss(seen, coefficients.highlights, stage.settings.reflecting)
+    shown = "NONE" if at.paths.bounced else stage.settings.reflecting
+    gloss = even_gloss(seen, coefficients.highlights, shown)
     gloss = np.where(cosine > 0, gloss, 0.0)
     hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
     return np.where(hidden, 0.0, lowered(surface.lowering, cosine) * (share * matt + gloss))
@@ -113,28 +108,15 @@ def _onward(n: Array, point: Array) -> Array:
     return np.sqrt(np.maximum(1 - x * x - y * y, 0.0)) * n + x * first + y * second
 
 
-def _lit_alone(stage: Stage, at: Interaction) -> Coefficients:
+def _lit_alone(coefficients: Coefficients) -> Coefficients:
     """What throws light on, and gives nothing of itself."""
-    surface, coefficients = at.surface, at.coefficients
-    varnished = [any(lobe.kind == "AMBIENT" for lobe in m.lobes) for m in stage.scene.materials]
-    gloss = even_gloss(dot(surface.n, surface.v), coefficients.highlights)
-    gloss = np.where(np.array(varnished, bool)[surface.material], gloss, 0.0)
     none = np.zeros_like(coefficients.diffuse)
-    return replace(
-        coefficients,
-        ambient=none,
-        diffuse=coefficients.diffuse + gloss,
-        emission=none,
-        highlights=[],
-        mirrors=[],
-        refractions=[],
-    )
+    return replace(coefficients, ambient=none, emission=none, mirrors=[], refractions=[])
 
 
 def seen_lobes(stage: Stage, at: Interaction) -> Interaction:
     """The points with what the paths see of the lobes there."""
-    if at.paths.gathers:
-        return replace(at, coefficients=_lit_alone(stage, at))
     if not at.paths.reflections:
         return at
-    return replace(at, coefficients=widened(at.coefficients, at.paths.widest[at.hit]))
+    coefficients = widened(at.coefficients, at.paths.widest[at.hit])
+    return replace(at, coefficients=_lit_alone(coefficients) if at.paths.gathers else coefficients)

@@ -41,7 +41,8 @@ def reflecting(terms: list[Term], which: str) -> list[Term]:
 def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
     """(3, n) about what the highlights of dielectrics give back of even light at points that are
     seen at the cosines (n,): within 8 % down to 17 degrees off the surface, for roughnesses of 0.2
-    to 0.6. Wide lobes are as if seen from less aslant. which: less what `reflecting` has of them.
+    to 0.6. Wide lobes are as if seen from less aslant. which: less what `reflecting` has of them;
+    "NONE": of metals, too, where no rays show anything.
     TOON_SPECULAR ones give all that they do.
     """
     total = np.zeros((3, len(seen)))
@@ -49,7 +50,7 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
         if term.lobe.kind == "TOON_SPECULAR":
             add_at(total, term.index, toon_albedo(term.exponent, term.masking) * term.k)
     for term in () if which == "ALL" else terms:
-        if term.lobe.is_glossy and term.lobe.fresnel:
+        if term.lobe.is_glossy and (term.lobe.fresnel or which == "NONE"):
             add_at(total, term.index, of_even_light(term, seen[term.index]) * term.k)
     return total
 

@@ -329,10 +329,11 @@ class Lighting:
             return
         glossy = source.has_highlights and source.light.lights_gloss
         terms = coefficients.highlights if glossy else []
-        narrow = Narrow(surface, terms, weight, source, self.shadows.mirrors_differ(source))
+        once = self.each_once and not self._shares(source)  # where no lobe is narrow
+        mirrors_differ = self.shadows.mirrors_differ(source)
+        narrow = None if once else Narrow(surface, terms, weight, source, mirrors_differ)
         numbers = source.surface_numbers(sample, n)
         seen: Callable[[Any], LightSample] = source.seen_from(surface.x, surface.n, numbers, n)
-        once = self.each_once and not self._shares(source)
         numbers = numbers[sample % n :: n] if once else numbers
         glows = None
         if self.draws_matt and isinstance(source, MeshSource) and source.light.kind == "MESH":

@@ -15,7 +15,7 @@ import numpy as np
 from ..sampling import scatter_share
 from .lights import CENTER, LightPoint, LightSample, Source
 from .media import Media, Pieces, Spans
-from .paths import Paths
+from .paths import Paths, thrown_on
 from .rays import IncoherentRays, Rays
 from .vectors import dot, length, pick, unit
 
@@ -249,22 +249,20 @@ def scattered_on(
         return None
     hit, none = chosen[go], np.zeros(len(go))
     start = pick(ladder.o, go) + t[go] * pick(ladder.d, go)
-    return replace(
+    gone = replace(
         paths,
         rays=IncoherentRays.of(start, pick(direction, go), none, none + np.inf),
         weight=pick(weight, go),
         pixel=paths.pixel[hit],
         straight=np.zeros(len(go), np.intp),
         depth=paths.depth + 1,
-        skyless=np.ones(len(go), bool),
+        skyless=paths.skyless[hit],
         widest=paths.widest[hit],
         refractions=paths.refractions[hit],
         refracted=np.zeros(len(go), bool),
-        reflections=paths.reflections + 1,
-        bounced=paths.bounced + 1,
-        gathers=True,
         in_medium=paths.in_medium or not paths.bounced,
     )
+    return thrown_on(gone)
 
 
 def _points(

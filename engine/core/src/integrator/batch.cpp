@@ -190,18 +190,6 @@ void Batch::clear_specular() {
     for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
 }
 
-void Batch::clear_gloss(size_t k) {
-  const size_t width = size_t(scene_.materials.specular_columns);
-  for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term) {
-    double* const column = specular + width * term * stride + k;
-    const double kind = column[SpecularTerm::kExponent * stride];
-    const bool stays = kind == SpecularTerm::kSheen || kind == SpecularTerm::kOrenNayar ||
-                       kind == SpecularTerm::kOrenNayarMultiple ||
-                       kind == SpecularTerm::kToonDiffuse || kind <= SpecularTerm::kFibreDiffuse;
-    for (size_t c = 0; !stays && c < 3; ++c) column[c * stride] = 0;
-  }
-}
-
 bool Batch::turn_round() {
   bool some = false;
   for (size_t k = 0; k < count_; ++k) {

@@ -38,8 +38,6 @@ class Batch {
   void set_offsets();
   /// Highlights show nothing.
   void clear_specular();
-  /// Those of point k do not, but for matt lobes and those of fibres.
-  void clear_gloss(size_t k);
   /// The points become those of their other sides, where TRANSLUCENT lobes are DIFFUSE ones and all
   /// there is. False where none has any, and nothing has changed.
   bool turn_round();

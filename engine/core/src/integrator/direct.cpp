@@ -164,6 +164,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
       LightPoint point = plan_.set_sample(stage_, light, sample, own);
       if (parts > 1) stage_.share = count;
       if (parts > 1 && light.is_mesh()) point.draws = j == 0;
+      stage_.draws &= !one;  // no lobe is narrow there
       group_ = point.group;
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.

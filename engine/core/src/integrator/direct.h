@@ -84,8 +84,6 @@ class DirectLight {
   /// `illuminate` was told last. pixels: of the region, of each point of the batch.
   void bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,
               Queue& gathering, RayCounts& counts);
-  /// Makes of what gather rays hit surfaces that throw light on alike to all sides, but for fibres.
-  void make_diffuse(Batch& batch);
 
  private:
   void illuminate(Batch& batch, uint32_t sample, bool alone, RayCounts& counts);

@@ -20,7 +20,9 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
     place_[k] = uint8_t(plan_.bounce_part(pixels[k]));
     for (size_t c = 0; c < 2; ++c) disc_[c][k] = at[place_[k]][c];
   }
-  stage_.gathers_gloss = scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
+  stage_.shows_nothing = bounced > 0;
+  stage_.gathers_gloss = scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL) ||
+                         (stage_.shows_nothing && scene_.materials.has_gloss);
   stage_.chooses = scene_.instances.has_strands ? choices(batch, at) : nullptr;
   const bool before = stage_.matt_alone;
   stage_.matt_alone = true;
@@ -28,6 +30,7 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
   const size_t count = stages_.gather(stage_);
   stage_.matt_alone = before;
   stage_.chooses = nullptr;
+  stage_.shows_nothing = false;
   for (uint32_t part = 0; part < RenderPlan::kBounceParts; ++part)  // of one direction together
     for (size_t k = 0; k < count; ++k) {
       const uint32_t from = point_[k];
@@ -64,6 +67,7 @@ void DirectLight::send(Path& path, const double* const (&x)[3], uint32_t from, s
   path.straight = 0;
   path.wants_data = false;
   path.skyless = true;
+  path.widest = std::min(path.widest, RenderPlan::kBouncedExponent);
   path.depth = uint8_t(std::min(path.depth + 1, 255));
   gathering.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kDiffuse}, path);
   ++counts.gather;
@@ -74,28 +78,11 @@ bool DirectLight::is_on_strand(const Batch& batch, size_t k) const {
   return all.has_strands && all.geometry(all.group(batch.instance[k])).kind == GLINT_STRANDS;
 }
 
-void DirectLight::make_diffuse(Batch& batch) {
-  prepare(batch);
-  if (scene_.materials.has_even_gloss(false)) {
-    linked_.assign(batch.lit.begin(), batch.lit.end());
-    for (size_t k = 0; k < batch.size(); ++k)
-      if (linked_[k] && !scene_.materials[batch.material[k]].is_varnished) linked_[k] = 0;
-    stage_.lit = linked_.data();
-    stage_.gathers_gloss = true;
-    stage_.shown = 0;
-    stages_.make_diffuse(stage_, batch.diffuse);
-  }
-  if (scene_.materials.max_specular == 0) return;
-  for (size_t k = 0; k < batch.size(); ++k)
-    if (!batch.missed(k)) batch.clear_gloss(k);
-}
-
 /// Rays that bounced show what lights throw on surfaces, and nothing that these give of themselves.
-void Tracer::make_diffuse(const Queue& queue) {
+void Tracer::clear_own_light(const Queue& queue) {
   for (double* const* sums :
        {batch_.sums.total, batch_.sums.ambient, batch_.sums.emission, batch_.sums.environment})
     for (size_t c = 0; sums[0] && c < 3; ++c) std::fill_n(sums[c], queue.size(), 0.0);
-  direct_.make_diffuse(batch_);
 }
 
 /// The batch's light to the parts of the picture: that of surfaces that camera rays meet.

@@ -245,7 +245,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   for (size_t c = 0; gives_aovs && scene_.materials.bends_normals && c < 3; ++c)
     mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
   shade(queue, straight, next.bounced);
-  if (queue.gathers()) make_diffuse(queue);
+  if (queue.gathers()) clear_own_light(queue);
   else if (batch_.has_groups()) note_glow(queue);
   if (queue.past.reflections > 0) widen(queue);
   if (is_first_ && queue.visibility == kCamera && film_.wants_data()) record(queue);

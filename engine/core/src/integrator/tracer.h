@@ -77,7 +77,7 @@ class Tracer {
   void see_surfaces(Queue& queue, Queue& straight, uint32_t sample);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
-  void make_diffuse(const Queue& queue);
+  void clear_own_light(const Queue& queue);
   void find_pixels(const Queue& queue);
   void bounce(const Queue& queue, uint32_t sample, Queue& gathering);
   void light_behind(Queue& queue, uint32_t sample, Queue& gathering);

@@ -98,8 +98,6 @@ void add_material(MaterialTable& t, const GlintMaterial& g, const GlintLobe* giv
       add_lobe(t, given[g.first_lobe + k]);
   t.rows.push_back({uint32_t(first), uint32_t(t.lobes.size() - first), g.index, g.program, g.normal,
                     g.crypto, g.aov, g.medium, g.bump_shadowing, g.base_normal});
-  for (uint32_t k = 0; k < g.lobe_count; ++k)
-    t.rows.back().is_varnished |= given[g.first_lobe + k].kind == GLINT_AMBIENT;
   t.bends_normals = t.bends_normals || g.normal > 0;
   t.shadows_bumps = t.shadows_bumps || (g.normal > 0 && g.bump_shadowing != GLINT_BUMP_NONE);
 }

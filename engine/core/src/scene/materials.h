@@ -30,9 +30,8 @@ struct Material {
   int32_t aov = 0, medium = 0, bump_shadowing = 0, base_normal = 0;
   uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
   int specular_count = 0, view_count = 0;
-  bool goes_below = false;    // light of some of its DIFFUSE lobes comes out elsewhere
-  int passing = 0;            // lobes that send rays on, unless all of these are nothing
-  bool is_varnished = false;  // it has AMBIENT lobes, whatever the world gives these
+  bool goes_below = false;  // light of some of its DIFFUSE lobes comes out elsewhere
+  int passing = 0;          // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
   bool is_dense = false;  // light to lamps goes into something denser, or out of it
   bool has(int kind) const { return kinds >> kind & 1; }

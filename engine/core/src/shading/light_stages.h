@@ -140,6 +140,7 @@ struct LightStage {
   const double* chooses;  // `gather`: of points on strands a number that chooses a lobe, what is
                           // left of which is in t_max; else -1. null: there are none
   double shown;           // how much of dielectrics' gloss reflected rays show, 0 or 1
+  bool shows_nothing;     // no reflected rays show anything, of metals either
   bool has_sheen, has_fibre;     // among the lobes
   bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes;          // or be stretched

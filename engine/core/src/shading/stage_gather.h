@@ -112,16 +112,5 @@ size_t gather(const LightStage& s) {
   return found;
 }
 
-void make_diffuse(const LightStage& s, double* const* diffuse) {
-  for (size_t k = 0; k < s.count; k += kLanes) {
-    const Mask varnished = load(s.lit + k);
-    if (!any(varnished)) continue;
-    const Three T = load3(s.diffuse, k) + where(varnished, even_gloss(s, k));
-    store(diffuse[0] + k, T.x);
-    store(diffuse[1] + k, T.y);
-    store(diffuse[2] + k, T.z);
-  }
-}
-
 }  // namespace
 }  // namespace glint

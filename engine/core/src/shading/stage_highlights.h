@@ -356,10 +356,14 @@ inline Three even_gloss(const LightStage& s, size_t k) {
                   fresnel = load(column + SpecularTerm::kFresnel * s.stride), p = term.exponent;
     const Mask toon = p == SpecularTerm::kToonSpecular;
     if (bits(toon)) sum = sum + where(toon, Toon(masking2, fresnel).albedo() * term.k);
-    const Mask good = (masking2 > 0) & (fresnel > 0) & (p >= 0);
-    if (!any(good & nonzero(term.k))) continue;
+    const Mask good = (masking2 > 0) & (p >= 0), dielectric = good & (fresnel > 0);
+    if (!any((s.shows_nothing ? good : dielectric) & nonzero(term.k))) continue;
+    if (s.shows_nothing) {
+      sum = sum + where(good, of_even_light(seen, p, masking2, fresnel) * term.k);
+      continue;
+    }
     const Doubles rest = 1 - splat(s.shown);
-    sum = sum + where(good, rest * of_even_light<false>(seen, p, masking2, fresnel) * term.k);
+    sum = sum + where(dielectric, rest * of_even_light<false>(seen, p, masking2, fresnel) * term.k);
   }
   return sum;
 }

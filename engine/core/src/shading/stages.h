@@ -233,12 +233,9 @@ struct Stages {
   size_t (*scatter)(const LightStage&);  // the same of points that lie on no surface
   size_t (*gloss)(
       const LightStage&);  // how many points the directions drawn from their lobes light
-  size_t (*gather)(const LightStage&);  // how many points have a ray that looks for what throws
-                                        // light on them: o, to, and in diffuse_out what the
-                                        // radiance from there is times
-  void (*make_diffuse)(const LightStage&,
-                       double* const* diffuse);  // adds dielectrics' gloss of lit
-                                                 // points to it, as if it were matt
+  size_t (*gather)(const LightStage&);   // how many points have a ray that looks for what throws
+                                         // light on them: o, to, and in diffuse_out what the
+                                         // radiance from there is times
   size_t (*reflect)(const LightStage&);  // how many points have a ray that goes on from them, along
                                          // a direction of their lobes: o, to, and in diffuse_out
                                          // what the light from there is times,

@@ -16,9 +16,9 @@ namespace glint {
 namespace {
 
 constexpr Stages stages_named(const char* name) {
-  return {name,     camera, surface,   shade, vary,   run_program,  coefficients, pass,
-          dome,     light,  scatter,   gloss, gather, make_diffuse, reflect,      share,
-          transmit, sum,    sum_parts, add,   mean,   cosine_powers};
+  return {name,  camera,   surface, shade,     vary,  run_program, coefficients,
+          pass,  dome,     light,   scatter,   gloss, gather,      reflect,
+          share, transmit, sum,     sum_parts, add,   mean,        cosine_powers};
 }
 
 }  // namespace
