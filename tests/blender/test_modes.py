@@ -166,8 +166,9 @@ tree.links.new(gradient.outputs["Color"], shader.inputs["Color"])
 walk("TexMapping.vector_type", mapping, "vector_type")
 for axis in "xyz":
     walk(f"TexMapping.mapping_{axis}", mapping, f"mapping_{axis}")
-curve, number = tree.nodes.new("ShaderNodeFloatCurve"), tree.nodes.new("ShaderNodeValue")
-number.outputs[0].default_value = 1.5
+curve, number = tree.nodes.new("ShaderNodeFloatCurve"), tree.nodes.new("ShaderNodeMath")
+number.inputs[1].default_value = 1.0  # ends are where no constant is
+tree.links.new(gradient.outputs["Fac"], number.inputs[0])
 tree.links.new(number.outputs[0], curve.inputs["Value"])
 tree.links.new(curve.outputs[0], shader.inputs["Strength"])
 walk("CurveMapping.extend", curve.mapping, "extend")
