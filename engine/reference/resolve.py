@@ -292,7 +292,8 @@ def _resolved(
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
     square = tint**2
     noises, halved = (np.zeros_like(white), 0.0) if noise is None else (noise, 1.0)
-    change = _change(side, guides, white) if images.any() else np.zeros_like(white)
+    wide = len(block) > len(list(_block(side)))
+    change = np.full_like(white, -1.0) if wide else _change(side, guides, white)
     for weight, (x, y, _) in zip(weights, block, strict=True):
         own = weight * _moved(square, x, y)
         off, off_by_chance = (_moved(white, x, y) - mean) ** 2, _moved(noises, x, y) ** 2
@@ -304,10 +305,34 @@ def _resolved(
         chance += own * off_by_chance
     seen = apart if one.is_direct else np.minimum(changed, apart)
     sure = halved * np.maximum(apart - SURE * chance, 0.0)
+    if not wide:
+        along = _along_lines(block, weights, white, tint)
+        sure = np.minimum(sure, np.maximum(changed, apart - SURE * along))
     stays = images * seen + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
     ratio = _over(lights, colors)
     return Prediction(ratio * color, ratio * one.own_color, repeats, colors > 0)
+
+
+def _along_lines(
+    block: list[tuple[int, int, float]], weights: list[Array], white: Array, tint: Array
+) -> Array:
+    """(h, w) how far light over its colour, `white`, changes with a step in the direction in which
+    that is least, over each pixel's block: as far as it lies apart where it has no direction, next
+    to nothing along stripes.
+    """
+    least = np.full_like(white, np.inf)
+    for step in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        known = _moved(tint, *step) > 0
+        off = np.where(known, (white - _moved(white, *step)) ** 2 / 2, 0.0)
+        total, some, all_ = (np.zeros_like(white) for _ in range(3))
+        for weight, (x, y, _) in zip(weights, block, strict=True):
+            own = weight * _moved(tint**2, x, y)
+            total += own * _moved(off, x, y)
+            some += own * _moved(known.astype(float), x, y)
+            all_ += own
+        least = np.minimum(least, np.where(some > 0, total * _over(all_, some), np.inf))
+    return least
 
 
 def _resolve_edges(

@@ -297,6 +297,74 @@ def test_pixels_where_surfaces_meet_are_averaged() -> None:
     assert off_resolved < 0.45 * off
 
 
+def under_the_sky(thing: s.Geometry, placed: s.Instances, *lamps: s.Light) -> s.Scene:
+    """A floor seen from above, below something that the camera does not see, in the light of an
+    even sky.
+    """
+    floor = s.Mesh(
+        "floor",
+        np.array([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], np.float32),
+        np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+    )
+    above = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5]], np.float64)
+    sky = s.Light("sky", "DOME", np.eye(3, 4), radiance=np.full((2, 4, 3), 0.5, np.float32))
+    return s.Scene(
+        s.Camera("ORTHOGRAPHIC", above, (-2, 2, -2, 2), (96, 96)),
+        (floor, thing),
+        (s.Instances("floor", 0, np.eye(3, 4)[None], (0,)), replace(placed, visible_camera=False)),
+        (matt((0.7, 0.7, 0.7)),),
+        lights=(sky, *lamps),
+    )
+
+
+def drawn_below(scene: s.Scene, kind: str, samples: int) -> np.ndarray:
+    """(h, w) in direct light."""
+    chosen = settings(kind, samples, light_samples=1, diffuse_bounces=0)
+    return engine.render(scene, chosen).combined[..., 1].astype(float)
+
+
+@needs_core
+@pytest.mark.parametrize(("place", "radius"), [((2.5, 1.0, 1.2), 0.8), ((0.0, 0.0, 3.0), 1.0)])
+def test_what_repeats_from_block_to_block_is_not_seen(place, radius):
+    """A ball hides one or two of the few directions to the sky that a class of pixels has, by
+    chance of both halves of the samples alike: no weave over its shadow.
+    """
+    ball = s.Spheres("ball", np.array([place], np.float32), np.array([radius], np.float32))
+    scene = under_the_sky(ball, s.Instances("ball", 1, np.eye(3, 4)[None], (0,)))
+
+    def weave(kind: str) -> float:
+        """How far pixels are from the mean of the four blocks that they are the middle of."""
+        found = drawn_below(scene, kind, 8)
+        blocks = np.lib.stride_tricks.sliding_window_view(found, (4, 4)).mean((-1, -2))
+        mean = (blocks[:-1, :-1] + blocks[1:, :-1] + blocks[:-1, 1:] + blocks[1:, 1:]) / 4
+        return float((found[2:-2, 2:-2] / mean - 1).std())
+
+    assert weave("RESOLVED") < 0.1 * weave("DEALT")
+
+
+@needs_core
+@pytest.mark.parametrize("pixels", [2, 3, 4, 5, 8])
+def test_stripes_of_shadow_stay(pixels):
+    """Of bars in the sun, so far apart, also where that is the side of a block."""
+    apart = pixels / 24
+    bar = s.Mesh(
+        "bar",
+        np.array([(-6, 0, 1), (6, 0, 1), (6, apart / 2, 1), (-6, apart / 2, 1)], np.float32),
+        np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+    )
+    places = np.repeat(np.eye(3, 4)[None], int(9 / apart), 0)
+    places[:, 1, 3] = apart * np.arange(len(places)) - 4.5
+    sun = s.Light("sun", "SUN", np.eye(3, 4), strength=3.0)
+    bars = s.Instances("bars", 1, places, (0,) * len(places))
+    scene = under_the_sky(bar, bars, sun)
+    truth = drawn_below(scene, "DEALT", 1024)
+    dealt, resolved = (
+        np.sqrt(((drawn_below(scene, kind, 32) - truth) ** 2).mean())
+        for kind in ("DEALT", "RESOLVED")
+    )
+    assert resolved < 1.1 * dealt
+
+
 @needs_core
 def test_more_samples_are_nearer():
     errors = [error(engine.render(corner(), settings("RESOLVED", n))) for n in (1, 4, 16, 64)]

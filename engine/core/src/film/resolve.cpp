@@ -186,6 +186,7 @@ class LightResolve {
     is_direct_ = light == kGlossyDirect || light == kTransmissionDirect;
     halves_ = window_.column(ResolveWindow::kNoise + light);
     is_halved_ = is_halved;
+    is_wide_ = light == kDiffuseIndirect || light == kVolumeIndirect;
     set_sharp(light);
     for (size_t i = 0; i < window_.pixels(); ++i) {
       tint_[i] = color_[0][i] + color_[1][i] + color_[2][i];
@@ -241,13 +242,19 @@ class LightResolve {
       span_.rows([&](size_t out, size_t at) {
         add_spread(out, size_t(ptrdiff_t(at) + block.to[k]), block.of(k));
       });
+    sure_.resize(span_.count());
+    for (size_t k = 0; k < span_.count(); ++k) {
+      sure_[k] = is_halved_ ? std::max(apart_[k] - kSure * noise_[k], 0.0f) : 0;
+      if (!is_wide_ && changed_[k] < sure_[k])
+        sure_[k] =
+            std::min(sure_[k], std::max(changed_[k], apart_[k] - kSure * along_lines(block, k)));
+    }
   }
 
   /// What pixel k of the span, q of the window, gets in a channel.
   float given(size_t k, size_t q, int c) const {
     const float sharp = sharp_[q], seen = is_direct_ ? apart_[k] : std::min(changed_[k], apart_[k]),
-                sure = is_halved_ ? std::max(apart_[k] - kSure * noise_[k], 0.0f) : 0,
-                stays = sharp * seen + (1 - sharp) * sure,
+                stays = sharp > 0 ? sharp * seen + (1 - sharp) * sure_[k] : sure_[k],
                 taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0, light = light_[c][q],
                 coarse = coarse_[c][k], fine = fine_[c][k],
                 stayed = coarse > fine ? light * (fine / coarse) : light + (fine - coarse),
@@ -320,7 +327,10 @@ class LightResolve {
       noise += weight * half * half;
     }
     apart_[k] = changed_[k] = 1;  // images stay
-    noise_[k] = float(double(kSureFit / kSure) * noise / apart);
+    // what has no spread stays, of one sample nothing does
+    const double left =
+        apart > 0 && std::isfinite(apart) ? 1 - double(kSureFit) * noise / apart : 1;
+    sure_[k] = is_halved_ ? float(std::max(left, 0.0)) : 0;
     const auto held = [&](double light, int c) { return float(std::clamp(light, 0.0, most[c])); };
     for (int c = 0; c < 3; ++c) {
       fine_[c][k] = coarse_[c][k] = held(share * fits.here()[c], c);
@@ -334,6 +344,28 @@ class LightResolve {
     for (int c = 0; c < 3; ++c) coarse_[c][k] = held(light[c], c);
   }
 
+  /// How far light changes with a step in the direction in which that is least, round pixel k of
+  /// the span: as `apart_` where it has no direction, next to nothing along stripes.
+  float along_lines(const Block& block, size_t k) const {
+    const float inverse = over(1, mean_[k]);
+    float least = HUGE_VALF;
+    for (const auto& [x, y] : {std::pair{1, 0}, {0, 1}, {1, 1}, {1, -1}}) {
+      float sum = 0, known = 0, all = 0;
+      for (size_t j = 0; j < block.to.size(); ++j) {
+        const size_t q = size_t(ptrdiff_t(span_.pixel(k)) + block.to[j]),
+                     next = size_t(ptrdiff_t(q) + span_.offset(x, y));
+        const float weight = block.of(j)[k] * tint_[q] * tint_[q],
+                    off = (white_[q] - white_[next]) * inverse;
+        all += weight;
+        if (!(tint_[next] > 0)) continue;
+        known += weight;
+        sum += weight * off * off / 2;
+      }
+      if (known > 0) least = std::min(least, sum * (all / known));
+    }
+    return least;
+  }
+
   /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show.
   void set_sharp(int light) {
     const int number = kind_of(light) - kFirstSharp;
@@ -342,12 +374,11 @@ class LightResolve {
       const float* const own = window_.column(ResolveWindow::kSharp + number);
       std::copy_n(own, window_.pixels(), sharp_.begin());
     }
-    is_sharp_ = std::any_of(sharp_.begin(), sharp_.end(), [](float share) { return share > 0; });
   }
 
-  /// What repeats from block to block, where that is asked for.
+  /// What does not repeat from block to block; below 0 where blocks are wider.
   void find_change() {
-    if (!is_sharp_ || is_direct_) return change_.assign(window_.pixels(), 0.0f);
+    if (is_wide_) return change_.assign(window_.pixels(), -1.0f);
     if (!changes_) changes_.emplace(window_, inside(window_, side_), int(side_));
     changes_->of(white_.data(), change_);
   }
@@ -373,7 +404,7 @@ class LightResolve {
   std::optional<Changes> changes_;
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
   int kind_ = 0;
-  bool is_sharp_ = false, is_halved_ = false;
+  bool is_halved_ = false, is_wide_ = false;
   bool is_direct_ = false;  // images of it are of no points
   struct Near {
     size_t pixel;  // of the window
@@ -382,7 +413,7 @@ class LightResolve {
   };
   std::vector<Near> near_;       // of the block of one pixel
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
-  Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_;
+  Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_, sure_;
   Floats coarse_[3],
       fine_[3];  // of the span: predictions of its samples' light, and of all its rays'
 };
