@@ -27,12 +27,6 @@ def linked_outputs(scene: bpy.types.Scene, layer: str) -> dict[str, str]:
     return {name: node for name, node in found.items() if name not in _BLENDERS}
 
 
-def runs_afterwards(scene: bpy.types.Scene) -> bool:
-    """Whether people see something else than what the engine draws."""
-    editor = scene.sequence_editor if scene.render.use_sequencer else None
-    return _compositor(scene) is not None or editor is not None
-
-
 def _compositor(scene: bpy.types.Scene) -> Any:
     """The node tree that a render of the scene runs; None where it runs none."""
     if not scene.render.use_compositing:

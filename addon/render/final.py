@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,7 +19,6 @@ from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..export.darkness import darkness
 from ..export.keys import frame_of
 from ..ui.properties import settings_from, tracer_notes
-from . import last_picture
 from .kept import Kept
 from .memory import process_megabytes
 from .motion import opens, with_motion
@@ -47,7 +46,7 @@ class Job:
     but one. size: of the result in pixels.  preview: a material preview,
     about which nothing is told. frame: as `frame_of` has it.  target: the error that settings are
     to be found for.  renderer: what draws, where it keeps the frame before.
-    delta: from the scene of that frame.  slot: as `last_picture.slot_of` has it.
+    delta: from the scene of that frame.
     """
 
     scene: engine.Scene
@@ -63,7 +62,6 @@ class Job:
     view: str = ""
     renderer: engine.KeptRender | None = None
     delta: SceneDelta | None = None
-    slot: Hashable | None = None
 
     @property
     def title(self) -> str:
@@ -140,15 +138,13 @@ def prepare(
     told = [*notes, *target_notes, *export.notes, *(note for _, own in others for note in own)]
     told += [*motion_notes, *_emptiness(moving[0]), *darkness(export.scene)]
     told += unrendered_outputs(depsgraph.scene, layer)
-    size = _size(export.region, width, height)
-    slot = None if render_engine.is_preview else last_picture.slot_of(depsgraph, names, size)
     return tuple(
         Job(
             scene=scene,
             settings=replace(settings, **_PREVIEW) if render_engine.is_preview else settings,
             scene_name=depsgraph.scene.name,
             layer=layer.name,
-            size=size,
+            size=_size(export.region, width, height),
             statistics=Statistics(
                 settings.samples,
                 settings.backend,
@@ -163,7 +159,6 @@ def prepare(
             view=name,
             renderer=kept.renderer if kept is not None else None,
             delta=export.delta,
-            slot=slot,
         )
         for k, (name, scene) in enumerate(zip(names, moving, strict=True))
     )
@@ -345,19 +340,13 @@ def _finish(
 ) -> None:
     """stamping: of the job's scene; None for pictures that get no stamp."""
     if film.samples == 0:
-        before = last_picture.kept(job.slot)
-        if before is None:
-            picture.discard()
-        else:
-            picture.finish(replace(film, passes={"Combined": before}))
+        picture.discard()
         return
     start = time.perf_counter()
     statistics, stamped = job.statistics, stamping is not None and film.complete
     if stamped:
         stamping.begin_pixels(film)
     picture.finish(film)
-    if not job.preview:
-        last_picture.keep(job.slot, film.combined)
     statistics.samples, statistics.traced = film.samples, film.stats
     statistics.notes = tuple(dict.fromkeys((*job.notes, *film.notes)))
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
