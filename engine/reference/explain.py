@@ -365,7 +365,11 @@ class Explainer:
                     if lobes is coefficients and sample.counts and light.any():
                         margin += -hidden if (lost * light).any() else 1
                     yield term
-            if isinstance(source, Dome) and margin >= 0 and not lighting.dealt:
+            if (
+                isinstance(source, Dome)
+                and margin >= 0
+                and not (lighting.dealt or lighting.each_once)
+            ):
                 yield self._rest(surface, coefficients, source, j + 1)
 
     def _lighting(self, surface: Surface, paths: Paths) -> Lighting:

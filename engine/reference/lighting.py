@@ -329,7 +329,7 @@ class Lighting:
             return
         glossy = source.has_highlights and source.light.lights_gloss
         terms = coefficients.highlights if glossy else []
-        once = self.each_once and not self._shares(source)  # where no lobe is narrow
+        once = self.each_once and not self._shares(source)  # where all lobes are wide
         mirrors_differ = self.shadows.mirrors_differ(source)
         narrow = None if once else Narrow(surface, terms, weight, source, mirrors_differ)
         numbers = source.surface_numbers(sample, n)
@@ -395,7 +395,8 @@ class Lighting:
         """(3, n) what gloss gives back of a light as if it were matt."""
         if not isinstance(source, MediumSource):
             return np.zeros((3, len(surface)))
-        return even_gloss(dot(surface.n, surface.v), coefficients.highlights, self.reflecting)
+        shown = "NONE" if self.each_once else self.reflecting
+        return even_gloss(dot(surface.n, surface.v), coefficients.highlights, shown)
 
     def _given(
         self,

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 BOUNCED_EXPONENT = 8.0
-"""Of gloss by which light is thrown that bounced, at most: found rarely, narrower is dots. Cycles'
-Filter Glossy of 1 comes to as much.
+"""Most exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
+light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much.
 """
 
 MOST_STRAIGHT = 128

@@ -25,8 +25,10 @@ SURE = 1.98
 """Two estimates of one variance, each of the 25 pixels of a block, differ by more in one of twenty
 cases by chance: the quantile of Fisher's F for 24 and 24 degrees of freedom.
 """
+SURER = 5.54
+"""Those of the 16 classes differ by more in one of a thousand: the quantile for 15 and 15."""
 SURE_FIT = 1.46
-"""The same of what a fit leaves of the 81 of a wide block, and of these: for 73 and 80."""
+"""As `SURE`, of what a fit leaves of the 81 of a wide block, and of these: for 73 and 80."""
 GUIDES = 8
 """Light at edges goes straight along with so many: of what is seen of surfaces how much, the
 normal, the place, the colour.
@@ -307,7 +309,8 @@ def _resolved(
     sure = halved * np.maximum(apart - SURE * chance, 0.0)
     if not wide:
         along = _along_lines(block, weights, white, tint)
-        sure = np.minimum(sure, np.maximum(changed, apart - SURE * along))
+        beyond = np.maximum(apart - SURE * along, apart - SURER * chance)
+        sure = np.minimum(sure, np.maximum(changed, beyond))
     stays = images * seen + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
     ratio = _over(lights, colors)

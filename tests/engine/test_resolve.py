@@ -366,8 +366,31 @@ def test_stripes_of_shadow_stay(pixels):
 
 
 @needs_core
+@pytest.mark.parametrize("pixels", [3.5, 4, 4.5])
+def test_dots_of_shadow_stay(pixels):
+    """Of squares in the sun, about as far apart both ways as blocks are wide."""
+    apart = pixels / 24
+    corners = np.array([(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], np.float32)
+    corners[:, :2] *= 0.6 * apart
+    square = s.Mesh("square", corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+    side = np.arange(int(5 / apart)) * apart - 2.5
+    places = np.repeat(np.eye(3, 4)[None], len(side) ** 2, 0)
+    places[:, 0, 3], places[:, 1, 3] = np.repeat(side, len(side)), np.tile(side, len(side))
+    sun = s.Light("sun", "SUN", np.eye(3, 4), strength=3.0)
+    placed = s.Instances("squares", 1, places, (0,) * len(places))
+    scene = under_the_sky(square, placed, sun)
+    truth = drawn_below(scene, "DEALT", 1024)
+    dealt, resolved = (
+        np.sqrt(((drawn_below(scene, kind, 64) - truth) ** 2).mean())
+        for kind in ("DEALT", "RESOLVED")
+    )
+    assert resolved < 1.5 * dealt
+
+
+@needs_core
 def test_more_samples_are_nearer():
     errors = [error(engine.render(corner(), settings("RESOLVED", n))) for n in (1, 4, 16, 64)]
+    # also of light that the box's gloss throws on
     bounds = 0.043, 0.0205, 0.0105, 0.0078
     assert all(found < most for found, most in zip(errors, bounds, strict=True))
 

@@ -15,8 +15,9 @@ constexpr float kFlat = 0.04f;  // the same of the way between points along one'
 
 // Two estimates of one variance, each of the 25 pixels of a block, differ by more in one of twenty
 // cases by chance (the quantile of Fisher's F for 24 and 24 degrees of freedom); of the 81 of a
-// wide one, of which one is of what a fit leaves, for 73 and 80.
-constexpr float kSure = 1.98f, kSureFit = 1.46f;
+// wide one, of which one is of what a fit leaves, for 73 and 80. Those of the 16 classes differ by
+// more than kSurer in one of a thousand, for 15 and 15.
+constexpr float kSure = 1.98f, kSureFit = 1.46f, kSurer = 5.54f;
 
 // Colours, and what is seen beside them, that differ by no more look the same.
 constexpr float kEven = 1.0f / 50;
@@ -245,9 +246,9 @@ class LightResolve {
     sure_.resize(span_.count());
     for (size_t k = 0; k < span_.count(); ++k) {
       sure_[k] = is_halved_ ? std::max(apart_[k] - kSure * noise_[k], 0.0f) : 0;
-      if (!is_wide_ && changed_[k] < sure_[k])
-        sure_[k] =
-            std::min(sure_[k], std::max(changed_[k], apart_[k] - kSure * along_lines(block, k)));
+      const float seen = std::max(changed_[k], apart_[k] - kSurer * noise_[k]);
+      if (!is_wide_ && seen < sure_[k])
+        sure_[k] = std::min(sure_[k], std::max(seen, apart_[k] - kSure * along_lines(block, k)));
     }
   }
 
@@ -376,7 +377,7 @@ class LightResolve {
     }
   }
 
-  /// What does not repeat from block to block; below 0 where blocks are wider.
+  /// What does not repeat from block to block; below 0, not known, where blocks are wider.
   void find_change() {
     if (is_wide_) return change_.assign(window_.pixels(), -1.0f);
     if (!changes_) changes_.emplace(window_, inside(window_, side_), int(side_));

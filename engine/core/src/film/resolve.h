@@ -3,7 +3,8 @@
 // Keller, Slusallek 2002, Interactive global illumination using fast ray tracing: the discontinuity
 // buffer). What pixels differ by no more than the halves of their own samples do is what their
 // points leave, and is averaged away; the rest stays (Lee 1980, Digital image enhancement and noise
-// filtering by use of local statistics). Of what mirrors and clear glass show, a sharp image whose
+// filtering by use of local statistics), of what repeats from block to block lines, and what is
+// beyond all chance. Of what mirrors and clear glass show, a sharp image whose
 // own detail halves of samples differ by, what repeats from block to block is averaged away. Of few
 // samples, whose halves tell nothing, all else is.
 #pragma once

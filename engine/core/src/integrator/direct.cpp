@@ -92,6 +92,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.max_specular = scene_.materials.max_specular;
   stage_.most_exponent = scene_.materials.most_exponent;
   stage_.shown = plan_.reflections == GLINT_REFLECT_ALL;
+  stage_.shows_nothing = batch.queue->gathers();
   stage_.has_sheen = scene_.materials.has_sheen;
   stage_.has_fibre = scene_.materials.has_fibre;
   stage_.turns_lobes = scene_.materials.turns_lobes;
@@ -164,7 +165,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
       LightPoint point = plan_.set_sample(stage_, light, sample, own);
       if (parts > 1) stage_.share = count;
       if (parts > 1 && light.is_mesh()) point.draws = j == 0;
-      stage_.draws &= !one;  // no lobe is narrow there
+      stage_.draws &= !one;  // all lobes are wide there
       group_ = point.group;
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.

@@ -80,6 +80,7 @@ class DirectLight {
   bool bounces_from_fibres(const Queue& queue) const {
     return queue.past.bounced < plan_.fibre_bounces;
   }
+  bool shows_even_gloss(const Queue& queue) const;
   /// Adds to `gathering` the rays along which light came that bounced, to the points that
   /// `illuminate` was told last. pixels: of the region, of each point of the batch.
   void bounce(const Batch& batch, const std::vector<uint32_t>& pixels, uint32_t sample,

@@ -174,8 +174,7 @@ void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t
   shared.groups.clear();
   shared.receives.clear();
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
-  shared.shows_gloss =
-      &shared != &lamps_ && scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
+  shared.shows_gloss = &shared != &lamps_ && shows_even_gloss(*batch.queue);
   for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage_.lit = shared.lit;
   shared.near.resize(shared.columns.rows());

@@ -20,9 +20,7 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
     place_[k] = uint8_t(plan_.bounce_part(pixels[k]));
     for (size_t c = 0; c < 2; ++c) disc_[c][k] = at[place_[k]][c];
   }
-  stage_.shows_nothing = bounced > 0;
-  stage_.gathers_gloss = scene_.materials.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL) ||
-                         (stage_.shows_nothing && scene_.materials.has_gloss);
+  stage_.gathers_gloss = shows_even_gloss(queue);
   stage_.chooses = scene_.instances.has_strands ? choices(batch, at) : nullptr;
   const bool before = stage_.matt_alone;
   stage_.matt_alone = true;
@@ -30,7 +28,6 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
   const size_t count = stages_.gather(stage_);
   stage_.matt_alone = before;
   stage_.chooses = nullptr;
-  stage_.shows_nothing = false;
   for (uint32_t part = 0; part < RenderPlan::kBounceParts; ++part)  // of one direction together
     for (size_t k = 0; k < count; ++k) {
       const uint32_t from = point_[k];
@@ -48,6 +45,13 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
       if (chosen) send(path, stage_.o, k, k, gathering, counts);  // which may be behind the strand
       else send(path, batch.points.x, from, k, gathering, counts);
     }
+}
+
+/// Whether gloss shows some light as if it were matt at what the rays of a queue meet.
+bool DirectLight::shows_even_gloss(const Queue& queue) const {
+  const MaterialTable& all = scene_.materials;
+  return queue.gathers() ? all.has_toon_gloss || all.has_gloss
+                         : all.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
 }
 
 /// The numbers that choose lobes of points on strands.

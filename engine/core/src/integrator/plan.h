@@ -58,8 +58,8 @@ struct RenderPlan : GlintRenderSettings {
   static constexpr uint32_t kSplits = 2;
   static constexpr double kLeastWeight = 1.0 / 8;
   static constexpr uint32_t kBounceParts = 4;  // of a class of pixels, that deal bounces
-  // Of gloss that light which bounced is thrown by, at most: found rarely, narrower is dots.
-  // Cycles' Filter Glossy of 1 comes to as much.
+  // Most exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
+  // light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much.
   static constexpr double kBouncedExponent = 8;
 
   /// In place of the settings' four numbers. shown: the pixels that were asked for.  traced: with

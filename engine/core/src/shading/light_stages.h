@@ -135,7 +135,7 @@ struct LightStage {
   double *diffuse_out[3], *specular_out[3];  // T k I; specular_out null: both in diffuse_out
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
-  bool gathers_gloss;   // `gather`, and what it finds: dielectrics' gloss as if it were matt
+  bool gathers_gloss;   // `gather`: what rays do not show of gloss as if it were matt
   bool fibres_alone;    // `gather`: nothing that is matt throws light on
   const double* chooses;  // `gather`: of points on strands a number that chooses a lobe, what is
                           // left of which is in t_max; else -1. null: there are none

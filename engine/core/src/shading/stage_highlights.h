@@ -343,9 +343,9 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
   else return all_highlights<Reflecting, false>(s, k, n, l, cosine, narrow);
 }
 
-/// About what gloss of dielectrics gives back of even light, as it does straight from above and
-/// where it mirrors; ever less slanting the wider the lobe. Less what rays show. TOON_SPECULAR
-/// lobes all that they do.
+/// About what gloss gives back of even light, as it does straight from above and where it mirrors;
+/// ever less slanting the wider the lobe. Less what rays show, and metals' where any do.
+/// TOON_SPECULAR lobes all that they do.
 inline Three even_gloss(const LightStage& s, size_t k) {
   const Doubles seen = seen_cosine(load3(s.n, k), load3(s.d, k));
   Three sum{};
