@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 BOUNCED_EXPONENT = 8.0
-"""Most exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
+"""Largest exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
 light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much.
 """
 

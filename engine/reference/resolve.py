@@ -195,7 +195,7 @@ def resolved(
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
         is_direct = name in ("Glossy Direct", "Transmission Direct")
-        one = Resolving(light, color, own_color, noise, images, is_direct)
+        one = Resolving(light, color, own_color, noise, images, is_direct, name in WIDE)
         predicted = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
             _resolve_edges(predicted, guides, finely.guides, wide, weights, one)
@@ -230,7 +230,8 @@ class Prediction:
 class Resolving:
     """One kind of light. light, color: (3, h, w) means; own_color: of all camera rays. noise: as
     `_noise`; None where all may be. images: (h, w) how much of the light is of sharp images.
-    is_direct: these are of what gives light, which have no points.
+    is_direct: these are of what gives light, which have no points. is_wide: it is averaged over
+    blocks of twice the side.
     """
 
     light: Array
@@ -239,6 +240,7 @@ class Resolving:
     noise: Array | None
     images: Array
     is_direct: bool
+    is_wide: bool
 
 
 def _half(samples: Array) -> Array:
@@ -294,8 +296,7 @@ def _resolved(
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
     square = tint**2
     noises, halved = (np.zeros_like(white), 0.0) if noise is None else (noise, 1.0)
-    wide = len(block) > len(list(_block(side)))
-    change = np.full_like(white, -1.0) if wide else _change(side, guides, white)
+    change = np.full_like(white, -1.0) if one.is_wide else _change(side, guides, white)
     for weight, (x, y, _) in zip(weights, block, strict=True):
         own = weight * _moved(square, x, y)
         off, off_by_chance = (_moved(white, x, y) - mean) ** 2, _moved(noises, x, y) ** 2
@@ -307,7 +308,7 @@ def _resolved(
         chance += own * off_by_chance
     seen = apart if one.is_direct else np.minimum(changed, apart)
     sure = halved * np.maximum(apart - SURE * chance, 0.0)
-    if not wide:
+    if not one.is_wide:
         along = _along_lines(block, weights, white, tint)
         beyond = np.maximum(apart - SURE * along, apart - SURER * chance)
         sure = np.minimum(sure, np.maximum(changed, beyond))

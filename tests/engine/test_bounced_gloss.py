@@ -8,12 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bounced_scenes import ALBEDO, BACKENDS, VARNISH, added, lamp, matt, room, wall_over_ground
+from bounced_scenes import (
+    ALBEDO,
+    BACKENDS,
+    VARNISH,
+    added,
+    ball,
+    lamp,
+    matt,
+    room,
+    wall_over_ground,
+)
 from glint.engine import Settings, render
 from glint.engine.reference.coefficients import Term
 from glint.engine.reference.gloss import even_gloss
 from glint.engine.reference.optics import blinn_phong, gloss
-from glint.engine.scene import Input, Lobe, Material, Scene
+from glint.engine.scene import Input, Lobe, Material, Medium, Scene
+from media_scenes import filled
 
 
 def given_back(lobe: Lobe, cosine: float, l: np.ndarray) -> np.ndarray:  # noqa: E741
@@ -198,3 +209,23 @@ def test_gloss_throws_on_what_bounced(fresnel: bool, backend: str) -> None:
     between = np.mean([reflected_of_even_light(lobe, c) for c in SIDES[::40]])
     found = ((two - one) / one).mean((0, 1)) - ALBEDO
     np.testing.assert_allclose(found, between, rtol=0.2)  # as `even_gloss` has it of wide lobes
+
+
+@pytest.mark.parametrize(
+    ("reflections", "backend"), [("METALS", "NATIVE"), ("ALL", "NATIVE"), ("ALL", "NUMPY")]
+)
+def test_gloss_throws_on_what_gas_gives(reflections: str, backend: str) -> None:
+    """A ball of metal round gas that glows, which lights it alike all over: rays show metal where
+    the camera sees it, and nowhere else.
+    """
+    lobe = replace(VARNISH[0], exponent=8.0, masking=float(np.sqrt(0.2)), fresnel=False)
+    gas = filled("gas", Medium(emission=(50.0, 50.0, 50.0)))
+    matt_room = room(more=(ball(0.2),), materials=(gas,))
+    samples = {"NATIVE": 256, "NUMPY": 1}[backend]
+    settings = {"max_bounces": 1, "reflections": reflections, "samples": samples}
+    metal_room = replace(matt_room, materials=(matt(ALBEDO, lobe), gas))
+    ratio = added(metal_room, backend, **settings) / added(matt_room, backend, **settings)
+    by_rays = 1 + reflected_of_even_light(lobe, 1.0)
+    thrown_on = (ratio.mean((0, 1)) / by_rays - 1) * ALBEDO
+    between = np.mean([reflected_of_even_light(lobe, c) for c in SIDES[::40]])
+    np.testing.assert_allclose(thrown_on, between, rtol=0.2)  # as `even_gloss` has it of wide lobes

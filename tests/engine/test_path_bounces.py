@@ -428,13 +428,13 @@ def rays_of(ray: Ray) -> Iterator[Ray]:
 EXPLAINED = ("matt", "mirror", "rough gloss", "leaf", "strands", "fibres", "fog", "skin", "catcher")
 
 
-@pytest.mark.parametrize("name", EXPLAINED)
-def test_an_explained_pixel_adds_up(name: str) -> None:
-    scene, plan = SCENES[name](), {**PLAN, "samples": 1}
+@pytest.mark.parametrize(
+    ("name", "how"), [*((name, "DEALT") for name in EXPLAINED), ("sky", "SHARED")]
+)
+def test_an_explained_pixel_adds_up(name: str, how: str) -> None:
+    scene, plan = SCENES[name](), {**PLAN, "samples": 1, "soft_light": how}
     picture = color(scene, 2, "NUMPY", **plan)
-    settings = engine.Settings(
-        **plan, light_samples=2, diffuse_bounces=2, soft_light="DEALT", filter_width=0.0
-    )
+    settings = engine.Settings(**plan, light_samples=2, diffuse_bounces=2, filter_width=0.0)
     explainer = PixelExplainer(scene, settings)
     for x, y in ((5, 5), (6, 7), (2, 6), (9, 3)):
         np.testing.assert_allclose(

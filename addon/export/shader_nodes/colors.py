@@ -148,7 +148,8 @@ def _float_curve(view: NodeInputs) -> Outputs:
     table = view.table(lambda: _curve_table(mapping, [mapping.curves[0]] * 3))
     factor = view.value("Factor" if "Factor" in view.node.inputs else "Fac")
     value = view.value("Value")
-    # Cycles goes beyond the ends at each point only, not where it folds constants
+    # Cycles goes beyond the ends at each point only, not where it folds constants. It does not fold
+    # those of RGB and Combine Color nodes, which are taken for folded here
     folded = factor.constant is not None and value.constant is not None
     extends = 0 if folded else _extends(mapping)
     arguments = (factor, view.vector_of(value))

@@ -162,6 +162,9 @@ uint32_t pixel_of(const Span& span, size_t number, uint32_t x0, uint32_t y0, uin
 
 float over(float a, float b) { return b > 0 ? a / b : 0; }
 
+/// Whether light is averaged over blocks of twice the side, as bounces are dealt.
+constexpr bool is_wide(int light) { return light == kDiffuseIndirect || light == kVolumeIndirect; }
+
 /// One kind of light of a window, and what the pixels of a span take of their blocks.
 class LightResolve {
  public:
@@ -187,7 +190,7 @@ class LightResolve {
     is_direct_ = light == kGlossyDirect || light == kTransmissionDirect;
     halves_ = window_.column(ResolveWindow::kNoise + light);
     is_halved_ = is_halved;
-    is_wide_ = light == kDiffuseIndirect || light == kVolumeIndirect;
+    is_wide_ = is_wide(light);
     set_sharp(light);
     for (size_t i = 0; i < window_.pixels(); ++i) {
       tint_[i] = color_[0][i] + color_[1][i] + color_[2][i];
@@ -513,9 +516,9 @@ void Resolve::run(const ResolveWindow& window, const ResolveWindow* finer, uint3
       one.find_spread(block);
       if (light < kVolumeDirect) one.fit_edges(block, whole);
     };
-    if (any && light == kVolumeIndirect) find(whole);
-    else if (any)
-      find(light == kDiffuseIndirect ? wide : light < kVolumeDirect ? on_surfaces : in_media);
+    const bool on_surface = light < kVolumeDirect;
+    if (any && is_wide(light)) find(on_surface ? wide : whole);
+    else if (any) find(on_surface ? on_surfaces : in_media);
     float* const own = lights_[light].size() ? lights_[light].data() : nullptr;
     for (size_t k = 0; (any || own || is_caught) && k < span.count(); ++k) {
       const size_t pixel = pixel_of(span, k, x0, y0, width_), q = span.pixel(k);

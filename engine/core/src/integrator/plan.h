@@ -58,7 +58,7 @@ struct RenderPlan : GlintRenderSettings {
   static constexpr uint32_t kSplits = 2;
   static constexpr double kLeastWeight = 1.0 / 8;
   static constexpr uint32_t kBounceParts = 4;  // of a class of pixels, that deal bounces
-  // Most exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
+  // Largest exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
   // light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much.
   static constexpr double kBouncedExponent = 8;
 
