@@ -77,6 +77,34 @@ _SUBSURFACE = (
     ),
     ("OFF", "Off", "For quick pictures: they are drawn as diffuse. Costs nothing"),
 )
+_REFLECTIVE_CAUSTICS = (
+    (
+        "ON",
+        "On",
+        "For most pictures: gloss, metals and mirrors throw light onto what is matt, softly, as if "
+        "they were rough. Costs nothing",
+    ),
+    (
+        "OFF",
+        "Off",
+        "For files whose Cycles picture has none: they show light, and throw none onto what is "
+        "matt",
+    ),
+)
+_REFRACTIVE_CAUSTICS = (
+    (
+        "ON",
+        "On",
+        "For most pictures: light passes glass to what is matt, straight on, with its colour and "
+        "what Fresnel leaves",
+    ),
+    (
+        "OFF",
+        "Off",
+        "For files whose Cycles picture has none: glass casts whole shadows, and rooms behind "
+        "panes are dark",
+    ),
+)
 _BACKENDS = (
     (
         "NATIVE",
@@ -163,6 +191,7 @@ class Lighting(TypedDict):
 
     by_world: bool
     by_meshes: bool
+    through_glass: bool
 
 
 @dataclass(frozen=True)
@@ -371,6 +400,18 @@ class Settings:
         high=1,
         remedy="0 or 1",
     )
+    reflective_caustics: str = _setting(
+        "ON",
+        "Reflective Caustics",
+        "Whether surfaces that shine throw light onto what is matt",
+        choices=_REFLECTIVE_CAUSTICS,
+    )
+    refractive_caustics: str = _setting(
+        "ON",
+        "Refractive Caustics",
+        "Whether light passes glass on its way to what is matt",
+        choices=_REFRACTIVE_CAUSTICS,
+    )
     clamp_indirect: float = _setting(
         0.0,
         "Clamp Indirect",
@@ -415,13 +456,14 @@ class Settings:
 
     @property
     def lighting(self) -> Lighting:
-        """What `Scene.as_lit` is told: whether surfaces hide the world's light, and whether what
-        glows lights.
+        """What `Scene.as_lit` is told: whether surfaces hide the world's light, whether what glows
+        lights, and whether light passes glass.
         """
         physical = self.illumination == "PHYSICAL"
         return {
             "by_world": physical and self.world_light == "OCCLUDED",
             "by_meshes": physical and self.mesh_light == "ON",
+            "through_glass": self.refractive_caustics == "ON",
         }
 
     @property

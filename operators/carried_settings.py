@@ -89,6 +89,10 @@ def _of_cycles(scene: Any) -> Iterator[Carried]:
         _within("volume_bounces", cycles.volume_bounces),
         f"Volume {cycles.volume_bounces}",
     )
+    for kind in ("reflective", "refractive"):
+        is_on = getattr(cycles, f"caustics_{kind}")
+        on = "ON" if is_on else "OFF"
+        yield Carried("final", f"{kind}_caustics", on, f"Caustics {kind.title()} {on.lower()}")
     clamp = cycles.sample_clamp_indirect
     yield Carried("final", "clamp_indirect", clamp, f"Clamp Indirect {clamp:.4g}")
 

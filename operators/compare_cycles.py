@@ -265,6 +265,8 @@ class _Cycles:
             diffuse, volume = final.diffuse_bounces, final.volume_bounces
             match_cycles(copy, samples, self._options.bounces, seed, diffuse, volume)
             copy.cycles.sample_clamp_indirect = final.clamp_indirect
+            copy.cycles.caustics_reflective = final.reflective_caustics == "ON"
+            copy.cycles.caustics_refractive = final.refractive_caustics == "ON"
 
         path = self._folder / f"cycles_direct_{seed}.exr"
         return self._drawn(2 + seed, "by Cycles", "cycles", choose, path)

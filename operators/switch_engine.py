@@ -122,8 +122,9 @@ def _carry(scene: bpy.types.Scene, engine: str) -> list[tuple[str, str]]:
     return lines
 
 
-def _shown(value: float) -> str:
-    return f"{value:.4g}"
+def _shown(value: float | str) -> str:
+    """A choice as On or Off, a number with four digits."""
+    return value.title() if isinstance(value, str) else f"{value:.4g}"
 
 
 def _differences(
@@ -168,7 +169,8 @@ def _scatters(material: Any) -> bool:
 
 _MEANINGS: tuple[tuple[str, Callable[[Any], bool]], ...] = (
     (
-        "Glass throws no caustics: light passes it straight on; put a light where one is missed",
+        "Glass throws no caustics: panes let light pass, balls cast shadows; put a light where one "
+        "is missed",
         _is_glass,
     ),
     ("Light is scattered once in volumes: raise the density of thick ones", _scatters),

@@ -18,7 +18,7 @@ REMEDIES: dict[str, str] = {
     "Hair and point clouds that change their number of points from frame to frame keep their shape in the pass Vector: …": "Keep the number, or leave them out of the compositor's blur",
     "Meshes whose number of vertices or faces changes from frame to frame keep their shape in the pass Vector: …": "Remesh after the animation, or turn the modifier off that remeshes",
     "Meshes whose number of vertices or faces changes while the shutter is open keep their shape: …": "Remesh after the animation, or turn off Object properties → Motion Blur → Deformation",
-    "Shadow caustics are not rendered: … cast none; light passes glass straight on": "Nothing: glass is lit and lets light pass; put a lamp where the caustic is missed",
+    "Shadow caustics are not rendered: … cast none; light passes thin glass straight on": "Nothing: glass is lit and lets light pass; put a lamp where the caustic is missed",
     "Bump Map Correction is not switched off for mirrors of …: bent normals are kept from showing what is behind the surface": "Lower the strength of the bump where it looks flat",
     "Visible errors are those of the sRGB curve alone: …": "Nothing; or set Color Management → View Transform to Standard",
     "Node … turns nothing in …: vectors stay as they are": "Use Mapping to turn vectors",

@@ -14,7 +14,7 @@ LEAST_BOUNCES = 4
 ROLLING_SHUTTER = (
     "Rolling Shutter is not rendered: all rows of the picture are taken at once; set it to None"
 )
-_CAUSTICS = "Shadow caustics are not rendered: {} cast none; light passes glass straight on"
+_CAUSTICS = "Shadow caustics are not rendered: {} cast none; light passes thin glass straight on"
 
 
 def note_light(name: str, data: Any, report: Report) -> None:

@@ -60,6 +60,8 @@ OF_LIGHT = (
     "soft_light",
     "diffuse_bounces",
     "volume_bounces",
+    "reflective_caustics",
+    "refractive_caustics",
     "clamp_indirect",
 )
 """What light does; the viewport takes the final render's."""

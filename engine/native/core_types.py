@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 76
+ABI_VERSION = 77
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -437,6 +437,7 @@ class RenderSettingsData(Structure):
         *_each(c_uint32, "threads"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections moving resolves"),
+        *_each(c_int32, "reflective_caustics"),
     ]
 
 

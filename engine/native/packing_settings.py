@@ -66,6 +66,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     )
     data.interleaving = interleaving(scene, settings)
     data.resolves = settings.soft_light == "RESOLVED"
+    data.reflective_caustics = settings.reflective_caustics == "ON"
     for name in _SAME:
         setattr(data, name, getattr(settings, name))
     data.visibility_samples = each

@@ -4,7 +4,7 @@ cannot be summed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,6 +14,12 @@ from .surface import Surface
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
+
+BOUNCED_EXPONENT, THROWN_EXPONENT = 8.0, 2.0
+"""Largest exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
+light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much. That of mirrors there,
+whose shape is lost in any case.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +53,7 @@ class Term:
 class Coefficients:
     """Sums (3, n) of the lobes of n points, and the terms that cannot be summed.
 
+    thrown: what mirrors are to light that goes on to what is matt, highlights.
     below: (3, n) what of the diffuse light comes out elsewhere, radius: (3, n) how far away, world
     units; None for nothing.
     """
@@ -64,6 +71,7 @@ class Coefficients:
     fibres: list[Term]
     below: Array | None = None
     radius: Array | None = None
+    thrown: list[Term] = field(default_factory=list)
 
     def matt(self) -> Array:
         """(3, n): about what of even light all but these, mirrors and glass give back."""

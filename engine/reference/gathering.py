@@ -114,9 +114,23 @@ def _lit_alone(coefficients: Coefficients) -> Coefficients:
     return replace(coefficients, ambient=none, emission=none, mirrors=[], refractions=[])
 
 
+def _dull(surface: Surface, coefficients: Coefficients) -> Coefficients:
+    """Without highlights, and DIFFUSE lobes with what those of dielectrics kept of their light."""
+    terms = [term for term in coefficients.highlights if term.lobe.kind == "SPECULAR"]
+    kept = even_gloss(dot(surface.n, surface.v), terms)
+    return replace(coefficients, diffuse=(1 + kept) * coefficients.diffuse, highlights=[])
+
+
 def seen_lobes(stage: Stage, at: Interaction) -> Interaction:
     """The points with what the paths see of the lobes there."""
     if not at.paths.reflections:
         return at
-    coefficients = widened(at.coefficients, at.paths.widest[at.hit])
-    return replace(at, coefficients=_lit_alone(coefficients) if at.paths.gathers else coefficients)
+    coefficients = at.coefficients
+    if at.paths.gathers:
+        if stage.settings.reflective_caustics == "ON":
+            gloss = [*coefficients.highlights, *coefficients.thrown]
+            coefficients = replace(coefficients, highlights=gloss)
+        else:
+            coefficients = _dull(at.surface, coefficients)
+        coefficients = _lit_alone(coefficients)
+    return replace(at, coefficients=widened(coefficients, at.paths.widest[at.hit]))

@@ -125,7 +125,8 @@ class Lighting:
     def shadows_of(self, source: Source) -> Shadows:
         """What casts shadows in a light."""
         blockers = source.light.blockers
-        return self.shadows if blockers == EVERYTHING else self.shadows.cast_by(self._in(blockers))
+        shadows = self.shadows if source.light.kind == "DOME" else self.shadows.of_lamp()
+        return shadows if blockers == EVERYTHING else shadows.cast_by(self._in(blockers))
 
     def of_catchers(self, caught: Array) -> Lighting:
         """As if the rows (r,) bool of the placements were the only things there; none of them

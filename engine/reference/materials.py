@@ -13,7 +13,7 @@ from ..cryptomatte import id_bits
 from ..scene import LARGEST, LEAST_IOR, Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .bumps import bump_of, lifted
-from .coefficients import Coefficients, Term
+from .coefficients import THROWN_EXPONENT, Coefficients, Term
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
@@ -59,7 +59,7 @@ class _Found:
 
     def __init__(self, count: int) -> None:
         self.sums = {name: np.zeros((3, count)) for name in _SUMMED.values()}
-        kinds = ("SPECULAR", "MIRROR", "REFRACTION", "SHEEN", "FIBRE")
+        kinds = ("SPECULAR", "MIRROR", "THROWN", "REFRACTION", "SHEEN", "FIBRE")
         self._terms: dict[str, list[Term]] = {kind: [] for kind in kinds}
         self._below: Array | None = None  # Σ k, Σ |k|, Σ |k| radius
 
@@ -112,6 +112,8 @@ class _Found:
         masking = _number(lobe.masking, lobe.masking_output, outputs)
         term = Term(index, k, lobe, exponent, masking, _index(lobe, outputs), normal=normal)
         low = _lowering(surface, index)
+        if lobe.kind == "MIRROR":
+            self._terms["THROWN"].append(_thrown(replace(term, lowering=low)))
         if lobe.kind in ("SPECULAR", "TOON_SPECULAR"):
             term = replace(term, lowering=low)
         elif lobe.kind == "MIRROR" and low is not None:
@@ -127,6 +129,7 @@ class _Found:
             **self.sums,
             highlights=self._terms["SPECULAR"],
             mirrors=self._terms["MIRROR"],
+            thrown=self._terms["THROWN"],
             refractions=self._terms["REFRACTION"],
             sheens=self._terms["SHEEN"],
             fibres=self._terms["FIBRE"],
@@ -140,6 +143,16 @@ class _Found:
 def _lowering(surface: Surface, index: Array) -> Array | None:
     low = surface.lowering[index]
     return low if (low > 1).any() else None
+
+
+def _thrown(term: Term) -> Term:
+    """A mirror as the highlight by which it throws light on to what is matt: of GGX as wide as that
+    (Walter, Marschner, Li, Torrance 2007, Microfacet models for refraction).
+    """
+    p, masking = THROWN_EXPONENT, (2 / (THROWN_EXPONENT + 2)) ** 0.5
+    none = {"exponent_output": -1, "masking_output": -1}
+    lobe = replace(term.lobe, kind="SPECULAR", exponent=p, masking=masking, **none)
+    return replace(term, lobe=lobe, k=(p + 2) / 8 * term.k, exponent=p, masking=masking)
 
 
 def _lifts(material: Material) -> bool:

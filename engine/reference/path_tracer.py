@@ -35,10 +35,11 @@ from .path_lobes import (
     transmitted,
 )
 from .rays import ULPS, IncoherentRays, Rays
+from .shadows import arriving, bent
 from .surface import Surface, spot_at, surface_at
 from .terminator import start_towards
 from .vectors import add_at, dot, length, pick, transform, unit
-from .visibility import NOTHING, Visibility
+from .visibility import NOTHING, Passed, Visibility
 
 Array = np.ndarray
 
@@ -241,16 +242,18 @@ class _PathTracer:
         margin = ULPS * (np.abs(end).max(0) + np.abs(surface.x).max(0))
         rays = IncoherentRays.of(start, way, np.zeros(len(far)), far - margin)
         passed = self._visibility.blocked(rays, self._passed, self._geometry.visible["shadow"])
-        return (passed[:, :3] * np.minimum(passed[:, 3:], 1.0)).T
+        return arriving(passed, True).T
 
-    def _passed(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
-        """(m, 4) as `Visibility.blocked` takes it."""
+    def _passed(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Passed:
+        """As `Visibility.blocked` takes it."""
         if self._shader.reads_surfaces:
             spot = surface_at(
                 self._geometry, self._attributes, rays, ray, primitive, depth, self._never
             )
-            return self._shader.transmittance(spot)
-        return self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive))
+            passed = self._shader.transmittance(spot)
+            return Passed(passed, bent(spot, passed[:, 3]))
+        passed = self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive))
+        return Passed(passed, np.zeros((len(ray), 3)))
 
     # --- onwards
 

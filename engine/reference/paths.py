@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .bumps import lifted
-from .coefficients import Coefficients, Term
+from .coefficients import BOUNCED_EXPONENT, Coefficients, Term
 from .gloss import half_vector
 from .lights import LightPoint
 from .optics import fresnel, reflected, refracted
@@ -24,11 +24,6 @@ if TYPE_CHECKING:
     from .stage import Stage
 
 Array = np.ndarray
-BOUNCED_EXPONENT = 8.0
-"""Largest exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
-light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much.
-"""
-
 MOST_STRAIGHT = 128
 """Surfaces in a row that a ray passes and that let only some of it through."""
 MOST_REFRACTIONS = 31
@@ -224,28 +219,29 @@ def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     cutoff.
     """
     cutoff = stage.settings.cutoff
-    through = list(_refracted(stage, at, sample))
+    mirrored, through = list(_mirrored(at, cutoff)), list(_refracted(stage, at, sample))
     if stage.glass_differs:
         through = [replace(paths, through_glass=True) for paths in through]
-    found = [*_mirrored(at, cutoff), *through]
     if stage.interleaving > 1:
-        found = [_going_on(paths, sample) for paths in found]
-    return [paths for paths in found if len(paths)]
+        mirrored = [_going_on(paths, sample, refracted=False) for paths in mirrored]
+        through = [_going_on(paths, sample, refracted=True) for paths in through]
+    return [paths for paths in (*mirrored, *through) if len(paths)]
 
 
-def _going_on(paths: Paths, sample: int) -> Paths:
+def _going_on(paths: Paths, sample: int, *, refracted: bool) -> Paths:
     """All of them after few bounces; then those that weigh enough, and of others a part, which
     stands for them all (Russian roulette: Arvo, Kirk 1990), by a number of the sample and of how
-    each came there.
+    each came to the surface. What that mirrors and what goes through count from opposite ends, so
+    that of two halves just one goes on.
     """
     if paths.depth <= SPLITS:
         return paths
-    glass = np.minimum(paths.refractions, MOST_REFRACTIONS)
+    glass = np.minimum(paths.refractions - int(refracted), MOST_REFRACTIONS)
     at = GOLDEN * sample + BY_DEPTH * paths.depth + BY_GLASS * glass
+    at = at - np.floor(at)
     share = np.minimum(np.abs(paths.weight).max(0) / LEAST_WEIGHT, 1.0)
-    return replace(paths, weight=paths.weight / share).take(
-        np.flatnonzero(at - np.floor(at) < share)
-    )
+    goes = at < share if refracted else at >= 1 - share
+    return replace(paths, weight=paths.weight / share).take(np.flatnonzero(goes))
 
 
 def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:

@@ -22,9 +22,16 @@ from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
 from .surface import Surface, spot_at, surface_at
 from .terminator import start_towards
 from .vectors import dot, length, pick, transform, unit
-from .visibility import Hits, Visibility
+from .visibility import Hits, Passed, Visibility
 
 Array = np.ndarray
+
+MOST_BENT = 0.2
+"""By how much the optical momentum of light across its way may change that still comes straight: as
+thin lenses and uneven panes bend it, and balls and bottles do not.
+"""
+ALIKE = 1e-6
+"""Of products of indices that come to 1."""
 
 
 class Shadows:
@@ -43,6 +50,7 @@ class Shadows:
         self._seen = visibility.geometry.visible["shadow"]
         self._blockers: Array | None = None
         self._kind = "shadow"
+        self._bends = False
 
     def mirrors_differ(self, source: Source) -> bool:
         """Whether mirrors show some things that rays to samples of a light do not meet, or the
@@ -57,6 +65,12 @@ class Shadows:
         result._blockers = blockers
         result._seen = self._of_blockers(blockers, self._seen)
         result._media = self._media.of(blockers)
+        return result
+
+    def of_lamp(self) -> Shadows:
+        """Those of what is no sky: what a body bends does not arrive."""
+        result = copy.copy(self)
+        result._bends = True
         return result
 
     def _of_blockers(self, blockers: Array, seen: Array | None) -> Array:
@@ -159,12 +173,12 @@ class Shadows:
 
     def _blocked(self, rays: Rays) -> Array:
         found = self._visibility.blocked(rays, self._transmittance, self._seen)
-        return found[:, :3] * np.minimum(found[:, 3:], 1.0)
+        return arriving(found, self._bends)
 
-    def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
+    def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Passed:
         if not self._shader.reads_surfaces:
             spot = spot_at(self._geometry, rays, ray, primitive)
-            return self._shader.transmittance(spot, self._kind)
+            return Passed(self._shader.transmittance(spot, self._kind), np.zeros((len(ray), 3)))
         from_light = isinstance(rays, CoherentRays) and rays.frame.perspective
         surface = surface_at(
             self._geometry,
@@ -179,7 +193,8 @@ class Shadows:
         o, d = rays.lines(ray)
         left = o + (rays.far if from_light else rays.near)[ray] * d
         surface = replace(surface, far=length(surface.x - left))
-        return self._shader.transmittance(surface, self._kind)
+        passed = self._shader.transmittance(surface, self._kind)
+        return Passed(passed, bent(surface, passed[:, 3]))
 
     def _parallel(self, start: Array, direction: Array) -> Array:
         matrix = parallel_frame(direction)
@@ -214,6 +229,27 @@ class Shadows:
         margin = short * np.abs(end).max(0)
         direction = np.where(far > 0, arm / safe, np.array([[0.0], [0.0], [1.0]]))
         return self._blocked(IncoherentRays.of(start, direction, np.zeros(len(far)), far - margin))
+
+
+def arriving(found: Passed, is_lamps: bool) -> Array:
+    """(m, 3) what of light arrives straight. is_lamps: and not from all of the sky."""
+    narrowed, bent = found.passed[:, 3:], np.square(found.bent).sum(1) > MOST_BENT**2
+    passed = found.passed[:, :3] * np.minimum(narrowed, 1.0)
+    if not is_lamps:
+        return passed
+    return np.where((np.abs(narrowed - 1) < ALIKE) & bent[:, None], 0.0, passed)
+
+
+def bent(surface: Surface, narrowed: Array) -> Array:
+    """(m, 3) by how much the optical momentum of light that goes straight on changes across its
+    way: along the normal alone, so that what enters by one side of a pane and leaves by the other
+    adds up to nothing. narrowed: (m,) as of `Shader.transmittance`.
+    """
+    n, v = surface.n, surface.v
+    cosine = dot(n, v)
+    square = np.where(surface.outside, narrowed, 1 / narrowed)
+    size = np.sqrt(np.maximum(square - 1 + cosine * cosine, 0.0)) - cosine
+    return (np.where(surface.outside, -size, size) * (n - cosine * v)).T
 
 
 def cube_frame(face: int) -> Array:

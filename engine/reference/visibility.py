@@ -38,6 +38,15 @@ class _Meetings(NamedTuple):
     depth: Array
 
 
+class Passed(NamedTuple):
+    """What surfaces let through. passed: (m, 4), the share of light, and by how much it is
+    narrowed. bent: (m, 3) by how much they change its optical momentum across its way.
+    """
+
+    passed: Array
+    bent: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Visibility:
     """Answers rays about one geometry. opaque: (p,) bool, primitives that let no light through."""
@@ -104,24 +113,24 @@ class Visibility:
     def blocked(
         self,
         rays: Rays,
-        transmittance: Callable[[Rays, Array, Array, Array], Array],
+        transmittance: Callable[[Rays, Array, Array, Array], Passed],
         seen: Array | None = None,
-    ) -> Array:
-        """S (n, 4): the share of light that passes along each ray, and by how much it is narrowed.
-        transmittance(rays, ray, primitive, depth): (m, 4) of surfaces met.  seen: (p,) bool,
-        primitives that they meet, or None for all.
+    ) -> Passed:
+        """What passes along each ray.
+        transmittance(rays, ray, primitive, depth): of m surfaces met.  seen: (p,) bool, primitives
+        that they meet, or None for all.
         """
         if not len(rays) or not self.geometry.count:
-            return np.ones((len(rays), 4))
+            return Passed(np.ones((len(rays), 4)), np.zeros((len(rays), 3)))
         if isinstance(rays, CoherentRays):
             order, strips = sorted_strips(rays.u, rays.v)
             passed = self._blocked(rays.take(order), transmittance, seen, strips)
-            return _unsorted(passed, order)
+            return Passed(*(_unsorted(part, order) for part in passed))
         return self._blocked(rays, transmittance, seen, None)
 
     def _blocked(
         self, rays: Rays, transmittance, seen: Array | None, strips: Strips | None
-    ) -> Array:
+    ) -> Passed:
         limit, found = rays.far.copy(), []
         from_light = isinstance(rays, CoherentRays) and rays.frame.perspective
         for meetings in self._meetings(rays, seen, strips, limit, backwards=from_light):
@@ -134,9 +143,12 @@ class Visibility:
         ray, primitive, depth = _once(
             self.geometry, rays, ray[open_ray], primitive[open_ray], depth[open_ray]
         )
+        bent = np.zeros((len(rays), 3))
         if len(ray):
-            np.multiply.at(passed, ray, transmittance(rays, ray, primitive, depth))
-        return passed
+            some = transmittance(rays, ray, primitive, depth)
+            np.multiply.at(passed, ray, some.passed)
+            np.add.at(bent, ray, some.bent)
+        return Passed(passed, bent)
 
     def _meetings(
         self,

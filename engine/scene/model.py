@@ -143,18 +143,23 @@ class Scene:
         *,
         by_world: bool,
         by_meshes: bool,
+        through_glass: bool = True,
         finding: bool = True,
     ) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
-        lights it too.  finding: the openings of rooms to the sky, else its light keeps those that
-        it has. A scene with nothing of all that stays.
+        lights it too.  through_glass: light passes what refracts.  finding: the openings of rooms
+        to the sky, else its light keeps those that it has. A scene with nothing of all that stays.
         """
         from ..lights.glowing_media import medium_lights
         from ..lights.lamps import in_order
         from ..lights.mesh_lights import mesh_lights
         from ..lights.openings import opened
 
+        if not through_glass:
+            solid = tuple(material.without_passed_light() for material in self.materials)
+            scene = replace(self, materials=solid)
+            return scene.as_lit(by_world=by_world, by_meshes=by_meshes, finding=finding)
         lights = in_order(self.lights)
         scene = self if lights is self.lights else replace(self, lights=lights)
         lamps = tuple(light for light in lights if light.kind != "DOME")

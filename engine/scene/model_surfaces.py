@@ -154,6 +154,11 @@ class Lobe:
         return self.kind == "DIFFUSE" and (self.radius_output >= 0 or any(self.radius))
 
     @property
+    def passes_light(self) -> bool:
+        """Whether it lets light pass a REFRACTION lobe on its way to lit points."""
+        return self.kind == "TRANSPARENT" and (self.ior != 1 or self.ior_output >= 0)
+
+    @property
     def tilt(self) -> float:
         """Of a FIBRE lobe: the tangent of how far the normals of its highlight lean from across the
         fibre, against its tangent.
@@ -259,3 +264,8 @@ class Material:
     medium: Medium | None = None
     bump_shadowing: str = "NONE"
     base_normal_output: int = -1
+
+    def without_passed_light(self) -> Material:
+        """The same, but what it refracts passes no light to lit points."""
+        kept = tuple(lobe for lobe in self.lobes if not lobe.passes_light)
+        return self if len(kept) == len(self.lobes) else replace(self, lobes=kept)

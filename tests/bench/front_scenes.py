@@ -81,6 +81,7 @@ def open_demo() -> None:
     for setting in scene.glint.final.bl_rna.properties.keys():  # noqa: SIM118
         scene.glint.final.property_unset(setting)
     scene.cycles.caustics_reflective = scene.cycles.caustics_refractive = False
+    scene.glint.final.reflective_caustics = scene.glint.final.refractive_caustics = "OFF"
 
 
 def open_file(source: str, width: int) -> None:

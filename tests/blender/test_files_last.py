@@ -97,6 +97,8 @@ CHOICES = {
     "mesh_light": ["ON", "OFF"],
     "reflections": ["METALS", "ALL", "OFF"],
     "subsurface": ["ON", "OFF"],
+    "reflective_caustics": ["ON", "OFF"],
+    "refractive_caustics": ["ON", "OFF"],
     "soft_light": ["RESOLVED", "DEALT", "SHARED"],
     "backend": ["NATIVE", "NUMPY"],
     "acceleration": ["AUTO", "FAST", "BALANCED", "FINE"],

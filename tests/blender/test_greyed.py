@@ -96,11 +96,13 @@ scene.cycles.use_camera_cull = False
 mirror.hide_render = behind.hide_render = True
 put("spot", bpy.data.lights.new("spot", "SPOT"), -1, -2, 5).data.energy = 100
 skin = look(box("skin", (1, 1, 1), -0.5, -2, 0), "ShaderNodeBsdfPrincipled", **{"Subsurface Weight": 1.0, "Subsurface Scale": 1.0})
+pane = look(box("pane", (1, 1, 0.1), -0.5, 1, 1), "ShaderNodeBsdfGlass")
 acts = {name: changes(final, name, value) for name, value in {
     "samples": 9, "visibility_samples": 1, "error_threshold": 64.0, "light_samples": 2, "lamp_shadows": 1, "volume_samples": 1,
     "max_bounces": 0, "cutoff": 0.9, "illumination": "CLASSIC", "world_light": "CONSTANT",
     "mesh_light": "OFF", "reflections": "OFF", "subsurface": "OFF", "soft_light": "SHARED",
     "diffuse_bounces": 0, "volume_bounces": 1, "clamp_indirect": 1e-3, "acceleration": "FAST",
+    "reflective_caustics": "OFF", "refractive_caustics": "OFF",
     "threads": 1}.items()}
 answer([told, {
     "spread": changes(area.data, "spread", math.radians(20)),
@@ -120,7 +122,13 @@ NO_PICTURE = {
 
 OF_TIME = {"acceleration", "threads"}
 """Settings that a picture does not depend on."""
-ELSEWHERE = {"backend", "use_mesh_light", "use_subsurface"}
+ELSEWHERE = {
+    "backend",
+    "use_mesh_light",
+    "use_reflective_caustics",
+    "use_refractive_caustics",
+    "use_subsurface",
+}
 """The other tracer, which gives the same to float precision, and checkboxes of choices."""
 
 

@@ -242,8 +242,10 @@ answer(acts)
 )
 ELSEWHERE = {
     "test_greyed.py": "acceleration backend clamp_indirect cutoff diffuse_bounces error_threshold "
-    "illumination lamp_shadows light_samples max_bounces reflections soft_light target threads "
-    "use_mesh_light use_subsurface visibility_samples volume_bounces volume_samples world_light",
+    "illumination lamp_shadows light_samples max_bounces reflections reflective_caustics "
+    "refractive_caustics soft_light target threads use_mesh_light use_reflective_caustics "
+    "use_refractive_caustics use_subsurface visibility_samples volume_bounces volume_samples "
+    "world_light",
     "test_modes.py": "displacement_method motion_blur_position panorama_type shape type",
     "test_frames.py": "use_persistent_data",
     "the viewport's tests": "preview_pixel_size simplify_child_particles simplify_subdivision "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from glint.engine.film import Film
 from glint.engine.reference import paths
+from glint.engine.reference.rays import IncoherentRays
 from native_tools import needs_core
 from test_path_bounces import SCENES, film, noise_of
 
@@ -50,3 +52,24 @@ def test_as_deep_as_eyes_see_nothing_is_left_to_chance(monkeypatch: pytest.Monke
     np.testing.assert_array_equal(
         film(SCENES["glass"](), 1, "NUMPY", **plan).combined, found.combined
     )
+
+
+def test_of_two_halves_of_a_path_just_one_goes_on() -> None:
+    """What a surface mirrors and what goes through, which weigh the least weight together: of each
+    as many as its share.
+    """
+    share, count = 0.3, 4096
+    rays = IncoherentRays.of(np.zeros((3, 1)), np.ones((3, 1)), np.zeros(1), np.ones(1))
+    path = replace(paths.camera_paths(rays, np.ones(1)), depth=paths.SPLITS + 1)
+    gone = []
+    for weight, refracted in ((1 - share, False), (share, True)):
+        here = replace(
+            path,
+            weight=np.full((3, 1), weight * paths.LEAST_WEIGHT),
+            refractions=np.full(1, 2 + refracted),
+        )
+        some = [paths._going_on(here, sample, refracted=refracted) for sample in range(count)]
+        assert {float(p.weight.max()) for p in some if len(p)} == {paths.LEAST_WEIGHT}
+        gone.append(np.array([len(p) for p in some]))
+    np.testing.assert_array_equal(gone[0] + gone[1], 1)
+    assert abs(gone[1].mean() - share) < 2 / np.sqrt(count)

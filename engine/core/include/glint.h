@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 76
+#define GLINT_ABI_VERSION 77
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -432,7 +432,8 @@ typedef struct GlintNeighbour {
  * error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it
  * covers take no further samples after a wave. 0: all take all. cutoff: mirror and refraction rays
  * with no channel of their weight as large end there, 0 to 1. clamp_indirect: the most that a ray
- * adds to a sample but from the camera, the mean of the channels; 0: all. acceleration: of the
+ * adds to a sample but from the camera, the mean of the channels; 0: all. reflective_caustics:
+ * whether gloss and mirrors throw light on to what is matt. acceleration: of the
  * first render of a scene counts, the trees are kept. remember: keep what the first wave hit and
  * which lights it saw, some 30 bytes a pixel, in the scene and those that take its trees over, so
  * that a render of other lights, materials or surroundings need not trace it again. It has the same
@@ -498,7 +499,8 @@ typedef struct GlintRenderSettings {
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;
   uint32_t region[4];
-  int32_t illumination, waves, acceleration, remember, reflections, moving, resolves;
+  int32_t illumination, waves, acceleration, remember, reflections, moving, resolves,
+      reflective_caustics;
 } GlintRenderSettings;
 
 enum GlintState {

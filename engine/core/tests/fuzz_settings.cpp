@@ -61,6 +61,7 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
 void set_bounces(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   if (dice.chance(0.1)) s.interleaving = 1u << dice.below(4);
   s.resolves = dice.chance(0.5);
+  s.reflective_caustics = dice.chance(0.5);
   if (dice.chance(0.5)) return;
   s.bounces = uint32_t(dice.below(6));
   s.volume_bounces = uint32_t(dice.below(2));

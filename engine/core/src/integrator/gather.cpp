@@ -50,7 +50,7 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
 /// Whether gloss shows some light as if it were matt at what the rays of a queue meet.
 bool DirectLight::shows_even_gloss(const Queue& queue) const {
   const MaterialTable& all = scene_.materials;
-  return queue.gathers() ? all.has_toon_gloss || all.has_gloss
+  return queue.gathers() ? all.has_toon_gloss || all.has_gloss || all.has_mirrors
                          : all.has_even_gloss(plan_.reflections == GLINT_REFLECT_ALL);
 }
 

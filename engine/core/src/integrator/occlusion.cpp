@@ -44,7 +44,7 @@ void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32
   if (!(scene_.world.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
   open.assign(count, {});
   const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
-  stage_.shape = kDirection;
+  stage_.shape = kSky;
   const Rays rays = shadow_rays(count);
   const double* place = plan_.occlusion_directions.row(sample, 0);
   for (uint32_t j = 0; j < each && !cancel_; ++j, place += 2) {

@@ -59,8 +59,9 @@ struct RenderPlan : GlintRenderSettings {
   static constexpr double kLeastWeight = 1.0 / 8;
   static constexpr uint32_t kBounceParts = 4;  // of a class of pixels, that deal bounces
   // Largest exponent of gloss at what rays of bounced light meet: few would find a narrower lobe's
-  // light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much.
-  static constexpr double kBouncedExponent = 8;
+  // light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much. That of mirrors there,
+  // whose shape is lost in any case.
+  static constexpr double kBouncedExponent = 8, kThrownExponent = 2;
 
   /// In place of the settings' four numbers. shown: the pixels that were asked for.  traced: with
   /// those that light is averaged with; the region has a margin where the neighbours of these are

@@ -73,6 +73,8 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
   stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
   stage.dark = queue.past.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
+  stage.thrown =
+      queue.gathers() && plan_.reflective_caustics ? RenderPlan::kThrownExponent : 0;
   stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
     if (batch_.has_groups()) stage.sums.emission[c] = batch_.glow[c];
@@ -212,8 +214,9 @@ void Tracer::cut_holes(const Queue& queue, const uint32_t* rows, size_t count) {
 }
 
 /// Highlights that rough surfaces show of others are no narrower than their own lobes: points of
-/// lights would be dots in them.
+/// lights would be dots in them. To what is matt they show none without caustics.
 void Tracer::widen(const Queue& queue) {
+  if (queue.gathers() && !plan_.reflective_caustics) return shader_.dull(batch_);
   for (size_t k = 0; k < queue.size(); ++k) {
     const double widest = queue.widest(k);
     for (int number = 0; number < scene_.materials.max_specular; ++number) {

@@ -1,6 +1,7 @@
 #include "integrator/transmittance.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "session/timer.h"
@@ -16,7 +17,11 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
   layers_.reserve(kMostLayers);
   first_of_.resize(scene.materials.size() + 1);
   shares_.reserve(kRows);
-  if (scene.materials.has_dense) narrows_.resize(kRows);
+  if (scene.materials.has_dense) {
+    narrows_.resize(kRows);
+    turns_.reserve(kRows);
+    for (size_t c = 0; c < 3; ++c) stage_.bent[c] = turns_[c];
+  }
   for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(kRows);
   u_.resize(kRows);
   v_.resize(kRows);
@@ -52,7 +57,11 @@ void TransparentShadows::begin(const LightStage& light, size_t count, double* co
     std::fill_n(shadow[c], count, 1.0);
   }
   waiting_.begin(count);
-  if (scene_.materials.has_dense) narrowed_.assign(count, 1.0);
+  bends_ = light.shape != kSky && light.shape != kOpenSky;
+  if (scene_.materials.has_dense) {
+    narrowed_.assign(count, 1.0);
+    bent_.assign(count, Vec3d{});
+  }
 }
 
 void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
@@ -75,7 +84,7 @@ void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
          counts);
   }
   go_on(light, counts);
-  narrow(count);
+  narrow(light, count);
 }
 
 void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
@@ -85,14 +94,20 @@ void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked,
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);
-  narrow(count);
+  narrow(light, count);
 }
 
-/// Rays that begin in what is dense see of the light outside what comes in a narrower cone.
-void TransparentShadows::narrow(size_t count) {
+/// Rays that begin in what is dense see of the light outside what comes in a narrower cone; what a
+/// body bends goes elsewhere.
+void TransparentShadows::narrow(const LightStage& light, size_t count) {
   if (!scene_.materials.has_dense) return;
   for (size_t k = 0; k < count; ++k)
     for (double* column : shadow_) column[k] *= std::min(narrowed_[k], 1.0);
+  for (size_t k = 0; bends_ && k < count; ++k) {
+    const Vec3d d = row(light.to, k), across = bent_[k] - dot(bent_[k], d) * d;
+    const bool is_out = std::fabs(narrowed_[k] - 1) < kAlike;
+    if (is_out && dot(across, across) > kMostBent * kMostBent) set_row(shadow_, k, {});
+  }
 }
 
 /// Adds a ray to those that look for layers beyond t_min.
@@ -215,8 +230,10 @@ void TransparentShadows::multiply(const LightStage& light, size_t ray) {
   const bool has_dense = scene_.materials.has_dense;
   for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i) {
     S = S * row({shares_[0], shares_[1], shares_[2]}, layers_[i].row);
-    if (has_dense && scene_.materials[layers_[i].material].is_dense)
+    if (has_dense && scene_.materials[layers_[i].material].is_dense) {
       narrowed_[number] *= narrows_[layers_[i].row];
+      bent_[number] += row({turns_[0], turns_[1], turns_[2]}, layers_[i].row);
+    }
   }
   set_row(shadow_, number, S);
   if (found_[ray] > Layers::kMost && any(S))

@@ -28,6 +28,10 @@ class TransparentShadows {
 
  private:
   static constexpr size_t kAtOnce = 256;  // rays, as many as go down as a beam
+  // By how much the optical momentum of light across its way may change that still comes straight:
+  // as thin lenses and uneven panes bend it, and balls and bottles do not.
+  static constexpr double kMostBent = 0.2;
+  static constexpr double kAlike = 1e-6;  // of products of indices that come to 1
 
   /// A layer on the way of a ray: where it is among the hits and in the columns of the stage.
   struct Layer {
@@ -44,7 +48,7 @@ class TransparentShadows {
   void place_solids(const Rays& rays);
   void read_shares(const Rays& rays);
   void multiply(const LightStage& light, size_t ray);
-  void narrow(size_t count);
+  void narrow(const LightStage& light, size_t count);
 
   const Scene& scene_;
   const Stages& stages_;
@@ -66,6 +70,10 @@ class TransparentShadows {
   Columns shares_{3};
   // Where some material is dense, by how much layers narrow light, and what each ray passes.
   std::vector<double> narrows_, narrowed_;
+  // The same of what these turn rays by (TransmittanceStage::bent); whether that counts.
+  Columns turns_{3};
+  std::vector<Vec3d> bent_;
+  bool bends_ = false;
   std::vector<uint32_t> number_, instance_, primitive_;
   std::vector<float> u_, v_;
   std::vector<double> slots_, solids_;  // of programs; as TransmittanceStage has them

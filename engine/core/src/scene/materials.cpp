@@ -120,18 +120,19 @@ void compare_lobes(MaterialTable& t, Material& material) {
     const bool rough = is_oren_nayar(lobe.kind), fibre = is_fibre(lobe.kind),
                sheen = lobe.kind == GLINT_SHEEN || is_toon(lobe.kind) || rough;
     const bool shares_row = rough && material.has(lobe.kind);
-    material.specular_count += (lobe.kind == GLINT_SPECULAR || sheen || fibre) && !shares_row;
+    const bool highlight = lobe.kind == GLINT_SPECULAR, mirror = lobe.kind == GLINT_MIRROR;
+    material.specular_count += (highlight || mirror || sheen || fibre) && !shares_row;
     material.kinds |= 1u << lobe.kind;
     t.has_fibre = t.has_fibre || fibre;
     t.has_sheen = t.has_sheen || sheen || fibre;
-    if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_FIBRE_SPECULAR)
+    if (highlight || lobe.kind == GLINT_FIBRE_SPECULAR)
       t.most_exponent = std::max(t.most_exponent, lobe.exponent);
     t.has_translucent = t.has_translucent || lobe.kind == GLINT_TRANSLUCENT;
     material.goes_below = material.goes_below || goes_below(lobe);
     material.view_count += depends_on_view(lobe);
     material.is_dense |= lobe.kind == GLINT_TRANSPARENT && (lobe.ior != 1 || lobe.ior_slot > 0);
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
-    const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
+    const bool shaped = highlight && lobe.masking > 0;
     t.has_gloss = t.has_gloss || shaped;
     if (shaped)
       t.least_gloss_exponent =
@@ -140,16 +141,17 @@ void compare_lobes(MaterialTable& t, Material& material) {
     const bool varnish = shaped && lobe.fresnel & GLINT_DIELECTRIC;
     t.has_varnish = t.has_varnish || varnish;
     t.has_toon_gloss = t.has_toon_gloss || lobe.kind == GLINT_TOON_SPECULAR;
-    if (sheen || (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
+    t.has_mirrors = t.has_mirrors || mirror;
+    if (sheen || mirror || (highlight && (lobe.masking > 0 || lobe.fresnel)))
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
     if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);
-    t.edges_lobes |= lobe.kind == GLINT_SPECULAR && lobe.fresnel & GLINT_EDGE;
+    t.edges_lobes |= highlight && lobe.fresnel & GLINT_EDGE;
     const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);
-    if (turns && lobe.kind == GLINT_SPECULAR) {
+    if (turns && (highlight || mirror)) {
       t.turns_lobes = true;
       t.specular_columns = std::max(t.specular_columns, SpecularTerm::kTurned);
     }
-    if (lobe.stretch_slot > 0 && lobe.kind == GLINT_SPECULAR) {
+    if (lobe.stretch_slot > 0 && highlight) {
       t.stretches_lobes = true;
       t.specular_columns = SpecularTerm::kStretched;
     }

@@ -81,7 +81,7 @@ struct MaterialTable {
   int max_specular = 0;
   double most_exponent = 0;  // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
-  bool has_metals = false, has_varnish = false, has_gloss = false;
+  bool has_metals = false, has_varnish = false, has_gloss = false, has_mirrors = false;
   bool has_toon_gloss = false;             // TOON_SPECULAR lobes, whose surroundings no rays show
   double least_gloss_exponent = HUGE_VAL;  // of SPECULAR lobes with masking
   bool has_rough_glass = false, has_fibre = false,

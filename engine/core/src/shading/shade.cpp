@@ -111,6 +111,30 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
   return gives;
 }
 
+void Shader::dull(const Batch& batch) const {
+  const MaterialTable& all = scene_.materials;
+  for (size_t k = 0; k < batch.size(); ++k) {
+    const double cosine = -dot(batch.queue->ray(k).d, row(batch.points.n, k)),
+                 seen = std::clamp(cosine, 0.0, 1.0);
+    Vec3d kept{};
+    for (int number = 0; number < all.max_specular; ++number) {
+      double* const column = batch.specular + size_t(all.specular_columns * number) * batch.stride;
+      const auto at = [&](int of) -> double& { return column[size_t(of) * batch.stride + k]; };
+      const double exponent = at(SpecularTerm::kExponent);
+      if (!(exponent >= 0 || exponent == SpecularTerm::kToonSpecular)) continue;
+      if (exponent >= 0 && all.has_varnish && at(SpecularTerm::kMasking) > 0 &&
+          at(SpecularTerm::kFresnel) > 0)
+        kept += of_even_light(splat(seen), splat(exponent), splat(at(SpecularTerm::kMasking)),
+                              splat(at(SpecularTerm::kFresnel)))[0] *
+                Vec3d{at(0), at(1), at(2)};
+      for (int c = 0; c < 3; ++c) at(c) = 0;
+    }
+    const Vec3d T = batch.queue->path(k).T;
+    for (int c = 0; c < 3; ++c)
+      if (T[c] != 0 && kept[c] != 0) batch.diffuse[c][k] *= 1 + kept[c] / T[c];
+  }
+}
+
 void Shader::record_transparent(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
   if (mean(passed(batch, k)) < 0.5) record(batch, k, film, pixel);
 }

@@ -39,6 +39,8 @@ class Shader {
   /// any through; or what the lobes of another such kind come to.
   Vec3d passed(const Batch& batch, size_t k, int kind = GLINT_TRANSPARENT) const;
   Gives gives(const Batch& batch, size_t k) const;
+  /// Takes highlights away, and gives DIFFUSE lobes what those of dielectrics kept of their light.
+  void dull(const Batch& batch) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
   void record_transparent(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// Data passes of a hit that lets nothing through.

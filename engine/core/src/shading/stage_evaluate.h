@@ -168,6 +168,25 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
   }
 }
 
+/// A MIRROR lobe as the SPECULAR one of `thrown` that throws its light on to what is matt: of GGX
+/// as wide as that, by Walter, Marschner, Li, Torrance 2007 (Microfacet models for refraction).
+__attribute__((noinline)) void set_thrown(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                                          const LobeShape& lobe, Three Tk, Lobes& sum) {
+  double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
+  Three normal{};
+  if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, Tk);
+  if (s.specular_columns >= SpecularTerm::kTurned)
+    scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal);
+  if (s.specular_columns == SpecularTerm::kStretched)
+    scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at, Three{});
+  Tk = splat((s.thrown + 2) / 8) * Tk;
+  scatter3(column, s.stride, at, Tk);
+  sum.lit |= nonzero(Tk);
+  scatter(column + SpecularTerm::kExponent * s.stride, at, splat(s.thrown));
+  scatter(column + SpecularTerm::kMasking * s.stride, at, splat(2 / (s.thrown + 2)));
+  scatter(column + SpecularTerm::kFresnel * s.stride, at, specular_fresnel(p, lobe));
+}
+
 inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                         const LobeShape& lobe, Three k, Lobes& sum) {
   double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
@@ -233,6 +252,7 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
   if (lobe.kind == GLINT_TRANSLUCENT) return void(sum.translucent = sum.translucent + k);
+  if (lobe.kind == GLINT_MIRROR && s.thrown > 0) set_thrown(s, at, p, lobe, T * k, sum);
   if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, p, lobe, k, sum);
   if (!ambient && s.dark) return;
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;

@@ -133,8 +133,10 @@ inline bool has(const PassStage& s, int kind) {
 }
 
 /// Of rays that weigh little after some bounces, a part goes on for all (Russian roulette: Arvo,
-/// Kirk 1990): of one path each has a number of its own, by how it came there. T: their weights.
-inline Mask goes_on(const PassStage& s, Mask depth, Mask glass, Three& T) {
+/// Kirk 1990): of one path each surface has a number of its own, by how the path came there. What
+/// it mirrors and what goes through count from opposite ends, so that of two halves just one goes
+/// on. glass: before it. T: their weights.
+inline Mask goes_on(const PassStage& s, Mask depth, Mask glass, bool refracted, Three& T) {
   if (!(s.least > 0)) return ~Mask{};
   constexpr double kByDepth = 0.7548776662466927, kByGlass = 0.5698402909980532;
   const Doubles number = each_lane([&](size_t lane) {
@@ -146,7 +148,7 @@ inline Mask goes_on(const PassStage& s, Mask depth, Mask glass, Three& T) {
   const Mask splits = depth <= int64_t(s.splits);
   const Doubles share = choose(splits, splat(1), smaller((1 / s.least) * largest(T), splat(1)));
   T = choose(share < 1, (1 / share) * T, T);
-  return number < share;
+  return refracted ? number < share : number >= 1 - share;
 }
 
 /// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. clear:
@@ -160,7 +162,7 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
-  wanted &= goes_on(s, depth, glass, T);
+  wanted &= goes_on(s, depth, tag, refracted, T);
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
   const NewRays add(s.bounced, lanes);

@@ -170,8 +170,25 @@ inline void set_solid(const double* solid, size_t i, ProgramPoints& p) {
   p.weights[2][i] = 0;
 }
 
-/// The program at the hits of a block, from k on, and whether their outer sides are seen.
-void run_block(const TransmittanceStage& s, size_t k, size_t count, int64_t* outside) {
+/// What bends rays at the hits of a block: whether their outer sides are seen, the normal, and the
+/// ray's direction.
+struct Bends {
+  int64_t outside[kBlock];
+  double n[3][kBlock], d[3][kBlock];
+};
+
+/// By how much the optical momentum of light that goes straight on changes: along the normal alone,
+/// so that what enters by one side of a pane and leaves by the other adds up to nothing.
+inline Three bent(const Bends& at, size_t k, Doubles narrowed) {
+  const Mask outside = load(at.outside + k);
+  const Three n = op::point3(at.n, k), d = op::point3(at.d, k);
+  const Doubles cosine = -dot(n, d), square = choose(outside, narrowed, 1 / narrowed);
+  const Doubles size = root(larger(square - 1 + cosine * cosine, splat(0))) - cosine;
+  return choose(outside, -size, size) * n;
+}
+
+/// The program at the hits of a block, from k on, and what bends rays there.
+void run_block(const TransmittanceStage& s, size_t k, size_t count, Bends& bends) {
   ProgramPoints p;
   BlockScratch scratch;
   for (size_t i = 0; i < count; i += kLanes) {
@@ -190,7 +207,11 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count, int64_t* out
   place_block(s, k, count, scratch, p);
   for (size_t i = 0; s.solids && i < count; ++i)
     if (scratch.material[i] == kNoMaterial) set_solid(s.solids + 8 * (k + i), i, p);
-  std::copy_n(p.outside, kBlock, outside);
+  std::copy_n(p.outside, kBlock, bends.outside);
+  for (size_t c = 0; c < 3; ++c) {
+    std::copy_n(p.n[c], kBlock, bends.n[c]);
+    std::copy_n(p.d[c], kBlock, bends.d[c]);
+  }
   if (!s.program) return;
   for (size_t i = 0; s.program->reads_ray && i < count; i += kLanes) {
     const Three way = op::point3(p.x, i) - op::point3(scratch.start, i);
@@ -204,12 +225,12 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count, int64_t* out
 
 void transmit(const TransmittanceStage& s) {
   const bool alike = constant(s);
-  int64_t outside[kBlock];
+  Bends bends;
   for (size_t k = s.first, end = s.first + s.count; k < end; k += kLanes) {
     const Chosen ray = rays_of(s, k, end);
     const size_t in_block = (k - s.first) % kBlock;
     if ((s.program || s.narrowed) && in_block == 0)
-      run_block(s, k, end - k < kBlock ? end - k : kBlock, outside);
+      run_block(s, k, end - k < kBlock ? end - k : kBlock, bends);
     OnMesh p{};
     if (!alike) p = on_mesh(s, k, ray, Met(s, k, ray.count));
     if (s.program) p.slots = s.slots + in_block;
@@ -217,7 +238,13 @@ void transmit(const TransmittanceStage& s) {
     store(s.share[0] + k, clamped_share(share.x));
     store(s.share[1] + k, clamped_share(share.y));
     store(s.share[2] + k, clamped_share(share.z));
-    if (s.narrowed) store(s.narrowed + k, narrowed(s, p, load(outside + in_block)));
+    if (!s.narrowed) continue;
+    const Doubles narrow = narrowed(s, p, load(bends.outside + in_block));
+    store(s.narrowed + k, narrow);
+    const Three b = bent(bends, in_block, narrow);
+    store(s.bent[0] + k, b.x);
+    store(s.bent[1] + k, b.y);
+    store(s.bent[2] + k, b.z);
   }
 }
 

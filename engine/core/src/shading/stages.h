@@ -117,7 +117,8 @@ struct EvaluateStage {
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
-  bool dark;  // EMISSION lobes show nothing
+  bool dark;      // EMISSION lobes show nothing
+  double thrown;  // exponent of the SPECULAR lobes that MIRROR ones are as well, 0: of none
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];
@@ -210,6 +211,7 @@ struct TransmittanceStage {
   const double* start[3];
   double* share[3];  // of each hit
   double* narrowed;  // by how much; null where surfaces are of no density
+  double* bent[3];   // where these turn it to, as Bend has it
   RayKind kind;
   const LobeShape* lobes;
   uint32_t lobe_count;
