@@ -73,8 +73,7 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
   stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
   stage.dark = queue.past.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
-  stage.thrown =
-      queue.gathers() && plan_.reflective_caustics ? RenderPlan::kThrownExponent : 0;
+  stage.thrown = queue.gathers() && plan_.reflective_caustics ? RenderPlan::kThrownExponent : 0;
   stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
     if (batch_.has_groups()) stage.sums.emission[c] = batch_.glow[c];
