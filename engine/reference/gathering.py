@@ -17,6 +17,7 @@ from .gloss import even_gloss
 from .lights import LightSample
 from .lobe_light import fibres, matt_lobes, ways_through
 from .paths import Interaction, Paths, leaving, thrown_on, widened
+from .surface import Surface
 from .terminator import lowered
 from .vectors import basis_around, dot, pick
 
