@@ -245,11 +245,11 @@ def bent(surface: Surface, narrowed: Array) -> Array:
     way: along the normal alone, so that what enters by one side of a pane and leaves by the other
     adds up to nothing. narrowed: (m,) as of `Shader.transmittance`.
     """
-    n, v = surface.n, surface.v
-    cosine = dot(n, v)
+    g, v = surface.g, surface.v  # smooth normals of a pane would make it a lens
+    cosine = dot(g, v)
     square = np.where(surface.outside, narrowed, 1 / narrowed)
     size = np.sqrt(np.maximum(square - 1 + cosine * cosine, 0.0)) - cosine
-    return (np.where(surface.outside, -size, size) * (n - cosine * v)).T
+    return (np.where(surface.outside, -size, size) * (g - cosine * v)).T
 
 
 def cube_frame(face: int) -> Array:

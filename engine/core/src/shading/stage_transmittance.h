@@ -170,21 +170,21 @@ inline void set_solid(const double* solid, size_t i, ProgramPoints& p) {
   p.weights[2][i] = 0;
 }
 
-/// What bends rays at the hits of a block: whether their outer sides are seen, the normal, and the
-/// ray's direction.
+/// What bends rays at the hits of a block: whether their outer sides are seen, the face's normal
+/// (smooth ones of a pane would make it a lens), and the ray's direction.
 struct Bends {
   int64_t outside[kBlock];
-  double n[3][kBlock], d[3][kBlock];
+  double g[3][kBlock], d[3][kBlock];
 };
 
 /// By how much the optical momentum of light that goes straight on changes: along the normal alone,
 /// so that what enters by one side of a pane and leaves by the other adds up to nothing.
 inline Three bent(const Bends& at, size_t k, Doubles narrowed) {
   const Mask outside = load(at.outside + k);
-  const Three n = op::point3(at.n, k), d = op::point3(at.d, k);
-  const Doubles cosine = -dot(n, d), square = choose(outside, narrowed, 1 / narrowed);
+  const Three g = op::point3(at.g, k), d = op::point3(at.d, k);
+  const Doubles cosine = -dot(g, d), square = choose(outside, narrowed, 1 / narrowed);
   const Doubles size = root(larger(square - 1 + cosine * cosine, splat(0))) - cosine;
-  return choose(outside, -size, size) * n;
+  return choose(outside, -size, size) * g;
 }
 
 /// The program at the hits of a block, from k on, and what bends rays there.
@@ -209,7 +209,7 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count, Bends& bends
     if (scratch.material[i] == kNoMaterial) set_solid(s.solids + 8 * (k + i), i, p);
   std::copy_n(p.outside, kBlock, bends.outside);
   for (size_t c = 0; c < 3; ++c) {
-    std::copy_n(p.n[c], kBlock, bends.n[c]);
+    std::copy_n(p.g[c], kBlock, bends.g[c]);
     std::copy_n(p.d[c], kBlock, bends.d[c]);
   }
   if (!s.program) return;

@@ -211,7 +211,7 @@ struct TransmittanceStage {
   const double* start[3];
   double* share[3];  // of each hit
   double* narrowed;  // by how much; null where surfaces are of no density
-  double* bent[3];   // where these turn it to, as Bend has it
+  double* bent[3];   // and by how much these change its optical momentum
   RayKind kind;
   const LobeShape* lobes;
   uint32_t lobe_count;
