@@ -143,8 +143,9 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         reflections.active = bounces > 0
         draw_wide(reflections, final, "reflections", pixels=CHOICES)
         draw_wide(column, final, "use_subsurface", pixels=CHOICES)
-        draw_wide(column, final, "use_reflective_caustics", pixels=CHOICES)
-        draw_wide(column, final, "use_refractive_caustics", pixels=CHOICES)
+        caustics = column.column(heading="Caustics", align=True)
+        caustics.prop(final, "use_reflective_caustics", text="Reflective")
+        caustics.prop(final, "use_refractive_caustics", text="Refractive")
         draw_wide(column, final, "clamp_indirect")
         reason = "Rough Reflections need Bounces of Render"
         draw_reason(column, is_physical and bounces == 0, reason)

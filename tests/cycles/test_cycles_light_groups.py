@@ -62,6 +62,7 @@ def both() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         "soft_light": "DEALT",
         "mesh_light": "ON",
         "world_light": "OCCLUDED",
+        "reflective_caustics": "OFF",
     }
     ours = render_glint(scene, "NATIVE", passes=passes, **plan, **lit).passes
     cycles.make_exact(scene, 2048, bounces=8)

@@ -20,7 +20,7 @@ from glint.engine.reference.rays import CoherentRays, Frame, IncoherentRays, hit
 from glint.engine.reference.shadows import cube_frame, parallel_frame
 from glint.engine.reference.tree import NONE, build
 from glint.engine.reference.vectors import transform, unit
-from glint.engine.reference.visibility import NOTHING, Visibility
+from glint.engine.reference.visibility import NOTHING, Passed, Visibility
 from test_reference_support import geometry_of
 
 QUIET = Cancellation(lambda: False)
@@ -345,12 +345,16 @@ def test_blocked_counts_surfaces_once_and_only_within_the_segment() -> None:
     rays = IncoherentRays.of(
         np.array([zero, zero, zero]), np.array([zero, zero, zero + 1]), zero, far
     )
-    halves = visibility.blocked(
-        rays, lambda rays, ray, primitive, depth: np.full((len(ray), 4), 0.5)
-    )
-    assert np.array_equal(halves[:, 0], [1.0, 1.0, 0.5, 0.25])
-    opaque = visibility_of(geometry).blocked(rays, lambda *_: np.zeros((0, 4)))
-    assert np.array_equal(opaque[:, 0], [1.0, 1.0, 0.0, 0.0])
+
+    def half(rays, ray, primitive, depth):
+        return Passed(np.full((len(ray), 4), 0.5), np.ones((len(ray), 3)))
+
+    halves = visibility.blocked(rays, half)
+    assert np.array_equal(halves.passed[:, 0], [1.0, 1.0, 0.5, 0.25])
+    assert np.array_equal(halves.bent[:, 0], [0.0, 0.0, 1.0, 2.0])
+    nothing = Passed(np.zeros((0, 4)), np.zeros((0, 3)))
+    opaque = visibility_of(geometry).blocked(rays, lambda *_: nothing)
+    assert np.array_equal(opaque.passed[:, 0], [1.0, 1.0, 0.0, 0.0])
 
 
 def test_ties_are_measured_by_the_coordinates_not_by_the_distance() -> None:
