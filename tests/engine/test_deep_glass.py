@@ -8,9 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bounced_scenes import HERE, ball, lamp
+from bounced_scenes import drawn as bounced
 from glint.engine.film import Film
 from glint.engine.reference import paths
 from glint.engine.reference.rays import IncoherentRays
+from glint.engine.scene import Camera, Instances, Lobe, Material, Scene, World
 from native_tools import needs_core
 from test_path_bounces import SCENES, film, noise_of
 
@@ -73,3 +76,25 @@ def test_of_two_halves_of_a_path_just_one_goes_on() -> None:
         gone.append(np.array([len(p) for p in some]))
     np.testing.assert_array_equal(gone[0] + gone[1], 1)
     assert abs(gone[1].mean() - share) < 2 / np.sqrt(count)
+
+
+def test_nested_balls_under_an_even_sky_are_as_bright_as_that() -> None:
+    """In both tracers, whose choices of what is mirrored and what goes through are the same."""
+    glass = Material(
+        "glass", tuple(Lobe(kind, fresnel=True, ior=1.45) for kind in ("MIRROR", "REFRACTION"))
+    )
+    frame = np.column_stack([np.eye(3), (0.0, 0.0, 9.0)])
+    sky = replace(lamp("DOME", strength=1.0), radiance=np.ones((4, 8, 3), np.float32))
+    scene = Scene(
+        Camera("ORTHOGRAPHIC", frame, (-1.0, 1.0, -1.0, 1.0), (8, 8)),
+        (ball(0.8), ball(0.5)),
+        tuple(Instances(str(k), k, HERE[None], (0,)) for k in range(2)),
+        (glass,),
+        world=World(background=(1.0, 1.0, 1.0)),
+        lights=(sky,),
+    )
+    plan = {"samples": 2, "max_bounces": 12, "soft_light": "DEALT"}
+    core, reference = (bounced(scene, 0, backend, **plan) for backend in ("NATIVE", "NUMPY"))
+    np.testing.assert_allclose(core, reference, rtol=1e-5)
+    assert abs(core.mean() - 1) < 4 * noise_of(core).max()
+    assert 0.01 < core[..., 0].std() < 0.035
