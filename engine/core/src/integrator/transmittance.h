@@ -70,7 +70,7 @@ class TransparentShadows {
   Columns shares_{3};
   // Where some material is dense, by how much layers narrow light, and what each ray passes.
   std::vector<double> narrows_, narrowed_;
-  // The same of what these turn rays by (TransmittanceStage::bent); whether that counts.
+  // The same of by how much they change the rays' optical momentum; whether that counts.
   Columns turns_{3};
   std::vector<Vec3d> bent_;
   bool bends_ = false;
