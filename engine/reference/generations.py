@@ -193,6 +193,8 @@ class Generations:
             at = self._catch(at, deeper)
             self._tile.lose(at.pixel, at.weight * at.coefficients.holdout)
             self._seen.add_openness(at)
+        elif stage.resolves and not paths.reflections:
+            self._seen.guide_image(at)
         at = seen_lobes(stage, at)
         at, below = entering(stage, at)
         deeper += self._light(at)
@@ -501,9 +503,16 @@ class Generations:
             if paths.gathers and paths.depth == paths.bounced:
                 self._tile.add(VOLUME[1] if paths.in_medium else "Diffuse Indirect", pixel, values)
                 return
-            is_direct = paths.depth == 1 and part in ("Emission", "Environment")
+            is_made = part in ("Emission", "Environment")
             surface = "Transmission" if paths.transmitted else "Glossy"
-            self._tile.add(f"{surface} {'Direct' if is_direct else 'Indirect'}", pixel, values)
+            if is_made and (paths.depth == 1 or not paths.reflections):
+                name = f"{surface} {'Direct' if paths.depth == 1 else 'Indirect'}"
+                self._tile.add(name, pixel, values)
+                return
+            images = paths.image(self._tile.is_frosted[pixel])
+            for name in np.unique(images) if self._stage.resolves else [""]:
+                here = (images == name) if self._stage.resolves else slice(None)
+                self._tile.add(name or f"{surface} Indirect", pixel[here], values[:, here])
 
     def _split(self, at: Interaction, light: DirectLight) -> None:
         """The light that camera rays meet, by the kind of lobe that gives it back."""
@@ -528,6 +537,7 @@ class Generations:
         }
         for name, values in found.items():
             self._tile.add(name, at.pixel, weight * values)
+        self._tile.is_frosted[at.pixel] |= (refracted != clear).any(0)
 
     def _listeners(
         self, pixel: Array

@@ -16,6 +16,7 @@ from .gloss import half_vector
 from .lights import LightPoint
 from .optics import fresnel, reflected, refracted
 from .rays import IncoherentRays, Rays
+from .resolve import MIRRORED, REFRACTED
 from .surface import Surface
 from .vectors import add_at, dot, pick
 
@@ -95,6 +96,16 @@ class Paths:
         if self.gathers:
             return "diffuse"
         return "transmission" if self.through_glass else self.kind
+
+    def image(self, is_frosted: Array) -> Array:
+        """(n,) of `resolve.IMAGES` what shows the light that they bring by way of others, "" where
+        that is blurred. is_frosted: (n,) bool, their pixels look through what is not clear.
+        """
+        if self.is_gloss:
+            return np.full(is_frosted.shape, "")
+        if self.transmitted:
+            return np.where(is_frosted, "", REFRACTED)
+        return np.full(is_frosted.shape, MIRRORED)
 
     @property
     def is_gloss(self) -> bool:

@@ -28,7 +28,10 @@ from .resolve import (
     ALONE,
     CAUGHT,
     COLORS,
+    IMAGES,
     LIGHTS,
+    MIRRORED,
+    REFRACTED,
     SHARP,
     UNHIDDEN,
     UNSHADED,
@@ -73,6 +76,8 @@ class Tile:
         self.clear = np.zeros(count)
         self.brought, self.before = np.zeros((2, 2, count))
         self.guides = np.zeros((7, count))
+        self.shown = {name: np.zeros((7, count)) for name in IMAGES}
+        self.is_frosted = np.zeros(count, bool)
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
@@ -99,13 +104,18 @@ class Tile:
             np.zeros((3, self._count)),
         )
         left = share(added)
+        colors = [LIGHTS[name] for name in IMAGES]
         for name, sums in ({"": self.groups} | self.parts).items():
+            if name in colors:
+                continue
             earlier = before.get(name, 0.0)
             sums[...] = np.where(left < 1, earlier + left * (sums - earlier), sums)
 
-    def guide(self, pixel: Array, values: Array) -> None:
-        """Adds what tells pixels' surfaces apart (7, m), as `resolve.Guides` reads it."""
-        for total, value in zip(self.guides, values, strict=True):
+    def guide(self, pixel: Array, values: Array, image: str = "") -> None:
+        """Adds what tells pixels' surfaces apart (7, m), as `resolve.Guides` reads it; image: of
+        those that mirrors or glass show.
+        """
+        for total, value in zip(self.shown.get(image, self.guides), values, strict=True):
             total += np.bincount(pixel, value, self._count)
 
     def denoise(self, pixel: Array, **values: Array) -> None:
@@ -188,8 +198,10 @@ class Picture:
         kept += LIGHTING if passes.intersection(LIGHTING) or resolved > 1 else ()
         kept += [name for name in (CATCHER, OCCLUSION) if name in passes or resolved > 1]
         kept += (CAUGHT, ALONE, UNSHADED, UNHIDDEN) if resolved > 1 else ()
+        kept += [name for image in IMAGES for name in (image, LIGHTS[image]) if resolved > 1]
         self._catches = CATCHER if CATCHER in passes else "alpha" if transparent else "color"
         self._guides = np.zeros((7, count))
+        self._shown = {name: np.zeros((7, count)) for name in IMAGES}
         self._halves = {name: np.zeros(count) for name in kept if name not in PARTS}
         self._sharp = {name: np.zeros(count) for name in SHARP}
         self._added: dict[str, Array] = {}
@@ -261,10 +273,12 @@ class Picture:
             name: (self._parts[name] + more * self._finely[name]) / count
             for name in (*COLORS, UNHIDDEN)
         }
+        samples = np.maximum(self.samples, 1).reshape(self._shape)
         return Seen(
             Guides.of(
                 (self._guides + more * self._fine_guides).reshape(shape), count.reshape(self._shape)
             ),
+            {name: Guides.of(sums.reshape(shape), samples) for name, sums in self._shown.items()},
             {name: color.reshape(shape) for name, color in colors.items()},
             ((rest + more * self._rest) / count).reshape(shape),
         )
@@ -279,6 +293,8 @@ class Picture:
 
     def _note_surfaces(self, here: slice | Array, tile: Tile) -> None:
         self._guides[:, here] += tile.guides
+        for name, total in self._shown.items():
+            total[:, here] += tile.shown[name]
         for name, total in self._sharp.items():
             if SHARP[name] in tile.parts:
                 total[here] += tile.parts[SHARP[name]].sum(0)
@@ -376,7 +392,7 @@ class Picture:
         surroundings to Environment.
         """
         kinds = {"Diffuse": ("Diffuse", "Volume"), "Specular": ("Glossy",)}
-        kinds["Mirror"] = ("Transmission",)
+        kinds["Mirror"] = ("Transmission", "Mirrored", "Refracted")
         kinds["Environment"] = ("Shadow",) if self._catches == "color" else ()
         own = [name for name in self._added if name.split()[0] in kinds.get(part, ())]
         more = sum(self._added[name] for name in own)
@@ -391,11 +407,14 @@ class Picture:
         """
         found: dict[str, Array] = {}
         is_known = VOLUME[0] in self._parts
+
+        def resolved(name: str) -> Array | float:
+            return self._parts.get(name, 0.0) + samples * self._added.get(name, 0.0)
+
+        shown = {"Glossy Indirect": MIRRORED, "Transmission Indirect": REFRACTED}
         for k in range(0, len(BY_SURFACE) if is_known else 0, 3):
-            direct, indirect, color = (
-                self._parts[name] + samples * self._added.get(name, 0.0)
-                for name in BY_SURFACE[k : k + 3]
-            )
+            direct, indirect, color = (resolved(name) for name in BY_SURFACE[k : k + 3])
+            indirect = indirect + resolved(shown.get(BY_SURFACE[k + 1], ""))
             over = np.where(color != 0, color, samples)
             bare = (color == 0) & ((direct != 0) | (indirect != 0))
             told = direct / over, indirect / over, np.where(bare, 1.0, color / samples)

@@ -9,7 +9,7 @@ Digital image enhancement and noise filtering by use of local statistics.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,17 +47,20 @@ nothing shades them.
 """
 UNHIDDEN = "Unhidden"
 """How much of what camera rays meet is asked how open it is."""
+MIRRORED, REFRACTED = "Mirrored Light", "Refracted Light"
+"""What surfaces give back of light that mirrors and clear glass show."""
+IMAGES = {MIRRORED: "Glossy Color", REFRACTED: "Transmission Color"}
+"""The same, with what mirrors and glass give back of it."""
 COLORS = tuple(name for name in BY_SURFACE if name.endswith("Color"))
 LIGHTS = (
     {name: COLORS[k // 3] for k, name in enumerate(BY_SURFACE) if name not in COLORS}
+    | {MIRRORED: "Mirrored Surfaces", REFRACTED: "Refracted Surfaces"}
     | {CAUGHT: ALONE, OCCLUSION: UNHIDDEN}
     | dict.fromkeys(VOLUME, "")
 )
 """What is resolved, each by itself, and what it is told without."""
 SHARP = {"Glossy Color": "Mirrored Color", "Transmission Color": "Clear Color"}
-"""What of a colour mirrors or clear glass have: they show sharp images, whose own detail halves of
-samples differ by.
-"""
+"""What of a colour mirrors or clear glass have: they show what gives light itself as it is."""
 
 
 def reach(side: int) -> int:
@@ -93,6 +96,10 @@ class Guides:
         shares = (np.where(surface, part, 0.0) / samples for part in (share, size))
         return Guides(normal, place, surface.astype(float), *shares)
 
+    def covered(self, times: Array) -> Guides:
+        """Those of so many times (h, w) as much of the rays."""
+        return replace(self, share=self.share * times, along=self.along * times)
+
     def alike(self, x: int, y: int) -> Array:
         """(h, w) how surely the pixel so far to the right and up shows the same surface, 0 to 1."""
         normal, place, surface = (_moved(a, x, y) for a in (self.normal, self.place, self.surface))
@@ -117,11 +124,13 @@ def _moved(image: Array, x: int, y: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What camera rays show. colors: (3, h, w) means by name, of `COLORS` and UNHIDDEN. rest: (4,
-    h, w) of the picture but for light that is resolved, and of lost alpha.
+    """What camera rays show. shown: by name of `IMAGES` the surfaces that samples show there.
+    colors: (3, h, w) means by name, of `COLORS` and UNHIDDEN. rest: (4, h, w) of the picture but
+    for light that is resolved, and of lost alpha.
     """
 
     guides: Guides
+    shown: dict[str, Guides]
     colors: dict[str, Array]
     rest: Array
 
@@ -165,12 +174,9 @@ def resolved(
     (3, h, w) sums. halves: (h, w) of the first half of the samples, the sums of channels. sharp:
     (h, w) by pass of colour what `SHARP` names of it, the sum of the channels.
     """
-    guides, finely = seen.guides, finely or seen
+    finely = finely or seen
     block, wide = list(_block(side)), list(_block(2 * side))
-    on_surfaces, on_wide = (
-        [share * guides.alike(x, y) for x, y, share in pixels] for pixels in (block, wide)
-    )
-    inside = np.ones_like(guides.surface)
+    inside = np.ones_like(seen.guides.surface)
     in_media, in_wide_media = (
         [share * _moved(inside, x, y) for x, y, share in pixels] for pixels in (block, wide)
     )
@@ -178,27 +184,30 @@ def resolved(
     for name, of_color in LIGHTS.items():
         if name not in parts or not parts[name].any():
             continue
-        weights, color = in_media, np.ones_like(parts[name])
-        half_color, images = 3.0 * _half(samples), np.zeros_like(guides.surface)
-        own_color = color
+        color, half_color = np.ones_like(parts[name]), 3.0 * _half(samples)
+        guides, fine_guides, own_color = seen.guides, finely.guides, color
+        images = np.zeros_like(guides.surface)
         if of_color:
-            weights, color = on_surfaces, parts[of_color] / samples
+            color, half_color = parts[of_color] / samples, halves[of_color]
             own_color = finely.colors.get(of_color, color)
-            half_color = halves[of_color]
+        if name in IMAGES:  # known of samples alone, but for how much of the pixel has them
+            guides, times = seen.shown[name], np.ones_like(images)
+            if finely is not seen:
+                times = _over(*(s.colors[IMAGES[name]].sum(0) for s in (finely, seen)))
+            fine_guides, own_color = guides.covered(times), color * times
         if of_color in SHARP:
             images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
         light = parts[name] / samples
         noise: Array | None = _noise(light, color, halves[name], half_color, samples)
-        around = block
-        if name in WIDE:
-            around, weights = wide, in_wide_media if name in VOLUME else on_wide
+        around, weights = (wide, in_wide_media) if name in WIDE else (block, in_media)
+        if of_color:
+            weights = [share * guides.alike(x, y) for x, y, share in around]
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
-        is_direct = name in ("Glossy Direct", "Transmission Direct")
-        one = Resolving(light, color, own_color, noise, images, is_direct, name in WIDE)
+        one = Resolving(light, color, own_color, noise, images, name in WIDE)
         predicted = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
-            _resolve_edges(predicted, guides, finely.guides, wide, weights, one)
+            _resolve_edges(predicted, guides, fine_guides, wide, weights, one)
         found[name] = predicted.added(light)
     return found
 
@@ -229,9 +238,8 @@ class Prediction:
 @dataclass(frozen=True, eq=False)
 class Resolving:
     """One kind of light. light, color: (3, h, w) means; own_color: of all camera rays. noise: as
-    `_noise`; None where all may be. images: (h, w) how much of the light is of sharp images.
-    is_direct: these are of what gives light, which have no points. is_wide: it is averaged over
-    blocks of twice the side.
+    `_noise`; None where all may be. images: (h, w) how much of the light is of sharp images, of
+    what gives light, which have no points. is_wide: it is averaged over blocks of twice the side.
     """
 
     light: Array
@@ -239,7 +247,6 @@ class Resolving:
     own_color: Array
     noise: Array | None
     images: Array
-    is_direct: bool
     is_wide: bool
 
 
@@ -306,13 +313,12 @@ def _resolved(
             moved < 0, halved * np.maximum(off - SURE * off_by_chance, 0.0), moved
         )
         chance += own * off_by_chance
-    seen = apart if one.is_direct else np.minimum(changed, apart)
     sure = halved * np.maximum(apart - SURE * chance, 0.0)
     if not one.is_wide:
         along = _along_lines(block, weights, white, tint)
         beyond = np.maximum(apart - SURE * along, apart - SURER * chance)
         sure = np.minimum(sure, np.maximum(changed, beyond))
-    stays = images * seen + (1 - images) * sure
+    stays = images * apart + (1 - images) * sure
     repeats = np.where(apart > stays, 1 - stays / np.where(apart > 0, apart, 1.0), 0.0)
     ratio = _over(lights, colors)
     return Prediction(ratio * color, ratio * one.own_color, repeats, colors > 0)

@@ -12,7 +12,7 @@ from .motion_vectors import motion_vectors
 from .occlusion import openness
 from .paths import Interaction, beyond
 from .picture import Tile
-from .resolve import UNHIDDEN
+from .resolve import IMAGES, LIGHTS, UNHIDDEN
 from .scene_queries import SceneQueries
 from .stage import Stage
 from .surface import Surface
@@ -107,6 +107,19 @@ class SeenPasses:
         here = np.flatnonzero(share > 0)
         columns = np.concatenate([at.surface.n, at.surface.x, np.ones((1, len(share)))])
         self._tile.guide(at.pixel[here], share[here] * columns[:, here])
+
+    def guide_image(self, at: Interaction) -> None:
+        """The same of what mirrors and clear glass show, with its colours."""
+        given = at.coefficients
+        color = at.weight * (given.matt() + given.glossy() + given.round_fibres())
+        color += at.weight * given.translucent
+        for name in IMAGES:
+            is_lit = color.any(0) & (at.paths.image(self._tile.is_frosted[at.pixel]) == name)
+            here = np.flatnonzero(is_lit)
+            self._tile.add(LIGHTS[name], at.pixel[here], color[:, here])
+            share = at.weight.mean(0)[here]
+            columns = np.concatenate([at.surface.n, at.surface.x, np.ones((1, len(color[0])))])
+            self._tile.guide(at.pixel[here], share * columns[:, here], name)
 
     def give_aovs(self, at: Interaction) -> None:
         """What surfaces give to AOVs, up to the first that lets less than half through."""

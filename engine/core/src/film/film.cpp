@@ -13,18 +13,32 @@ namespace {
 constexpr double kNoDepth = 1e10;
 
 /// The pass of each light that is resolved, and the part of the picture that has it.
-constexpr int kPassOf[kResolvedLights] = {
-    GLINT_PASS_DIFFUSE_DIRECT,  GLINT_PASS_DIFFUSE_INDIRECT,    GLINT_PASS_GLOSSY_DIRECT,
-    GLINT_PASS_GLOSSY_INDIRECT, GLINT_PASS_TRANSMISSION_DIRECT, GLINT_PASS_TRANSMISSION_INDIRECT,
-    GLINT_PASS_SHADOW_CATCHER,  GLINT_PASS_AMBIENT_OCCLUSION,   GLINT_PASS_VOLUME_DIRECT,
-    GLINT_PASS_VOLUME_INDIRECT};
+constexpr int kPassOf[kResolvedLights] = {GLINT_PASS_DIFFUSE_DIRECT,
+                                          GLINT_PASS_DIFFUSE_INDIRECT,
+                                          GLINT_PASS_GLOSSY_DIRECT,
+                                          GLINT_PASS_GLOSSY_INDIRECT,
+                                          GLINT_PASS_TRANSMISSION_DIRECT,
+                                          GLINT_PASS_TRANSMISSION_INDIRECT,
+                                          kMirroredLight,
+                                          kRefractedLight,
+                                          GLINT_PASS_SHADOW_CATCHER,
+                                          GLINT_PASS_AMBIENT_OCCLUSION,
+                                          GLINT_PASS_VOLUME_DIRECT,
+                                          GLINT_PASS_VOLUME_INDIRECT};
 constexpr int kPartOf[kResolvedLights] = {
-    GLINT_PASS_DIFFUSE, GLINT_PASS_DIFFUSE, GLINT_PASS_SPECULAR,    GLINT_PASS_SPECULAR,
-    GLINT_PASS_MIRROR,  GLINT_PASS_MIRROR,  GLINT_PASS_ENVIRONMENT, GLINT_PASS_COUNT,
-    GLINT_PASS_DIFFUSE, GLINT_PASS_DIFFUSE};
+    GLINT_PASS_DIFFUSE,     GLINT_PASS_DIFFUSE, GLINT_PASS_SPECULAR, GLINT_PASS_SPECULAR,
+    GLINT_PASS_MIRROR,      GLINT_PASS_MIRROR,  GLINT_PASS_MIRROR,   GLINT_PASS_MIRROR,
+    GLINT_PASS_ENVIRONMENT, GLINT_PASS_COUNT,   GLINT_PASS_DIFFUSE,  GLINT_PASS_DIFFUSE};
 /// That of the colour of each kind.
-constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR, GLINT_PASS_GLOSSY_COLOR,
-                                         GLINT_PASS_TRANSMISSION_COLOR, kCaughtAlone, kUnhidden};
+constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR,
+                                         GLINT_PASS_GLOSSY_COLOR,
+                                         GLINT_PASS_TRANSMISSION_COLOR,
+                                         kMirroredColor,
+                                         kRefractedColor,
+                                         kCaughtAlone,
+                                         kUnhidden};
+/// The light of each set of guides.
+constexpr int kSumsOfGuides[kGuideSets] = {GLINT_PASS_COMBINED, kMirroredLight, kRefractedLight};
 
 /// Of what gives light itself.
 constexpr int kPassOfGlow[kGlows] = {GLINT_PASS_EMISSION, GLINT_PASS_ENVIRONMENT};
@@ -33,7 +47,7 @@ int sums_of(int light) { return light == kCaught ? int(kCaughtLight) : kPassOf[l
 
 /// The sums without which a column of what resolving reads tells nothing.
 int sums_of_guide(int number) {
-  return number < kHalfLight    ? GLINT_PASS_COMBINED
+  return number < kHalfLight    ? kSumsOfGuides[number / kGuidesOfOne]
          : number < kHalfColor  ? sums_of(number - kHalfLight)
          : number < kSharpColor ? kColorOf[number - kHalfColor]
                                 : kColorOf[number - kSharpColor + kFirstSharp];
@@ -238,23 +252,27 @@ double Film::whole(const PixelSums& pixel, int pass) const {
 void Film::read(ResolveWindow& window, size_t at, const PixelSums& pixel) const {
   const auto put = [&](int column, double value) { window.column(column)[at] = to_float(value); };
   const double n = pixel.count;
-  double normal[3], square = 0;
-  for (int c = 0; c < 3; ++c) {
-    normal[c] = guide(pixel, kGuideNormal + c);
-    square += normal[c] * normal[c];
-  }
-  const double share = guide(pixel, kGuideShare);
-  const bool is_surface = share > 0 && square > 0 && std::isfinite(square);
-  for (int c = 0; is_surface && c < 3; ++c) {
-    put(ResolveWindow::kNormal + c, normal[c] / std::sqrt(square));
-    const double place = guide(pixel, kGuidePlace + c) / share;
-    put(ResolveWindow::kPlace + c, place);
-    put(ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
-  }
-  put(ResolveWindow::kSurface, is_surface);
-  if (is_surface) {
-    put(ResolveWindow::kShare, share / n);
-    put(ResolveWindow::kAlong, std::sqrt(square) / n);
+  for (int set = 0; set < kGuideSets; ++set) {
+    const int first = set * kGuidesOfOne, to = set * ResolveWindow::kGuidesOfOne;
+    if (guides_[first] < 0) continue;
+    double normal[3], square = 0;
+    for (int c = 0; c < 3; ++c) {
+      normal[c] = guide(pixel, first + kGuideNormal + c);
+      square += normal[c] * normal[c];
+    }
+    const double share = guide(pixel, first + kGuideShare);
+    const bool is_surface = share > 0 && square > 0 && std::isfinite(square);
+    for (int c = 0; is_surface && c < 3; ++c) {
+      put(to + ResolveWindow::kNormal + c, normal[c] / std::sqrt(square));
+      const double place = guide(pixel, first + kGuidePlace + c) / share;
+      put(to + ResolveWindow::kPlace + c, place);
+      put(to + ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
+    }
+    put(to + ResolveWindow::kSurface, is_surface);
+    if (is_surface) {
+      put(to + ResolveWindow::kShare, share / n);
+      put(to + ResolveWindow::kAlong, std::sqrt(square) / n);
+    }
   }
   double rest[4];
   for (int c = 0; c < 4; ++c) rest[c] = *pixel.column(at_[GLINT_PASS_COMBINED] + c);
@@ -475,6 +493,10 @@ void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t s
     for (size_t c = 0; c < 3; ++c)
       for (size_t k = 0; k < tile.pixels(); ++k) {
         const auto sum = [&](int part) { return sums(tile, first + part)[c * tile.stride() + k]; };
+        const int image = first == GLINT_PASS_GLOSSY_DIRECT         ? kMirrored
+                          : first == GLINT_PASS_TRANSMISSION_DIRECT ? kRefracted
+                                                                    : -1;
+        const double* const shown = image < 0 ? nullptr : sums(tile, kPassOf[image]);
         const double taken = refinement_.taken(tile.first_row + k, samples);
         const uint32_t pixel = slots.pixel(tile, k, region_.width());
         const int light = 2 * ((first - kFirstLighting) / 3);
@@ -482,7 +504,11 @@ void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t s
           const double more = resolves() ? double(resolve_.added_to(light + part, pixel, c)) : 0;
           return sum(part) + taken * more;
         };
-        const double direct = resolved(0), indirect = resolved(1), color = sum(2);
+        double indirect = resolved(1);
+        if (shown)
+          indirect +=
+              shown[c * tile.stride() + k] + taken * double(resolve_.added_to(image, pixel, c));
+        const double direct = resolved(0), color = sum(2);
         const bool bare = color == 0 && (direct != 0 || indirect != 0);
         const double over = color != 0 ? color : taken;
         const double values_of[3] = {direct / over, indirect / over, bare ? 1 : color / taken};

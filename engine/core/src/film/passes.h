@@ -16,7 +16,18 @@ constexpr Passes kLightingPasses = pass_bit(kLastLighting + 1) - pass_bit(kFirst
 
 /// Sums that no pass shows, for what is resolved: the light of catchers with all things there and
 /// as if they were alone, and what they show where nothing shades them; how much of what camera
-/// rays meet is asked how open it is.
-enum : int { kCaughtLight = GLINT_PASS_COUNT, kCaughtAlone, kUnshaded, kUnhidden, kSumCount };
+/// rays meet is asked how open it is; and of the surfaces that mirrors, and those that clear glass
+/// shows, the light and the colour.
+enum : int {
+  kCaughtLight = GLINT_PASS_COUNT,
+  kCaughtAlone,
+  kUnshaded,
+  kUnhidden,
+  kMirroredLight,
+  kMirroredColor,
+  kRefractedLight,
+  kRefractedColor,
+  kSumCount
+};
 
 }  // namespace glint

@@ -43,15 +43,16 @@ Span inside(const ResolveWindow& window, size_t rim) {
   return {rim * window.width + rim, window.width - 2 * rim, window.height - 2 * rim, window.width};
 }
 
-/// The columns of a window that tell its surfaces, from one pixel on.
+/// The columns of a window that tell surfaces of a set, from one pixel on.
 struct Surfaces {
   const float *normal[3], *place[3], *low[3], *surface;
-  Surfaces(const ResolveWindow& window, size_t pixel)
-      : surface(window.column(ResolveWindow::kSurface) + pixel) {
+  Surfaces(const ResolveWindow& window, GuideSet set, size_t pixel) {
+    const auto column = [&](int number) { return window.guide(set, number) + pixel; };
+    surface = column(ResolveWindow::kSurface);
     for (int c = 0; c < 3; ++c) {
-      normal[c] = window.column(ResolveWindow::kNormal + c) + pixel;
-      place[c] = window.column(ResolveWindow::kPlace + c) + pixel;
-      low[c] = window.column(ResolveWindow::kPlaceLow + c) + pixel;
+      normal[c] = column(ResolveWindow::kNormal + c);
+      place[c] = column(ResolveWindow::kPlace + c);
+      low[c] = column(ResolveWindow::kPlaceLow + c);
     }
   }
 };
@@ -77,9 +78,11 @@ void weigh_row(const Surfaces& p, const Surfaces& q, size_t count, float* __rest
 }
 
 /// How surely the pixel `to` away from each of the span shows the same surface, 0 to 1.
-void weigh(const ResolveWindow& window, const Span& span, ptrdiff_t to, float* weights) {
+void weigh(const ResolveWindow& window, GuideSet set, const Span& span, ptrdiff_t to,
+           float* weights) {
   span.rows([&](size_t out, size_t at) {
-    weigh_row({window, at}, {window, size_t(ptrdiff_t(at) + to)}, span.width, weights + out);
+    weigh_row({window, set, at}, {window, set, size_t(ptrdiff_t(at) + to)}, span.width,
+              weights + out);
   });
 }
 
@@ -104,13 +107,15 @@ struct Block {
         weights.insert(weights.end(), span.count(), share);
       }
   }
-  /// Weighs those on the same surface alone.
-  void keep_alike(const ResolveWindow& window, const Span& span) {
+  /// The same, of which those alone weigh that show the same surface.
+  Block alike(const ResolveWindow& window, GuideSet set, const Span& span) const {
+    Block found = *this;
     Floats alike(span.count());
     for (size_t k = 0; k < to.size(); ++k) {
-      weigh(window, span, to[k], alike.data());
-      for (size_t i = 0; i < span.count(); ++i) weights[k * span.count() + i] *= alike[i];
+      weigh(window, set, span, to[k], alike.data());
+      for (size_t i = 0; i < span.count(); ++i) found.weights[k * span.count() + i] *= alike[i];
     }
+    return found;
   }
   const float* of(size_t k) const { return weights.data() + k * (weights.size() / to.size()); }
 };
@@ -119,13 +124,13 @@ struct Block {
 /// axis on which it is farther; below 0 where none of these shows the same surface.
 class Changes {
  public:
-  Changes(const ResolveWindow& window, const Span& span, int side)
+  Changes(const ResolveWindow& window, GuideSet set, const Span& span, int side)
       : span_(span), pixels_(window.pixels()) {
     for (size_t axis = 0; axis < 2; ++axis) {
       to_[axis] = axis == 0 ? span.offset(side, 0) : span.offset(0, side);
       for (size_t k = 0; k < 2; ++k) {
         same_[axis][k].resize(span.count());
-        weigh(window, span, k == 0 ? to_[axis] : -to_[axis], same_[axis][k].data());
+        weigh(window, set, span, k == 0 ? to_[axis] : -to_[axis], same_[axis][k].data());
       }
     }
   }
@@ -187,11 +192,12 @@ class LightResolve {
       color_[c] = window_.column(ResolveWindow::kColor + 3 * kind_of(light) + c);
     }
     kind_ = kind_of(light);
-    is_direct_ = light == kGlossyDirect || light == kTransmissionDirect;
+    set_ = guides_of(light);
     halves_ = window_.column(ResolveWindow::kNoise + light);
     is_halved_ = is_halved;
     is_wide_ = is_wide(light);
     set_sharp(light);
+    if (set_ != kSeen) find_covered();
     for (size_t i = 0; i < window_.pixels(); ++i) {
       tint_[i] = color_[0][i] + color_[1][i] + color_[2][i];
       white_[i] = over(light_[0][i] + light_[1][i] + light_[2][i], tint_[i]);
@@ -232,7 +238,7 @@ class LightResolve {
       float alike = 0;
       for (size_t j = 0; j < block.to.size(); ++j) alike += block.of(j)[k];
       const float tint = own_color(k, 0) + own_color(k, 1) + own_color(k, 2);
-      if (own(ResolveWindow::kSurface, k) > 0 && tint > 0 && kGuides * alike < most)
+      if (own_guide(ResolveWindow::kSurface, k) > 0 && tint > 0 && kGuides * alike < most)
         fit_edge(whole, k, tint);
     }
   }
@@ -257,8 +263,8 @@ class LightResolve {
 
   /// What pixel k of the span, q of the window, gets in a channel.
   float given(size_t k, size_t q, int c) const {
-    const float sharp = sharp_[q], seen = is_direct_ ? apart_[k] : std::min(changed_[k], apart_[k]),
-                stays = sharp > 0 ? sharp * seen + (1 - sharp) * sure_[k] : sure_[k],
+    const float sharp = sharp_[q],
+                stays = sharp > 0 ? sharp * apart_[k] + (1 - sharp) * sure_[k] : sure_[k],
                 taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0, light = light_[c][q],
                 coarse = coarse_[c][k], fine = fine_[c][k],
                 stayed = coarse > fine ? light * (fine / coarse) : light + (fine - coarse),
@@ -268,18 +274,40 @@ class LightResolve {
 
  private:
   float at(int column, size_t q) const { return window_.column(column)[q]; }
+  float guide(int number, size_t q) const { return window_.guide(set_, number)[q]; }
 
   /// Of pixel k of the span, as well as it is known.
   float own(int column, size_t k) const {
     return finer_ ? finer_->column(column)[k] : at(column, span_.pixel(k));
   }
-  float own_color(size_t k, int c) const { return own(ResolveWindow::kColor + 3 * kind_ + c, k); }
+  float own_guide(int number, size_t k) const {
+    if (set_ == kSeen) return own(number, k);
+    const bool is_share = number == ResolveWindow::kShare || number == ResolveWindow::kAlong;
+    return guide(number, span_.pixel(k)) * (is_share ? covered_[k] : 1);
+  }
+  float own_color(size_t k, int c) const {
+    if (set_ == kSeen) return own(ResolveWindow::kColor + 3 * kind_ + c, k);
+    return color_[c][span_.pixel(k)] * covered_[k];
+  }
+
+  /// How many times what samples say of them mirrors or glass take of each pixel of the span: what
+  /// these show is known of samples alone.
+  void find_covered() {
+    const int kind = kind_of(set_ == kInMirrors ? kGlossyDirect : kTransmissionDirect),
+              first = ResolveWindow::kColor + 3 * kind;
+    covered_.assign(span_.count(), 1);
+    for (size_t k = 0; finer_ && k < span_.count(); ++k) {
+      const size_t q = span_.pixel(k);
+      covered_[k] = over(own(first, k) + own(first + 1, k) + own(first + 2, k),
+                         at(first, q) + at(first + 1, q) + at(first + 2, q));
+    }
+  }
 
   /// Of a pixel q of the window, but for the colour, less those of pixel k of the span as far as
   /// surfaces are seen.
   GuideFits::Guides guides(size_t k, size_t q) const {
-    const auto get = [&](int column) { return double(at(column, q)); };
-    const auto here = [&](int column) { return double(own(column, k)); };
+    const auto get = [&](int number) { return double(guide(number, q)); };
+    const auto here = [&](int number) { return double(own_guide(number, k)); };
     const double share = get(ResolveWindow::kShare),
                  part = share * here(ResolveWindow::kAlong) / here(ResolveWindow::kShare);
     GuideFits::Guides found{share};
@@ -300,7 +328,7 @@ class LightResolve {
     double all = 0, far = 0, tinted = 0;
     for (size_t j = 0; j < block.to.size(); ++j) {
       const size_t q = size_t(ptrdiff_t(p) + block.to[j]);
-      if (!(at(ResolveWindow::kSurface, q) > 0)) continue;
+      if (!(guide(ResolveWindow::kSurface, q) > 0)) continue;
       const Near& near = near_.emplace_back(Near{q, double(block.of(j)[k]), guides(k, q)});
       const GuideFits::Guides& g = near.guides;
       all += near.weight * g[0] * g[0];
@@ -308,7 +336,7 @@ class LightResolve {
       tinted += near.weight * double(tint_[q]) * double(tint_[q]);
     }
     const double scale = far > 0 ? std::sqrt(all / far) : 0, full = std::sqrt(all / tinted),
-                 share = double(own(ResolveWindow::kShare, k));
+                 share = double(own_guide(ResolveWindow::kShare, k));
     const Four here(own_color(k, 0), own_color(k, 1), own_color(k, 2), own_tint);
     const auto color_of = [&](const GuideFits::Guides& g, size_t q) {
       return full *
@@ -342,7 +370,7 @@ class LightResolve {
     }
     if (!finer_) return;
     GuideFits::Guides coarse{};
-    if (at(ResolveWindow::kSurface, p) > 0) coarse = guides(k, p);
+    if (guide(ResolveWindow::kSurface, p) > 0) coarse = guides(k, p);
     for (size_t i = 4; i < 7; ++i) coarse[i] *= scale;
     const Four light = fits.at(coarse, color_of(coarse, p));
     for (int c = 0; c < 3; ++c) coarse_[c][k] = held(light[c], c);
@@ -383,8 +411,9 @@ class LightResolve {
   /// What does not repeat from block to block; below 0, not known, where blocks are wider.
   void find_change() {
     if (is_wide_) return change_.assign(window_.pixels(), -1.0f);
-    if (!changes_) changes_.emplace(window_, inside(window_, side_), int(side_));
-    changes_->of(white_.data(), change_);
+    std::optional<Changes>& changes = changes_[set_];
+    if (!changes) changes.emplace(window_, set_, inside(window_, side_), int(side_));
+    changes->of(white_.data(), change_);
   }
 
   /// Of a row of the span, from its number `out` on, with the pixels from `first` on.
@@ -405,17 +434,18 @@ class LightResolve {
   const ResolveWindow* const finer_;  // of the span alone; null for none
   const Span span_;
   const uint32_t side_;
-  std::optional<Changes> changes_;
+  std::optional<Changes> changes_[kGuideSets];
   const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
   int kind_ = 0;
+  GuideSet set_ = kSeen;
   bool is_halved_ = false, is_wide_ = false;
-  bool is_direct_ = false;  // images of it are of no points
   struct Near {
     size_t pixel;  // of the window
     double weight;
     GuideFits::Guides guides;
   };
   std::vector<Near> near_;       // of the block of one pixel
+  Floats covered_;               // of the span
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_, sure_;
   Floats coarse_[3],
@@ -472,7 +502,8 @@ std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
     }
   };
   for (int kind = 0; kind < kColoredKinds; ++kind)
-    compare(ResolveWindow::kColor + 3 * kind, ResolveWindow::kColor + 3 * kind);
+    if (kind != kind_of(kMirrored) && kind != kind_of(kRefracted))  // of which samples alone tell
+      compare(ResolveWindow::kColor + 3 * kind, ResolveWindow::kColor + 3 * kind);
   compare(ResolveWindow::kRest, ResolveWindow::kWhole);
   bright.emplace_back(window.pixels(), 1.0f);
   values.emplace_back(window.column(ResolveWindow::kRest + 3), bright.size() - 1);
@@ -481,7 +512,7 @@ std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
   for (int j = -1; j <= 1; ++j)
     for (int i = -1; i <= 1; ++i) {
       const ptrdiff_t to = span.offset(i, j);
-      weigh(window, span, to, alike.data());
+      weigh(window, kSeen, span, to, alike.data());
       span.rows([&](size_t out, size_t p) {
         const size_t q = size_t(ptrdiff_t(p) + to);
         for (size_t k = 0; k < span.width; ++k)
@@ -497,12 +528,9 @@ std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
 void Resolve::run(const ResolveWindow& window, const ResolveWindow* finer, uint32_t x0, uint32_t y0,
                   bool is_halved) {
   const Span span = inside(window, looks_at());
-  const Block in_media(span, int(side_ / 2));
-  Block on_surfaces = in_media;
-  on_surfaces.keep_alike(window, span);
-  const Block whole(span, int(side_));
-  Block wide = whole;  // as bounces are dealt
-  wide.keep_alike(window, span);
+  const Block in_media(span, int(side_ / 2)), whole(span, int(side_));  // as bounces are dealt
+  const Block on_surfaces = in_media.alike(window, kSeen, span),
+              wide = whole.alike(window, kSeen, span);
   LightResolve one(window, finer, span, side_);
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 4 * ((y0 + y) * width_ + x0), 4 * span.width, 0.0f);
@@ -517,7 +545,8 @@ void Resolve::run(const ResolveWindow& window, const ResolveWindow* finer, uint3
       if (light < kVolumeDirect) one.fit_edges(block, whole);
     };
     const bool on_surface = light < kVolumeDirect;
-    if (any && is_wide(light)) find(on_surface ? wide : whole);
+    if (any && guides_of(light) != kSeen) find(in_media.alike(window, guides_of(light), span));
+    else if (any && is_wide(light)) find(on_surface ? wide : whole);
     else if (any) find(on_surface ? on_surfaces : in_media);
     float* const own = lights_[light].size() ? lights_[light].data() : nullptr;
     for (size_t k = 0; (any || own || is_caught) && k < span.count(); ++k) {

@@ -29,6 +29,8 @@ enum ResolvedLight : int {
   kGlossyIndirect,
   kTransmissionDirect,
   kTransmissionIndirect,
+  kMirrored,
+  kRefracted,
   kCaught,
   kOpen,
   kVolumeDirect,
@@ -36,11 +38,17 @@ enum ResolvedLight : int {
   kResolvedLights
 };
 
-// diffuse, glossy, transmission, caught, open: which are told over a colour; those of which parts
-// are images
-constexpr int kColoredKinds = 5, kFirstSharp = 1, kSharpKinds = 2;
+// diffuse, glossy, transmission, mirrored, refracted, caught, open: which are told over a colour;
+// those of which parts are images
+constexpr int kColoredKinds = 7, kFirstSharp = 1, kSharpKinds = 2;
 constexpr int kind_of(int light) {
-  return light < kCaught ? light / 2 : light < kVolumeDirect ? light - 3 : kColoredKinds;
+  return light < kMirrored ? light / 2 : light < kVolumeDirect ? light - 3 : kColoredKinds;
+}
+/// Of which surfaces guides tell: those that camera rays meet, those in mirrors and behind clear
+/// glass.
+enum GuideSet : int { kSeen, kInMirrors, kBehindGlass, kGuideSets };
+constexpr GuideSet guides_of(int light) {
+  return light == kMirrored ? kInMirrors : light == kRefracted ? kBehindGlass : kSeen;
 }
 
 /// The film's columns of a pixel that a resolve reads beside the passes of light: of the surfaces
@@ -52,7 +60,8 @@ enum GuideColumn : int {
   kGuideNormal = 0,
   kGuidePlace = 3,
   kGuideShare = 6,
-  kHalfLight = 7,
+  kGuidesOfOne = 7,
+  kHalfLight = kGuidesOfOne * kGuideSets,
   kHalfColor = kHalfLight + kResolvedLights,
   kSharpColor = kHalfColor + kColoredKinds,
   kGuideColumns = kSharpColor + kSharpKinds
@@ -77,20 +86,21 @@ struct ResolveWindow {
     kPlace = 3,
     kPlaceLow = 6,  // what single precision leaves of it
     kSurface = 9,   // 1 where there is one
-    kColor = 10,    // of each kind: three channels; of media 1
+    kShare = 10,    // how much of the rays stays at surfaces
+    kAlong = 11,    // how long the mean of their normals is, times that
+    kGuidesOfOne = 12,
+    kColor = kGuidesOfOne * kGuideSets,  // of each kind: three channels; of media 1
     kLight = kColor + 3 * (kColoredKinds + 1),
     kNoise = kLight + 3 * kResolvedLights,  // of light without its colour, how far the mean is off:
                                             // half of what halves differ by
     kSharp = kNoise + kResolvedLights,      // of glossy colour and of that of transmission, which
                                             // share mirrors and clear glass have
-    kShare = kSharp + kSharpKinds,          // how much of the rays stays at surfaces
-    kAlong,                                 // how long the mean of their normals is, times that
-    kShadow,                       // what shadows change of what catchers show, and what these do
-    kUnshadedColor = kShadow + 3,  // without them
-    kRest = kUnshadedColor + 3,    // of the picture but for light that is resolved; lost alpha
-    kGlow = kRest + 4,             // of each of what gives light itself
-    kWhole = kGlow + 3 * kGlows,   // the picture
-    kInside = kWhole + 3,          // 1: a pixel of the region
+    kShadow = kSharp + kSharpKinds,  // what shadows change of what catchers show, and what these do
+    kUnshadedColor = kShadow + 3,    // without them
+    kRest = kUnshadedColor + 3,      // of the picture but for light that is resolved; lost alpha
+    kGlow = kRest + 4,               // of each of what gives light itself
+    kWhole = kGlow + 3 * kGlows,     // the picture
+    kInside = kWhole + 3,            // 1: a pixel of the region
     kColumns = kInside + 1
   };
   uint32_t width = 0, height = 0;
@@ -103,6 +113,7 @@ struct ResolveWindow {
   size_t pixels() const { return size_t(width) * height; }
   float* column(int number) { return values.data() + size_t(number) * pixels(); }
   const float* column(int number) const { return values.data() + size_t(number) * pixels(); }
+  const float* guide(GuideSet set, int number) const { return column(set * kGuidesOfOne + number); }
 };
 
 /// What resolving adds to the means of the pixels of a region. One thread a tile at a time.

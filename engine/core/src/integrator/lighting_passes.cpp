@@ -30,6 +30,49 @@ void Tracer::note_colors(const Queue& queue) {
     add(GLINT_PASS_TRANSMISSION_COLOR, k, T * gives.refracted);
     add_sharp(0, k, T * gives.mirrored);
     add_sharp(1, k, T * gives.clear);
+    if (any(gives.refracted - gives.clear)) paths_.frosted()[queue.slot(k)] = 1;
+  }
+}
+
+/// Where light goes that ray k brings by way of others: `blurred` unless mirrors or clear glass
+/// show it.
+int Tracer::image_of(const Queue& queue, size_t k, int blurred) {
+  if (queue.is_gloss() ||
+      film_.column_of(kMirroredLight) < 0 && film_.column_of(kRefractedLight) < 0)
+    return blurred;
+  const bool through = queue.is_transmitted(k);
+  if (through && paths_.frosted()[queue.slot(k)]) return blurred;
+  const int image = through ? kRefractedLight : kMirroredLight;
+  return film_.column_of(image) < 0 ? blurred : image;
+}
+
+/// What tells the surfaces that mirrors and clear glass show, and their colours.
+void Tracer::note_images(const Queue& queue) {
+  const size_t stride = paths_.stride();
+  for (size_t k = 0; k < queue.size(); ++k) {
+    if (batch_.material[k] >= scene_.materials.size()) continue;
+    const int image = image_of(queue, k, -1);
+    if (image < 0) continue;
+    Vec3d color;
+    if (batch_.lit[k]) {
+      const Highlights given = highlights(k);
+      color = row(batch_.diffuse, k) + given.matt + given.glossy;
+    }
+    if (batch_.translucent[0]) color += row(batch_.translucent, k);
+    if (!any(color)) continue;
+    const uint32_t slot = queue.slot(k);
+    double* const colors = paths_.sums(film_, image + 1);
+    double* const guides =
+        paths_.guide(film_, kGuidesOfOne * (image == kMirroredLight ? kInMirrors : kBehindGlass)) +
+        slot;
+    const double share = mean(queue.path(k).T);
+    const Vec3d n = row(batch_.points.n, k), x = row(batch_.points.x, k);
+    for (size_t c = 0; c < 3; ++c) {
+      colors[c * stride + slot] += color[int(c)];
+      guides[(kGuideNormal + c) * stride] += share * n[int(c)];
+      guides[(kGuidePlace + c) * stride] += share * x[int(c)];
+    }
+    guides[kGuideShare * stride] += share;
   }
 }
 
@@ -56,9 +99,11 @@ void Tracer::keep_lighting(const Queue& queue) {
       }
       const int first =
           queue.is_transmitted(k) ? GLINT_PASS_TRANSMISSION_DIRECT : GLINT_PASS_GLOSSY_DIRECT;
-      const double direct = queue.depth(k) == 1 ? s.emission[c][k] + s.environment[c][k] : 0;
-      add(first, c, k, direct);
-      add(first + 1, c, k, s.total[c][k] - direct);
+      const int by_others = image_of(queue, k, first + 1);
+      const bool is_made = queue.depth(k) == 1 || queue.past.reflections == 0;
+      const double made = is_made ? s.emission[c][k] + s.environment[c][k] : 0;
+      add(queue.depth(k) == 1 ? first : first + 1, c, k, made);
+      add(by_others, c, k, s.total[c][k] - made);
     }
 }
 

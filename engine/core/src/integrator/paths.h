@@ -88,6 +88,8 @@ class Paths {
   /// Whether a soft light reached each path's camera ray: as Refinement::soft_light has it of
   /// slots.
   uint8_t* soft_light() { return soft_light_.data(); }
+  /// Whether what each path's camera ray meets shows things through glass that blurs them.
+  uint8_t* frosted() { return frosted_.data(); }
   /// Adds that to the film, sample by sample, and tells its refinement.
   void add_to(Film& film, const Tile& tile, const Stages& stages);
   /// Adds it to sums of the film's columns, each so long.
@@ -115,7 +117,7 @@ class Paths {
   }
 
   std::vector<double> u_, v_, lens_[2], frame_[12], thrown_;
-  std::vector<uint8_t> soft_light_;
+  std::vector<uint8_t> soft_light_, frosted_;
   Columns sums_, gloss_;
   size_t columns_ = 0;
 };

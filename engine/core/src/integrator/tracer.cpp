@@ -253,6 +253,9 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (queue.visibility == kCamera && film_.resolves()) note_guides(queue);
   if (gives_aovs) note_aovs(queue);
   if (queue.visibility == kCamera && film_.keeps_lighting()) note_colors(queue);
+  if (queue.visibility != kCamera && film_.resolves() && queue.past.reflections == 0 &&
+      !queue.exits)
+    note_images(queue);
   if (catches_) set_aside_caught(queue);
   if (subsurface_.on()) scatter_below(queue, sample);
   find_pixels(queue);

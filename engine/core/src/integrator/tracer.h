@@ -117,6 +117,8 @@ class Tracer {
   void note_seen(const Queue& queue);
   void note_guides(const Queue& queue);
   void note_colors(const Queue& queue);
+  void note_images(const Queue& queue);
+  int image_of(const Queue& queue, size_t k, int blurred);
   void note_occlusion(const Queue& queue, uint32_t sample);
   void note_asked(const Queue& queue);
   void find_asked(const Queue& queue);

@@ -34,7 +34,11 @@ Passes lights_of(const Scene& scene) {
   Passes lights = all << GLINT_PASS_DIFFUSE_DIRECT;
   if (scene.materials.max_specular > 0 || scene.features & GLINT_FEATURE_MIRROR)
     lights |= all << GLINT_PASS_GLOSSY_DIRECT;
-  if (scene.features & GLINT_FEATURE_REFRACTION) lights |= all << GLINT_PASS_TRANSMISSION_DIRECT;
+  if (scene.features & GLINT_FEATURE_MIRROR)
+    lights |= pass_bit(kMirroredLight) | pass_bit(kMirroredColor);
+  if (scene.features & GLINT_FEATURE_REFRACTION)
+    lights |= all << GLINT_PASS_TRANSMISSION_DIRECT | pass_bit(kRefractedLight) |
+              pass_bit(kRefractedColor);
   if (scene.features & GLINT_FEATURE_MEDIA) lights |= of_media << GLINT_PASS_VOLUME_DIRECT;
   if (scene.features & GLINT_FEATURE_SHADOW_CATCHER)
     lights |= pass_bit(GLINT_PASS_SHADOW_CATCHER) | all << kCaughtLight;
