@@ -1,5 +1,5 @@
-"""Light that is resolved where surfaces reflect and let through: rough ones are averaged by what
-their own samples differ by, as matt ones; mirrors and clear glass show images as sharp as before.
+"""Light that is resolved where surfaces reflect and let through: rough ones are averaged as matt
+ones; what mirrors and clear glass show is averaged over the surfaces there, and stays sharp.
 """
 
 from __future__ import annotations
@@ -136,11 +136,49 @@ def test_gloss_beneath_a_mirror_is_averaged_too(samples):
 @needs_core
 @pytest.mark.parametrize("samples", [4, 16])
 @pytest.mark.parametrize("lobe", [MIRROR, CLEAR], ids=["mirror", "clear"])
-def test_images_stay_as_sharp(lobe, samples):
+def test_images_stay_sharp(lobe, samples):
+    """Tiles of few pixels each: most of a mirror's error is at their edges."""
     truth = drawn((lobe,), "SHARED", 256, 8)
     dealt, resolved = (drawn((lobe,), kind, samples) for kind in ("DEALT", "RESOLVED"))
-    assert contrast(resolved, truth) == pytest.approx(contrast(dealt, truth), rel=0.02)
-    assert error((lobe,), "RESOLVED", samples) < 1.01 * error((lobe,), "DEALT", samples)
+    assert contrast(resolved, truth) > 0.9 * contrast(dealt, truth)
+    most = 0.6 if lobe is CLEAR else 0.96
+    assert error((lobe,), "RESOLVED", samples) < most * error((lobe,), "DEALT", samples)
+
+
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+@pytest.mark.parametrize("lobe", [MIRROR, CLEAR], ids=["mirror", "clear"])
+def test_images_of_plain_surfaces_have_no_dots(lobe, backend):
+    """A ball of it on a floor: neighbours see that from far apart, so that no pattern of points
+    repeats from block to block.
+    """
+    size = 48 if backend == "NUMPY" else 96
+    found = hall((CLEAR,), size)
+    near = replace(found.camera, window=(-0.25, 0.0, -0.18, 0.07))
+    floor, ball = found.instances[0], found.instances[-1]
+    shown = replace(found.materials[3], lobes=(lobe,))
+    scene = replace(
+        found,
+        camera=near,
+        materials=(*found.materials[:3], shown),
+        instances=(replace(floor, geometry=0), ball),
+    )
+    name = "Glossy Indirect" if lobe is MIRROR else "Transmission Indirect"
+    dealt, resolved, truth = (
+        engine.render(scene, settings(kind, samples, light_samples=points, backend=by)).passes[name]
+        for kind, samples, points, by in (
+            ("DEALT", 8, 2, backend),
+            ("RESOLVED", 8, 2, backend),
+            ("SHARED", 64, 8, "NATIVE"),
+        )
+    )
+    image = truth.min(-1) > 0
+    assert image.sum() > size
+
+    def error(picture: np.ndarray) -> float:
+        """Of most pixels, which show no edges."""
+        return float(np.median(np.abs(picture - truth)[image]))
+
+    assert error(resolved) < 0.65 * error(dealt)
 
 
 # --- both tracers
@@ -149,8 +187,13 @@ def test_images_stay_as_sharp(lobe, samples):
 @needs_core
 @pytest.mark.parametrize(
     "lobes",
-    [VARNISHED, (replace(CLEAR, factors=HALF), replace(FROSTED, factors=HALF))],
-    ids=["varnished", "glass"],
+    [
+        VARNISHED,
+        (replace(CLEAR, factors=HALF), replace(FROSTED, factors=HALF)),
+        (MIRROR,),
+        (CLEAR,),
+    ],
+    ids=["varnished", "glass", "mirror", "clear"],
 )
 def test_tracers_agree(lobes):
     core, reference = (
