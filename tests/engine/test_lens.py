@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +24,7 @@ from glint.engine.scene import (
     Scene,
     Spheres,
 )
+from native_tools import assert_instruction_sets_agree
 
 BACKENDS = ("NATIVE", "NUMPY")
 KINDS = ("PERSPECTIVE", "ORTHOGRAPHIC")
@@ -236,27 +233,9 @@ def test_threads_and_borders_do_not_change_a_bit():
 
 
 def test_same_bits_from_every_instruction_set():
-    program = (
-        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import glint_tree\n"
-        "from test_lens import KINDS, blurred, picture\n"
-        "for kind in KINDS:\n"
-        "    image = picture(blurred(kind))\n"
-        "    print(hashlib.sha256(image.tobytes()).hexdigest())\n"
+    assert_instruction_sets_agree(
+        lambda: [picture(blurred(kind)).tobytes() for kind in KINDS],
     )
-    here = Path(__file__).resolve().parent
-    found = set()
-    # the core takes the best that the machine has where it lacks one
-    for isa in ("sse42", "avx2", "avx512"):
-        command = [sys.executable, "-c", program, str(here.parent), str(here)]
-        run = subprocess.run(
-            command,
-            env={**os.environ, "GLINT_ISA": isa},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        found.add(run.stdout)
-    assert len(found) == 1
 
 
 # --- extremes
