@@ -9,6 +9,8 @@ import pytest
 
 from blender_process import PUT_AND_LOOK, REGISTER_TREE, Blender
 
+pytestmark = pytest.mark.once
+
 UI = Path(__file__).resolve().parents[2] / "addon" / "ui"
 PROGRAM = (
     REGISTER_TREE
