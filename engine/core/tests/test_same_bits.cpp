@@ -15,7 +15,7 @@ namespace {
 /// One of everything: baked and shared meshes, coincident faces, spheres, polygons.
 struct Everything : MixedShapes {
   Random random{50};
-  Mesh bumpy = bumpy_sphere(150, 200), small = icosphere(2, 0.2, {}),
+  Mesh bumpy = bumpy_sphere(150, rounds(200, 70)), small = icosphere(2, 0.2, {}),
        twice = soup(random, 2000, 1.5, 0.05);
 
   Everything() {
