@@ -68,7 +68,7 @@ def test_directions_are_drawn_as_densely_as_is_told(kind, exponent, fan, lean, h
     found = fibre_highlight(t, point.v, l, exponent, fan, behind, tilt)
     good = (pdf > 0) & (length > 0)
     mean = np.where(good, found / np.where(good, pdf, 1.0), 0.0).mean()
-    every, size, _ = sphere(2000)
+    every, size, _ = sphere()
     t, v = (np.repeat(x[:, :1], every.shape[1], 1) for x in (t, point.v))
     expected = (fibre_highlight(t, v, every, exponent, fan, behind, tilt) * size).sum()
     assert mean == pytest.approx(expected, rel=0.01)
