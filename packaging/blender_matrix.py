@@ -2,7 +2,8 @@
 program where one can be had.
 
 The default one runs in `make test`; 5.2 runs where a Python 3.13 is at hand. What is marked `once`
-in these folders asks nothing of Blender, and `make test` has seen it.
+in these folders asks nothing of Blender that differs between its versions, and `make test` has seen
+it.
 """
 
 from __future__ import annotations

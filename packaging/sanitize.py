@@ -23,10 +23,10 @@ STAGES = {
 """Instruction sets, the best first, and the processor's flags that the core asks for
 (simd/isa.h).
 """
-FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED = "10000", "600", "1000000"
+FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED = {"address": "10000", "thread": "2000"}, "600", "1000000"
 """Other inputs than those of ctest: their number ends a run, so that every machine tries the same
-ones; the time is for machines that are far too slow. A failure names the seed to begin the next run
-with.
+ones; the time is for machines that are far too slow. Threads start in the same way whatever the
+input. A failure names the seed to begin the next run with.
 """
 
 
@@ -47,10 +47,10 @@ def main() -> int:
     return int(bool(failed))
 
 
-def _stages(kind: str) -> str:
-    """The instruction sets to compile the stages for, each of which takes over a minute of
-    compiling: the fuzzer runs those that the core takes on this machine. The narrower of them start
-    the same threads, and compile sooner. All where the machine is not known.
+def _instruction_set(kind: str) -> str:
+    """The one to compile stages and traversal for, each of which takes over a minute of compiling:
+    the core takes it on this machine. The narrower of them start the same threads, and compile
+    sooner. All where the machine is not known.
     """
     processor = Path("/proc/cpuinfo")
     lines = processor.read_text().splitlines() if processor.exists() else []
@@ -76,8 +76,10 @@ def _failures(kind: str, sanitizers: str, variables: dict[str, str]) -> list[str
             "-DCMAKE_BUILD_TYPE=RelWithDebInfo",
             "-DGLINT_BUILD_TESTS=ON",
         ]
+        isa = _instruction_set(kind)
+        configure += [f"-DGLINT_STAGES={isa}", f"-DGLINT_KERNELS={isa}"]
         tree.call(
-            [*configure, f"-DGLINT_SANITIZE={sanitizers}", f"-DGLINT_STAGES={_stages(kind)}"],
+            [*configure, f"-DGLINT_SANITIZE={sanitizers}"],
             "The compiler must know these sanitizers.",
             env=variables,
         )
@@ -86,7 +88,7 @@ def _failures(kind: str, sanitizers: str, variables: dict[str, str]) -> list[str
             "The core's tests do not build.",
             env=variables,
         )
-    fuzzer = [str(folder / "tests" / "fuzz"), FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED]
+    fuzzer = [str(folder / "tests" / "fuzz"), FUZZ_CASES[kind], FUZZ_SECONDS, FUZZ_SEED]
     tests = ["ctest", "--test-dir", str(folder), "--output-on-failure", "--parallel", cores]
     if kind == "thread":
         tests += ["--tests-regex", THREADED]

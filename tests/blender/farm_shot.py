@@ -28,7 +28,7 @@ bpy.ops.wm.read_homefile(use_factory_startup=True)
 scene = bpy.context.scene
 scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 16, 100
 scene.glint.final.samples = scene.glint.final.light_samples = 1
-scene.glint.final.backend = "NUMPY"
+scene.glint.final.backend = "NATIVE"
 image = scene.render.image_settings
 if hasattr(image, "media_type"):
     image.media_type = "IMAGE"

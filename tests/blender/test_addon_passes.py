@@ -17,7 +17,7 @@ scene = bpy.context.scene
 scene.render.engine = "GLINT"
 scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 32, 24, 100
 scene.glint.final.samples = scene.glint.final.light_samples = 1
-scene.glint.final.backend = "NUMPY"
+scene.glint.final.backend = "NATIVE"
 settings = scene.render.image_settings
 if hasattr(settings, "media_type"):
     settings.media_type = "MULTI_LAYER_IMAGE"

@@ -22,7 +22,7 @@ scene.render.engine = "GLINT"
 scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 100, 60, 50
 scene.glint.final.samples = scene.glint.final.light_samples = 1
 scene.glint.final.diffuse_bounces = 0
-scene.glint.final.backend = "NUMPY"
+scene.glint.final.backend = "NATIVE"
 scene.render.image_settings.file_format = "OPEN_EXR"
 scene.render.image_settings.color_depth = "32"
 

@@ -8,6 +8,8 @@ import pytest
 from glint.addon.export.materials.fibre_optics import slanted, ways
 from glint.addon.export.materials.fresnel import fresnel
 
+pytestmark = pytest.mark.once
+
 TURNS = (np.arange(1440) + 0.5) / 1440 * 2 * np.pi - np.pi
 HEIGHTS = 1 - (1 - (np.arange(1000) + 0.5) / 1000) ** 3  # of half of a fibre, dense at its rim
 WIDTHS = 3 * (1 - (np.arange(1000) + 0.5) / 1000) ** 2 / 1000

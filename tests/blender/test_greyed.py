@@ -9,6 +9,8 @@ import pytest
 
 from blender_process import PUT_AND_LOOK, REGISTER_TREE, Blender
 
+pytestmark = pytest.mark.once
+
 UI = Path(__file__).resolve().parents[2] / "addon" / "ui"
 PROGRAM = (
     REGISTER_TREE
@@ -45,20 +47,25 @@ def picture():
     bpy.ops.render.render()
     return statistics.of_last_render(scene.name).stamp["pixels"]
 
-def changes(owner, name, value):
-    before, old = picture(), getattr(owner, name)
+def changes(owner, name, value, before=None):
+    # before: the picture without, where it is at hand
+    before, old = before or picture(), getattr(owner, name)
     setattr(owner, name, value)
     after = picture()
     setattr(owner, name, old)
     return before != after
 
+def change(settings):
+    before = picture()
+    return [changes(*setting, before) for setting in settings]
+
 def during(state, *settings):
     # (owner, name, value) of the state that greys out, and of each setting: whether they change
-    free = [changes(*setting) for setting in settings]
+    free = change(settings)
     owner, name, value = state
     old = getattr(owner, name)
     setattr(owner, name, value)
-    grey = [changes(*setting) for setting in settings]
+    grey = change(settings)
     setattr(owner, name, old)
     return [free, grey]
 
@@ -80,7 +87,9 @@ render.use_simplify = True
 told["Simplify in Render properties says whether and where objects are culled"] = during(
     (render, "use_simplify", False), (behind.cycles, "use_camera_cull", True))
 render.use_simplify = False
+render.resolution_x = render.resolution_y = 6  # as the reference is slow
 told["Of the native tracer alone"] = [[], during((final, "backend", "NUMPY"), (final, "acceleration", "FAST"), (final, "threads", 1))[1]]
+render.resolution_x = render.resolution_y = 24
 told["Volume Scatter is for what gives light: volumes see the object whatever it says"] = [
     [changes(thing, "visible_volume_scatter", False) for thing in (lamp, glow, area)],
     [changes(plain, "visible_volume_scatter", False)]]
@@ -97,7 +106,8 @@ mirror.hide_render = behind.hide_render = True
 put("spot", bpy.data.lights.new("spot", "SPOT"), -1, -2, 5).data.energy = 100
 skin = look(box("skin", (1, 1, 1), -0.5, -2, 0), "ShaderNodeBsdfPrincipled", **{"Subsurface Weight": 1.0, "Subsurface Scale": 1.0})
 pane = look(box("pane", (1, 1, 0.1), -0.5, 1, 1), "ShaderNodeBsdfGlass")
-acts = {name: changes(final, name, value) for name, value in {
+still = picture()
+acts = {name: changes(final, name, value, still) for name, value in {
     "samples": 9, "visibility_samples": 1, "error_threshold": 64.0, "light_samples": 2, "lamp_shadows": 1, "volume_samples": 1,
     "max_bounces": 0, "cutoff": 0.9, "illumination": "CLASSIC", "world_light": "CONSTANT",
     "mesh_light": "OFF", "reflections": "OFF", "subsurface": "OFF", "soft_light": "SHARED",

@@ -219,7 +219,7 @@ def sent(lobes) -> np.ndarray:
     each does, by the integral over the sphere.
     """
     total = np.zeros(3)
-    l, size, turn = sphere(4000)  # noqa: E741
+    l, size, turn = sphere()  # noqa: E741
     t = np.broadcast_to(np.array([[1.0], [0.0], [0.0]]), l.shape)
     v = np.broadcast_to(np.array([[0.0], [0.0], [1.0]]), l.shape)
     for lobe in lobes:

@@ -4,7 +4,11 @@ is.
 
 import json
 
+import pytest
+
 from blender_process import REGISTER_TREE, Blender
+
+pytestmark = pytest.mark.once
 
 SCENE = (
     REGISTER_TREE

@@ -6,6 +6,8 @@ import pytest
 
 from blender_process import REGISTER_TREE, Blender
 
+pytestmark = pytest.mark.once
+
 FACTOR = 1.5
 SCENE = (
     REGISTER_TREE

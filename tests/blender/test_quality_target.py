@@ -2,7 +2,11 @@
 display as Blender shows it.
 """
 
+import pytest
+
 from blender_process import REGISTER_TREE, Blender
+
+pytestmark = pytest.mark.once
 
 SCENE = (
     REGISTER_TREE

@@ -15,7 +15,7 @@ scene = bpy.context.scene
 scene.render.engine = "GLINT"
 scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 16, 100
 scene.glint.final.samples = scene.glint.final.light_samples = 1
-scene.glint.final.backend = "NUMPY"
+scene.glint.final.backend = "NATIVE"
 cube = bpy.data.objects["Cube"]
 cube.keyframe_insert("location", frame=1)
 cube.location.x = 1.0

@@ -44,7 +44,14 @@ def inside(eye=(0.0, 0.0, 0.3), size: int = 8) -> Camera:
     return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (size, size))
 
 
-def room(*lamps: Light, more=(), materials=(), scale: float = 1.0, at=(0.0, 0.0, 0.0)) -> Scene:
+def room(
+    *lamps: Light,
+    more=(),
+    materials=(),
+    walls: Material | None = None,
+    scale: float = 1.0,
+    at=(0.0, 0.0, 0.0),
+) -> Scene:
     """A matt ball seen from inside. more: geometries that the camera does not see."""
     matrix = np.column_stack([scale * np.eye(3), at])[None]
     placed = [Instances("room", 0, matrix, (0,))]
@@ -58,7 +65,7 @@ def room(*lamps: Light, more=(), materials=(), scale: float = 1.0, at=(0.0, 0.0,
         replace(camera, world_from_camera=frame),
         (ball(), *more),
         tuple(placed),
-        (matt(ALBEDO), *materials),
+        (walls or matt(ALBEDO), *materials),
         lights=lamps,
     )
 

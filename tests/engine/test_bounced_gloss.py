@@ -1,4 +1,6 @@
-"""What gloss throws on, and what it shows of the light that surfaces throw."""
+"""What gloss throws on, and what it shows of the light that surfaces throw: the core in closed
+form, and the reference beside the core, pixel by pixel.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +16,7 @@ from bounced_scenes import (
     VARNISH,
     added,
     ball,
+    drawn,
     lamp,
     matt,
     room,
@@ -63,56 +66,64 @@ METAL = replace(VARNISH[0], factors=(Input((2.0,) * 3),), exponent=14.0, fresnel
 PAINT = replace(METAL, fresnel=True)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("lobe", [METAL, PAINT, replace(METAL, masking=0.0)])
-def test_gloss_throws_light_on(lobe: Lobe, backend: str) -> None:
+BY_NOTES = replace(METAL, masking=0.0)
+MATT = Lobe("DIFFUSE", (Input((0.5,) * 3),))
+
+
+def ground_of(*lobes: Lobe) -> Scene:
+    """In the sun, before a wall."""
+    scene = wall_over_ground(lamp("SUN", strength=2.0))
+    return replace(scene, materials=(Material("ground", lobes), scene.materials[1]))
+
+
+@pytest.mark.parametrize("lobe", [METAL, PAINT, BY_NOTES])
+def test_gloss_throws_light_on(lobe: Lobe) -> None:
     """From a ground in the sun onto a wall, beside what is matt, widened: that of metals, of
     dielectrics and of the notes' formula; what the world lights evenly has no part in it.
     """
-    samples = {"NATIVE": 64, "NUMPY": 16}[backend]
 
     def added_to_wall(*lobes: Lobe) -> np.ndarray:
-        scene = wall_over_ground(lamp("SUN", strength=2.0))
-        scene = replace(scene, materials=(Material("ground", lobes), scene.materials[1]))
-        return added(scene, backend, samples=samples).mean((0, 1))
+        return added(ground_of(*lobes), samples=64).mean((0, 1))
 
-    matt_one = Lobe("DIFFUSE", (Input((0.5,) * 3),))
-    plain = added_to_wall(matt_one)
-    np.testing.assert_allclose(plain, 2.0 / np.pi * 0.5 / 2, rtol=2 / samples)
+    plain = added_to_wall(MATT)
+    np.testing.assert_allclose(plain, 2.0 / np.pi * 0.5 / 2, rtol=2 / 64)
     ambient = Lobe("AMBIENT", (Input((0.6,) * 3),))
-    np.testing.assert_allclose(added_to_wall(matt_one, ambient), plain, rtol=1e-6)
+    np.testing.assert_allclose(added_to_wall(MATT, ambient), plain, rtol=1e-6)
     k = np.arange(4000) + 0.5
     down = np.sqrt(k / 4000) * np.sin(k * np.pi * (3 - np.sqrt(5)))  # of directions from the wall
     share = thrown(lobe, down[down > 0]) / 0.5
     assert share > 0.05
-    more = added_to_wall(matt_one, lobe) / plain - 1
-    np.testing.assert_allclose(more, share, rtol=2 / samples)
+    more = added_to_wall(MATT, lobe) / plain - 1
+    np.testing.assert_allclose(more, share, rtol=2 / 64)
 
 
-FEW = {"NATIVE": {"samples": 256}, "NUMPY": {"samples": 8}}
-"""As many as a tracer is fast enough for."""
-
+SAMPLES = 256
 
 SIDES = np.sqrt((np.arange(400) + 0.5) / 400)
 """The cosines of directions that are as dense as these."""
 
 
 @functools.cache
-def added_to_matt_room(backend: str) -> np.ndarray:
-    return added(room(lamp()), backend, **FEW[backend])
+def added_to_matt_room() -> np.ndarray:
+    return added(room(lamp()), samples=SAMPLES)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+def room_of(*gloss: Lobe) -> Scene:
+    return replace(room(lamp()), materials=(matt(ALBEDO, *gloss),))
+
+
+def varnish(exponent: float) -> Lobe:
+    size, alpha = (exponent + 2) / 8, float(np.sqrt(2 / (exponent + 2)))
+    return replace(VARNISH[0], factors=(Input((size,) * 3),), exponent=exponent, masking=alpha)
+
+
 @pytest.mark.parametrize("exponent", [14.0, 32.0, 400.0])
-def test_gloss_on_paint_shows_what_surfaces_throw(exponent: float, backend: str) -> None:
+def test_gloss_on_paint_shows_what_surfaces_throw(exponent: float) -> None:
     """A ball that is lit alike all over is as bright in its gloss as that gives back of what the
     other sides throw, matt and by gloss.
     """
-    size, alpha = (exponent + 2) / 8, float(np.sqrt(2 / (exponent + 2)))
-    lobe = replace(VARNISH[0], factors=(Input((size,) * 3),), exponent=exponent, masking=alpha)
-    plain = added_to_matt_room(backend)
-    varnished = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
-    ratio = added(varnished, backend, **FEW[backend]) / plain
+    lobe = varnish(exponent)
+    ratio = added(room_of(lobe), samples=SAMPLES) / added_to_matt_room()
     even = reflected_of_even_light(lobe, 1.0)
     truth = (1 + even / ALBEDO) * (1 + thrown(lobe, SIDES) / ALBEDO)
     assert np.abs(ratio[3:5, 3:5].mean((0, 1)) / truth - 1).max() < 0.04  # as `even_gloss` has it
@@ -175,17 +186,14 @@ def test_what_gloss_shows_of_surfaces_is_diffuse_indirect(backend: str) -> None:
     np.testing.assert_allclose(parts, shown[..., :3], rtol=1e-4)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside(backend: str) -> None:
+def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside() -> None:
     """Of metals, and of all rough surfaces where these reflect as well."""
-    varnished, metal = (
-        replace(room(lamp()), materials=(matt(ALBEDO, own),)) for own in (PAINT, METAL)
-    )
+    varnished, metal = room_of(PAINT), room_of(METAL)
 
     def ratio(scene: Scene, **settings) -> np.ndarray:
         """Of what bounces add to what they add where all is matt."""
-        found = added(scene, backend, **{"max_bounces": 0, **FEW[backend], **settings})
-        return (found / added_to_matt_room(backend)).mean((0, 1))
+        found = added(scene, **{"max_bounces": 0, "samples": SAMPLES, **settings})
+        return (found / added_to_matt_room()).mean((0, 1))
 
     even = reflected_of_even_light(PAINT, 1.0)
     by_paint, by_metal = (1 + thrown(lobe, SIDES) / ALBEDO for lobe in (PAINT, METAL))
@@ -198,34 +206,63 @@ def test_gloss_that_rays_show_surfaces_in_has_no_bounced_light_beside(backend: s
     np.testing.assert_allclose(every, (1 + even) * by_paint, rtol=0.04)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+WIDE = replace(VARNISH[0], exponent=8.0, masking=float(np.sqrt(0.2)), fresnel=False)
+
+
 @pytest.mark.parametrize("fresnel", [False, True])
-def test_gloss_throws_on_what_bounced(fresnel: bool, backend: str) -> None:
+def test_gloss_throws_on_what_bounced(fresnel: bool) -> None:
     """The second bounce in a ball lit alike all over, of which no rays show the gloss between."""
-    lobe = replace(VARNISH[0], exponent=8.0, masking=float(np.sqrt(0.2)), fresnel=fresnel)
-    scene = replace(room(lamp()), materials=(matt(ALBEDO, lobe),))
-    settings = {"max_bounces": 0, **FEW[backend]}
-    one, two = (added(scene, backend, bounces=bounces, **settings) for bounces in (1, 2))
+    lobe = replace(WIDE, fresnel=fresnel)
+    settings = {"max_bounces": 0, "samples": SAMPLES}
+    one, two = (added(room_of(lobe), bounces=bounces, **settings) for bounces in (1, 2))
     between = np.mean([reflected_of_even_light(lobe, c) for c in SIDES[::40]])
     found = ((two - one) / one).mean((0, 1)) - ALBEDO
     np.testing.assert_allclose(found, between, rtol=0.2)  # as `even_gloss` has it of wide lobes
 
 
-@pytest.mark.parametrize(
-    ("reflections", "backend"), [("METALS", "NATIVE"), ("ALL", "NATIVE"), ("ALL", "NUMPY")]
-)
-def test_gloss_throws_on_what_gas_gives(reflections: str, backend: str) -> None:
+def full_of_gas(*gloss: Lobe) -> Scene:
+    """That glows, in a room of metal or a matt one."""
+    gas = filled("gas", Medium(emission=(50.0, 50.0, 50.0)))
+    return room(more=(ball(0.2),), materials=(gas,), walls=matt(ALBEDO, *gloss))
+
+
+@pytest.mark.parametrize("reflections", ["METALS", "ALL"])
+def test_gloss_throws_on_what_gas_gives(reflections: str) -> None:
     """A ball of metal round gas that glows, which lights it alike all over: rays show metal where
     the camera sees it, and nowhere else.
     """
-    lobe = replace(VARNISH[0], exponent=8.0, masking=float(np.sqrt(0.2)), fresnel=False)
-    gas = filled("gas", Medium(emission=(50.0, 50.0, 50.0)))
-    matt_room = room(more=(ball(0.2),), materials=(gas,))
-    samples = {"NATIVE": 256, "NUMPY": 1}[backend]
-    settings = {"max_bounces": 1, "reflections": reflections, "samples": samples}
-    metal_room = replace(matt_room, materials=(matt(ALBEDO, lobe), gas))
-    ratio = added(metal_room, backend, **settings) / added(matt_room, backend, **settings)
-    by_rays = 1 + reflected_of_even_light(lobe, 1.0)
+    settings = {"max_bounces": 1, "reflections": reflections, "samples": 64}
+    ratio = added(full_of_gas(WIDE), **settings) / added(full_of_gas(), **settings)
+    by_rays = 1 + reflected_of_even_light(WIDE, 1.0)
     thrown_on = (ratio.mean((0, 1)) / by_rays - 1) * ALBEDO
-    between = np.mean([reflected_of_even_light(lobe, c) for c in SIDES[::40]])
+    between = np.mean([reflected_of_even_light(WIDE, c) for c in SIDES[::40]])
     np.testing.assert_allclose(thrown_on, between, rtol=0.2)  # as `even_gloss` has it of wide lobes
+
+
+NO_RAYS = {"max_bounces": 0}
+ALIKE = {
+    "ground of metal": (ground_of(MATT, METAL), {}),
+    "ground of paint": (ground_of(MATT, PAINT), {}),
+    "ground by the notes": (ground_of(MATT, BY_NOTES), {}),
+    "wide gloss": (room_of(varnish(14.0)), {}),
+    "narrower gloss": (room_of(varnish(32.0)), {}),
+    "narrow gloss": (room_of(varnish(400.0)), {}),
+    "paint without rays": (room_of(PAINT), NO_RAYS),
+    "metal without rays": (room_of(METAL), NO_RAYS),
+    "no rays wanted": (room_of(PAINT), {**NO_RAYS, "reflections": "OFF"}),
+    "rays": (room_of(PAINT), {"max_bounces": 1, "reflections": "ALL"}),
+    "two bounces by metal": (room_of(WIDE), {**NO_RAYS, "bounces": 2}),
+    "two bounces by paint": (room_of(replace(WIDE, fresnel=True)), {**NO_RAYS, "bounces": 2}),
+    "gas": (full_of_gas(WIDE), {"max_bounces": 1, "reflections": "ALL", "light_samples": 1}),
+}
+"""Those of the tests above, with what they set."""
+
+
+@pytest.mark.parametrize("name", ALIKE)
+def test_both_tracers_throw_gloss_on_alike(name: str) -> None:
+    """All pixels, along the same paths."""
+    scene, chosen = ALIKE[name]
+    settings = {"bounces": 1, "samples": 1 if name == "gas" else 2, "soft_light": "DEALT", **chosen}
+    native, exact = (drawn(scene, backend=backend, **settings) for backend in BACKENDS)
+    assert exact.max() > drawn(scene, **{**settings, "bounces": 0}).max()
+    np.testing.assert_allclose(native, exact, rtol=1e-5)

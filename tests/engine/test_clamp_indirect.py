@@ -23,8 +23,9 @@ ONCE = ALBEDO * 100 / (4 * np.pi**2)
 @pytest.mark.parametrize("most", [0.1, 0.4, 1e3])
 def test_a_bounce_in_a_ball_brings_no_more(backend: str, most: float) -> None:
     """All of its rays bring the same."""
-    without = film(room(lamp()), 0, backend, clamp_indirect=most).combined[..., :3]
-    found = film(room(lamp()), 1, backend, clamp_indirect=most).combined[..., :3] - without
+    plan = {"clamp_indirect": most, "samples": {"NATIVE": 16, "NUMPY": 4}[backend]}
+    without = film(room(lamp()), 0, backend, **plan).combined[..., :3]
+    found = film(room(lamp()), 1, backend, **plan).combined[..., :3] - without
     brought = ALBEDO * ONCE
     wanted = brought * min(3 * most / brought.sum(), 1.0)
     np.testing.assert_allclose(without.mean((0, 1)), ONCE, rtol=2e-3)

@@ -1,5 +1,6 @@
 """Explain Pixel: the terms add up to the picture, and each is what the notes' formula gives."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -346,14 +347,22 @@ BLOCK = [(x, y) for y in range(4, 8) for x in range(8, 12)]
 """Pixels that deal samples among themselves."""
 
 
+@functools.cache
+def dealt_and_shared(name: str) -> tuple[np.ndarray, np.ndarray]:
+    scene, more = DEALT[name]
+    settings = Settings(samples=1, backend="NUMPY", **more)
+    return tuple(
+        render(scene, replace(settings, soft_light=kind)).combined for kind in ("DEALT", "SHARED")
+    )
+
+
 @pytest.mark.parametrize("soft_light", ["DEALT", "RESOLVED"])
 @pytest.mark.parametrize("name", DEALT)
 def test_each_pixel_is_explained_by_its_own_run_of_samples(name, soft_light):
     """Before light is averaged over pixels."""
     scene, more = DEALT[name]
-    settings = Settings(samples=1, soft_light="DEALT", backend="NUMPY", **more)
-    picture = render(scene, settings).combined
-    shared = render(scene, replace(settings, soft_light="SHARED")).combined
+    settings = Settings(backend="NUMPY", **more)
+    picture, shared = dealt_and_shared(name)
     explainer = PixelExplainer(scene, replace(settings, samples=4, soft_light=soft_light))
     # the first sample of each is the same before light is averaged
     block = BLOCK if soft_light == "DEALT" else BLOCK[::5]

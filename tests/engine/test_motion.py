@@ -4,11 +4,7 @@ whatever the work.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,6 +32,7 @@ from glint.engine.scene import (
     Spheres,
     Strands,
 )
+from native_tools import assert_instruction_sets_agree
 
 BACKENDS = ("NATIVE", "NUMPY")
 SIDE = 48
@@ -502,29 +499,11 @@ def test_what_keeps_scenes_draws_the_same():
     np.testing.assert_array_equal(films[-1][0].passes["Combined"], whole)
 
 
-_HASH = """
-import hashlib, sys
-sys.path[:0] = [{tests!r}, {engine!r}]
-import glint_tree
-from test_motion import everything
-from glint.engine import Settings, render
-film = render(everything(), Settings(samples=5, max_bounces=2))
-print(hashlib.sha256(film.passes["Combined"].tobytes()).hexdigest())
-"""
-
-
 def test_instruction_sets_change_nothing():
-    here = Path(__file__).resolve().parent
-    code = _HASH.format(tests=str(here.parent), engine=str(here))
-    hashes = set()
-    for isa in ("", "sse42"):
-        env = {k: v for k, v in os.environ.items() if k != "GLINT_ISA"}
-        env |= {"GLINT_ISA": isa} if isa else {}
-        run = subprocess.run(
-            [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
-        )
-        hashes.add(run.stdout.strip())
-    assert len(hashes) == 1
+    settings = Settings(samples=5, max_bounces=2)
+    assert_instruction_sets_agree(
+        lambda: render(everything(), settings).passes["Combined"].tobytes()
+    )
 
 
 def test_a_render_can_be_stopped_between_samples():

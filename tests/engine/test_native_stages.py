@@ -17,10 +17,10 @@ from glint.engine import scene as s
 from native_tools import (
     IDENTITY,
     NO_WORLD,
+    assert_instruction_sets_agree,
     color,
     constant,
     draw,
-    hashes_with,
     lamp,
     material,
     needs_core,
@@ -49,9 +49,8 @@ def hashes() -> str:
     return "\n".join(lines)
 
 
-@pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
-def test_same_bits_from_every_instruction_set(isa: str) -> None:
-    assert hashes_with("test_native_stages", isa) == hashes()
+def test_same_bits_from_every_instruction_set() -> None:
+    assert_instruction_sets_agree(hashes)
 
 
 def test_highlights_and_lobes_of_the_view_are_those_of_the_reference() -> None:

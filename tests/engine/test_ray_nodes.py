@@ -4,11 +4,7 @@ whatever the work, and contexts without a scene.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +14,15 @@ from glint.engine import render
 from glint.engine import scene as s
 from glint.engine import settings as engine_settings
 from glint.engine.analysis.explain import PixelExplainer
-from native_tools import constant, draw, lamp, needs_core, square, view_from_above
+from native_tools import (
+    assert_instruction_sets_agree,
+    constant,
+    draw,
+    lamp,
+    needs_core,
+    square,
+    view_from_above,
+)
 from ray_node_scenes import BACKENDS, DISTANCE, FEW, _coloured, cast, floor_of, occlusion, seen
 from test_occlusion_pass import SPREAD, WIDE, floor_and, upright, x_and_y
 
@@ -223,21 +227,7 @@ def asking_scene() -> s.Scene:
 
 @needs_core
 def test_the_same_bits_with_any_instruction_set() -> None:
-    code = (
-        "import hashlib, sys; sys.path[:0] = sys.argv[1:3]\n"
-        "import glint_tree, test_ray_nodes as t\n"
-        "bits = t.draw(t.asking_scene(), samples=2).combined.tobytes()\n"
-        "print(hashlib.sha256(bits).hexdigest())"
-    )
-    here = Path(__file__).resolve().parent
-    command = [sys.executable, "-c", code, str(here.parent), str(here)]
-    found = set()
-    # the core takes the best that the machine has where it lacks one
-    for isa in ("sse42", "avx2", "avx512"):
-        env = {**os.environ, "GLINT_ISA": isa}
-        run = subprocess.run(command, env=env, capture_output=True, text=True, check=True)
-        found.add(run.stdout)
-    assert len(found) == 1
+    assert_instruction_sets_agree(lambda: draw(asking_scene(), samples=2).combined.tobytes())
 
 
 @needs_core

@@ -6,11 +6,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +15,17 @@ from engine_scenes import SCENES
 from glint import engine
 from glint.engine import scene as s
 from glint.engine.sampling import blackman_harris, pixel_offsets
-from native_tools import color, draw, lamp, material, needs_core, placed, square, view_from_above
+from native_tools import (
+    assert_instruction_sets_agree,
+    color,
+    draw,
+    lamp,
+    material,
+    needs_core,
+    placed,
+    square,
+    view_from_above,
+)
 
 pytestmark = needs_core
 
@@ -332,25 +338,11 @@ def test_same_bits_however_it_is_cut(name: str) -> None:
 
 
 def test_same_bits_from_every_instruction_set() -> None:
-    program = (
-        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import glint_tree\n"
-        "from test_refinement import BITS, bigger; from glint import engine\n"
-        "film = engine.render(bigger('soft_lights', (40, 30)), BITS)\n"
-        "print(hashlib.sha256(b''.join(film.passes[k].tobytes() for k in "
-        "sorted(film.passes))).hexdigest())\n"
-    )
-    here = Path(__file__).resolve().parent
-    found = set()
-    # the core takes the best that the machine has where it lacks one
-    for isa in ("sse42", "avx2", "avx512"):
-        variables = {**os.environ, "GLINT_ISA": isa}
-        command = [sys.executable, "-c", program, str(here.parent), str(here)]
-        found.add(
-            subprocess.run(
-                command, env=variables, capture_output=True, text=True, check=True
-            ).stdout
-        )
-    assert len(found) == 1
+    def passes() -> dict[str, bytes]:
+        film = engine.render(bigger("soft_lights", (40, 30)), BITS)
+        return {name: values.tobytes() for name, values in film.passes.items()}
+
+    assert_instruction_sets_agree(passes)
 
 
 @pytest.mark.parametrize(

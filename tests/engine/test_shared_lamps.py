@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,6 +30,7 @@ from glint.engine.scene import (
     Scene,
     Spheres,
 )
+from native_tools import assert_instruction_sets_agree
 
 BACKENDS = ("NATIVE", "NUMPY")
 MATT = Material("matt", (Lobe("DIFFUSE", (Input((0.7, 0.6, 0.5)),)),))
@@ -221,21 +218,11 @@ def test_shadows_of_clusters_are_as_those_of_each_lamp(monkeypatch: pytest.Monke
     assert all(one < 1.15 * other for one, other in zip(clusters, each, strict=True))
 
 
-@pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
-def test_instruction_sets_draw_the_same_clusters(isa: str, tmp_path: Path) -> None:
-    """In a process of its own, as the core reads the variable once; one that the machine lacks
-    leaves what it would take anyway.
-    """
-    here = Path(__file__).resolve().parent
-    code = (
-        f"import sys; sys.path[:0] = [{str(here.parent)!r}, {str(here)!r}]; import glint_tree\n"
-        "import numpy as np, test_shared_lamps as t\n"
-        "film = t.drawn(t.SCENES['clusters and more'], samples=2, light_samples=2)\n"
-        f"np.save({str(tmp_path / 'film.npy')!r}, film.combined)"
+def test_instruction_sets_draw_the_same_clusters() -> None:
+    scene = SCENES["clusters and more"]
+    assert_instruction_sets_agree(
+        lambda: drawn(scene, samples=2, light_samples=2).combined.tobytes()
     )
-    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, "GLINT_ISA": isa})
-    whole = drawn(SCENES["clusters and more"], samples=2, light_samples=2)
-    assert (np.load(tmp_path / "film.npy") == whole.combined).all()
 
 
 def test_some_lamps_are_never_in_clusters() -> None:

@@ -18,7 +18,7 @@ from glint.engine.program.table import BY_NAME
 from glint.engine.reference import stretching
 from glint.engine.reference.gloss import half_vector
 from glint.engine.reference.lights import LightPoint
-from native_tools import constant, hashes_with, needs_core
+from native_tools import assert_instruction_sets_agree, constant, needs_core
 from surface_scenes import balls, plane
 from test_bump_shadow import BACKENDS, MATT, in_middle, lights, sun_from
 
@@ -151,9 +151,8 @@ def hashes() -> str:
 
 
 @needs_core
-@pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
-def test_same_bits_from_every_instruction_set(isa: str) -> None:
-    assert hashes_with("test_stretched_lobes", isa) == hashes()
+def test_same_bits_from_every_instruction_set() -> None:
+    assert_instruction_sets_agree(hashes)
 
 
 @needs_core

@@ -4,9 +4,6 @@ reference, and what their programs may not do.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +18,7 @@ from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
 from media_scenes import GLASS, both, filled, orthographic, rich, things
+from native_tools import assert_instruction_sets_agree
 
 BACKENDS = ("NATIVE", "NUMPY")
 COLORS = np.array([0.5, 1.0, 2.0])
@@ -309,27 +307,11 @@ def test_the_same_bits_in_regions_with_any_threads_and_with_fewer_pixels_at_once
     np.testing.assert_array_equal(part, whole[3:20, 5:25])
 
 
-_HASH = """
-import hashlib
-import test_varied_media as t
-film = t.engine.render(t.smoky((32, 24)), t.engine.Settings(samples=1, light_samples=2))
-print(hashlib.sha256(film.combined.tobytes()).hexdigest())
-"""
-
-
 def test_the_same_bits_on_any_instruction_set() -> None:
-    found = set()
-    for isa in ("", "sse42"):
-        env = {k: v for k, v in os.environ.items() if k != "GLINT_ISA"}
-        env |= {"GLINT_ISA": isa} if isa else {}
-        env["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
-        code = "import glint_tree\n" + _HASH
-        run = subprocess.run(
-            [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False
-        )
-        assert run.returncode == 0, run.stderr
-        found.add(run.stdout.strip())
-    assert len(found) == 1
+    settings = engine.Settings(samples=1, light_samples=2)
+    assert_instruction_sets_agree(
+        lambda: engine.render(smoky((32, 24)), settings).combined.tobytes()
+    )
 
 
 def test_pixels_are_explained() -> None:

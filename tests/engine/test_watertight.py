@@ -8,21 +8,15 @@ The fast tests take a few thousand rays each, those marked slow the numbers of t
 from __future__ import annotations
 
 import hashlib
-import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from engine_scenes import SCENES, look_at
 from glint import engine
-from glint.engine import native
 from glint.engine import scene as s
-from native_tools import material, needs_core
+from native_tools import assert_instruction_sets_agree, material, needs_core
 from ray_tools import box_grid, bumpy, icosphere, oblique_grid
 
 pytestmark = needs_core
@@ -215,10 +209,6 @@ def test_n2_would_see_a_leak() -> None:
 # --- N15: the same bits
 # --------------------------------------------------------------------------------------------------
 
-TESTS = Path(__file__).resolve().parent.parent
-INSTRUCTION_SETS = ("sse42", "avx2", "avx512", "neon", "generic")
-"""Names that GLINT_ISA may take; the library says which of them it has."""
-
 
 def fingerprints(threads: int, cut: bool) -> dict[str, str]:
     """name -> hash of all passes of every scene, whole or put together from four regions, and of
@@ -267,36 +257,6 @@ def _hash(arrays: list[np.ndarray]) -> str:
     return total.hexdigest()
 
 
-def _elsewhere(instruction_set: str) -> dict | None:
-    """What `fingerprints` says in a process whose core is made to use that instruction set; None
-    where it cannot.
-    """
-    program = (
-        "import sys, glint_tree; sys.path.append('engine'); import test_watertight; "
-        "test_watertight.report()"
-    )
-    variables = {**os.environ, "GLINT_ISA": instruction_set}
-    run = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=TESTS,
-        env=variables,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr[-2000:]
-    answer = json.loads(run.stdout)
-    return answer if answer["isa"] == instruction_set else None
-
-
-def report() -> None:
-    """For `_elsewhere`: the instruction set in use, and the fingerprints of regions."""
-    found = {"isa": native.library().glint_isa().decode()}
-    if found["isa"] == os.environ["GLINT_ISA"]:
-        found["cut"] = fingerprints(8, cut=True)
-    sys.stdout.write(json.dumps(found))
-
-
 def test_n15_threads_and_regions() -> None:
     truth = fingerprints(1, cut=False)
     for threads, cut in ((8, False), (2, True)):
@@ -305,9 +265,5 @@ def test_n15_threads_and_regions() -> None:
 
 def test_n15_instruction_sets() -> None:
     """Every instruction set that the library has and this machine runs."""
-    here = native.library().glint_isa().decode()
-    found = {name: answer for name in INSTRUCTION_SETS if (answer := _elsewhere(name))}
-    assert here in found
-    truth = fingerprints(2, cut=False)
-    for name, answer in found.items():
-        assert answer["cut"] == truth, name
+    drawn = assert_instruction_sets_agree(lambda: fingerprints(8, cut=True))
+    assert drawn == fingerprints(2, cut=False)

@@ -1,5 +1,6 @@
 // A test is a function in a group; check() counts what fails and goes on.
 #pragma once
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 
@@ -15,11 +16,11 @@ struct Test {
 
 inline int failures = 0;
 
-/// How many of `n` rounds a test makes: where sanitizers watch, and each takes several times as
-/// long, a fifth of them reads what all would.
-constexpr int rounds(int n) {
+/// How many of `n` rounds a test makes, or how large what it builds is: where sanitizers watch, and
+/// each takes several times as long, a fifth of them, or as many as it needs, reads what all would.
+constexpr int rounds(int n, [[maybe_unused]] int least = 0) {
 #ifdef GLINT_SANITIZED
-  return (n + 4) / 5;
+  return std::max((n + 4) / 5, least);
 #else
   return n;
 #endif

@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "check.h"
+#include "kernels.h"
 #include "shapes.h"
 
 using namespace glint;
@@ -160,8 +161,8 @@ int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t vi
 int wrong_in_any_width(const Mesh& mesh, const std::vector<Ray>& rays) {
   std::vector<Hit> first;
   int count = 0;
-  for (const char* isa : {"sse42", "avx2", "avx512"}) {
-    ask_for_isa(isa);
+  for (const std::string& isa : kernels_here()) {
+    ask_for_isa(isa.c_str());
     const auto accel = build(mesh);
     std::vector<Hit> hits;
     count += wrong_in_beams(*accel, rays, kCamera, &hits);
@@ -254,8 +255,8 @@ TEST(beams, several_trees_and_what_is_hidden) {
 /// do not see or rays pass.
 TEST(beams, large_instances) {
   Random random(15);
-  for (const char* isa : {"sse42", "avx2", "avx512"}) {
-    ask_for_isa(isa);
+  for (const std::string& isa : kernels_here()) {
+    ask_for_isa(isa.c_str());
     for (int scene_number = 0; scene_number < rounds(12); ++scene_number) {
       MixedShapes scene;
       const Mesh mesh = scene_number % 3 ? bumpy_sphere(12, 24) : box_grid(3, 1, {});

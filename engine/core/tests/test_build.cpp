@@ -69,6 +69,9 @@ TEST(build, one_triangle) {
   CHECK(accel->stats().primitives == 1 && accel->stats().dropped == 0);
 }
 
+/// Primitives from which on all threads of a build work on a part of it, and some more.
+constexpr int kForThreads = 20000;
+
 TEST(build, many) {
   Random random(1);
   for (size_t n : {2, 4, 5, 9, 33, 1000, 20000, 60000}) {
@@ -78,7 +81,7 @@ TEST(build, many) {
 }
 
 TEST(build, a_million) {
-  const Mesh mesh = bumpy_sphere(500, 1000);
+  const Mesh mesh = bumpy_sphere(500, rounds(1000));
   const std::atomic<bool> cancel{false};
   for (BuildQuality quality : {BuildQuality::kFast, BuildQuality::kBalanced}) {
     const auto accel = Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel, quality);
@@ -108,7 +111,7 @@ TEST(build, boxes_do_not_span_the_void) {
 TEST(build, all_coincident) {
   Mesh mesh;
   const uint32_t a = mesh.add({0, 0, 0}), b = mesh.add({1, 0, 0}), c = mesh.add({0, 1, 0});
-  for (int k = 0; k < 30000; ++k) mesh.add(a, b, c);
+  for (int k = 0; k < rounds(30000, kForThreads); ++k) mesh.add(a, b, c);
   const Hit h = closest(*build(mesh), ray({0.2, 0.2, 1}, {0, 0, -1}));
   CHECK(h.primitive == 0 && h.t == 1);
 }
@@ -152,12 +155,13 @@ TEST(build, huge_and_tiny) {
 // the tree must be the same for every pool.
 TEST(build, crowds_and_giants) {
   Random random(6);
-  Mesh crowd = soup(random, 60000, 1e-3, 1e-5), sizes, giants = soup(random, 40000, 1, 3);
+  Mesh crowd = soup(random, size_t(rounds(60000, kForThreads)), 1e-3, 1e-5), sizes,
+       giants = soup(random, size_t(rounds(40000, kForThreads)), 1, 3);
   for (int k = 0; k < 100; ++k) {
     const Vec3d p = 100.0 * random.on_sphere();
     crowd.add(crowd.add(p), crowd.add(p + random.in_box(1)), crowd.add(p + random.in_box(1)));
   }
-  for (int k = 0; k < 50000; ++k) {
+  for (int k = 0; k < rounds(50000, kForThreads); ++k) {
     const Vec3d p = random.in_box(1);
     const double size = std::ldexp(1.0, -int(random.below(16)));
     sizes.add(sizes.add(p), sizes.add(p + size * random.in_box(1)),
@@ -166,7 +170,8 @@ TEST(build, crowds_and_giants) {
   for (const Mesh* mesh : {&crowd, &sizes, &giants}) {
     const auto one = build(*mesh, {}, 1), five = build(*mesh, {}, 5);
     CHECK(one->stats().primitives == mesh->count() && one->stats().nodes == five->stats().nodes);
-    for (size_t k = 0; k < mesh->count(); k += 97) {
+    const size_t step = mesh->count() / size_t(rounds(int(mesh->count() / 97)));
+    for (size_t k = 0; k < mesh->count(); k += step) {
       const Vec3d middle = 1 / 3.0 * (mesh->corner(k, 0) + mesh->corner(k, 1) + mesh->corner(k, 2));
       const Vec3d n = normalize(
           cross(mesh->corner(k, 1) - mesh->corner(k, 0), mesh->corner(k, 2) - mesh->corner(k, 0)));

@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <string>
 
-#include "bvh/traverse/kernel.h"
 #include "check.h"
+#include "kernels.h"
 #include "shapes.h"
 
 using namespace glint;
@@ -88,32 +88,6 @@ std::vector<Ray> blocks(int count, bool odd, uint64_t seed) {
   for (int k = 0; k < count; ++k) add_block(rays, random, k % 5);
   if (odd) spoil(rays, random);
   return rays;
-}
-
-/// The kernel that runs when `isa` is asked for.
-std::string kernel_for(const char* isa) {
-  ask_for_isa(isa);
-  const std::string name = best_kernel().name;
-  ask_for_isa(nullptr);
-  return name;
-}
-
-/// Kernels that this machine runs.
-std::vector<std::string> kernels_here() {
-#if defined(__x86_64__) && defined(GLINT_ZIG)  // whose library lacks what the builtin asks
-  std::vector<std::string> names{"sse42", "avx2", "avx512"};
-  std::erase_if(names, [](const std::string& isa) { return kernel_for(isa.c_str()) != isa; });
-  return names;
-#elif defined(__x86_64__)
-  std::vector<std::string> names{"sse42"};
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2")) names.push_back("avx2");
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw"))
-    names.push_back("avx512");
-  return names;
-#else
-  return {"generic"};
-#endif
 }
 
 /// Answers of every instruction set against the first one's.

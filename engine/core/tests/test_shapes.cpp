@@ -95,11 +95,11 @@ TEST(shapes, spheres_against_brute_force) {
     turned.y = {2, 0, 0};
     turned.z = {0, 0, 2};
     turned.t = {0.25, 0, 0};
-    compare({{spheres.view()}, placed({{}})}, random, 2000, 1);
-    compare({{spheres.view()}, placed({turned})}, random, 2000, 1);
-    compare({{spheres.view()}, placed({{}, translation({3, 0, 0})})}, random, 2000, 1);
+    compare({{spheres.view()}, placed({{}})}, random, rounds(2000), 1);
+    compare({{spheres.view()}, placed({turned})}, random, rounds(2000), 1);
+    compare({{spheres.view()}, placed({{}, translation({3, 0, 0})})}, random, rounds(2000), 1);
     for (int k = 0; k < 5; ++k)
-      compare({{spheres.view()}, placed({random_affine(random, 0.3)})}, random, 1000, 0.5);
+      compare({{spheres.view()}, placed({random_affine(random, 0.3)})}, random, rounds(1000), 0.5);
   }
 }
 
@@ -122,7 +122,7 @@ TEST(shapes, far_spheres) {
     const auto accel = build({spheres.view()}, placed({{}}));
     const double r = double(spheres.radii[0]);
     int wrong = 0;
-    for (int k = 0; k < 100000; ++k) {
+    for (int k = 0; k < rounds(100000); ++k) {
       const Vec3d n = random.on_sphere(), side = normalize(cross(n, random.on_sphere())),
                   o = (1e4 * radius) * n;
       const double b = random.uniform(0, 2) * r;
@@ -179,7 +179,7 @@ TEST(shapes, polygons_against_brute_force) {
       const double s = n > 10 ? 0.2 : 0.8;
       star(polygons, 3 + k % 5, random.in_box(n > 10 ? 1 : 0.2), s * x, s * y);
     }
-    const int rays = n > 10 ? 400 : 2000;
+    const int rays = rounds(n > 10 ? 400 : 2000);
     compare({{polygons.view()}, placed({{}})}, random, rays, 1);
     compare({{polygons.view()}, placed({random_affine(random, 0.2)})}, random, rays / 2, 1);
     compare({{polygons.view()}, placed({{}, translation({3, 0, 0})})}, random, rays, 1);

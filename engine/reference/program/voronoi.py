@@ -21,6 +21,9 @@ Array = np.ndarray
 LEAST_EXPONENT = 1 / 32
 """Of Minkowski's metric, on either side of 0; one over it is the largest."""
 
+AT_ONCE = 8192
+"""Hashes."""
+
 _MULTIPLIER, _INCREMENT = np.uint32(1664525), np.uint32(1013904223)
 _FACTORS = {2: ((0, 1, None), (1, 0, None)), 3: ((0, 1, 2), (1, 2, 0), (2, 0, 1)),
             4: ((0, 1, 3), (1, 2, 0), (2, 0, 1), (3, 1, 2))}  # fmt: skip
@@ -58,12 +61,17 @@ class Cells:
 
     def points(self, cell: Array, reach: int) -> Iterator[tuple[Array, Array]]:
         """Offsets (d, 1) of cells around, the first axis fastest, and where their points are."""
-        for turned in product(range(-reach, reach + 1), repeat=len(cell)):
-            offset = np.array(turned[::-1], np.float64)[:, None]
-            yield offset, offset + self.place(cell + offset) * self.randomness
+        for offsets in _offsets(cell, reach):
+            points = offsets + self.place(cell[:, None] + offsets) * self.randomness
+            yield from zip(offsets.swapaxes(0, 1), points.swapaxes(0, 1), strict=True)
+
+    def colors(self, cell: Array, reach: int) -> Iterator[Array]:
+        """Of the same cells, (3, n) each."""
+        for offsets in _offsets(cell, reach):
+            yield from self.color(cell[:, None] + offsets).swapaxes(0, 1)
 
     def place(self, cell: Array) -> Array:
-        """(d, n) in [0, 1] of whole numbers (d, n): where in them their points are."""
+        """(d, ...) in [0, 1] of whole numbers (d, ...): where in them their points are."""
         if len(cell) == 1:
             return hash_numbers(cell[0])[None]
         if self.cell_hash == CellHash.PCG:
@@ -75,11 +83,21 @@ class Cells:
         return np.stack([hash_numbers(*numbers) for numbers in turned])
 
     def color(self, cell: Array) -> Array:
-        """(3, n) in [0, 1]."""
+        """(3, ...) in [0, 1]."""
         if len(cell) == 1 or self.cell_hash == CellHash.JENKINS:
             return hash_color(*cell)
         words = _words(cell)
         return np.stack(_pcg([*words, np.zeros_like(words[0])] if len(words) == 2 else words)[:3])
+
+
+def _offsets(cell: Array, reach: int) -> Iterator[Array]:
+    """Those of `Cells.points`, so many at a time, (d, m, 1), that hashes of few points (d, n) take
+    no longer to begin than to compute.
+    """
+    turned = np.array(list(product(range(-reach, reach + 1), repeat=len(cell))), np.float64)
+    at_once = max(AT_ONCE // max(cell.shape[1], 1), 1)
+    for first in range(0, len(turned), at_once):
+        yield turned[first : first + at_once, ::-1].T[..., None]
 
 
 def _words(cell: Array) -> list[Array]:
@@ -132,14 +150,15 @@ def _smooth(p: Array, cells: Cells) -> Octave:
     cell = np.floor(p)
     local, s = p - cell, cells.smoothness
     distance, color, position = np.zeros(p.shape[1]), np.zeros((3, p.shape[1])), np.zeros_like(p)
-    for number, (offset, point) in enumerate(cells.points(cell, 2)):
+    around = zip(cells.points(cell, 2), cells.colors(cell, 2), strict=True)
+    for number, ((_, point), own) in enumerate(around):
         d = cells.distance(point, local)
         t = np.clip(0.5 + 0.5 * (distance - d) / np.where(s > 0, s, 1.0), 0.0, 1.0)
         h = np.ones_like(d) if number == 0 else t * t * (3 - 2 * t)
         less = s * h * (1 - h)
         distance = distance + (d - distance) * h - less
         less = less / (1 + 3 * s)
-        color = color + (cells.color(cell + offset) - color) * h - less
+        color = color + (own - color) * h - less
         position = position + (point - position) * h - less
     return distance, color, cell + position
 

@@ -4,7 +4,8 @@
 namespace glint {
 
 #if defined(GLINT_X86_KERNELS)
-const Kernel& best_kernel() { return chosen(kernel_sse42, kernel_avx2, kernel_avx512); }
+// Names of those that are compiled (GLINT_KERNELS in CMakeLists.txt).
+const Kernel& best_kernel() { return chosen(kernel_for_sse42, kernel_for_avx2, kernel_for_avx512); }
 #else
 const Kernel& best_kernel() { return kernel_generic; }
 #endif
