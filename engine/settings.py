@@ -412,6 +412,15 @@ class Settings:
         "Whether light passes glass on its way to what is matt",
         choices=_REFRACTIVE_CAUSTICS,
     )
+    photons: int = _setting(
+        0,
+        "Photons",
+        "How many photons are followed from lamps through mirrors and glass to what is matt: the "
+        "more, the finer are the lines and patches of light there. 0: none are, and mirrors throw "
+        "light softly",
+        high=1 << 24,
+        remedy="0 to 16777216",
+    )
     clamp_indirect: float = _setting(
         0.0,
         "Clamp Indirect",

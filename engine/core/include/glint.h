@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 77
+#define GLINT_ABI_VERSION 78
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -433,8 +433,9 @@ typedef struct GlintNeighbour {
  * covers take no further samples after a wave. 0: all take all. cutoff: mirror and refraction rays
  * with no channel of their weight as large end there, 0 to 1. clamp_indirect: the most that a ray
  * adds to a sample but from the camera, the mean of the channels; 0: all. reflective_caustics:
- * whether gloss and mirrors throw light on to what is matt. acceleration: of the
- * first render of a scene counts, the trees are kept. remember: keep what the first wave hit and
+ * whether gloss and mirrors throw light on to what is matt. refractive_caustics: whether what glass
+ * bends lights that. photons: of lamps' light that mirrors and glass throw so, 0: it is not
+ * followed. acceleration: of the first render of a scene counts, the trees are kept. remember: keep what the first wave hit and
  * which lights it saw, some 30 bytes a pixel, in the scene and those that take its trees over, so
  * that a render of other lights, materials or surroundings need not trace it again. It has the same
  * bits. lens_points: null for a pinhole, else (camera_block², samples, 2) points of the lens along
@@ -497,10 +498,10 @@ typedef struct GlintRenderSettings {
       interleaving, bounces, volume_bounces, bounce_levels;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
-  uint32_t max_bounces, threads;
+  uint32_t max_bounces, photons, threads;
   uint32_t region[4];
   int32_t illumination, waves, acceleration, remember, reflections, moving, resolves,
-      reflective_caustics;
+      reflective_caustics, refractive_caustics;
 } GlintRenderSettings;
 
 enum GlintState {

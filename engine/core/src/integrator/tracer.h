@@ -80,6 +80,7 @@ class Tracer {
   void clear_own_light(const Queue& queue);
   void find_pixels(const Queue& queue);
   void bounce(const Queue& queue, uint32_t sample, Queue& gathering);
+  void add_caustics(const Queue& queue);
   void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
   void scatter_below(const Queue& queue, uint32_t sample);
   void light_exits(Queue& queue, uint32_t sample);

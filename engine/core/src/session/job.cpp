@@ -5,6 +5,7 @@
 #include <cstring>
 #include <numeric>
 
+#include "integrator/photon_tracer.h"
 #include "math/math.h"
 #include "session/timer.h"
 
@@ -99,6 +100,7 @@ void Job::run() {
     return enter(GLINT_CANCELLED);
   moving_seconds_ = scene_->trees.build_seconds();
   enter(GLINT_TRACING);
+  plan_.photon_map = trace_photons(*scene_, plan_, cancel_);
   trace_waves();
   enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
 }
@@ -176,6 +178,7 @@ bool Job::wait_for_scene() {
     ask_for_scene();
     if (cancel_ || !scene_->build(plan_.thread_count, BuildQuality(plan_.acceleration), cancel_))
       return false;
+    plan_.photon_map = trace_photons(*scene_, plan_, cancel_);
     make_tracers(nullptr);
   }
   std::lock_guard lock(mutex_);
