@@ -117,6 +117,7 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   keep_sums(GLINT_PASS_LIGHT_GROUPS, 3 * int(light_groups));
   // light is told over its colour: all are known or none
   Passes kept = wants_lighting() ? kLightingPasses : 0;
+  if (kept) kept |= lights & pass_bit(kThrownLight);
   if (resolved > 1) kept |= lights | Passes(wants(GLINT_PASS_AMBIENT_OCCLUSION)) << kUnhidden;
   for (int pass = GLINT_PASS_SHADOW_CATCHER; pass < kSumCount; ++pass) {
     if (!(kept >> pass & 1) || at_[pass] >= 0) continue;
@@ -482,7 +483,10 @@ void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t s
           const double more = resolves() ? double(resolve_.added_to(light + part, pixel, c)) : 0;
           return sum(part) + taken * more;
         };
-        const double direct = resolved(0), indirect = resolved(1), color = sum(2);
+        const bool is_matt = first == GLINT_PASS_DIFFUSE_DIRECT;
+        const double* const sharp = is_matt ? sums(tile, kThrownLight) : nullptr;
+        const double thrown = sharp ? sharp[c * tile.stride() + k] : 0;
+        const double direct = resolved(0), indirect = resolved(1) + thrown, color = sum(2);
         const bool bare = color == 0 && (direct != 0 || indirect != 0);
         const double over = color != 0 ? color : taken;
         const double values_of[3] = {direct / over, indirect / over, bare ? 1 : color / taken};

@@ -16,7 +16,15 @@ constexpr Passes kLightingPasses = pass_bit(kLastLighting + 1) - pass_bit(kFirst
 
 /// Sums that no pass shows, for what is resolved: the light of catchers with all things there and
 /// as if they were alone, and what they show where nothing shades them; how much of what camera
-/// rays meet is asked how open it is.
-enum : int { kCaughtLight = GLINT_PASS_COUNT, kCaughtAlone, kUnshaded, kUnhidden, kSumCount };
+/// rays meet is asked how open it is. And the light of photons, which is not: a part of Diffuse
+/// Indirect.
+enum : int {
+  kCaughtLight = GLINT_PASS_COUNT,
+  kCaughtAlone,
+  kUnshaded,
+  kUnhidden,
+  kThrownLight,
+  kSumCount
+};
 
 }  // namespace glint

@@ -9,6 +9,7 @@ namespace glint {
 namespace {
 
 constexpr size_t kMostCasters = 64;  // of placements, then of what they are instances of
+constexpr uint32_t kPlaces = 16;     // on lamps with an extent
 constexpr double kBeyond = 4;        // of anchored space: more than anything of the scene is off
 
 /// The fraction of 1/2 + i a: numbers of Kronecker's sequences, by the roots of x^(d+1) = x + 1
@@ -65,7 +66,40 @@ bool is_caster(const Scene& scene, const RenderPlan& plan, const GlintInstances&
   return false;
 }
 
-/// Balls round boxes. A caster of several placements is a ball round theirs.
+/// At least by how much a matrix lengthens anything; just that where its columns are across each
+/// other.
+double larger_scale(const Affine& m) {
+  const double xy = std::fabs(dot(m.x, m.y)), yz = std::fabs(dot(m.y, m.z)),
+               zx = std::fabs(dot(m.z, m.x));
+  return std::sqrt(
+      std::max({dot(m.x, m.x) + xy + zx, dot(m.y, m.y) + xy + yz, dot(m.z, m.z) + yz + zx}));
+}
+
+/// About the middle of the box round it, of corners and of spheres with their radii.
+Caster ball_round(const InstanceTable& all, uint32_t placement) {
+  const GlintGeometry& geometry = all.geometry(all.group(placement));
+  const Affine m = all.matrix(placement);
+  Caster caster{placement, placement + 1};
+  Extent box;
+  const auto each = [&](auto body) {
+    for (uint64_t i = 0; i < geometry.vertex_count; ++i) {
+      const Vec3d p = vertex(geometry, i);
+      const double r = geometry.radii ? geometry.radii[i] : 0;
+      if (finite(p) && std::isfinite(r)) body(point(m, p), r * larger_scale(m));
+    }
+  };
+  each([&](Vec3d p, double r) {
+    box.grow(p - Vec3d{r, r, r});
+    box.grow(p + Vec3d{r, r, r});
+  });
+  caster.center = 0.5 * (box.low + box.high);
+  each([&](Vec3d p, double r) {
+    caster.radius = std::max(caster.radius, length(p - caster.center) + r);
+  });
+  return caster;
+}
+
+/// A caster of several placements is a ball round theirs.
 Caster merged(const Caster& a, const Caster& b) {
   const Vec3d to = b.center - a.center;
   const double distance = length(to);
@@ -96,11 +130,7 @@ std::vector<Caster> find_casters(const Scene& scene, const RenderPlan& plan) {
     const uint32_t group = all.placements[k].group;
     const Extent& box = all.extents[all.groups[group].geometry];
     if (!is[group] || box.empty()) continue;
-    const Affine m = all.matrix(k);
-    Extent placed;
-    for (int corner = 0; corner < 8; ++corner) placed.grow(point(m, box.corner(corner)));
-    const Vec3d half = 0.5 * (placed.high - placed.low);
-    casters.push_back({k, k + 1, placed.low + half, length(half)});
+    casters.push_back(ball_round(all, k));
   }
   const auto merge = [&](auto same) {
     std::vector<Caster> fewer;
@@ -131,12 +161,13 @@ double PhotonBeam::power() const {
   return color * light->scale2 * cone / (4 * kPi);
 }
 
-double PhotonBeam::choice(uint32_t i) { return kronecker(i, kSpace[0]); }
+double PhotonBeam::choice(uint32_t i) const { return kronecker(place * count + i, kSpace[0]); }
 
 EmittedPhoton PhotonBeam::photon(uint32_t i) const {
-  const LightPoint along = on_disc(kronecker(i, kPlane[0]), kronecker(i, kPlane[1])),
-                   on = on_disc(kronecker(i, kSpace[1]), kronecker(i, kSpace[2]));
-  const double each = 1.0 / count, r = caster->radius;
+  const uint32_t number = place * count + i;
+  const LightPoint along = on_disc(kronecker(number, kPlane[0]), kronecker(number, kPlane[1])),
+                   on = on_disc(kronecker(place, kPlane[0]), kronecker(place, kPlane[1]));
+  const double each = 1.0 / (double(count) * places), r = caster->radius;
   EmittedPhoton photon;
   if (light->kind == GLINT_SUN) {
     photon.d = direction_in_cone(light->axis, light->versine, on);
@@ -173,13 +204,15 @@ std::vector<PhotonBeam> find_beams(const Scene& scene, const RenderPlan& plan,
   double sum = 0;
   for (const Light& light : scene.lights)
     for (const Caster& caster : casters) {
-      const PhotonBeam beam{&light, &caster};
+      PhotonBeam beam{&light, &caster, 0, light.extended ? kPlaces : 1};
       if (!beam.shines() || !(beam.power() > 0)) continue;
-      beams.push_back(beam);
+      for (; beam.place < beam.places; ++beam.place) beams.push_back(beam);
       sum += std::sqrt(beam.power());
     }
-  for (PhotonBeam& beam : beams)
-    beam.count = uint32_t(std::ceil(plan.photons * (std::sqrt(beam.power()) / sum)));
+  for (PhotonBeam& beam : beams) {
+    const double share = std::sqrt(beam.power()) / (sum * beam.places);
+    beam.count = uint32_t(std::ceil(plan.photons * share));
+  }
   return beams;
 }
 

@@ -22,10 +22,12 @@ struct EmittedPhoton {
   double share = 0;
 };
 
-/// The photons that a lamp sends towards a caster.
+/// The photons that one of some places on a lamp sends towards a caster: from one place they stay
+/// as even as they were sent, wherever mirrors and lenses bring them.
 struct PhotonBeam {
   const Light* light;
   const Caster* caster;
+  uint32_t place, places;
   uint32_t count = 0;
 
   /// Whether its photons may leave: the lamp shines there.
@@ -35,7 +37,7 @@ struct PhotonBeam {
   /// About how much light goes to the caster.
   double power() const;
   /// A number of [0, 1) by which the i-th photon is mirrored or refracted.
-  static double choice(uint32_t i);
+  double choice(uint32_t i) const;
 };
 
 /// What there is in the scene of sharp mirrors and glass.

@@ -14,6 +14,9 @@ constexpr double kThin = 0.25;   // of a photon's reach, how far off its plane i
 constexpr double kAlike = 0.5;   // cosine between the normals of what a photon lights
 constexpr int kFinest = -16;     // exponent of two of the smallest cells: their numbers fit 21 bits
 constexpr uint64_t kNone = ~uint64_t(0);
+// How many others say how far a photon's light reaches: fewer where those of many places of a lamp
+// meet, as these are even by themselves. About so many nodes count at a point.
+constexpr uint32_t kOfOne = 32, kOfMany = 8, kNodes = 8;
 
 /// Whether a photon lights surfaces of that normal in that direction from it.
 bool is_alike(const Photon& photon, Vec3d to, double distance2, Vec3d normal) {
@@ -35,16 +38,16 @@ size_t slot_of(uint64_t key, size_t size) {
 /// A tree of medians over photons (Bentley 1975), to find the nearest ones.
 class PhotonTree {
  public:
-  PhotonTree(const std::vector<Photon>& photons, PhotonRange range)
-      : photons_(photons), order_(range.second - range.first), axis_(order_.size()) {
-    std::iota(order_.begin(), order_.end(), uint32_t(range.first));
+  PhotonTree(const std::vector<Photon>& photons, size_t first, size_t last)
+      : photons_(photons), order_(last - first), axis_(order_.size()) {
+    std::iota(order_.begin(), order_.end(), uint32_t(first));
     split(0, order_.size());
   }
 
   /// The distance to the count-th nearest photon on the same surface; infinity where there are
   /// fewer.
   double reach(uint32_t photon, uint32_t count) const {
-    double heap[64];
+    double heap[kOfOne + 1] = {};
     Search search{photons_[photon], photon, count, heap, 0};
     look(search, 0, order_.size());
     return search.found < count ? kInfinity : std::sqrt(heap[0]);
@@ -107,91 +110,144 @@ class PhotonTree {
   std::vector<uint8_t> axis_;
 };
 
-}  // namespace
-
-PhotonMap::PhotonMap(std::vector<Photon> photons, const std::vector<PhotonRange>& ranges,
-                     ThreadPool& pool)
-    : photons_(std::move(photons)) {
-  for (const PhotonRange& range : ranges) find_radii(range, pool);
-  std::map<int, std::vector<uint32_t>> by_size;
-  for (uint32_t k = 0; k < photons_.size(); ++k) {
-    int exponent = 0;
-    std::frexp(photons_[k].radius, &exponent);
-    by_size[std::max(exponent, kFinest)].push_back(k);
-  }
-  for (const auto& [exponent, of_size] : by_size) levels_.push_back(level_of(exponent, of_size));
-}
-
-/// Of what few others come near the light is spread as far as the farthest of them.
-void PhotonMap::find_radii(PhotonRange range, ThreadPool& pool) {
+/// Sets the radii of photons [first, last): how far the count-th nearest is, or of what fewer come
+/// near the farthest of these; 0 for one alone.
+void find_radii(std::vector<Photon>& photons, size_t first, size_t last, uint32_t count,
+                ThreadPool& pool) {
   constexpr size_t kChunk = 1024;
-  const PhotonTree tree(photons_, range);
-  each_chunk(range.second - range.first, kChunk, pool, [&](size_t k) {
-    const uint32_t number = uint32_t(range.first + k);
+  const PhotonTree tree(photons, first, last);
+  each_chunk(last - first, kChunk, pool, [&](size_t k) {
     double reach = kInfinity;
-    for (uint32_t count = kNeighbours; count > 0 && reach == kInfinity; count /= 2)
-      reach = tree.reach(number, count);
-    photons_[number].radius = reach == kInfinity ? 0 : reach;
+    for (uint32_t some = count; some > 0 && reach == kInfinity; some /= 2)
+      reach = tree.reach(uint32_t(first + k), some);
+    photons[first + k].radius = reach == kInfinity ? 0 : reach;
   });
 }
 
-double PhotonMap::share_of(const Photon& photon, Vec3d x, Vec3d normal) {
+/// Those of photons [first, last), by size.
+std::vector<PhotonCells> cells_of(const std::vector<Photon>& photons, size_t first, size_t last) {
+  std::map<int, std::vector<uint32_t>> by_size;
+  for (size_t k = first; k < last; ++k) {
+    int exponent = 0;
+    std::frexp(photons[k].radius, &exponent);
+    if (photons[k].radius > 0) by_size[std::max(exponent, kFinest)].push_back(uint32_t(k));
+  }
+  std::vector<PhotonCells> cells;
+  for (const auto& [exponent, numbers] : by_size) cells.emplace_back(photons, exponent, numbers);
+  return cells;
+}
+
+/// What a photon counts at a point: 1 - d^2 / r^2 within its radius r, a kernel of Epanechnikov.
+double weight_of(const Photon& photon, Vec3d x, Vec3d normal) {
   const Vec3d to = x - photon.x;
   const double distance2 = dot(to, to), reach2 = photon.radius * photon.radius;
   if (!(distance2 < reach2) || !is_alike(photon, to, reach2, normal)) return 0;
-  return 2 / (kPi * reach2) * (1 - distance2 / reach2);
+  return 1 - distance2 / reach2;
 }
 
-PhotonMap::Level PhotonMap::level_of(int exponent, const std::vector<uint32_t>& photons) const {
-  const double over = std::ldexp(1.0, -exponent);
+/// add(photon, weight) for those that count at a point.
+template <class Add>
+void each_at(const std::vector<Photon>& photons, const std::vector<PhotonCells>& cells, Vec3d x,
+             Vec3d normal, Add add) {
+  for (const PhotonCells& of_size : cells) {
+    const auto [first, last] = of_size.at(x);
+    for (const uint32_t* i = first; i != last; ++i)
+      if (const double weight = weight_of(photons[*i], x, normal); weight > 0)
+        add(photons[*i], weight);
+  }
+}
+
+}  // namespace
+
+PhotonMap::PhotonMap(std::vector<Photon> photons, std::vector<PhotonBundle> bundles,
+                     ThreadPool& pool)
+    : bundles_(std::move(bundles)) {
+  constexpr size_t kChunk = 256;
+  for (uint32_t number = 0; number < bundles_.size(); ++number) {
+    const PhotonBundle& bundle = bundles_[number];
+    const bool many = bundle.ends.size() > 1;
+    const uint32_t count = many ? kOfMany : kOfOne;
+    size_t first = bundle.first;
+    for (const size_t last : bundle.ends) {
+      find_radii(photons, first, last, count, pool);
+      first = last;
+    }
+    const std::vector<PhotonCells> cells = cells_of(photons, bundle.first, first);
+    const size_t step = count * bundle.ends.size() / kNodes, begin = nodes_.size();
+    for (size_t k = bundle.first + step / 2; k < first; k += step) {
+      nodes_.push_back(photons[k]);
+      nodes_.back().bundle = number;
+    }
+    each_chunk(nodes_.size() - begin, kChunk, pool, [&](size_t k) {
+      Photon& node = nodes_[begin + k];
+      Vec3d sum;
+      each_at(photons, cells, node.x, Vec3d(node.normal), [&](const Photon& photon, double weight) {
+        sum += (2 * weight / (kPi * photon.radius * photon.radius)) * Vec3d(photon.flux);
+      });
+      node.flux = Vec3f(sum);
+    });
+    find_radii(nodes_, begin, nodes_.size(), kNodes, pool);
+  }
+  cells_ = cells_of(nodes_, 0, nodes_.size());
+}
+
+void PhotonMap::find(Vec3d x, Vec3d normal, std::vector<Found>& found) const {
+  found.clear();
+  each_at(nodes_, cells_, x, normal, [&](const Photon& node, double weight) {
+    auto at = std::find_if(found.begin(), found.end(),
+                           [&](const Found& one) { return one.bundle == node.bundle; });
+    if (at == found.end()) at = found.insert(at, {node.bundle, 0, {}});
+    at->weight += weight;
+    at->sum += weight * Vec3d(node.flux);
+  });
+}
+
+PhotonCells::PhotonCells(const std::vector<Photon>& photons, int exponent,
+                         const std::vector<uint32_t>& numbers)
+    : over_(std::ldexp(1.0, -exponent)) {
   std::vector<std::pair<uint64_t, uint32_t>> entries;
-  for (const uint32_t k : photons) {
-    const Photon& photon = photons_[k];
+  for (const uint32_t k : numbers) {
+    const Photon& photon = photons[k];
     int64_t low[3], high[3];
-    for (int c = 0; c < 3; ++c) {  // of the disc, as thick as it lights
-      const double n = photon.normal[c];
-      const double reach = std::min(
-          1.0, std::sqrt(std::max(0.0, 1 - n * n)) + kThin * std::fabs(n)) * photon.radius;
-      low[c] = int64_t(std::floor((photon.x[c] - reach) * over));
-      high[c] = int64_t(std::floor((photon.x[c] + reach) * over));
+    for (int c = 0; c < 3; ++c) {  // of the disc, as thick as it counts
+      const double n = double(photon.normal[c]), across = std::sqrt(std::max(0.0, 1 - n * n)),
+                   reach = std::min(1.0, across + kThin * std::fabs(n)) * photon.radius;
+      low[c] = int64_t(std::floor((photon.x[c] - reach) * over_));
+      high[c] = int64_t(std::floor((photon.x[c] + reach) * over_));
     }
     for (int64_t z = low[2]; z <= high[2]; ++z)
       for (int64_t y = low[1]; y <= high[1]; ++y)
         for (int64_t x = low[0]; x <= high[0]; ++x) entries.emplace_back(key_of(x, y, z), k);
   }
   std::sort(entries.begin(), entries.end());
-  Level level;
-  level.exponent = exponent;
-  size_t cells = 0;
+  size_t cells = 0, size = 2;
   for (size_t k = 0; k < entries.size(); ++k)
     cells += k == 0 || entries[k].first != entries[k - 1].first;
-  size_t size = 2;
   while (size < 2 * cells) size *= 2;
-  level.keys.assign(size, kNone);
-  level.begin.resize(size);
-  level.end.resize(size);
+  keys_.assign(size, kNone);
+  begin_.resize(size);
+  end_.resize(size);
   for (size_t k = 0; k < entries.size();) {
     const uint64_t key = entries[k].first;
     size_t slot = slot_of(key, size);
-    while (level.keys[slot] != kNone) slot = (slot + 1) & (size - 1);
-    level.keys[slot] = key;
-    level.begin[slot] = uint32_t(k);
-    while (k < entries.size() && entries[k].first == key) level.photons.push_back(entries[k++].second);
-    level.end[slot] = uint32_t(k);
+    while (keys_[slot] != kNone) slot = (slot + 1) & (size - 1);
+    keys_[slot] = key;
+    begin_[slot] = uint32_t(k);
+    for (; k < entries.size() && entries[k].first == key; ++k)
+      photons_.push_back(entries[k].second);
+    end_[slot] = uint32_t(k);
   }
-  return level;
 }
 
-std::pair<const uint32_t*, const uint32_t*> PhotonMap::Level::at(Vec3d x) const {
-  const double over = std::ldexp(1.0, -exponent);
-  const uint64_t key = key_of(int64_t(std::floor(x.x * over)), int64_t(std::floor(x.y * over)),
-                              int64_t(std::floor(x.z * over)));
-  size_t slot = slot_of(key, keys.size());
-  while (keys[slot] != key) {
-    if (keys[slot] == kNone) return {nullptr, nullptr};
-    slot = (slot + 1) & (keys.size() - 1);
+std::pair<const uint32_t*, const uint32_t*> PhotonCells::at(Vec3d x) const {
+  const auto cell = [&](double along) { return int64_t(std::floor(along * over_)); };
+  const uint64_t key = key_of(cell(x.x), cell(x.y), cell(x.z));
+  size_t slot = slot_of(key, keys_.size());
+  while (keys_[slot] != key) {
+    if (keys_[slot] == kNone) return {nullptr, nullptr};
+    slot = (slot + 1) & (keys_.size() - 1);
   }
-  return {photons.data() + begin[slot], photons.data() + end[slot]};
+  return {photons_.data() + begin_[slot], photons_.data() + end_[slot]};
 }
 
 }  // namespace glint

@@ -1,5 +1,6 @@
 // Light of lamps by way of mirrors and glass, as photons on what is matt (Jensen 1996, Global
-// illumination using photon maps).
+// illumination using photon maps). What they come to is known at some of them and read from these
+// (Christensen 1999, Faster photon map global illumination).
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -10,57 +11,56 @@
 namespace glint {
 
 /// Where light of a lamp arrives. normal: the face's, on the side that it comes to. flux: over pi,
-/// of anchored areas.
+/// of anchored areas; of a node the irradiance there, over pi.
 struct Photon {
   Vec3d x;
   Vec3f normal, flux;
-  double radius = 0;  // within which it lights
-  int32_t group = -1;  // of lights
+  double radius = 0;  // within which it counts
+  uint32_t bundle = 0;
 };
 
-/// Photons of one lamp by way of one caster, one after the other.
-using PhotonRange = std::pair<size_t, size_t>;
+/// The photons of one lamp by way of one caster. ends: of those from each place of the lamp, one
+/// after the other.
+struct PhotonBundle {
+  int group = -1;  // of lights, as the lamp's
+  size_t first = 0;
+  std::vector<size_t> ends;
+};
+
+/// Cells of one size, each with the photons that count in it.
+class PhotonCells {
+ public:
+  PhotonCells(const std::vector<Photon>& photons, int exponent,
+              const std::vector<uint32_t>& numbers);
+  /// Those of the cell that x is in, in their order.
+  std::pair<const uint32_t*, const uint32_t*> at(Vec3d x) const;
+
+ private:
+  double over_;                 // of a cell's side, which is a power of two
+  std::vector<uint64_t> keys_;  // open addressing
+  std::vector<uint32_t> begin_, end_, photons_;
+};
 
 class PhotonMap {
  public:
-  /// Radii are those of the photons to be.
-  PhotonMap(std::vector<Photon> photons, const std::vector<PhotonRange>& ranges, ThreadPool& pool);
+  PhotonMap(std::vector<Photon> photons, std::vector<PhotonBundle> bundles, ThreadPool& pool);
 
-  bool empty() const { return photons_.empty(); }
-  size_t size() const { return photons_.size(); }
-
-  /// add(photon, share) for the photons that light the point x on the side of the normal, in their
-  /// order level by level; share: of its flux an area.
-  template <class Add>
-  void each_at(Vec3d x, Vec3d normal, Add add) const {
-    for (const Level& level : levels_) {
-      const auto [first, last] = level.at(x);
-      for (const uint32_t* i = first; i != last; ++i) {
-        const Photon& photon = photons_[*i];
-        const double share = share_of(photon, x, normal);
-        if (share > 0) add(photon, share);
-      }
-    }
-  }
+  /// What a bundle comes to at a point: sums over nodes, by weight.
+  struct Found {
+    uint32_t bundle;
+    double weight;
+    Vec3d sum;
+    /// Irradiance over pi. It ends gently where nodes do.
+    Vec3d light() const { return (1 / std::max(weight, 0.5)) * sum; }
+  };
+  /// On the side of the normal.
+  void find(Vec3d x, Vec3d normal, std::vector<Found>& found) const;
+  int group(const Found& found) const { return bundles_[found.bundle].group; }
 
  private:
-  static constexpr uint32_t kNeighbours = 32;  // that say how far a photon's light reaches
-
-  /// Of its flux an area at a point: a kernel of Epanechnikov.
-  static double share_of(const Photon& photon, Vec3d x, Vec3d normal);
-
-  /// Cells of one size, each with the photons whose light reaches into it.
-  struct Level {
-    int exponent;  // of two, that is a cell's side
-    std::vector<uint64_t> keys;  // open addressing; kNone: empty
-    std::vector<uint32_t> begin, end, photons;
-    std::pair<const uint32_t*, const uint32_t*> at(Vec3d x) const;
-  };
-  void find_radii(PhotonRange range, ThreadPool& pool);
-  Level level_of(int exponent, const std::vector<uint32_t>& photons) const;
-
-  std::vector<Photon> photons_;
-  std::vector<Level> levels_;
+  std::vector<PhotonBundle> bundles_;
+  std::vector<Photon> nodes_;
+  std::vector<PhotonCells> cells_;  // by size
 };
 
 }  // namespace glint

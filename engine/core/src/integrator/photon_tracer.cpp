@@ -12,53 +12,13 @@ constexpr uint32_t kAtOnce = 4096;  // photons
 
 }  // namespace
 
-void PhotonTracer::ShadowColumns::reserve(size_t rows) {
-  columns.reserve(rows + kPad);
-  point.resize(columns.rows());
-  size_t next = 0;
-  for (auto* three : {&x, &o, &d, &end, &shadow})
-    for (double*& column : *three) column = columns[next++];
-  t_max = columns[next++];
-  zeros = columns[next++];
-}
-
-void PhotonTracer::ShadowColumns::put(size_t i, Vec3d from, Vec3d start, Vec3d along, Vec3d at) {
-  set_row(x, i, from);
-  set_row(o, i, start);
-  set_row(d, i, along);
-  set_row(end, i, at);
-  point[i] = uint32_t(i);
-}
-
-/// Fills up what kernels may read beyond the rays.
-void PhotonTracer::ShadowColumns::pad(size_t count) {
-  for (size_t i = count; i < count + kPad; ++i) {
-    put(i, row(x, 0), row(o, 0), row(d, 0), row(end, 0));
-    t_max[i] = t_max[0];
-  }
-  std::fill_n(zeros, count + kPad, 0.0);
-}
-
-void PhotonTracer::ShadowColumns::lend(LightStage& stage) {
-  for (size_t c = 0; c < 3; ++c) {
-    stage.origin[c] = x[c];
-    stage.o[c] = o[c];
-    stage.to[c] = d[c];
-    stage.end_out[c] = end[c];
-  }
-  stage.point = point.data();
-  stage.t_max = t_max;
-}
-
-PhotonTracer::PhotonTracer(const Scene& scene, const RenderPlan& plan, const Stages& stages,
-                           const std::atomic<bool>& cancel)
+PhotonTracer::PhotonTracer(const Scene& scene, const RenderPlan& plan, const Stages& stages)
     : scene_(scene),
       plan_(plan),
       stages_(stages),
       shader_(scene, plan, stages),
       queries_(scene, plan, stages, scratch_),
       media_(scene, scratch_),
-      shadows_(scene, stages, cancel, scratch_),
       program_(scene, stages),
       batch_(scene, 0, false),
       slots_(size_t(scene.programs.most_slots) * kBlock) {}
@@ -89,7 +49,8 @@ void PhotonTracer::emit(uint32_t first, uint32_t last) {
     path.start = photon.o;
     path.slot = uint32_t(ways_.size());
     now_.push({photon.o, photon.d, 0, kInfinity, kShadow}, path);
-    ways_.push_back({beam_->light->endless() ? photon.d : photon.at, photon.share * beam_->light->color, PhotonBeam::choice(i)});
+    ways_.push_back(
+        {photon.at, photon.d, photon.share * beam_->light->color, beam_->choice(i)});
   }
   sums_.resize(ways_.size());
   before_.resize(ways_.size());
@@ -196,54 +157,23 @@ void PhotonTracer::shade(const Queue& queue) {
 /// Adds the photons that were mirrored or refracted where they meet what is matt.
 void PhotonTracer::arrive(const Queue& queue, std::vector<Photon>& arrived) {
   if (queue.visibility == kShadow) return;
-  arriving_.clear();
-  for (uint32_t k = 0; k < queue.size(); ++k) {
+  for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.missed(k) || !batch_.lit[k]) continue;
     const bool matt = any(row(batch_.diffuse, k)) ||
                       (batch_.translucent[0] && any(row(batch_.translucent, k)));
-    if (matt && finite(queue.weight(k))) arriving_.push_back(k);
-  }
-  if (plan_.refractive_caustics && scene_.features & GLINT_FEATURE_TRANSPARENT) drop_lit(queue);
-  for (const uint32_t k : arriving_) {
-    const Vec3d flux = queue.weight(k) * ways_[queue.slot(k)].color;
-    arrived.push_back({row(batch_.points.x, k), Vec3f(row(batch_.points.g, k)), Vec3f(flux), 0,
-                       beam_->light->group});
+    const Way& way = ways_[queue.slot(k)];
+    const Vec3d flux = queue.weight(k) * way.color;
+    if (!matt || !any(flux) || !finite(flux) || comes_straight(way, queue.ray(k).d)) continue;
+    arrived.push_back({row(batch_.points.x, k), Vec3f(row(batch_.points.g, k)), Vec3f(flux)});
   }
 }
 
-/// Of those that arrive, leaves out what glass alone bent where light of the same place of the lamp
-/// comes straight: this is counted.
-void PhotonTracer::drop_lit(const Queue& queue) {
-  const Light& light = *beam_->light;
-  lit_.assign(queue.size(), 0);
-  asked_.clear();
-  ShadowColumns& to = shadow_columns_;
-  to.reserve(arriving_.size());
-  for (const uint32_t k : arriving_) {
-    const Way& way = ways_[queue.slot(k)];
-    if (!way.refracted) continue;
-    const Vec3d x = row(batch_.points.x, k), g = row(batch_.points.g, k),
-                way_to = light.endless() ? -way.from : way.from - x;
-    if (!(dot(way_to, g) > 0)) continue;
-    const size_t i = asked_.size();
-    asked_.push_back(k);
-    const Vec3d o = x + batch_.points.offset[k] * g;
-    to.put(i, x, o, unit(way_to), way.from);
-    const double far = length(way.from - o);
-    to.t_max[i] = light.endless() ? kInfinity
-                                  : far - rounding(std::max(max_abs(way.from), max_abs(o)));
-  }
-  if (asked_.empty()) return;
-  to.pad(asked_.size());
-  if (light.casts_shadow()) {
-    LightStage stage{};
-    stage.shape = light.endless() ? kDirection : kPointSource;
-    to.lend(stage);
-    shadows_.trace(stage, scene_.trees.opacity(light), to.zeros, asked_.size(), to.shadow, counts_);
-  }
-  for (size_t i = 0; i < asked_.size(); ++i)
-    lit_[asked_[i]] = !light.casts_shadow() || any(row(to.shadow, i));
-  std::erase_if(arriving_, [&](uint32_t k) { return lit_[k] != 0; });
+/// Whether the lamp's own light is counted that takes this way as if nothing bent it.
+bool PhotonTracer::comes_straight(const Way& way, Vec3d d) const {
+  const Vec3d turned = d - way.d;
+  const bool is_out = std::fabs(way.narrowed - 1) < TransparentShadows::kAlike;
+  constexpr double most = TransparentShadows::kMostBent;
+  return way.passed && (!is_out || dot(turned, turned) <= most * most);
 }
 
 /// Of the rays that leave a surface one goes on.
@@ -274,12 +204,20 @@ void PhotonTracer::go_on(const Queue& queue) {
     Path path = rays.path(r);
     path.T = (whole / size) * path.T;
     const bool turns = path.depth > queue.depth(k);
-    if (turns && rays.is_refracted(r)) path.T = narrowing(k) * path.T;
-    if (turns) way.refracted &= rays.is_refracted(r);
+    if (turns) turn(way, path, k, rays.is_refracted(r));
     if (turns && queue.visibility == kShadow && beam_->light->program) asks_.push_back(slot);
     (path.depth > 0 ? bent_ : next_).push(rays.ray(r), path);
   });
   if (!asks_.empty()) apply_program(queue);
+}
+
+/// Notes that row k mirrored or refracted a photon.
+void PhotonTracer::turn(Way& way, Path& path, size_t k, bool refracted) const {
+  way.passed &= refracted && scene_.materials[batch_.material[k]].is_dense;
+  if (!refracted) return;
+  const double narrowed = narrowing(k);
+  way.narrowed *= narrowed;
+  path.T = narrowed * path.T;
 }
 
 /// How large a ray is that leaves a surface of the queue; 0 where it may not be.
@@ -344,18 +282,21 @@ std::shared_ptr<const PhotonMap> trace_photons(const Scene& scene, const RenderP
   const size_t threads = std::min(pool.size(), parts.size());
   std::atomic<size_t> next{0};
   pool.run(threads, [&](size_t) {
-    PhotonTracer tracer(scene, plan, best_stages(), cancel);
+    PhotonTracer tracer(scene, plan, best_stages());
     for (size_t k; !cancel && (k = next++) < parts.size();)
       tracer.trace(beams[parts[k].beam], parts[k].first, parts[k].last, parts[k].arrived);
   });
   std::vector<Photon> photons;
-  std::vector<PhotonRange> ranges(beams.size());
+  std::vector<PhotonBundle> bundles;
   for (const Part& part : parts) {
-    if (part.first == 0) ranges[part.beam].first = photons.size();
+    const PhotonBeam& beam = beams[part.beam];
+    if (part.first == 0 && beam.place == 0)
+      bundles.push_back({beam.light->group, photons.size(), {}});
+    if (part.first == 0) bundles.back().ends.push_back(0);
     photons.insert(photons.end(), part.arrived.begin(), part.arrived.end());
-    ranges[part.beam].second = photons.size();
+    bundles.back().ends.back() = photons.size();
   }
-  return std::make_shared<const PhotonMap>(std::move(photons), ranges, pool);
+  return std::make_shared<const PhotonMap>(std::move(photons), std::move(bundles), pool);
 }
 
 }  // namespace glint

@@ -17,8 +17,7 @@ namespace glint {
 /// One thread's. What it finds of a photon depends on that photon alone.
 class PhotonTracer {
  public:
-  PhotonTracer(const Scene& scene, const RenderPlan& plan, const Stages& stages,
-               const std::atomic<bool>& cancel);
+  PhotonTracer(const Scene& scene, const RenderPlan& plan, const Stages& stages);
   PhotonTracer(const PhotonTracer&) = delete;
   PhotonTracer& operator=(const PhotonTracer&) = delete;
 
@@ -28,21 +27,11 @@ class PhotonTracer {
  private:
   /// What is known of a photon, by its slot.
   struct Way {
-    Vec3d from;             // on the lamp; of an endless one its direction
-    Vec3d color;            // of the lamp, as much as the photon carries of it
-    double choice;          // by which it is mirrored or refracted, in [0, 1)
-    bool refracted = true;  // and never mirrored
-  };
-
-  /// Rays to a lamp, as shadows read them.
-  struct ShadowColumns {
-    Columns columns{17};
-    double *x[3], *o[3], *d[3], *end[3], *shadow[3], *t_max, *zeros;
-    std::vector<uint32_t> point;
-    void reserve(size_t rows);
-    void put(size_t i, Vec3d from, Vec3d start, Vec3d along, Vec3d at);
-    void pad(size_t count);
-    void lend(LightStage& stage);
+    Vec3d from, d;        // on the lamp, and from there
+    Vec3d color;          // of the lamp, as much as the photon carries of it
+    double choice;        // by which it is mirrored or refracted, in [0, 1)
+    double narrowed = 1;  // as shadows have it
+    bool passed = true;   // by nothing but what lets light pass straight as well
   };
 
   void emit(uint32_t first, uint32_t last);
@@ -52,9 +41,10 @@ class PhotonTracer {
   void dim(Queue& queue);
   void shade(const Queue& queue);
   void arrive(const Queue& queue, std::vector<Photon>& arrived);
-  void drop_lit(const Queue& queue);
+  bool comes_straight(const Way& way, Vec3d d) const;
   void go_on(const Queue& queue);
   double allowed(const Queue& queue, const Queue& rays, size_t ray) const;
+  void turn(Way& way, Path& path, size_t k, bool refracted) const;
   double narrowing(size_t k) const;
   void apply_program(const Queue& queue);
 
@@ -65,7 +55,6 @@ class PhotonTracer {
   Shader shader_;
   SceneQueries queries_;
   MediaSpans media_;
-  TransparentShadows shadows_;
   LightProgram program_;
   Batch batch_;
   RayCounts counts_;
@@ -78,11 +67,6 @@ class PhotonTracer {
   std::vector<double> slots_, ends_, sums_, before_;  // the last two of each slot
   std::vector<uint32_t> row_of_;                      // of the queue, of each slot
   std::vector<uint32_t> asks_;                        // slots whose light's program is to be run
-  std::vector<uint32_t> arriving_;    // rows that arrive at what is matt
-  // Of those that came through glass alone, rays back to the lamp.
-  ShadowColumns shadow_columns_;
-  std::vector<uint32_t> asked_;
-  std::vector<uint8_t> lit_;  // of all rows: whether the lamp lights them straight
 };
 
 /// The photons of a picture; null where nothing throws any.

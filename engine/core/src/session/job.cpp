@@ -30,12 +30,13 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
 
 /// The passes of light by the kind of surface, of media and of catchers, that the scene may give
 /// any of.
-Passes lights_of(const Scene& scene) {
+Passes lights_of(const Scene& scene, const RenderPlan& plan) {
   constexpr Passes all = 7, of_media = 3;  // direct, indirect and, of surfaces, their colour
   Passes lights = all << GLINT_PASS_DIFFUSE_DIRECT;
   if (scene.materials.max_specular > 0 || scene.features & GLINT_FEATURE_MIRROR)
     lights |= all << GLINT_PASS_GLOSSY_DIRECT;
   if (scene.features & GLINT_FEATURE_REFRACTION) lights |= all << GLINT_PASS_TRANSMISSION_DIRECT;
+  if (plan.throws_photons()) lights |= pass_bit(kThrownLight);
   if (scene.features & GLINT_FEATURE_MEDIA) lights |= of_media << GLINT_PASS_VOLUME_DIRECT;
   if (scene.features & GLINT_FEATURE_SHADOW_CATCHER)
     lights |= pass_bit(GLINT_PASS_SHADOW_CATCHER) | all << kCaughtLight;
@@ -59,7 +60,7 @@ Job::Job(Scene& scene, const GlintRenderSettings& settings)
       plan_(settings, scene),
       film_(plan_.region, plan_.traced, plan_.shown, plan_.passes, plan_.error_threshold,
             plan_.light_samples, plan_.crypto_ids, scene.aov_count, scene.light_group_count,
-            plan_.reflects_gloss, plan_.resolves ? plan_.interleaving : 1, lights_of(scene)),
+            plan_.reflects_gloss, plan_.resolves ? plan_.interleaving : 1, lights_of(scene, plan_)),
       thread_([this] { work(); }) {}
 
 Job::~Job() {
