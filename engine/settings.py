@@ -412,15 +412,6 @@ class Settings:
         "Whether light passes glass on its way to what is matt",
         choices=_REFRACTIVE_CAUSTICS,
     )
-    photons: int = _setting(
-        0,
-        "Photons",
-        "How many photons are followed from lamps through mirrors and glass to what is matt: the "
-        "more, the finer are the lines and patches of light there. 0: none are, and mirrors throw "
-        "light softly",
-        high=1 << 24,
-        remedy="0 to 16777216",
-    )
     clamp_indirect: float = _setting(
         0.0,
         "Clamp Indirect",
@@ -452,6 +443,7 @@ class Settings:
     )
     filter_width: float = _setting(1.5, high=100, remedy="0 to 100 pixels")
     crypto_ids: int = _setting(6, low=1, high=64, remedy="1 to 64")
+    photons: int = _setting(0, high=1 << 22, remedy="0 (none) to 4194304")
     passes: frozenset[str] = frozenset()
     region: tuple[int, int, int, int] | None = None
 
@@ -548,6 +540,8 @@ class Settings:
             yield f"samples × light_samples is {points}: use at most {MOST_LIGHT_POINTS}"
         elif (rays := self.camera_rays) > MOST_LIGHT_POINTS:
             yield f"samples × visibility_samples is {rays}: use at most {MOST_LIGHT_POINTS}"
+        if self.photons and self.backend == "NUMPY":
+            yield f"photons is {self.photons}: use 0, the NumPy tracer follows none"
         if unknown := sorted(str(name) for name in self.passes if name not in PASSES):
             yield f"no such pass: {', '.join(unknown)}"
         if self.region is not None and not _is_region(self.region):
