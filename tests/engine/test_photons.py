@@ -23,7 +23,9 @@ GLASS = Material(
 PHOTONS = 1 << 16
 
 
-def over_ground(thing, material: Material, light: Light, half: float = 1.5, size: int = 31) -> Scene:
+def over_ground(
+    thing, material: Material, light: Light, half: float = 1.5, size: int = 31
+) -> Scene:
     """A thing that the camera, high above, does not see, and what it throws on a matt ground. Light
     passes this from below.
     """

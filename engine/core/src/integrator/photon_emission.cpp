@@ -79,7 +79,7 @@ double larger_scale(const Affine& m) {
 Caster ball_round(const InstanceTable& all, uint32_t placement) {
   const GlintGeometry& geometry = all.geometry(all.group(placement));
   const Affine m = all.matrix(placement);
-  Caster caster{placement, placement + 1};
+  Caster caster{placement, placement + 1, {}, 0};
   Extent box;
   const auto each = [&](auto body) {
     for (uint64_t i = 0; i < geometry.vertex_count; ++i) {

@@ -10,9 +10,9 @@
 namespace glint {
 namespace {
 
-constexpr double kThin = 0.25;   // of a photon's reach, how far off its plane it lights
-constexpr double kAlike = 0.5;   // cosine between the normals of what a photon lights
-constexpr int kFinest = -16;     // exponent of two of the smallest cells: their numbers fit 21 bits
+constexpr double kThin = 0.25;  // of a photon's reach, how far off its plane it lights
+constexpr double kAlike = 0.5;  // cosine between the normals of what a photon lights
+constexpr int kFinest = -16;    // exponent of two of the smallest cells: their numbers fit 21 bits
 constexpr uint64_t kNone = ~uint64_t(0);
 // How many others say how far a photon's light reaches: fewer where those of many places of a lamp
 // meet, as these are even by themselves. About so many nodes count at a point.
@@ -162,33 +162,42 @@ void each_at(const std::vector<Photon>& photons, const std::vector<PhotonCells>&
 PhotonMap::PhotonMap(std::vector<Photon> photons, std::vector<PhotonBundle> bundles,
                      ThreadPool& pool)
     : bundles_(std::move(bundles)) {
-  constexpr size_t kChunk = 256;
   for (uint32_t number = 0; number < bundles_.size(); ++number) {
-    const PhotonBundle& bundle = bundles_[number];
-    const bool many = bundle.ends.size() > 1;
+    PhotonBundle& bundle = bundles_[number];
+    const size_t last = bundle.ends.back(), places = bundle.ends.size();
+    const bool many = places > 1 && last - bundle.first >= kOfOne * places;
+    if (!many) bundle.ends = {last};  // few tell more together
     const uint32_t count = many ? kOfMany : kOfOne;
-    size_t first = bundle.first;
-    for (const size_t last : bundle.ends) {
-      find_radii(photons, first, last, count, pool);
-      first = last;
+    size_t begin = bundle.first;
+    for (const size_t end : bundle.ends) {
+      find_radii(photons, begin, end, count, pool);
+      begin = end;
     }
-    const std::vector<PhotonCells> cells = cells_of(photons, bundle.first, first);
-    const size_t step = count * bundle.ends.size() / kNodes, begin = nodes_.size();
-    for (size_t k = bundle.first + step / 2; k < first; k += step) {
-      nodes_.push_back(photons[k]);
-      nodes_.back().bundle = number;
-    }
-    each_chunk(nodes_.size() - begin, kChunk, pool, [&](size_t k) {
-      Photon& node = nodes_[begin + k];
-      Vec3d sum;
-      each_at(photons, cells, node.x, Vec3d(node.normal), [&](const Photon& photon, double weight) {
-        sum += (2 * weight / (kPi * photon.radius * photon.radius)) * Vec3d(photon.flux);
-      });
-      node.flux = Vec3f(sum);
-    });
-    find_radii(nodes_, begin, nodes_.size(), kNodes, pool);
+    add_nodes(photons, number, count * bundle.ends.size() / kNodes, pool);
   }
   cells_ = cells_of(nodes_, 0, nodes_.size());
+}
+
+/// One of so many photons of a bundle each.
+void PhotonMap::add_nodes(const std::vector<Photon>& photons, uint32_t number, size_t step,
+                          ThreadPool& pool) {
+  constexpr size_t kChunk = 256;
+  const size_t from = bundles_[number].first, end = bundles_[number].ends.back(),
+               first = nodes_.size();
+  const std::vector<PhotonCells> cells = cells_of(photons, from, end);
+  for (size_t k = from + step / 2; k < end; k += step) {
+    nodes_.push_back(photons[k]);
+    nodes_.back().bundle = number;
+  }
+  each_chunk(nodes_.size() - first, kChunk, pool, [&](size_t k) {
+    Photon& node = nodes_[first + k];
+    Vec3d sum;
+    each_at(photons, cells, node.x, Vec3d(node.normal), [&](const Photon& photon, double weight) {
+      sum += (2 * weight / (kPi * photon.radius * photon.radius)) * Vec3d(photon.flux);
+    });
+    node.flux = Vec3f(sum);
+  });
+  find_radii(nodes_, first, nodes_.size(), kNodes, pool);
 }
 
 void PhotonMap::find(Vec3d x, Vec3d normal, std::vector<Found>& found) const {

@@ -2,7 +2,9 @@
 // illumination using photon maps). What they come to is known at some of them and read from these
 // (Christensen 1999, Faster photon map global illumination).
 #pragma once
+#include <algorithm>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "math/vec.h"
@@ -58,6 +60,9 @@ class PhotonMap {
   int group(const Found& found) const { return bundles_[found.bundle].group; }
 
  private:
+  void add_nodes(const std::vector<Photon>& photons, uint32_t number, size_t step,
+                 ThreadPool& pool);
+
   std::vector<PhotonBundle> bundles_;
   std::vector<Photon> nodes_;
   std::vector<PhotonCells> cells_;  // by size

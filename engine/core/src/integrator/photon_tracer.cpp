@@ -49,8 +49,7 @@ void PhotonTracer::emit(uint32_t first, uint32_t last) {
     path.start = photon.o;
     path.slot = uint32_t(ways_.size());
     now_.push({photon.o, photon.d, 0, kInfinity, kShadow}, path);
-    ways_.push_back(
-        {photon.at, photon.d, photon.share * beam_->light->color, beam_->choice(i)});
+    ways_.push_back({photon.at, photon.d, photon.share * beam_->light->color, beam_->choice(i)});
   }
   sums_.resize(ways_.size());
   before_.resize(ways_.size());
@@ -149,8 +148,8 @@ void PhotonTracer::shade(const Queue& queue) {
     if (varying.program && varying.program->asks_rays)
       varying.queries = queries_.at(batch_, 0, counts_);
     const size_t leaving = stages_.vary(varying);
-    if (leaving > 0) shader_.send_all(batch_, batch_.passing_rows.data(), leaving,
-                                      {straight_, turned_});
+    if (leaving > 0)
+      shader_.send_all(batch_, batch_.passing_rows.data(), leaving, {straight_, turned_});
   }
 }
 
@@ -159,8 +158,8 @@ void PhotonTracer::arrive(const Queue& queue, std::vector<Photon>& arrived) {
   if (queue.visibility == kShadow) return;
   for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.missed(k) || !batch_.lit[k]) continue;
-    const bool matt = any(row(batch_.diffuse, k)) ||
-                      (batch_.translucent[0] && any(row(batch_.translucent, k)));
+    const bool matt =
+        any(row(batch_.diffuse, k)) || (batch_.translucent[0] && any(row(batch_.translucent, k)));
     const Way& way = ways_[queue.slot(k)];
     const Vec3d flux = queue.weight(k) * way.color;
     if (!matt || !any(flux) || !finite(flux) || comes_straight(way, queue.ray(k).d)) continue;
@@ -193,9 +192,8 @@ void PhotonTracer::go_on(const Queue& queue) {
     const uint32_t slot = rays.slot(r), k = row_of_[slot];
     Way& way = ways_[slot];
     // what was never bent goes on in any case; then as much as surfaces give back (roulette)
-    const double whole = queue.visibility == kShadow
-                             ? sums_[slot]
-                             : std::max(sums_[slot], max_abs(queue.weight(k)));
+    const double whole =
+        queue.visibility == kShadow ? sums_[slot] : std::max(sums_[slot], max_abs(queue.weight(k)));
     const double at = way.choice * whole, start = before_[slot];
     before_[slot] += size;
     if (!(at >= start && at < before_[slot])) return;
@@ -296,6 +294,7 @@ std::shared_ptr<const PhotonMap> trace_photons(const Scene& scene, const RenderP
     photons.insert(photons.end(), part.arrived.begin(), part.arrived.end());
     bundles.back().ends.back() = photons.size();
   }
+  if (photons.empty() || cancel) return nullptr;
   return std::make_shared<const PhotonMap>(std::move(photons), std::move(bundles), pool);
 }
 

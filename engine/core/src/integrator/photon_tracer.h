@@ -1,6 +1,7 @@
 // Photons from lamps through what is specular to what is not.
 #pragma once
 #include <atomic>
+#include <memory>
 #include <vector>
 
 #include "integrator/batch.h"
