@@ -443,6 +443,7 @@ class Settings:
     )
     filter_width: float = _setting(1.5, high=100, remedy="0 to 100 pixels")
     crypto_ids: int = _setting(6, low=1, high=64, remedy="1 to 64")
+    photons: int = _setting(0, high=1 << 22, remedy="0 (none) to 4194304")
     passes: frozenset[str] = frozenset()
     region: tuple[int, int, int, int] | None = None
 
@@ -539,6 +540,8 @@ class Settings:
             yield f"samples × light_samples is {points}: use at most {MOST_LIGHT_POINTS}"
         elif (rays := self.camera_rays) > MOST_LIGHT_POINTS:
             yield f"samples × visibility_samples is {rays}: use at most {MOST_LIGHT_POINTS}"
+        if self.photons and self.backend == "NUMPY":
+            yield f"photons is {self.photons}: use 0, the NumPy tracer follows none"
         if unknown := sorted(str(name) for name in self.passes if name not in PASSES):
             yield f"no such pass: {', '.join(unknown)}"
         if self.region is not None and not _is_region(self.region):

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 77
+ABI_VERSION = 78
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -434,10 +434,10 @@ class RenderSettingsData(Structure):
         *_each(c_uint32, "occlusion_samples opening_samples interleaving bounces volume_bounces"),
         *_each(c_uint32, "bounce_levels dome_rows dome_columns dome_irradiance_rows"),
         *_each(c_uint32, "dome_irradiance_columns camera_block lobe_levels crypto_ids max_bounces"),
-        *_each(c_uint32, "threads"),
+        *_each(c_uint32, "photons threads"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections moving resolves"),
-        *_each(c_int32, "reflective_caustics"),
+        *_each(c_int32, "reflective_caustics refractive_caustics"),
     ]
 
 

@@ -67,6 +67,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.interleaving = interleaving(scene, settings)
     data.resolves = settings.soft_light == "RESOLVED"
     data.reflective_caustics = settings.reflective_caustics == "ON"
+    data.refractive_caustics = settings.refractive_caustics == "ON"
     for name in _SAME:
         setattr(data, name, getattr(settings, name))
     data.visibility_samples = each

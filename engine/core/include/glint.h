@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 77
+#define GLINT_ABI_VERSION 78
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -433,40 +433,41 @@ typedef struct GlintNeighbour {
  * covers take no further samples after a wave. 0: all take all. cutoff: mirror and refraction rays
  * with no channel of their weight as large end there, 0 to 1. clamp_indirect: the most that a ray
  * adds to a sample but from the camera, the mean of the channels; 0: all. reflective_caustics:
- * whether gloss and mirrors throw light on to what is matt. acceleration: of the
- * first render of a scene counts, the trees are kept. remember: keep what the first wave hit and
- * which lights it saw, some 30 bytes a pixel, in the scene and those that take its trees over, so
- * that a render of other lights, materials or surroundings need not trace it again. It has the same
- * bits. lens_points: null for a pinhole, else (camera_block², samples, 2) points of the lens along
- * the camera's u and v, of each pixel of a block of camera_block² pixels of the frame, row by row;
- * lens_focus: the depth where everything is sharp, camera units. camera_frames: null for a camera
- * that stands still, else (camera_block², samples, 12) its world_from_camera of each sample.
- * scatter_offsets: (scatter_count), a number of (0, 1) for each sample; null only where no medium
- * scatters: by how much the places on rays are shifted from which media do, volume_samples at least
- * for each light. moving: each sample is of a scene of its own, see glint_render_move. crypto_ids:
- * how many of a pixel Cryptomatte passes tell, 1 to 64 where one is asked for, two numbers each.
- * lamp_shadows: where more than twice as many lamps cast shadows and have no program, a point sends
- * so many of its rays to them, times the samples of a soft one; 0: one to each, up to 1024.
- * medium_shadows: how many rays of a point and sample the points of all GLINT_MEDIUM_LIGHTs share,
- * 1 to medium_samples. neighbours: null where nothing moves, else two, of the frame before and of
- * the one after. occlusion_points: (occlusion_count, 2) of the unit disc, below the directions of
- * GLINT_PASS_AMBIENT_OCCLUSION, of as many samples, occlusion_samples each, as divide it, after
- * which they begin again; null only where nobody asks for it. node_points: (node_point_count, 5),
- * where programs that ask for rays look (program.h, NodePoint), points of the unit disc and an
- * axis, 0 to 2; null only where none does. subsurface_points: (subsurface_count, 6), of as many
- * samples, after which they begin again: the shares of the light of a point that come out of the
- * surface within the nearest and the farthest radius that a sample stands for, and within its own,
- * in this order: least, own, most; the cosine and the sine of the angle round the point; which of
- * the two axes across the normal the sample looks along, 1 or 2. Null: all light comes out where it
- * goes in. interleaving: side of the blocks of pixels over which samples are dealt, a power of two
- * up to 8, 1 for none: the tables of lights, lobes and gather rays then hold the samples of all
- * pixels of a block (engine/sampling, dealt_sample). resolves: light with noise is averaged over
- * the pixels of a block. bounces: how often surfaces scatter light onto others, volume_bounces: 0,
- * or 1 where that lights media, too; bounce_points: (bounce_levels, bounce_count, 3), for each
- * bounce of a path, the first ones again after bounce_levels of them, and for each of as many
- * samples, after which they begin again: a point of the unit disc below the direction, and a number
- * of [0, 1) below which the share of its light must not lie that a later bounce is worth. Null only
- * where bounces is 0. */
+ * whether gloss and mirrors throw light on to what is matt. refractive_caustics: whether what glass
+ * bends lights that. photons: of lamps' light that mirrors and glass throw so, 0: it is not
+ * followed. acceleration: of the first render of a scene counts, the trees are kept. remember: keep
+ * what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
+ * that take its trees over, so that a render of other lights, materials or surroundings need not
+ * trace it again. It has the same bits. lens_points: null for a pinhole, else (camera_block²,
+ * samples, 2) points of the lens along the camera's u and v, of each pixel of a block of
+ * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
+ * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
+ * 12) its world_from_camera of each sample. scatter_offsets: (scatter_count), a number of (0, 1)
+ * for each sample; null only where no medium scatters: by how much the places on rays are shifted
+ * from which media do, volume_samples at least for each light. moving: each sample is of a scene of
+ * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
+ * where one is asked for, two numbers each. lamp_shadows: where more than twice as many lamps cast
+ * shadows and have no program, a point sends so many of its rays to them, times the samples of a
+ * soft one; 0: one to each, up to 1024. medium_shadows: how many rays of a point and sample the
+ * points of all GLINT_MEDIUM_LIGHTs share, 1 to medium_samples. neighbours: null where nothing
+ * moves, else two, of the frame before and of the one after. occlusion_points: (occlusion_count, 2)
+ * of the unit disc, below the directions of GLINT_PASS_AMBIENT_OCCLUSION, of as many samples,
+ * occlusion_samples each, as divide it, after which they begin again; null only where nobody asks
+ * for it. node_points: (node_point_count, 5), where programs that ask for rays look (program.h,
+ * NodePoint), points of the unit disc and an axis, 0 to 2; null only where none does.
+ * subsurface_points: (subsurface_count, 6), of as many samples, after which they begin again: the
+ * shares of the light of a point that come out of the surface within the nearest and the farthest
+ * radius that a sample stands for, and within its own, in this order: least, own, most; the cosine
+ * and the sine of the angle round the point; which of the two axes across the normal the sample
+ * looks along, 1 or 2. Null: all light comes out where it goes in. interleaving: side of the blocks
+ * of pixels over which samples are dealt, a power of two up to 8, 1 for none: the tables of lights,
+ * lobes and gather rays then hold the samples of all pixels of a block (engine/sampling,
+ * dealt_sample). resolves: light with noise is averaged over the pixels of a block. bounces: how
+ * often surfaces scatter light onto others, volume_bounces: 0, or 1 where that lights media, too;
+ * bounce_points: (bounce_levels, bounce_count, 3), for each bounce of a path, the first ones again
+ * after bounce_levels of them, and for each of as many samples, after which they begin again: a
+ * point of the unit disc below the direction, and a number of [0, 1) below which the share of its
+ * light must not lie that a later bounce is worth. Null only where bounces is 0. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -497,10 +498,10 @@ typedef struct GlintRenderSettings {
       interleaving, bounces, volume_bounces, bounce_levels;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
-  uint32_t max_bounces, threads;
+  uint32_t max_bounces, photons, threads;
   uint32_t region[4];
   int32_t illumination, waves, acceleration, remember, reflections, moving, resolves,
-      reflective_caustics;
+      reflective_caustics, refractive_caustics;
 } GlintRenderSettings;
 
 enum GlintState {

@@ -62,6 +62,8 @@ void set_bounces(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   if (dice.chance(0.1)) s.interleaving = 1u << dice.below(4);
   s.resolves = dice.chance(0.5);
   s.reflective_caustics = dice.chance(0.5);
+  s.refractive_caustics = dice.chance(0.5);
+  if (dice.chance(0.3)) s.photons = uint32_t(dice.below(300));
   if (dice.chance(0.5)) return;
   s.bounces = uint32_t(dice.below(6));
   s.volume_bounces = uint32_t(dice.below(2));

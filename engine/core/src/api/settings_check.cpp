@@ -164,6 +164,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.error_threshold >= 0 && g.error_threshold < 256,
       "settings: the error threshold is not between 0 and 256");
   add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
+  add(g.photons <= 1u << 22, "settings: more than 2^22 photons");
   add(g.clamp_indirect >= 0, "settings: what light is held to is negative");
   add(g.passes < pass_bit(GLINT_PASS_COUNT), "settings: unknown passes");
   add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),

@@ -40,6 +40,9 @@ constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR,
 /// The light of each set of guides.
 constexpr int kSumsOfGuides[kGuideSets] = {GLINT_PASS_COMBINED, kMirroredLight, kRefractedLight};
 
+/// What the pass of the Indirect light of each kind shows beside its own.
+constexpr int kBesideIndirect[] = {kThrownLight, kMirroredLight, kRefractedLight};
+
 /// Of what gives light itself.
 constexpr int kPassOfGlow[kGlows] = {GLINT_PASS_EMISSION, GLINT_PASS_ENVIRONMENT};
 
@@ -131,6 +134,7 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   keep_sums(GLINT_PASS_LIGHT_GROUPS, 3 * int(light_groups));
   // light is told over its colour: all are known or none
   Passes kept = wants_lighting() ? kLightingPasses : 0;
+  if (kept) kept |= lights & pass_bit(kThrownLight);
   if (resolved > 1) kept |= lights | Passes(wants(GLINT_PASS_AMBIENT_OCCLUSION)) << kUnhidden;
   for (int pass = GLINT_PASS_SHADOW_CATCHER; pass < kSumCount; ++pass) {
     if (!(kept >> pass & 1) || at_[pass] >= 0) continue;
@@ -493,22 +497,20 @@ void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t s
     for (size_t c = 0; c < 3; ++c)
       for (size_t k = 0; k < tile.pixels(); ++k) {
         const auto sum = [&](int part) { return sums(tile, first + part)[c * tile.stride() + k]; };
-        const int image = first == GLINT_PASS_GLOSSY_DIRECT         ? kMirrored
-                          : first == GLINT_PASS_TRANSMISSION_DIRECT ? kRefracted
-                                                                    : -1;
-        const double* const shown = image < 0 ? nullptr : sums(tile, kPassOf[image]);
         const double taken = refinement_.taken(tile.first_row + k, samples);
         const uint32_t pixel = slots.pixel(tile, k, region_.width());
-        const int light = 2 * ((first - kFirstLighting) / 3);
+        const int kind = (first - kFirstLighting) / 3, light = 2 * kind;
+        const double* const beside = sums(tile, kBesideIndirect[kind]);
         const auto resolved = [&](int part) {
           const double more = resolves() ? double(resolve_.added_to(light + part, pixel, c)) : 0;
           return sum(part) + taken * more;
         };
-        double indirect = resolved(1);
-        if (shown)
-          indirect +=
-              shown[c * tile.stride() + k] + taken * double(resolve_.added_to(image, pixel, c));
-        const double direct = resolved(0), color = sum(2);
+        const double shown = beside ? beside[c * tile.stride() + k] : 0,
+                     more = kind > 0 && beside
+                                ? double(resolve_.added_to(kMirrored + kind - 1, pixel, c))
+                                : 0;
+        const double direct = resolved(0), indirect = resolved(1) + shown + taken * more,
+                     color = sum(2);
         const bool bare = color == 0 && (direct != 0 || indirect != 0);
         const double over = color != 0 ? color : taken;
         const double values_of[3] = {direct / over, indirect / over, bare ? 1 : color / taken};

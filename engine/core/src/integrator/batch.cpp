@@ -175,6 +175,82 @@ void Batch::set_surface(size_t k, const Surface& s) {
   }
 }
 
+void Batch::find_points(const Stages& stages, uint32_t missed) {
+  SurfaceStage stage{};
+  stage.count = count_;
+  stage.points = points;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.start[c] = queue->column(Queue::kStart + c);
+    stage.d[c] = queue->column(Queue::kD + c);
+  }
+  stage.instance = instance.data();
+  stage.primitive = primitive.data();
+  stage.u = u.data();
+  stage.v = v.data();
+  stage.instances = scene_.instances.shapes.data();
+  stage.groups = scene_.instances.group_shapes.data();
+  stage.missed = missed;
+  stages.surface(stage);
+  for (size_t k = 0; !scene_.instances.only_meshes && k < count_; ++k) {
+    if (material[k] != kNoMaterial) continue;
+    const Path path = queue->path(k);
+    set_surface(k, surface_at(scene_, path.start, queue->ray(k).d, hit(k)));
+    material[k] = scene_.instances.material_of(scene_.instances.group(instance[k]), primitive[k]);
+  }
+  set_offsets();
+}
+
+EvaluateStage Batch::evaluation(const Material& of, double* slots) {
+  EvaluateStage stage{};
+  stage.tables = scene_.input_tables();
+  stage.instance = instance.data();
+  stage.primitive = primitive.data();
+  stage.lobes = scene_.materials.lobes.data() + of.first_lobe;
+  stage.lobe_count = of.lobe_count;
+  stage.sums = sums;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.T[c] = queue->column(Queue::kT + c);
+    stage.diffuse[c] = diffuse[c];
+    stage.translucent[c] = of.has(GLINT_TRANSLUCENT) ? translucent[c] : nullptr;
+    stage.lifted[c] = lifted[c];
+    stage.ambient[c] = scene_.world.ambient[int(c)];
+    stage.n[c] = points.n[c];
+    stage.d[c] = queue->column(Queue::kD + c);
+    if (c < 2) stage.weights[c] = points.weights[c];
+    stage.x[c] = points.x[c];
+    stage.g[c] = points.g[c];
+    stage.bent[c] = points.n[c];
+    stage.unbent[c] = unbent[c];
+    stage.start[c] = queue->column(Queue::kStart + c);
+  }
+  for (size_t c = 0; of.goes_below && c < 3; ++c) {
+    stage.below[c] = below[c];
+    stage.radius[c] = radius[c];
+  }
+  stage.lifted_bump = lifted_bump;
+  stage.lowering = lowering;
+  if (of.program > 0) {
+    stage.program = scene_.programs.of(of.program);
+    stage.normal = of.normal;
+    stage.bump_shadowing = of.bump_shadowing;
+    stage.base_normal = of.base_normal;
+    stage.bump = bump;
+    stage.kind = queue->visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
+    stage.slots = slots;
+    stage.outside = points.outside;
+    stage.tags = queue->tags();
+    stage.offset = points.offset;
+  }
+  stage.specular_columns = scene_.materials.specular_columns;
+  stage.specular = specular;
+  stage.passing = passing_columns;
+  stage.passing_columns = passing_width;
+  stage.stride = stride;
+  stage.lit = lit.data();
+  stage.passing_rows = passing_rows.data();
+  return stage;
+}
+
 void Batch::set_offsets() {
   static constexpr GlintInstances kNothing{};
   for (size_t k = 0; (grazing || lowering) && k < count_; ++k) {
@@ -188,6 +264,33 @@ void Batch::clear_specular() {
   const size_t width = size_t(scene_.materials.specular_columns);
   for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term)
     for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
+}
+
+std::vector<double> Batch::take_specular(double exponent) {
+  const size_t width = size_t(scene_.materials.specular_columns);
+  std::vector<double> taken;
+  for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term) {
+    double* const first = specular + width * term * stride;
+    const double* const exponents = first + SpecularTerm::kExponent * stride;
+    for (size_t c = 0; c < 3; ++c)
+      for (size_t k = 0; k < count_; ++k) {
+        double& Tk = first[c * stride + k];
+        const bool takes = exponents[k] == exponent;
+        taken.push_back(takes ? Tk : 0);
+        if (takes) Tk = 0;
+      }
+  }
+  return taken;
+}
+
+void Batch::give_specular(const std::vector<double>& taken) {
+  const size_t width = size_t(scene_.materials.specular_columns);
+  const double* from = taken.data();
+  for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term)
+    for (size_t c = 0; c < 3; ++c) {
+      double* const to = specular + (width * term + c) * stride;
+      for (size_t k = 0; k < count_; ++k) to[k] += *from++;
+    }
 }
 
 bool Batch::turn_round() {

@@ -34,10 +34,19 @@ class Batch {
   bool missed(size_t k) const { return instance[k] == Hit::kNone; }
   Surface surface(size_t k) const;
   void set_surface(size_t k, const Surface& s);
+  /// The points of the rays' hits. missed: the material of rays that hit nothing.
+  void find_points(const Stages& stages, uint32_t missed);
+  /// How points of a material that varies are evaluated, but for which they are. slots: room for
+  /// those of its program.
+  EvaluateStage evaluation(const Material& material, double* slots);
   /// What the points' instances say of light that grazes them, where the scene has such.
   void set_offsets();
   /// Highlights show nothing.
   void clear_specular();
+  /// What T k is of highlights of just that exponent, which are taken away until they are given
+  /// back.
+  std::vector<double> take_specular(double exponent);
+  void give_specular(const std::vector<double>& taken);
   /// The points become those of their other sides, where TRANSLUCENT lobes are DIFFUSE ones and all
   /// there is. False where none has any, and nothing has changed.
   bool turn_round();

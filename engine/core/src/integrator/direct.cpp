@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "integrator/first_hit_cache.h"
+#include "integrator/photon_emission.h"
 #include "math/math.h"
 #include "session/timer.h"
 #include "shading/surface.h"
@@ -134,10 +135,25 @@ bool DirectLight::find_few(const Batch& batch) {
   return found;
 }
 
+/// Where photons bring lamps' light that mirrors throw, lamps do not light these at what rays of
+/// bounced light meet.
 void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
+  if (!plan_.photon_map || !batch.queue->gathers())
+    return add_lights(batch, sample, counts, [](const Light&) { return true; });
+  add_lights(batch, sample, counts, [](const Light& light) { return !throws_photons(light); });
+  const std::vector<double> mirrors = batch.take_specular(RenderPlan::kCarriedExponent);
+  add_lights(batch, sample, counts, throws_photons);
+  batch.give_specular(mirrors);
+}
+
+/// Of those that `takes` says. So lights that share shadow rays share them among themselves.
+template <class Takes>
+void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts, Takes takes) {
   stage_.lit = batch.lit.data();
   size_t number = 0;
+  bool shared_lamps = false, shared_glow = false;
   for (const Light& light : scene_.lights) {
+    if (!takes(light)) continue;
     const bool one = batch.queue->gathers();  // each is of many
     const uint32_t parts = one ? plan_.samples_of(light)
                                : plan_.parts_of(light, batch.queue->sees_blurred(), takes_few_),
@@ -149,6 +165,7 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
     if (!shares || notes) find_lit(batch, light);
     if (notes) find_cut(batch, light);
     if (shares) {
+      (asks_few ? shared_glow : shared_lamps) = true;
       if (!asks_few) number += count;
       continue;
     }
@@ -197,9 +214,8 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   }
   stage_.evenly = scene_.instances.mirrors_differ;
   for (int c = 0; c < 3; ++c) stage_.diffuse[c] = batch.diffuse[c];
-  for (SharedLight* shared : {&lamps_, &glow_})
-    if (shared->on && !cancel_ && !(alone_ && shared == &glow_))
-      share(*shared, batch, sample, counts);
+  if (lamps_.on && shared_lamps && !cancel_) share(lamps_, batch, sample, counts);
+  if (glow_.on && shared_glow && !cancel_) share(glow_, batch, sample, counts);
   stage_.lit = batch.lit.data();  // for reflections
 }
 

@@ -100,6 +100,8 @@ class DirectLight {
   }
   bool find_few(const Batch& batch);
   void add_lights(Batch& batch, uint32_t sample, RayCounts& counts);
+  template <class Takes>
+  void add_lights(Batch& batch, uint32_t sample, RayCounts& counts, Takes takes);
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count, uint32_t parts);
   void add_rest(const Batch& batch, const Light& light, uint32_t sample, uint32_t parts);

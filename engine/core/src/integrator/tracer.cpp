@@ -263,6 +263,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   if (plan_.reflects_gloss && !queue.gathers())
     direct_.reflect(batch_, sample, next.glossy, counts_);
+  add_caustics(queue);
   bounce(queue, sample, next.gathering);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);

@@ -8,6 +8,7 @@
 #include "integrator/first_hit_cache.h"
 #include "integrator/layers_ahead.h"
 #include "integrator/paths.h"
+#include "integrator/photon_map.h"
 #include "integrator/scene_queries.h"
 #include "integrator/subsurface.h"
 #include "shading/shade.h"
@@ -80,6 +81,7 @@ class Tracer {
   void clear_own_light(const Queue& queue);
   void find_pixels(const Queue& queue);
   void bounce(const Queue& queue, uint32_t sample, Queue& gathering);
+  void add_caustics(const Queue& queue, bool to_parts = true);
   void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
   void scatter_below(const Queue& queue, uint32_t sample);
   void light_exits(Queue& queue, uint32_t sample);
@@ -183,6 +185,7 @@ class Tracer {
   Queue first_{kCamera};               // their camera rays
   MoreSeen seen_;
   std::vector<Queue> waiting_, spare_;
+  std::vector<PhotonMap::Found> photons_;  // at one point
   PathCuts cuts_;
   RayCounts counts_;
   std::vector<uint32_t> aov_rows_, occlusion_rows_, exit_rows_, exit_materials_;

@@ -88,31 +88,9 @@ void Tracer::find_hits(const Queue& queue) {
 
 void Tracer::find_points(const Queue& queue) {
   find_hits(queue);
-  SurfaceStage stage{};
-  stage.count = queue.size();
-  stage.points = batch_.points;
-  for (size_t c = 0; c < 3; ++c) {
-    stage.start[c] = queue.column(Queue::kStart + c);
-    stage.d[c] = queue.column(Queue::kD + c);
-  }
-  stage.instance = batch_.instance.data();
-  stage.primitive = batch_.primitive.data();
-  stage.u = batch_.u.data();
-  stage.v = batch_.v.data();
-  stage.instances = scene_.instances.shapes.data();
-  stage.groups = scene_.instances.group_shapes.data();
-  stage.missed = missed(queue);
-  stages_.surface(stage);
+  batch_.find_points(stages_, missed(queue));
   for (size_t k = 0; queue.past.reflections > 0 && k < queue.size(); ++k)
     if (batch_.missed(k) && queue.is_skyless(k)) batch_.material[k] = scene_.materials.nothing();
-  for (size_t k = 0; !scene_.instances.only_meshes && k < queue.size(); ++k) {
-    if (batch_.material[k] != kNoMaterial) continue;
-    const Path path = queue.path(k);
-    batch_.set_surface(k, surface_at(scene_, path.start, queue.ray(k).d, batch_.hit(k)));
-    const GlintInstances& group = scene_.instances.group(batch_.instance[k]);
-    batch_.material[k] = scene_.instances.material_of(group, batch_.primitive[k]);
-  }
-  batch_.set_offsets();
 }
 
 /// How far behind the first hits of the camera rays the next ones lie.

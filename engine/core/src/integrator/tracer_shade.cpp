@@ -66,57 +66,12 @@ void Tracer::see_lights(size_t k) {
 
 /// How points of a material that varies are evaluated, but for which they are.
 EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
-  EvaluateStage stage{};
-  stage.tables = scene_.input_tables();
-  stage.instance = batch_.instance.data();
-  stage.primitive = batch_.primitive.data();
-  stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
-  stage.lobe_count = material.lobe_count;
+  EvaluateStage stage = batch_.evaluation(material, program_slots_.data());
   stage.dark = queue.past.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
-  stage.thrown = queue.gathers() && plan_.reflective_caustics ? RenderPlan::kThrownExponent : 0;
-  stage.sums = batch_.sums;
-  for (size_t c = 0; c < 3; ++c) {
-    if (batch_.has_groups()) stage.sums.emission[c] = batch_.glow[c];
-    stage.T[c] = queue.column(Queue::kT + c);
-    stage.diffuse[c] = batch_.diffuse[c];
-    stage.translucent[c] = material.has(GLINT_TRANSLUCENT) ? batch_.translucent[c] : nullptr;
-    stage.lifted[c] = batch_.lifted[c];
-    stage.ambient[c] = scene_.world.ambient[int(c)];
-    stage.n[c] = batch_.points.n[c];
-    stage.d[c] = queue.column(Queue::kD + c);
-    if (c < 2) stage.weights[c] = batch_.points.weights[c];
-    stage.x[c] = batch_.points.x[c];
-    stage.g[c] = batch_.points.g[c];
-    stage.bent[c] = batch_.points.n[c];
-    stage.unbent[c] = batch_.unbent[c];
-    stage.start[c] = queue.column(Queue::kStart + c);
-  }
-  for (size_t c = 0; material.goes_below && c < 3; ++c) {
-    stage.below[c] = batch_.below[c];
-    stage.radius[c] = batch_.radius[c];
-  }
-  stage.lifted_bump = batch_.lifted_bump;
-  stage.lowering = batch_.lowering;
-  if (material.program > 0) {
-    stage.program = scene_.programs.of(material.program);
-    stage.normal = material.normal;
-    stage.bump_shadowing = material.bump_shadowing;
-    stage.base_normal = material.base_normal;
-    stage.bump = batch_.bump;
-    stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
-    stage.slots = program_slots_.data();
-    stage.outside = batch_.points.outside;
-    stage.tags = queue.tags();
-    stage.offset = batch_.points.offset;
-    if (stage.program->asks_rays) stage.queries = queries_.at(batch_, sample_, counts_);
-  }
-  stage.specular_columns = scene_.materials.specular_columns;
-  stage.specular = batch_.specular;
-  stage.passing = batch_.passing_columns;
-  stage.passing_columns = batch_.passing_width;
-  stage.stride = batch_.stride;
-  stage.lit = batch_.lit.data();
-  stage.passing_rows = batch_.passing_rows.data();
+  stage.thrown = queue.gathers() && plan_.reflective_caustics ? plan_.thrown_exponent() : 0;
+  for (size_t c = 0; batch_.has_groups() && c < 3; ++c) stage.sums.emission[c] = batch_.glow[c];
+  if (stage.program && stage.program->asks_rays)
+    stage.queries = queries_.at(batch_, sample_, counts_);
   return stage;
 }
 

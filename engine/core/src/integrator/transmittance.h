@@ -15,6 +15,11 @@ namespace glint {
 /// multiplies them in their order.
 class TransparentShadows {
  public:
+  // By how much the optical momentum of light across its way may change that still comes straight:
+  // as thin lenses and uneven panes bend it, and balls and bottles do not.
+  static constexpr double kMostBent = 0.2;
+  static constexpr double kAlike = 1e-6;  // of products of indices that come to 1
+
   TransparentShadows(const Scene& scene, const Stages& stages, const std::atomic<bool>& cancel,
                      Scratch& scratch);
 
@@ -28,10 +33,6 @@ class TransparentShadows {
 
  private:
   static constexpr size_t kAtOnce = 256;  // rays, as many as go down as a beam
-  // By how much the optical momentum of light across its way may change that still comes straight:
-  // as thin lenses and uneven panes bend it, and balls and bottles do not.
-  static constexpr double kMostBent = 0.2;
-  static constexpr double kAlike = 1e-6;  // of products of indices that come to 1
 
   /// A layer on the way of a ray: where it is among the hits and in the columns of the stage.
   struct Layer {

@@ -85,6 +85,7 @@ void Tracer::see_surfaces(Queue& queue, Queue& straight, uint32_t sample) {
   note_guides(queue);
   note_colors(queue);
   if (film_.wants(GLINT_PASS_AMBIENT_OCCLUSION)) note_asked(queue);
+  add_caustics(queue, false);  // other passes are of the samples
   const SumColumns& s = batch_.sums;
   const auto add = [&](int pass, double* const(&columns)[3], double* const* less) {
     double* const sums = paths_.sums(film_, pass);

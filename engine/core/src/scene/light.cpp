@@ -26,15 +26,6 @@ constexpr double kNear = 4;  // half diagonals of a rectangle within which it is
 
 double saturate(double x) { return std::clamp(x, -kHuge, kHuge); }
 
-/// The direction at the disc point (x, y) of the cone round `axis` with 1 - cos(half angle) =
-/// versine, uniform in solid angle.
-Vec3d in_cone(Vec3d axis, double versine, const LightPoint& p) {
-  Frame frame(axis);
-  double r2 = p.x * p.x + p.y * p.y, cosine = 1 - r2 * versine;
-  double s = std::sqrt(std::max(0.0, versine * (1 + cosine)));  // sine / r
-  return unit(cosine * axis + s * (p.x * frame.t1 + p.y * frame.t2));
-}
-
 double half(double angle) { return 0.5 * std::clamp(angle, 0.0, 2 * kPi); }
 
 double area_of(const GlintLight& g) {
@@ -53,6 +44,13 @@ bool sound(const GlintLight& g) {
 double wider(const LightStage& stage) { return stage.evenly ? 1.0 / 8 : 1; }
 
 }  // namespace
+
+Vec3d direction_in_cone(Vec3d axis, double versine, const LightPoint& p) {
+  Frame frame(axis);
+  double r2 = p.x * p.x + p.y * p.y, cosine = 1 - r2 * versine;
+  double s = std::sqrt(std::max(0.0, versine * (1 + cosine)));  // sine / r
+  return unit(cosine * axis + s * (p.x * frame.t1 + p.y * frame.t2));
+}
 
 void set_place(LightStage& stage, double x, double y) {
   const DiscPlace place = disc_place(x, y);
@@ -120,7 +118,6 @@ double Light::spot(double z) const {
   return t * t * (3 - 2 * t);
 }
 
-/// What of a spot's or an area light's radiance leaves along the unit vector d.
 double Light::along(Vec3d d, bool physical) const {
   const double z = dot(d, axis);
   if (!(tan_spread > 0)) return spot(z);
@@ -214,7 +211,7 @@ void Light::set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bo
   if (is_tabled()) return set_mesh(stage, p, count);
   const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;
   const LightPoint q = soft ? p : LightPoint{};
-  const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
+  const Vec3d l = soft && kind == GLINT_SUN ? direction_in_cone(-axis, versine, p) : -axis;
   const Vec3d end = center + (ellipse ? q.x : q.a) * right + (ellipse ? q.y : q.b) * up;
   stage.shape = shape(soft, physical);
   stage.physical = physical;

@@ -33,6 +33,10 @@ struct LightMeeting {
   bool front;                    // the outer side is seen
 };
 
+/// The direction at the disc point (x, y) of the cone round `axis` with 1 - cos(half angle) =
+/// versine, uniform in solid angle.
+Vec3d direction_in_cone(Vec3d axis, double versine, const LightPoint& p);
+
 /// Where in lobes directions are drawn: a point of the unit disc.
 void set_place(LightStage& stage, double x, double y);
 
@@ -91,6 +95,8 @@ struct Light {
   /// the centre).
   void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
 
+  /// What of a spot's or an area light's radiance leaves along the unit vector d.
+  double along(Vec3d d, bool physical) const;
   /// From where to where it shines on a line.
   struct Part {
     double from, to;
@@ -129,7 +135,6 @@ struct Light {
   void set_rectangle(LightStage& stage, const LightPoint& q) const;
   void set_lobes(LightStage& stage, const LightPoint& q, bool soft) const;
   double spot(double z) const;
-  double along(Vec3d d, bool physical) const;
   Part within_cone(Vec3d o, Vec3d d, double cosine2) const;
   double meets_sphere(Vec3d o, Vec3d d) const;
   double meets_area(Vec3d o, Vec3d d) const;

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <numeric>
 
+#include "integrator/photon_tracer.h"
 #include "math/math.h"
 #include "session/timer.h"
 
@@ -29,7 +30,7 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
 
 /// The passes of light by the kind of surface, of media and of catchers, that the scene may give
 /// any of.
-Passes lights_of(const Scene& scene) {
+Passes lights_of(const Scene& scene, const RenderPlan& plan) {
   constexpr Passes all = 7, of_media = 3;  // direct, indirect and, of surfaces, their colour
   Passes lights = all << GLINT_PASS_DIFFUSE_DIRECT;
   if (scene.materials.max_specular > 0 || scene.features & GLINT_FEATURE_MIRROR)
@@ -39,6 +40,7 @@ Passes lights_of(const Scene& scene) {
   if (scene.features & GLINT_FEATURE_REFRACTION)
     lights |= all << GLINT_PASS_TRANSMISSION_DIRECT | pass_bit(kRefractedLight) |
               pass_bit(kRefractedColor);
+  if (plan.throws_photons()) lights |= pass_bit(kThrownLight);
   if (scene.features & GLINT_FEATURE_MEDIA) lights |= of_media << GLINT_PASS_VOLUME_DIRECT;
   if (scene.features & GLINT_FEATURE_SHADOW_CATCHER)
     lights |= pass_bit(GLINT_PASS_SHADOW_CATCHER) | all << kCaughtLight;
@@ -62,7 +64,7 @@ Job::Job(Scene& scene, const GlintRenderSettings& settings)
       plan_(settings, scene),
       film_(plan_.region, plan_.traced, plan_.shown, plan_.passes, plan_.error_threshold,
             plan_.light_samples, plan_.crypto_ids, scene.aov_count, scene.light_group_count,
-            plan_.reflects_gloss, plan_.resolves ? plan_.interleaving : 1, lights_of(scene)),
+            plan_.reflects_gloss, plan_.resolves ? plan_.interleaving : 1, lights_of(scene, plan_)),
       thread_([this] { work(); }) {}
 
 Job::~Job() {
@@ -103,6 +105,7 @@ void Job::run() {
     return enter(GLINT_CANCELLED);
   moving_seconds_ = scene_->trees.build_seconds();
   enter(GLINT_TRACING);
+  plan_.photon_map = trace_photons(*scene_, plan_, cancel_);
   trace_waves();
   enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
 }
@@ -180,6 +183,7 @@ bool Job::wait_for_scene() {
     ask_for_scene();
     if (cancel_ || !scene_->build(plan_.thread_count, BuildQuality(plan_.acceleration), cancel_))
       return false;
+    plan_.photon_map = trace_photons(*scene_, plan_, cancel_);
     make_tracers(nullptr);
   }
   std::lock_guard lock(mutex_);

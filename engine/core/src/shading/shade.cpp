@@ -75,6 +75,26 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   counts.transparent += passed.transparent;
 }
 
+void Shader::send_all(const Batch& batch, const uint32_t* rows, size_t count,
+                      const Leaving& next) const {
+  const Material& material = scene_.materials[batch.material[rows[0]]];
+  PassStage stage = stage_of(batch);
+  stage.rows = rows;
+  stage.count = count;
+  stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
+  stage.lobe_count = material.lobe_count;
+  stage.max_bounces = plan_.max_bounces;
+  stage.max_straight = kMaxStraight;
+  next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
+  next.straight.reserve(next.straight.size() + count);
+  stage.straight = next.straight.end();
+  stage.bounced = next.bounced.end();
+  const DiscPlace middle = disc_place(0, 0);
+  stage.places = &middle;
+  stage.levels = 1;
+  stages_.pass(stage);
+}
+
 Vec3d Shader::passed(const Batch& batch, size_t k, int kind) const {
   const Material& material = scene_.materials[batch.material[k]];
   Vec3d sum;

@@ -35,6 +35,8 @@ class Shader {
   /// stage has seen. straight_alone: but for mirrored and refracted ones.
   void pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
                const Leaving& next, RayCounts& counts, bool straight_alone = false) const;
+  /// The same of all rays, whatever they weigh, but those of rough glass.
+  void send_all(const Batch& batch, const uint32_t* rows, size_t count, const Leaving& next) const;
   /// What goes straight through the surface of a point that the vary stage has seen, if it lets
   /// any through; or what the lobes of another such kind come to.
   Vec3d passed(const Batch& batch, size_t k, int kind = GLINT_TRANSPARENT) const;
