@@ -146,9 +146,15 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         caustics = column.column(heading="Caustics", align=True)
         caustics.prop(final, "use_reflective_caustics", text="Reflective")
         caustics.prop(final, "use_refractive_caustics", text="Refractive")
+        throws = final.reflective_caustics == "ON" or final.refractive_caustics == "ON"
+        photons = column.column()
+        photons.active = is_physical and throws and final.diffuse_bounces > 0 and bounces > 0
+        draw_wide(photons, final, "photons")
         draw_wide(column, final, "clamp_indirect")
         reason = "Rough Reflections need Bounces of Render"
         draw_reason(column, is_physical and bounces == 0, reason)
+        needs = "Photons need Bounces of Render, Diffuse Bounces and Caustics"
+        draw_reason(column, is_physical and not photons.active, needs)
 
 
 class _PathsPanel(_SamplingPanel):

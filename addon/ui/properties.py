@@ -62,6 +62,7 @@ OF_LIGHT = (
     "volume_bounces",
     "reflective_caustics",
     "refractive_caustics",
+    "photons",
     "clamp_indirect",
 )
 """What light does; the viewport takes the final render's."""

@@ -83,6 +83,8 @@ render.use_motion_blur, final.samples = False, 2
 scene.cycles.use_camera_cull, scene.cycles.camera_cull_margin = True, 0.0
 mirror = look(box("mirror", (9, 0.1, 5), 0, 4, 1), "ShaderNodeBsdfPrincipled", Metallic=1.0, Roughness=0.0)
 behind = look(box("behind", (2, 2, 2), 0, -14, 2), "ShaderNodeEmission", Strength=3.0)
+told["Photons need Bounces of Render, Diffuse Bounces and Caustics"] = during(
+    (final, "diffuse_bounces", 0), (final, "photons", 4096))
 render.use_simplify = True
 told["Simplify in Render properties says whether and where objects are culled"] = during(
     (render, "use_simplify", False), (behind.cycles, "use_camera_cull", True))
@@ -112,7 +114,7 @@ acts = {name: changes(final, name, value, still) for name, value in {
     "max_bounces": 0, "cutoff": 0.9, "illumination": "CLASSIC", "world_light": "CONSTANT",
     "mesh_light": "OFF", "reflections": "OFF", "subsurface": "OFF", "soft_light": "SHARED",
     "diffuse_bounces": 0, "volume_bounces": 1, "clamp_indirect": 1e-3, "acceleration": "FAST",
-    "reflective_caustics": "OFF", "refractive_caustics": "OFF",
+    "reflective_caustics": "OFF", "refractive_caustics": "OFF", "photons": 4096,
     "threads": 1}.items()}
 answer([told, {
     "spread": changes(area.data, "spread", math.radians(20)),

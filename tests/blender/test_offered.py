@@ -242,7 +242,7 @@ answer(acts)
 )
 ELSEWHERE = {
     "test_greyed.py": "acceleration backend clamp_indirect cutoff diffuse_bounces error_threshold "
-    "illumination lamp_shadows light_samples max_bounces reflections reflective_caustics "
+    "illumination lamp_shadows light_samples max_bounces photons reflections reflective_caustics "
     "refractive_caustics soft_light target threads use_mesh_light use_reflective_caustics "
     "use_refractive_caustics use_subsurface visibility_samples volume_bounces volume_samples "
     "world_light",
