@@ -24,7 +24,7 @@ Batch::Batch(const Scene& scene, Passes passes, bool splits)
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.materials.bends_normals),
       splits_(splits),
       columns_(kFixed + (smooth_ ? kSmooth : 0) +
-               size_t(scene.materials.specular_columns * scene.materials.max_specular) +
+               size_t(scene.materials.specular_columns * scene.materials.max_gathered) +
                size_t(scene.materials.passing_columns * scene.materials.max_passing) +
                (scene.materials.shadows_bumps ? kBumps : 0) +
                (scene.instances.grazing_differs ? 1 : 0) + (scene.instances.lowers_light ? 1 : 0) +
@@ -139,8 +139,8 @@ void Batch::place_columns() {
     if (splits_) three(*to);
   if (has_groups()) three(glow);
   for (double*& column : groups_) column = one();
-  specular = scene_.materials.max_specular > 0 ? columns_[next] : nullptr;
-  next += size_t(scene_.materials.specular_columns * scene_.materials.max_specular);
+  specular = scene_.materials.max_gathered > 0 ? columns_[next] : nullptr;
+  next += size_t(scene_.materials.specular_columns * scene_.materials.max_gathered);
   passing_columns = scene_.materials.max_passing > 0 ? columns_[next] : nullptr;
   passing_width = scene_.materials.passing_columns;
   stride = columns_.rows();
@@ -262,14 +262,14 @@ void Batch::set_offsets() {
 
 void Batch::clear_specular() {
   const size_t width = size_t(scene_.materials.specular_columns);
-  for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term)
+  for (size_t term = 0; term < size_t(max_specular()); ++term)
     for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
 }
 
 std::vector<double> Batch::take_specular(double exponent) {
   const size_t width = size_t(scene_.materials.specular_columns);
   std::vector<double> taken;
-  for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term) {
+  for (size_t term = 0; term < size_t(max_specular()); ++term) {
     double* const first = specular + width * term * stride;
     const double* const exponents = first + SpecularTerm::kExponent * stride;
     for (size_t c = 0; c < 3; ++c)
@@ -286,7 +286,7 @@ std::vector<double> Batch::take_specular(double exponent) {
 void Batch::give_specular(const std::vector<double>& taken) {
   const size_t width = size_t(scene_.materials.specular_columns);
   const double* from = taken.data();
-  for (size_t term = 0; term < size_t(scene_.materials.max_specular); ++term)
+  for (size_t term = 0; term < size_t(max_specular()); ++term)
     for (size_t c = 0; c < 3; ++c) {
       double* const to = specular + (width * term + c) * stride;
       for (size_t k = 0; k < count_; ++k) to[k] += *from++;

@@ -41,6 +41,10 @@ class Batch {
   EvaluateStage evaluation(const Material& material, double* slots);
   /// What the points' instances say of light that grazes them, where the scene has such.
   void set_offsets();
+  /// Rows of `specular`: rays of bounced light see mirrors as highlights.
+  int max_specular() const {
+    return queue->gathers() ? scene_.materials.max_gathered : scene_.materials.max_specular;
+  }
   /// Highlights show nothing.
   void clear_specular();
   /// What T k is of highlights of just that exponent, which are taken away until they are given

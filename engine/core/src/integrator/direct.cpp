@@ -90,7 +90,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.lit = batch.lit.data();
   stage_.specular = batch.specular;
   stage_.stride = batch.stride;
-  stage_.max_specular = scene_.materials.max_specular;
+  stage_.max_specular = batch.max_specular();
   stage_.most_exponent = scene_.materials.most_exponent;
   stage_.shown = plan_.reflections == GLINT_REFLECT_ALL;
   stage_.shows_nothing = batch.queue->gathers();

@@ -119,7 +119,8 @@ void PhotonTracer::shade(const Queue& queue) {
   stage.material = batch_.material.data();
   stage.terms = scene_.materials.terms.data();
   stage.specular_terms = scene_.materials.specular_terms.data();
-  stage.max_specular = scene_.materials.max_specular;
+  stage.specular_rows = scene_.materials.max_gathered;
+  stage.max_specular = batch_.max_specular();
   stage.sums = batch_.sums;
   stage.specular_columns = scene_.materials.specular_columns;
   stage.view_terms = scene_.materials.view_terms.data();

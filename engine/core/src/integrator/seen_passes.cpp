@@ -93,7 +93,7 @@ Vec3d Tracer::albedo(size_t k) const {
 /// T times about what of even light the highlights of a lit point give back.
 Tracer::Highlights Tracer::highlights(size_t k) const {
   Highlights sum;
-  for (int term = 0; term < scene_.materials.max_specular; ++term) {
+  for (int term = 0; term < batch_.max_specular(); ++term) {
     const double* const column =
         batch_.specular + size_t(scene_.materials.specular_columns * term) * batch_.stride + k;
     const double exponent = column[SpecularTerm::kExponent * batch_.stride];

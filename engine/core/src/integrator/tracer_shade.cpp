@@ -17,7 +17,8 @@ ShadeStage Tracer::shading(const Queue& queue) {
       (queue.past.reflections > 0 ? scene_.materials.reflected_terms : scene_.materials.terms)
           .data();
   stage.specular_terms = scene_.materials.specular_terms.data();
-  stage.max_specular = scene_.materials.max_specular;
+  stage.specular_rows = scene_.materials.max_gathered;
+  stage.max_specular = batch_.max_specular();
   stage.sums = batch_.sums;
   stage.specular_columns = scene_.materials.specular_columns;
   stage.view_terms = scene_.materials.view_terms.data();
@@ -173,7 +174,7 @@ void Tracer::widen(const Queue& queue) {
   if (queue.gathers() && !plan_.reflective_caustics) return shader_.dull(batch_);
   for (size_t k = 0; k < queue.size(); ++k) {
     const double widest = queue.widest(k);
-    for (int number = 0; number < scene_.materials.max_specular; ++number) {
+    for (int number = 0; number < batch_.max_specular(); ++number) {
       double* const column =
           batch_.specular + size_t(scene_.materials.specular_columns * number) * batch_.stride + k;
       double& exponent = column[SpecularTerm::kExponent * batch_.stride];

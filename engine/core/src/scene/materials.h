@@ -29,7 +29,7 @@ struct Material {
   uint32_t crypto = 0;
   int32_t aov = 0, medium = 0, bump_shadowing = 0, base_normal = 0;
   uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
-  int specular_count = 0, view_count = 0;
+  int specular_count = 0, mirror_count = 0, view_count = 0;
   bool goes_below = false;  // light of some of its DIFFUSE lobes comes out elsewhere
   int passing = 0;          // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
@@ -75,11 +75,11 @@ struct MaterialTable {
   std::vector<TextureShape> textures;
   std::vector<MaterialTerms> terms, reflected_terms;  // reflected: as rays see them that rough
                                                       // surfaces reflect
-  std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
+  std::vector<double> specular_terms;  // max_gathered rows of specular_columns numbers a material
   std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
   // SPECULAR, SHEEN, TOON and FIBRE lobes of a material, and kinds of its OREN_NAYAR ones, at most
-  int max_specular = 0;
-  double most_exponent = 0;  // of SPECULAR lobes
+  int max_specular = 0, max_gathered = 0;  // gathered: with MIRROR ones, as gather rays show them
+  double most_exponent = 0;                // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false, has_mirrors = false;
   bool has_toon_gloss = false;             // TOON_SPECULAR lobes, whose surroundings no rays show

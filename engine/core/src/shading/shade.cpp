@@ -137,7 +137,7 @@ void Shader::dull(const Batch& batch) const {
     const double cosine = -dot(batch.queue->ray(k).d, row(batch.points.n, k)),
                  seen = std::clamp(cosine, 0.0, 1.0);
     Vec3d kept{};
-    for (int number = 0; number < all.max_specular; ++number) {
+    for (int number = 0; number < batch.max_specular(); ++number) {
       double* const column = batch.specular + size_t(all.specular_columns * number) * batch.stride;
       const auto at = [&](int of) -> double& { return column[size_t(of) * batch.stride + k]; };
       const double exponent = at(SpecularTerm::kExponent);

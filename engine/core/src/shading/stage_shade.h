@@ -16,7 +16,7 @@ struct TermRows {
 
 inline void set_row(const ShadeStage& s, uint32_t material, size_t lane, TermRows& rows) {
   rows.of[lane] = s.terms + material;
-  rows.specular[lane] = s.specular_terms + size_t(s.specular_columns * s.max_specular) * material;
+  rows.specular[lane] = s.specular_terms + size_t(s.specular_columns * s.specular_rows) * material;
   rows.view[lane] = s.view_terms + ViewTerm::kColumns * size_t(s.max_view) * material;
 }
 

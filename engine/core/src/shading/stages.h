@@ -59,8 +59,8 @@ struct ShadeStage {
   const double* T[3];
   const uint32_t* material;
   const MaterialTerms* terms;
-  const double* specular_terms;  // max_specular rows of SpecularTerm a material
-  int max_specular, specular_columns;
+  const double* specular_terms;  // specular_rows of SpecularTerm a material
+  int specular_rows, max_specular, specular_columns;
   const double* view_terms;  // max_view rows a material
   int max_view;
   const double *n[3], *d[3];  // read where max_view > 0, and with lowering
