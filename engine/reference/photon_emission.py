@@ -127,7 +127,8 @@ class Beam:
         to = self.caster.center[:, None] - at
         versine = _versine(wide, length(to))
         d = in_cone(unit(to) if to.any() else _UP, versine, along)
-        at, facing = np.repeat(at, len(choice), 1), np.ones(len(choice))
+        at = np.repeat(at, len(choice), 1)
+        facing: Array = np.ones(len(choice))
         if light.kind == "AREA":
             facing = 4 * np.maximum(dot(d, source.axis), 0.0)
         elif light.radius > 0:  # of a ball all rays of a direction pass a disc across it
@@ -236,8 +237,8 @@ def _merged(a: Caster, b: Caster) -> Caster:
     """A caster of several placements is a ball round theirs."""
     to = b.center - a.center
     distance = float(length(to[:, None])[0])
-    ends = {"first": min(a.first, b.first), "last": max(a.last, b.last)}
-    whole = replace(a, **ends, beyond=a.beyond + b.beyond)
+    first, last = min(a.first, b.first), max(a.last, b.last)
+    whole = replace(a, first=first, last=last, beyond=a.beyond + b.beyond)
     if distance + b.radius <= a.radius:
         return whole
     if distance + a.radius <= b.radius:

@@ -48,8 +48,8 @@ class Photons:
 
     def take(self, index: Array) -> Photons:
         """Those at these places."""
-        columns = (pick(a, index) for a in (self.x, self.normal, self.flux))
-        return Photons(*columns, self.radius[index])
+        x, normal, flux = (pick(a, index) for a in (self.x, self.normal, self.flux))
+        return Photons(x, normal, flux, self.radius[index])
 
     @staticmethod
     def joined(parts: list[Photons]) -> Photons:

@@ -381,3 +381,34 @@ def test_both_tracers_follow_the_same_photons(name: str) -> None:
     """To the same places and nodes: to rounding they bring the same to all pixels."""
     core, reference = (thrown(BOTH[name], 3000, backend=backend) for backend in BACKENDS)
     agree(core, reference)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"soft_light": "SHARED", "reflective_caustics": "OFF"},
+        {"soft_light": "DEALT", "diffuse_bounces": 2, "clamp_indirect": 1.0},
+        {"soft_light": "RESOLVED", "samples": 4, "visibility_samples": 4},
+    ],
+    ids=lambda settings: settings["soft_light"],
+)
+def test_both_tracers_show_the_same_in_mirrors_and_after_bounces(settings: dict) -> None:
+    """Also of lamps, which light no mirrors that rays of bounced light meet then."""
+    scene = things(
+        replace(AREA, light_group=0),
+        replace(POINT, light_group=1),
+        ball=(BALL, GLASS, placed(0, 0, 0.01)),
+        blob=(blob(), MIRROR, placed(-0.6, 0.5, 0.8, 0.3)),
+        wall=(quad((-9, 2, -1), (9, 2, -1), (9, 2, 9), (-9, 2, 9)), PANE, placed(0, 0, 0)),
+    )
+    instances = tuple(replace(thing, visible_camera=True) for thing in scene.instances)
+    camera = replace(scene.camera, window=(-1.48, 1.55, -1.09, 1.93))
+    scene = replace(scene, camera=camera, instances=instances, light_groups=("a", "b"))
+    chosen = {"samples": 1, "diffuse_bounces": 1, "light_samples": 1, "filter_width": 0.0}
+    names = "Diffuse", "Diffuse Indirect", "Mirror", "Transmission Indirect"
+    chosen |= {"photons": 3000, "passes": frozenset(names), **settings}
+    core, reference = (
+        render(scene, Settings(backend=backend, **chosen)).passes for backend in BACKENDS
+    )
+    for name in (*names, "Combined", *map(light_group_pass, scene.light_groups)):
+        agree(core[name][..., :3], reference[name][..., :3])
