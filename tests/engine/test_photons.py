@@ -289,10 +289,7 @@ SPOT = turned(lamp("SPOT", (0.5, 0, 4), radius=0.3, spot_size=1.5, spot_blend=0.
 AREA = turned(lamp("AREA", (1.0, 0, 4), size_x=0.5, size_y=0.3), -0.2, 0, -1)
 POINT = lamp("POINT", (0.4, 0.3, 3.5))
 BALL = ball(0.5, (0.0, 0.0, 1.0))
-DENSE = Material("dense", (Lobe("TRANSPARENT", (Input((0.8,) * 3),), ior=IOR), *GLASS.lobes))
-"""Of photons each lobe sends a part: none of 1, whose first photon's number is 1/2, which rounding
-would put into either of two lobes.
-"""
+DENSE = Material("dense", (Lobe("TRANSPARENT", ior=IOR), *GLASS.lobes))
 PANE = Material(
     "pane",
     (
