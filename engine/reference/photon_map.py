@@ -24,9 +24,9 @@ meet, as these are even by themselves.
 """
 NODES = 8
 """So many, about, count at a point."""
-AT_ONCE = 1 << 14
-"""Points that ask what is near them together."""
-_HALVINGS = 40
+PAIRS = 1 << 23
+"""Of points and photons that are looked at together, at most."""
+_HALVINGS = 20
 _CELLS = 1 << 21
 """Along each axis, at most."""
 
@@ -121,11 +121,12 @@ class _Cells:
     """Photons in cubes with sides of one length."""
 
     def __init__(self, photons: Photons, side: float) -> None:
-        self.photons = photons
-        self._side, self._low = side, photons.x.min(1, initial=0.0)[:, None]
+        self.photons, self.side = photons, side
+        self._low = photons.x.min(1, initial=0.0)[:, None]
         keys = self._key(self._cell(photons.x))
         self._order = np.argsort(keys, kind="stable")
         self._keys = keys[self._order]
+        self.fullest = int(np.unique(keys, return_counts=True)[1].max(initial=0))
 
     @staticmethod
     def by_size(photons: Photons) -> list[_Cells]:
@@ -138,9 +139,9 @@ class _Cells:
         ]
 
     @property
-    def fullest(self) -> int:
-        """The most photons in a cube."""
-        return int(np.unique(self._keys, return_counts=True)[1].max(initial=0))
+    def at_once(self) -> int:
+        """Of so many points `near` tells together."""
+        return max(PAIRS // (27 * max(self.fullest, 1)), 1)
 
     def near(self, x: Array) -> tuple[Array, Array]:
         """Pairs of points x (3, n) and of the photons in the cubes round theirs, numbers (m,)
@@ -159,7 +160,7 @@ class _Cells:
 
     def _cell(self, x: Array) -> Array:
         """(3, n) numbers of cubes: far ones together, which parts none that are neighbours."""
-        at = np.floor((x - self._low) / self._side)
+        at = np.floor((x - self._low) / self.side)
         return np.clip(at, 2, _CELLS - 3).astype(np.int64)
 
     @staticmethod
@@ -174,10 +175,10 @@ def _counting(
     normals (3, n), and how much, (m,) each: 1 - d² / r² within their radii r, a kernel of
     Epanechnikov.
     """
-    for first in range(0, x.shape[1], AT_ONCE):
-        part = slice(first, first + AT_ONCE)
-        for some in cells:
-            photons = some.photons
+    for some in cells:
+        photons = some.photons
+        for first in range(0, x.shape[1], some.at_once):
+            part = slice(first, first + some.at_once)
             here, number = some.near(x[:, part])
             to = pick(x[:, part], here) - pick(photons.x, number)
             distance2, reach2 = dot(to, to), np.square(photons.radius[number])
@@ -194,23 +195,16 @@ def _reaching(photons: Photons, count: int) -> Photons:
     n, radius = len(photons), np.zeros(len(photons))
     whole = float((photons.x.max(1, initial=0.0) - photons.x.min(1, initial=0.0)).max())
     cells = _Cells(photons, whole or 1.0)
-    side = cells._side
     for _ in range(_HALVINGS):
-        if cells.fullest <= 2 * count:
-            break
-        side /= 2
-        cells = _Cells(photons, side)
+        if cells.fullest > 2 * count:
+            cells = _Cells(photons, cells.side / 2)
     pending = np.arange(n)
     while len(pending):
-        left = []
-        for first in range(0, len(pending), AT_ONCE):
-            some = pending[first : first + AT_ONCE]
-            found = _nearest(cells, some, count, side >= whole)
-            radius[some] = found
-            left.append(some[np.isinf(found)])
-        pending = np.concatenate(left)
-        side *= 2
-        cells = _Cells(photons, side)
+        for first in range(0, len(pending), cells.at_once):
+            some = pending[first : first + cells.at_once]
+            radius[some] = _nearest(cells, some, count, cells.side >= whole)
+        pending = pending[np.isinf(radius[pending])]
+        cells = _Cells(photons, 2 * cells.side)
     return replace(photons, radius=radius)
 
 
@@ -224,7 +218,7 @@ def _nearest(cells: _Cells, some: Array, count: int, all_near: bool) -> Array:
     to = pick(photons.x, number) - pick(photons.x, mine)
     distance2 = dot(to, to)
     alike = _alike(pick(photons.normal, mine), to, distance2, pick(photons.normal, number))
-    sure = np.flatnonzero((number != mine) & alike & (all_near | (distance2 <= cells._side**2)))
+    sure = np.flatnonzero((number != mine) & alike & (all_near | (distance2 <= cells.side**2)))
     here, distance2 = here[sure], distance2[sure]
     order = np.lexsort((distance2, here))
     here, distance2 = here[order], distance2[order]

@@ -312,7 +312,7 @@ LINKED = things(
     replace(AREA, blockers=0b101),
     ball=(BALL, GLASS, placed(0, 0, 0)),
     blob=(blob(), MIRROR, placed(0.9, 0.3, 0.5, 0.3)),
-    shade=(SQUARE, matt((0.3,) * 3), placed(-1.2, 0, 2.5)),
+    shade=(SQUARE, matt((0.3,) * 3), placed(-0.6, 0, 2.5)),
 )
 LINKED = replace(
     LINKED, instances=tuple(replace(x, light_set=k) for k, x in enumerate(LINKED.instances))
