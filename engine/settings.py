@@ -551,8 +551,6 @@ class Settings:
             yield f"samples × light_samples is {points}: use at most {MOST_LIGHT_POINTS}"
         elif (rays := self.camera_rays) > MOST_LIGHT_POINTS:
             yield f"samples × visibility_samples is {rays}: use at most {MOST_LIGHT_POINTS}"
-        if self.photons and self.backend == "NUMPY":
-            yield f"photons is {self.photons}: use 0, the NumPy tracer follows none"
         if unknown := sorted(str(name) for name in self.passes if name not in PASSES):
             yield f"no such pass: {', '.join(unknown)}"
         if self.region is not None and not _is_region(self.region):

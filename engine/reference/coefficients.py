@@ -4,7 +4,7 @@ cannot be summed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class Term:
     number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.  normal: (3, m) normals of its
     own, None where they are those of the points.  stretch: (3, m) what it is stretched along,
     across its normals, 0 where it is not; None for nowhere.  lowering: (m,) as of `Surface`, of
-    what gives back lamps' light; None for 1.
+    what gives back lamps' light; None for 1.  is_thrown: of a mirror, by which it throws light on.
     """
 
     index: Array
@@ -43,6 +43,7 @@ class Term:
     normal: Array | None = None
     stretch: Array | None = None
     lowering: Array | None = None
+    is_thrown: bool = False
 
     def normals(self, surface: Surface) -> Array:
         """(3, m) shading normals at its points."""
@@ -72,6 +73,10 @@ class Coefficients:
     below: Array | None = None
     radius: Array | None = None
     thrown: list[Term] = field(default_factory=list)
+
+    def without_thrown(self) -> Coefficients:
+        """Without mirrors among the highlights."""
+        return replace(self, highlights=[x for x in self.highlights if not x.is_thrown])
 
     def matt(self) -> Array:
         """(3, n): about what of even light all but these, mirrors and glass give back."""

@@ -48,7 +48,7 @@ Array = np.ndarray
 
 
 class Explainer:
-    """Follows single rays of a scene; the order of work is that of `Generations`."""
+    """Follows single rays of a scene, no photons; the order of work is that of `Generations`."""
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         lit = scene.as_lit(**settings.lighting)
@@ -56,7 +56,7 @@ class Explainer:
             lit = moment(lit, sample_times(scene, settings.samples)[0, 0])
         self.stage = Stage(
             lit,
-            replace(settings, samples=1, region=None, passes=frozenset()),
+            replace(settings, samples=1, region=None, passes=frozenset(), photons=0),
             Cancellation(lambda: False),
         )
         resolves = settings.soft_light == "RESOLVED"

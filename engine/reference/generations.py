@@ -31,7 +31,7 @@ from .picture import Tile
 from .raster import Strips
 from .rays import Rays
 from .reflections import reflected, shown
-from .resolve import ALONE, CAUGHT, SHARP, UNSHADED
+from .resolve import ALONE, CAUGHT, SHARP, THROWN, UNSHADED
 from .scattering import scattered, scattered_on
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -147,6 +147,7 @@ class Generations:
         self._seen.guide(at)
         self._tile.lose(at.pixel, at.weight * at.coefficients.holdout)
         self._seen.note_asked(at)
+        self._add_caustics(at)
         at, _ = entering(stage, at)
         self._glow(at)
         self._note_colors(at)
@@ -198,6 +199,7 @@ class Generations:
         at = seen_lobes(stage, at)
         at, below = entering(stage, at)
         deeper += self._light(at)
+        self._add_caustics(at)
         if below is not None and (out := self._coming_out(below)) is not None:
             self._exits.append(out)
         if at.coefficients.translucent.any():
@@ -444,6 +446,21 @@ class Generations:
         for paths in found:
             self._tile.soft_light[paths.pixel] = True
         return found
+
+    def _add_caustics(self, at: Interaction) -> None:
+        """Adds the light of lamps that mirrors and glass throw there, of the picture's photons."""
+        stage, paths, surface = self._stage, at.paths, at.surface
+        if stage.photon_map is None or paths.caught or not stage.gathers(paths):
+            return
+        lobes = at.coefficients
+        for side, given in ((surface.g, lobes.diffuse), (-surface.g, lobes.translucent)):
+            given = at.weight * given
+            here = np.flatnonzero(given.any(0))
+            pixel, given = at.pixel[here], pick(given, here)
+            for group, light in stage.photon_map.find(pick(surface.x, here), pick(side, here)):
+                self._add(paths, "Diffuse", pixel, given * light, group)
+                if stage.splits and paths.depth == 0:
+                    self._tile.add(THROWN, pixel, given * light)
 
     def _light_caught(self, at: Interaction) -> None:
         """The same to the light of catchers."""

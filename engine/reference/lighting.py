@@ -5,7 +5,7 @@ times the shadow, summed over lights.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +22,7 @@ from .lamp_clusters import FarLight, LampClusters
 from .light_groups import add_to_groups
 from .lights import CENTER, LightPoint, LightSample, Source
 from .lobe_light import fibres, highlights, is_apart, is_toon, matt_lobes, ways_through
+from .photon_emission import throws_photons
 from .shadows import Shadows
 from .shared_lamps import Given, Sharing, share_shadows
 from .surface import Surface
@@ -69,7 +70,8 @@ class Lighting:
     first_rod: the first primitive that is of strands. faint: weights of points below this take few
     samples. dealt: pixels of a block deal the samples among themselves, so that each sees few of
     the sky. each_once: of its samples each light takes one, another in each sample of a pixel.
-    draws_matt: what is matt draws directions to MESH lights.
+    draws_matt: what is matt draws directions to MESH lights.  has_photons: they bring the light of
+    lamps that mirrors throw on to what is matt, so that lamps do not light these.
     """
 
     sources: tuple[Source, ...]
@@ -87,6 +89,7 @@ class Lighting:
     dealt: bool = False
     each_once: bool = False
     draws_matt: bool = False
+    has_photons: bool = False
 
     @cached_property
     def of_few_samples(self) -> Lighting:
@@ -136,6 +139,17 @@ class Lighting:
         shadows = self.shadows.cast_by(caught)
         return replace(self, sources=sources, shadows=shadows)
 
+    @cached_property
+    def _by_photons(self) -> tuple[Lighting, Lighting]:
+        """Of the lights that throw photons, and of others."""
+        lamps = [throws_photons(source) for source in self.sources]
+        parts = (
+            tuple(x for x, own in zip(self.sources, lamps, strict=True) if own == is_lamp)
+            for is_lamp in (True, False)
+        )
+        of_lamps, of_others = (replace(self, sources=p, has_photons=False) for p in parts)
+        return of_lamps, of_others
+
     def _in(self, sets: int) -> Array:
         """(r,) bool: rows of the placements whose set has a bit."""
         return np.array([sets >> int(number) & 1 for number in self.sets], bool)
@@ -154,6 +168,12 @@ class Lighting:
         light reaches, or which ask for its shadow, and whether its pixels take more samples before
         they may stop.  on_cut: told the points whose horizon cuts a light of more than one sample.
         """
+        if self.has_photons:
+            told = weight, sample, on_reach, on_cut
+            lamps, others = self._by_photons
+            lit = lamps.direct(surface, coefficients.without_thrown(), *told)
+            rest = others.direct(surface, coefficients, *told)
+            return DirectLight(*(getattr(lit, x.name) + getattr(rest, x.name) for x in fields(lit)))
         rows = (3,) * 5 + (3 * self.light_groups,)
         total = DirectLight(*(np.zeros((count, len(surface))) for count in rows))
         given = coefficients.diffuse.any(0)

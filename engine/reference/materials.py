@@ -152,7 +152,8 @@ def _thrown(term: Term) -> Term:
     p, masking = THROWN_EXPONENT, (2 / (THROWN_EXPONENT + 2)) ** 0.5
     none = {"exponent_output": -1, "masking_output": -1}
     lobe = replace(term.lobe, kind="SPECULAR", exponent=p, masking=masking, **none)
-    return replace(term, lobe=lobe, k=(p + 2) / 8 * term.k, exponent=p, masking=masking)
+    k = (p + 2) / 8 * term.k
+    return replace(term, lobe=lobe, k=k, exponent=p, masking=masking, is_thrown=True)
 
 
 def _lifts(material: Material) -> bool:
@@ -164,7 +165,7 @@ class Shader:
     """Evaluates the materials of a scene."""
 
     def __init__(self, scene: Scene, attributes: Attributes, geometry: Geometry):
-        self._materials = (*scene.materials, DEFAULT)  # index -1 is the default
+        self.materials = (*scene.materials, DEFAULT)  # index -1 is the default
         self._attributes = attributes
         self.images = [Image(t) for t in scene.textures]
         self._first_rod = geometry.first_rod
@@ -177,16 +178,16 @@ class Shader:
     def is_transparent(self, material: Array) -> Array:
         """(n,) bool: has a TRANSPARENT lobe."""
         return np.array(
-            [any(lobe.kind == "TRANSPARENT" for lobe in m.lobes) for m in self._materials]
+            [any(lobe.kind == "TRANSPARENT" for lobe in m.lobes) for m in self.materials]
         )[material]
 
     def pass_index(self, material: Array) -> Array:
         """(n,) Blender's material index; 0 for the default one."""
-        return np.array([m.index for m in self._materials])[material]
+        return np.array([m.index for m in self.materials])[material]
 
     def crypto_bits(self, material: Array) -> Array:
         """(n,) uint32, of the ids of Cryptomatte; 0 for the default one."""
-        bits = [id_bits(m.name) for m in self._materials[:-1]]
+        bits = [id_bits(m.name) for m in self.materials[:-1]]
         return np.array([*bits, 0], np.uint32)[material]
 
     def coefficients(
@@ -219,7 +220,7 @@ class Shader:
 
     def bent(self, surface: Surface, kind: str, queries: SceneQueries | None = None) -> Surface:
         """The surface with the shading normals that materials' programs give it."""
-        if not any(self._materials[k].normal_output >= 0 for k in np.unique(surface.material)):
+        if not any(self.materials[k].normal_output >= 0 for k in np.unique(surface.material)):
             return surface
         n, unbent, bump = surface.n.copy(), surface.unbent.copy(), surface.bump.copy()
         strands = surface.primitive >= self._first_rod
@@ -252,7 +253,7 @@ class Shader:
 
     def _lifted(self, surface: Surface, index: Array, n: Array) -> Array:
         """(3, m) normals n of points of one material as microfacets have them."""
-        if not len(index) or not _lifts(self._materials[surface.material[index[0]]]):
+        if not len(index) or not _lifts(self.materials[surface.material[index[0]]]):
             return n
         strands = surface.primitive[index] >= self._first_rod
         return np.where(strands, n, lifted(n, pick(surface.g, index), pick(surface.v, index)))
@@ -263,7 +264,7 @@ class Shader:
         """A lobe's normals, None for those of the points, and k (3, m): 0 where microfacets are
         turned away from the viewer.
         """
-        material = self._materials[surface.material[index[0]]] if len(index) else DEFAULT
+        material = self.materials[surface.material[index[0]]] if len(index) else DEFAULT
         shines = lobe.is_glossy or lobe.kind in ("MIRROR", "REFRACTION")
         is_micro = shines and material.program is not None and material.bump_shadowing != "NONE"
         if lobe.kind in ("SHEEN", *_LISTED) or not (is_micro or lobe.normal_output >= 0):
@@ -330,7 +331,7 @@ class Shader:
     def _by_material(self, spot: Spot) -> Iterator[tuple[Material, Array]]:
         """Materials, and which points have them."""
         for number in np.unique(spot.material):
-            yield self._materials[number], np.flatnonzero(spot.material == number)
+            yield self.materials[number], np.flatnonzero(spot.material == number)
 
     def _outputs(
         self,

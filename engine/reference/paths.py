@@ -230,13 +230,18 @@ def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     cutoff.
     """
     cutoff = stage.settings.cutoff
-    mirrored, through = list(_mirrored(at, cutoff)), list(_refracted(stage, at, sample))
+    mirrored, through = list(_mirrored(at, cutoff)), list(_refracted(stage, at, sample, cutoff))
     if stage.glass_differs:
         through = [replace(paths, through_glass=True) for paths in through]
     if stage.interleaving > 1:
         mirrored = [_going_on(paths, sample, refracted=False) for paths in mirrored]
         through = [_going_on(paths, sample, refracted=True) for paths in through]
     return [paths for paths in (*mirrored, *through) if len(paths)]
+
+
+def sent(stage: Stage, at: Interaction) -> list[Paths]:
+    """All refraction rays, then all mirror rays, lobe by lobe, whatever they weigh."""
+    return [*_refracted(stage, at, 0, 0.0), *_mirrored(at, 0.0)]
 
 
 def _going_on(paths: Paths, sample: int, *, refracted: bool) -> Paths:
@@ -259,7 +264,7 @@ def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:
     """Rays that mirrors reflect, those round each normal together."""
     surface, mirrors = at.surface, at.coefficients.mirrors
     past = replace(at.paths, skyless=np.zeros(len(at.paths), bool))
-    for output in sorted({term.lobe.normal_output for term in mirrors}):
+    for output in dict.fromkeys(term.lobe.normal_output for term in mirrors):
         k, n = np.zeros((3, len(surface))), surface.n.copy()
         for term in mirrors:
             if term.lobe.normal_output == output:
@@ -271,7 +276,7 @@ def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:
         yield leaving(past, at.hit[go], some, d, pick(k, go), cutoff)
 
 
-def _refracted(stage: Stage, at: Interaction, sample: int) -> Iterator[Paths]:
+def _refracted(stage: Stage, at: Interaction, sample: int, cutoff: float) -> Iterator[Paths]:
     """Rays that go through glass, or are reflected in it where none can leave."""
     paths, surface = at.paths, at.surface
     skyless = np.zeros(len(paths), bool)
@@ -299,7 +304,6 @@ def _refracted(stage: Stage, at: Interaction, sample: int) -> Iterator[Paths]:
         k = through * term.k
         go = np.flatnonzero(k.any(0))
         hit = at.hit[term.index[go]]
-        cutoff = stage.settings.cutoff
         yield _counted(leaving(paths, hit, some.take(go), pick(d, go), pick(k, go), cutoff))
 
 

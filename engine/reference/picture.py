@@ -33,6 +33,7 @@ from .resolve import (
     MIRRORED,
     REFRACTED,
     SHARP,
+    THROWN,
     UNHIDDEN,
     UNSHADED,
     Guides,
@@ -195,7 +196,7 @@ class Picture:
         self._shape, self._passes, self._side = (height, width), passes, resolved
         count = width * height
         kept = [name for name in PARTS if name in passes]
-        kept += LIGHTING if passes.intersection(LIGHTING) or resolved > 1 else ()
+        kept += (*LIGHTING, THROWN) if passes.intersection(LIGHTING) or resolved > 1 else ()
         kept += [name for name in (CATCHER, OCCLUSION) if name in passes or resolved > 1]
         kept += (CAUGHT, ALONE, UNSHADED, UNHIDDEN) if resolved > 1 else ()
         kept += [name for image in IMAGES for name in (image, LIGHTS[image]) if resolved > 1]
@@ -412,6 +413,7 @@ class Picture:
             return self._parts.get(name, 0.0) + samples * self._added.get(name, 0.0)
 
         shown = {"Glossy Indirect": MIRRORED, "Transmission Indirect": REFRACTED}
+        shown["Diffuse Indirect"] = THROWN
         for k in range(0, len(BY_SURFACE) if is_known else 0, 3):
             direct, indirect, color = (resolved(name) for name in BY_SURFACE[k : k + 3])
             indirect = indirect + resolved(shown.get(BY_SURFACE[k + 1], ""))

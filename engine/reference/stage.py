@@ -42,6 +42,7 @@ from .lights import CENTER, LightPoint, Source
 from .materials import Shader
 from .media import Media
 from .paths import Paths
+from .photon_tracer import trace_photons
 from .raster import Strips
 from .rays import IncoherentRays
 from .scene_queries import SceneQueries, points_of_nodes, uncounted
@@ -117,7 +118,12 @@ class Stage:
             source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
             for source in self.sources
         )
-        self._lighting_of_near = replace(self.lighting, each_once=True)
+        self._lobe_points = lobe_points(self.samples)
+        self.asks_rays = scene.most_asked > 0
+        self._node_points = points_of_nodes(self.samples, scene.most_asked)
+        self.photon_map = trace_photons(self)
+        has_photons = self.photon_map is not None
+        self._lighting_of_near = replace(self.lighting, each_once=True, has_photons=has_photons)
         self.lighting_of_catchers = self._near_of_catchers = self.lighting
         if self.catches:
             self.caught = caught.astype(bool)
@@ -127,11 +133,8 @@ class Stage:
         # of what rays meet before they bounce, and after that
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
         self._lighting_of_exits = replace(self.lighting, faint=np.inf)
-        self._lobe_points = lobe_points(self.samples)
         parts = BOUNCE_PARTS if self.interleaving > 1 else 1
         self._bounce_points = bounce_points(parts * self.samples)
-        self.asks_rays = scene.most_asked > 0
-        self._node_points = points_of_nodes(self.samples, scene.most_asked)
         self.scatter_offsets = scatter_offsets(self.samples)
         self._subsurface_points = subsurface_points(self.samples)
         self._goes_below = settings.subsurface == "ON" and scene.has_subsurface
