@@ -345,6 +345,11 @@ BOTH = {
         ball=(BALL, GLASS, placed(0, 0, 0)),
         mirror=(MIRROR_ABOVE, MIRROR, placed(0, 0, -3)),
     ),
+    "leaves": things(
+        lamp("POINT", (0.2, 0.3, -0.3)),
+        ground=Material("leaf", THIN.lobes[1:]),
+        mirror=(MIRROR_ABOVE, MIRROR, placed(0, 0, -3)),
+    ),
     "panes": things(
         POINT,
         AREA,
@@ -409,3 +414,26 @@ def test_both_tracers_show_the_same_in_mirrors_and_after_bounces(settings: dict)
     )
     for name in (*names, "Combined", *map(light_group_pass, scene.light_groups)):
         agree(core[name][..., :3], reference[name][..., :3])
+
+
+def test_photons_of_each_moment() -> None:
+    """A ball of glass and a mirror that slide."""
+    scene = things(
+        AREA,
+        ball=(BALL, GLASS, placed(0, 0, 0)),
+        blob=(blob(), MIRROR, placed(0.9, 0.3, 0.5, 0.3)),
+    )
+    ground, *moving = scene.instances
+    ways = [
+        np.stack([thing.world_from_object, thing.world_from_object + placed(*way, 0.0)])
+        for thing, way in zip(moving, ((0.3, 0.1, 0.0), (0.0, -0.2, 0.2)), strict=True)
+    ]
+    instances = [replace(thing, motion=way) for thing, way in zip(moving, ways, strict=True)]
+    scene = replace(scene, instances=(ground, *instances))
+    settings = {"samples": 4, "soft_light": "SHARED", "diffuse_bounces": 1}
+    core, reference, none = (
+        drawn(scene, 1, photons=photons, backend=backend, **settings)
+        for photons, backend in ((3000, "NATIVE"), (3000, "NUMPY"), (0, "NATIVE"))
+    )
+    agree(core, reference)
+    assert (core - none).max() > 0.1 * none.max()

@@ -10,7 +10,7 @@ void Tracer::add_caustics(const Queue& queue, bool to_parts) {
   const bool seen = queue.visibility == kCamera;
   double* const thrown = seen && to_parts ? paths_.sums(film_, kThrownLight) : nullptr;
   for (size_t k = 0; k < queue.size(); ++k) {
-    if (batch_.missed(k) || !batch_.lit[k] || is_caught(queue, k)) continue;
+    if (batch_.missed(k) || is_caught(queue, k)) continue;
     const Vec3d x = row(batch_.points.x, k), g = row(batch_.points.g, k);
     const auto add = [&](Vec3d side, Vec3d given) {
       if (!any(given)) return;
@@ -24,7 +24,7 @@ void Tracer::add_caustics(const Queue& queue, bool to_parts) {
           thrown[size_t(c) * paths_.stride() + queue.slot(k)] += light[c];
       }
     };
-    add(g, row(batch_.diffuse, k));
+    if (batch_.lit[k]) add(g, row(batch_.diffuse, k));
     if (batch_.translucent[0]) add(-g, row(batch_.translucent, k));
   }
 }

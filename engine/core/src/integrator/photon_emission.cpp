@@ -127,10 +127,9 @@ std::vector<Caster> find_casters(const Scene& scene, const RenderPlan& plan) {
   std::vector<bool> is(all.groups.size());
   for (size_t g = 0; g < is.size(); ++g) is[g] = is_caster(scene, plan, all.groups[g]);
   for (uint32_t k = 0; k < all.placements.size(); ++k) {
-    const uint32_t group = all.placements[k].group;
-    const Extent& box = all.extents[all.groups[group].geometry];
-    if (!is[group] || box.empty()) continue;
-    casters.push_back(ball_round(all, k));
+    if (!is[all.placements[k].group]) continue;
+    const Caster caster = ball_round(all, k);
+    if (caster.radius > 0) casters.push_back(caster);  // else there is nothing of it
   }
   const auto merge = [&](auto same) {
     std::vector<Caster> fewer;

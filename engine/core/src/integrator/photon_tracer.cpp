@@ -158,9 +158,9 @@ void PhotonTracer::shade(const Queue& queue) {
 void PhotonTracer::arrive(const Queue& queue, std::vector<Photon>& arrived) {
   if (queue.visibility == kShadow) return;
   for (size_t k = 0; k < queue.size(); ++k) {
-    if (batch_.missed(k) || !batch_.lit[k]) continue;
-    const bool matt =
-        any(row(batch_.diffuse, k)) || (batch_.translucent[0] && any(row(batch_.translucent, k)));
+    if (batch_.missed(k)) continue;
+    const bool matt = (batch_.lit[k] && any(row(batch_.diffuse, k))) ||
+                      (batch_.translucent[0] && any(row(batch_.translucent, k)));
     const Way& way = ways_[queue.slot(k)];
     const Vec3d flux = queue.weight(k) * way.color;
     if (!matt || !any(flux) || !finite(flux) || comes_straight(way, queue.ray(k).d)) continue;
