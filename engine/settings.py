@@ -415,7 +415,7 @@ class Settings:
     photons: int = _setting(
         0,
         "Photons",
-        "How many photons lamps send by way of sharp mirrors and clear glass onto what is matt: the "
+        "How many photons lamps send by way of sharp mirrors and clear glass to what is matt: the "
         "patch of light that a mirror throws, the bright spot behind a ball of glass. 0: none of "
         "these; 65536 for most pictures, which takes up to a second before the first sample; more "
         "for finer lines",
