@@ -31,7 +31,7 @@ from .picture import Tile
 from .raster import Strips
 from .rays import Rays
 from .reflections import reflected, shown
-from .resolve import ALONE, CAUGHT, SHARP, THROWN, UNSHADED
+from .resolve import ALONE, CAUGHT, PHOTON_LIGHT, SHARP, UNSHADED
 from .scattering import scattered, scattered_on
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -460,7 +460,7 @@ class Generations:
             for group, light in stage.photon_map.find(pick(surface.x, here), pick(side, here)):
                 self._add(paths, "Diffuse", pixel, given * light, group)
                 if stage.splits and paths.depth == 0:
-                    self._tile.add(THROWN, pixel, given * light)
+                    self._tile.add(PHOTON_LIGHT, pixel, given * light)
 
     def _light_caught(self, at: Interaction) -> None:
         """The same to the light of catchers."""
@@ -526,7 +526,7 @@ class Generations:
                 name = f"{surface} {'Direct' if paths.depth == 1 else 'Indirect'}"
                 self._tile.add(name, pixel, values)
                 return
-            images = paths.image(self._tile.is_frosted[pixel])
+            images = paths.image(self._tile.is_rough_glass[pixel])
             for name in np.unique(images) if self._stage.resolves else [""]:
                 here = (images == name) if self._stage.resolves else slice(None)
                 self._tile.add(name or f"{surface} Indirect", pixel[here], values[:, here])
@@ -554,7 +554,7 @@ class Generations:
         }
         for name, values in found.items():
             self._tile.add(name, at.pixel, weight * values)
-        self._tile.is_frosted[at.pixel] |= (refracted != clear).any(0)
+        self._tile.is_rough_glass[at.pixel] |= (refracted != clear).any(0)
 
     def _listeners(
         self, pixel: Array

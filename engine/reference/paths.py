@@ -97,15 +97,15 @@ class Paths:
             return "diffuse"
         return "transmission" if self.through_glass else self.kind
 
-    def image(self, is_frosted: Array) -> Array:
+    def image(self, is_rough_glass: Array) -> Array:
         """(n,) of `resolve.IMAGES` what shows the light that they bring by way of others, "" where
-        that is blurred. is_frosted: (n,) bool, their pixels look through what is not clear.
+        that is blurred. is_rough_glass: (n,) bool, their pixels look through what is not clear.
         """
         if self.is_gloss:
-            return np.full(is_frosted.shape, "")
+            return np.full(is_rough_glass.shape, "")
         if self.transmitted:
-            return np.where(is_frosted, "", REFRACTED)
-        return np.full(is_frosted.shape, MIRRORED)
+            return np.where(is_rough_glass, "", REFRACTED)
+        return np.full(is_rough_glass.shape, MIRRORED)
 
     @property
     def is_gloss(self) -> bool:

@@ -31,9 +31,9 @@ from .resolve import (
     IMAGES,
     LIGHTS,
     MIRRORED,
+    PHOTON_LIGHT,
     REFRACTED,
     SHARP,
-    THROWN,
     UNHIDDEN,
     UNSHADED,
     Guides,
@@ -78,7 +78,7 @@ class Tile:
         self.brought, self.before = np.zeros((2, 2, count))
         self.guides = np.zeros((7, count))
         self.shown = {name: np.zeros((7, count)) for name in IMAGES}
-        self.is_frosted = np.zeros(count, bool)
+        self.is_rough_glass = np.zeros(count, bool)
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
@@ -196,7 +196,7 @@ class Picture:
         self._shape, self._passes, self._side = (height, width), passes, resolved
         count = width * height
         kept = [name for name in PARTS if name in passes]
-        kept += (*LIGHTING, THROWN) if passes.intersection(LIGHTING) or resolved > 1 else ()
+        kept += (*LIGHTING, PHOTON_LIGHT) if passes.intersection(LIGHTING) or resolved > 1 else ()
         kept += [name for name in (CATCHER, OCCLUSION) if name in passes or resolved > 1]
         kept += (CAUGHT, ALONE, UNSHADED, UNHIDDEN) if resolved > 1 else ()
         kept += [name for image in IMAGES for name in (image, LIGHTS[image]) if resolved > 1]
@@ -413,7 +413,7 @@ class Picture:
             return self._parts.get(name, 0.0) + samples * self._added.get(name, 0.0)
 
         shown = {"Glossy Indirect": MIRRORED, "Transmission Indirect": REFRACTED}
-        shown["Diffuse Indirect"] = THROWN
+        shown["Diffuse Indirect"] = PHOTON_LIGHT
         for k in range(0, len(BY_SURFACE) if is_known else 0, 3):
             direct, indirect, color = (resolved(name) for name in BY_SURFACE[k : k + 3])
             indirect = indirect + resolved(shown.get(BY_SURFACE[k + 1], ""))

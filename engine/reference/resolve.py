@@ -49,7 +49,7 @@ UNHIDDEN = "Unhidden"
 """How much of what camera rays meet is asked how open it is."""
 MIRRORED, REFRACTED = "Mirrored Light", "Refracted Light"
 """What surfaces give back of light that mirrors and clear glass show."""
-THROWN = "Thrown Light"
+PHOTON_LIGHT = "Photon Light"
 """That of photons at what camera rays meet, a part of Diffuse Indirect that is not resolved."""
 IMAGES = {MIRRORED: "Glossy Color", REFRACTED: "Transmission Color"}
 """The same, with what mirrors and glass give back of it."""

@@ -104,9 +104,12 @@ class SeenPasses:
         if not self._stage.resolves:
             return
         share = at.weight.mean(0) * (1 - at.coefficients.transparent.mean(0))
-        here = np.flatnonzero(share > 0)
+        self._add_guides(at, np.flatnonzero(share > 0), share)
+
+    def _add_guides(self, at: Interaction, here: Array, share: Array, image: str = "") -> None:
+        """Adds of the surfaces `here` that much (n,) of each, to those of an image."""
         columns = np.concatenate([at.surface.n, at.surface.x, np.ones((1, len(share)))])
-        self._tile.guide(at.pixel[here], share[here] * columns[:, here])
+        self._tile.guide(at.pixel[here], share[here] * columns[:, here], image)
 
     def guide_image(self, at: Interaction) -> None:
         """The same of what mirrors and clear glass show, with its colours."""
@@ -114,12 +117,10 @@ class SeenPasses:
         color = at.weight * (given.matt() + given.glossy() + given.round_fibres())
         color += at.weight * given.translucent
         for name in IMAGES:
-            is_lit = color.any(0) & (at.paths.image(self._tile.is_frosted[at.pixel]) == name)
+            is_lit = color.any(0) & (at.paths.image(self._tile.is_rough_glass[at.pixel]) == name)
             here = np.flatnonzero(is_lit)
             self._tile.add(LIGHTS[name], at.pixel[here], color[:, here])
-            share = at.weight.mean(0)[here]
-            columns = np.concatenate([at.surface.n, at.surface.x, np.ones((1, len(color[0])))])
-            self._tile.guide(at.pixel[here], share * columns[:, here], name)
+            self._add_guides(at, here, at.weight.mean(0), name)
 
     def give_aovs(self, at: Interaction) -> None:
         """What surfaces give to AOVs, up to the first that lets less than half through."""

@@ -41,7 +41,7 @@ constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR,
 constexpr int kSumsOfGuides[kGuideSets] = {GLINT_PASS_COMBINED, kMirroredLight, kRefractedLight};
 
 /// What the pass of the Indirect light of each kind shows beside its own.
-constexpr int kBesideIndirect[] = {kThrownLight, kMirroredLight, kRefractedLight};
+constexpr int kBesideIndirect[] = {kPhotonLight, kMirroredLight, kRefractedLight};
 
 /// Of what gives light itself.
 constexpr int kPassOfGlow[kGlows] = {GLINT_PASS_EMISSION, GLINT_PASS_ENVIRONMENT};
@@ -134,7 +134,7 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   keep_sums(GLINT_PASS_LIGHT_GROUPS, 3 * int(light_groups));
   // light is told over its colour: all are known or none
   Passes kept = wants_lighting() ? kLightingPasses : 0;
-  if (kept) kept |= lights & pass_bit(kThrownLight);
+  if (kept) kept |= lights & pass_bit(kPhotonLight);
   if (resolved > 1) kept |= lights | Passes(wants(GLINT_PASS_AMBIENT_OCCLUSION)) << kUnhidden;
   for (int pass = GLINT_PASS_SHADOW_CATCHER; pass < kSumCount; ++pass) {
     if (!(kept >> pass & 1) || at_[pass] >= 0) continue;
@@ -252,32 +252,38 @@ double Film::whole(const PixelSums& pixel, int pass) const {
   return sum[0] + sum[pixel.stride] + sum[2 * pixel.stride];
 }
 
+/// Those of the surfaces of a set, to place `at` of the window.
+void Film::read_guides(ResolveWindow& window, size_t at, const PixelSums& pixel,
+                       GuideSet set) const {
+  const int first = set * kGuidesOfOne;
+  if (guides_[first] < 0) return;
+  const auto put = [&](int number, double value) {
+    window.column(set * ResolveWindow::kGuidesOfOne + number)[at] = to_float(value);
+  };
+  double normal[3], square = 0;
+  for (int c = 0; c < 3; ++c) {
+    normal[c] = guide(pixel, first + kGuideNormal + c);
+    square += normal[c] * normal[c];
+  }
+  const double share = guide(pixel, first + kGuideShare);
+  const bool is_surface = share > 0 && square > 0 && std::isfinite(square);
+  put(ResolveWindow::kSurface, is_surface);
+  if (!is_surface) return;
+  for (int c = 0; c < 3; ++c) {
+    put(ResolveWindow::kNormal + c, normal[c] / std::sqrt(square));
+    const double place = guide(pixel, first + kGuidePlace + c) / share;
+    put(ResolveWindow::kPlace + c, place);
+    put(ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
+  }
+  put(ResolveWindow::kShare, share / pixel.count);
+  put(ResolveWindow::kAlong, std::sqrt(square) / pixel.count);
+}
+
 /// The means, to place `at` of the window.
 void Film::read(ResolveWindow& window, size_t at, const PixelSums& pixel) const {
   const auto put = [&](int column, double value) { window.column(column)[at] = to_float(value); };
   const double n = pixel.count;
-  for (int set = 0; set < kGuideSets; ++set) {
-    const int first = set * kGuidesOfOne, to = set * ResolveWindow::kGuidesOfOne;
-    if (guides_[first] < 0) continue;
-    double normal[3], square = 0;
-    for (int c = 0; c < 3; ++c) {
-      normal[c] = guide(pixel, first + kGuideNormal + c);
-      square += normal[c] * normal[c];
-    }
-    const double share = guide(pixel, first + kGuideShare);
-    const bool is_surface = share > 0 && square > 0 && std::isfinite(square);
-    for (int c = 0; is_surface && c < 3; ++c) {
-      put(to + ResolveWindow::kNormal + c, normal[c] / std::sqrt(square));
-      const double place = guide(pixel, first + kGuidePlace + c) / share;
-      put(to + ResolveWindow::kPlace + c, place);
-      put(to + ResolveWindow::kPlaceLow + c, place - double(to_float(place)));
-    }
-    put(to + ResolveWindow::kSurface, is_surface);
-    if (is_surface) {
-      put(to + ResolveWindow::kShare, share / n);
-      put(to + ResolveWindow::kAlong, std::sqrt(square) / n);
-    }
-  }
+  for (int set = 0; set < kGuideSets; ++set) read_guides(window, at, pixel, GuideSet(set));
   double rest[4];
   for (int c = 0; c < 4; ++c) rest[c] = *pixel.column(at_[GLINT_PASS_COMBINED] + c);
   for (int c = 0; c < 3; ++c) put(ResolveWindow::kWhole + c, rest[c] / n);

@@ -198,6 +198,7 @@ class Film {
   void store(int pass, uint32_t pixel, const double* from);
   struct PixelSums;
   void read(ResolveWindow& window, size_t at, const PixelSums& pixel) const;
+  void read_guides(ResolveWindow& window, size_t at, const PixelSums& pixel, GuideSet set) const;
   void read_noise(ResolveWindow& window, size_t at, const PixelSums& pixel) const;
   double guide(const PixelSums& pixel, int number) const;
   double whole(const PixelSums& pixel, int pass) const;

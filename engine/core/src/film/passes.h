@@ -28,7 +28,7 @@ enum : int {
   kMirroredColor,
   kRefractedLight,
   kRefractedColor,
-  kThrownLight,
+  kPhotonLight,
   kSumCount
 };
 

@@ -4,9 +4,9 @@
 // buffer). What pixels differ by no more than the halves of their own samples do is what their
 // points leave, and is averaged away; the rest stays (Lee 1980, Digital image enhancement and noise
 // filtering by use of local statistics), of what repeats from block to block lines, and what is
-// beyond all chance. Of what mirrors and clear glass show, a sharp image whose
-// own detail halves of samples differ by, what repeats from block to block is averaged away. Of few
-// samples, whose halves tell nothing, all else is.
+// beyond all chance. Of few samples, whose halves tell nothing, all is averaged. What mirrors and
+// clear glass show is averaged over the surfaces that are seen there; what gives light itself
+// stays.
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -20,8 +20,8 @@
 namespace glint {
 
 /// Light that is resolved by itself: what surfaces that camera rays meet give back, straight from
-/// what makes it and by way of others; the light of catchers; what is open over surfaces; and what
-/// media scatter.
+/// what makes it and by way of others; what surfaces do that mirrors, and that clear glass shows;
+/// the light of catchers; what is open over surfaces; and what media scatter.
 enum ResolvedLight : int {
   kDiffuseDirect,
   kDiffuseIndirect,
@@ -52,7 +52,7 @@ constexpr GuideSet guides_of(int light) {
 }
 
 /// The film's columns of a pixel that a resolve reads beside the passes of light: of the surfaces
-/// that camera rays meet, as much of each as stays of the ray there, the normal, the place, and how
+/// of each set, as much of each as stays of the ray there, the normal, the place, and how
 /// much stays; of the first half of the samples each light, and the colours of surfaces; what of
 /// glossy colour and of that of transmission mirrors and clear glass have. Of all but the normal
 /// and the place the sum of the channels.

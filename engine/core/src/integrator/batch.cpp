@@ -24,7 +24,7 @@ Batch::Batch(const Scene& scene, Passes passes, bool splits)
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.materials.bends_normals),
       splits_(splits),
       columns_(kFixed + (smooth_ ? kSmooth : 0) +
-               size_t(scene.materials.specular_columns * scene.materials.max_gathered) +
+               size_t(scene.materials.specular_columns * scene.materials.gathered_rows()) +
                size_t(scene.materials.passing_columns * scene.materials.max_passing) +
                (scene.materials.shadows_bumps ? kBumps : 0) +
                (scene.instances.grazing_differs ? 1 : 0) + (scene.instances.lowers_light ? 1 : 0) +
@@ -139,8 +139,8 @@ void Batch::place_columns() {
     if (splits_) three(*to);
   if (has_groups()) three(glow);
   for (double*& column : groups_) column = one();
-  specular = scene_.materials.max_gathered > 0 ? columns_[next] : nullptr;
-  next += size_t(scene_.materials.specular_columns * scene_.materials.max_gathered);
+  specular = scene_.materials.gathered_rows() > 0 ? columns_[next] : nullptr;
+  next += size_t(scene_.materials.specular_columns * scene_.materials.gathered_rows());
   passing_columns = scene_.materials.max_passing > 0 ? columns_[next] : nullptr;
   passing_width = scene_.materials.passing_columns;
   stride = columns_.rows();
@@ -200,6 +200,34 @@ void Batch::find_points(const Stages& stages, uint32_t missed) {
   set_offsets();
 }
 
+ShadeStage Batch::shading() {
+  const MaterialTable& all = scene_.materials;
+  ShadeStage stage{};
+  stage.lowering = lowering;
+  stage.count = count_;
+  stage.material = material.data();
+  stage.terms = (queue->past.reflections > 0 ? all.reflected_terms : all.terms).data();
+  stage.specular_terms = all.specular_terms.data();
+  stage.specular_rows = all.gathered_rows();
+  stage.max_specular = max_specular();
+  stage.sums = sums;
+  stage.specular_columns = all.specular_columns;
+  stage.view_terms = all.view_terms.data();
+  stage.max_view = all.max_view;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.n[c] = points.n[c];
+    stage.d[c] = queue->column(Queue::kD + c);
+    stage.ambient[c] = scene_.world.ambient[int(c)];
+    stage.T[c] = queue->column(Queue::kT + c);
+    stage.diffuse[c] = diffuse[c];
+  }
+  stage.specular = specular;
+  stage.stride = stride;
+  stage.lit = lit.data();
+  stage.others = others.data();
+  return stage;
+}
+
 EvaluateStage Batch::evaluation(const Material& of, double* slots) {
   EvaluateStage stage{};
   stage.tables = scene_.input_tables();
@@ -242,6 +270,7 @@ EvaluateStage Batch::evaluation(const Material& of, double* slots) {
     stage.offset = points.offset;
   }
   stage.specular_columns = scene_.materials.specular_columns;
+  stage.mirror_row = scene_.materials.max_specular;
   stage.specular = specular;
   stage.passing = passing_columns;
   stage.passing_columns = passing_width;
@@ -264,33 +293,6 @@ void Batch::clear_specular() {
   const size_t width = size_t(scene_.materials.specular_columns);
   for (size_t term = 0; term < size_t(max_specular()); ++term)
     for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
-}
-
-std::vector<double> Batch::take_specular(double exponent) {
-  const size_t width = size_t(scene_.materials.specular_columns);
-  std::vector<double> taken;
-  for (size_t term = 0; term < size_t(max_specular()); ++term) {
-    double* const first = specular + width * term * stride;
-    const double* const exponents = first + SpecularTerm::kExponent * stride;
-    for (size_t c = 0; c < 3; ++c)
-      for (size_t k = 0; k < count_; ++k) {
-        double& Tk = first[c * stride + k];
-        const bool takes = exponents[k] == exponent;
-        taken.push_back(takes ? Tk : 0);
-        if (takes) Tk = 0;
-      }
-  }
-  return taken;
-}
-
-void Batch::give_specular(const std::vector<double>& taken) {
-  const size_t width = size_t(scene_.materials.specular_columns);
-  const double* from = taken.data();
-  for (size_t term = 0; term < size_t(max_specular()); ++term)
-    for (size_t c = 0; c < 3; ++c) {
-      double* const to = specular + (width * term + c) * stride;
-      for (size_t k = 0; k < count_; ++k) to[k] += *from++;
-    }
 }
 
 bool Batch::turn_round() {

@@ -36,6 +36,8 @@ class Batch {
   void set_surface(size_t k, const Surface& s);
   /// The points of the rays' hits. missed: the material of rays that hit nothing.
   void find_points(const Stages& stages, uint32_t missed);
+  /// How the points are shaded whose materials do not vary.
+  ShadeStage shading();
   /// How points of a material that varies are evaluated, but for which they are. slots: room for
   /// those of its program.
   EvaluateStage evaluation(const Material& material, double* slots);
@@ -43,14 +45,10 @@ class Batch {
   void set_offsets();
   /// Rows of `specular`: rays of bounced light see mirrors as highlights.
   int max_specular() const {
-    return queue->gathers() ? scene_.materials.max_gathered : scene_.materials.max_specular;
+    return queue->gathers() ? scene_.materials.gathered_rows() : scene_.materials.max_specular;
   }
   /// Highlights show nothing.
   void clear_specular();
-  /// What T k is of highlights of just that exponent, which are taken away until they are given
-  /// back.
-  std::vector<double> take_specular(double exponent);
-  void give_specular(const std::vector<double>& taken);
   /// The points become those of their other sides, where TRANSLUCENT lobes are DIFFUSE ones and all
   /// there is. False where none has any, and nothing has changed.
   bool turn_round();

@@ -8,7 +8,7 @@ void Tracer::add_caustics(const Queue& queue, bool to_parts) {
   if (!plan_.photon_map || !direct_.bounces(queue) || queue.past.caught != Queue::Past::kSeen)
     return;
   const bool seen = queue.visibility == kCamera;
-  double* const thrown = seen && to_parts ? paths_.sums(film_, kThrownLight) : nullptr;
+  double* const thrown = seen && to_parts ? paths_.sums(film_, kPhotonLight) : nullptr;
   for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.missed(k) || is_caught(queue, k)) continue;
     const Vec3d x = row(batch_.points.x, k), g = row(batch_.points.g, k);

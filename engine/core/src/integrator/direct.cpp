@@ -141,9 +141,9 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   if (!plan_.photon_map || !batch.queue->gathers())
     return add_lights(batch, sample, counts, [](const Light&) { return true; });
   add_lights(batch, sample, counts, [](const Light& light) { return !throws_photons(light); });
-  const std::vector<double> mirrors = batch.take_specular(RenderPlan::kCarriedExponent);
+  stage_.max_specular = scene_.materials.max_specular;
   add_lights(batch, sample, counts, throws_photons);
-  batch.give_specular(mirrors);
+  stage_.max_specular = batch.max_specular();
 }
 
 /// Of those that `takes` says. So lights that share shadow rays share them among themselves.

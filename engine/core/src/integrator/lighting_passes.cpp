@@ -30,7 +30,7 @@ void Tracer::note_colors(const Queue& queue) {
     add(GLINT_PASS_TRANSMISSION_COLOR, k, T * gives.refracted);
     add_sharp(0, k, T * gives.mirrored);
     add_sharp(1, k, T * gives.clear);
-    if (any(gives.refracted - gives.clear)) paths_.frosted()[queue.slot(k)] = 1;
+    if (any(gives.refracted - gives.clear)) paths_.rough_glass()[queue.slot(k)] = 1;
   }
 }
 
@@ -41,14 +41,13 @@ int Tracer::image_of(const Queue& queue, size_t k, int blurred) {
       film_.column_of(kMirroredLight) < 0 && film_.column_of(kRefractedLight) < 0)
     return blurred;
   const bool through = queue.is_transmitted(k);
-  if (through && paths_.frosted()[queue.slot(k)]) return blurred;
+  if (through && paths_.rough_glass()[queue.slot(k)]) return blurred;
   const int image = through ? kRefractedLight : kMirroredLight;
   return film_.column_of(image) < 0 ? blurred : image;
 }
 
 /// What tells the surfaces that mirrors and clear glass show, and their colours.
 void Tracer::note_images(const Queue& queue) {
-  const size_t stride = paths_.stride();
   for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.material[k] >= scene_.materials.size()) continue;
     const int image = image_of(queue, k, -1);
@@ -60,19 +59,10 @@ void Tracer::note_images(const Queue& queue) {
     }
     if (batch_.translucent[0]) color += row(batch_.translucent, k);
     if (!any(color)) continue;
-    const uint32_t slot = queue.slot(k);
-    double* const colors = paths_.sums(film_, image + 1);
-    double* const guides =
-        paths_.guide(film_, kGuidesOfOne * (image == kMirroredLight ? kInMirrors : kBehindGlass)) +
-        slot;
-    const double share = mean(queue.path(k).T);
-    const Vec3d n = row(batch_.points.n, k), x = row(batch_.points.x, k);
-    for (size_t c = 0; c < 3; ++c) {
-      colors[c * stride + slot] += color[int(c)];
-      guides[(kGuideNormal + c) * stride] += share * n[int(c)];
-      guides[(kGuidePlace + c) * stride] += share * x[int(c)];
-    }
-    guides[kGuideShare * stride] += share;
+    double* const colors = paths_.sums(film_, image + 1) + queue.slot(k);
+    for (size_t c = 0; c < 3; ++c) colors[c * paths_.stride()] += color[int(c)];
+    const GuideSet set = image == kMirroredLight ? kInMirrors : kBehindGlass;
+    add_guides(queue, k, set, mean(queue.path(k).T));
   }
 }
 

@@ -79,7 +79,7 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   if (columns_ != film.columns()) sums_ = Columns(columns_ = film.columns());
   sums_.reserve(kMost);
   soft_light_.assign(size(), 0);
-  frosted_.assign(size(), 0);
+  rough_glass_.assign(size(), 0);
   for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
   if (!points.plan().reflects_gloss) return;
   if (gloss_.stride() != sums_.stride()) gloss_ = Columns(columns_);

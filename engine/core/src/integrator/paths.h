@@ -89,7 +89,7 @@ class Paths {
   /// slots.
   uint8_t* soft_light() { return soft_light_.data(); }
   /// Whether what each path's camera ray meets shows things through glass that blurs them.
-  uint8_t* frosted() { return frosted_.data(); }
+  uint8_t* rough_glass() { return rough_glass_.data(); }
   /// Adds that to the film, sample by sample, and tells its refinement.
   void add_to(Film& film, const Tile& tile, const Stages& stages);
   /// Adds it to sums of the film's columns, each so long.
@@ -117,7 +117,7 @@ class Paths {
   }
 
   std::vector<double> u_, v_, lens_[2], frame_[12], thrown_;
-  std::vector<uint8_t> soft_light_, frosted_;
+  std::vector<uint8_t> soft_light_, rough_glass_;
   Columns sums_, gloss_;
   size_t columns_ = 0;
 };

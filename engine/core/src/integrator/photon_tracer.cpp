@@ -113,30 +113,7 @@ void PhotonTracer::dim(Queue& queue) {
 
 /// What the surfaces are made of, and all rays that leave them.
 void PhotonTracer::shade(const Queue& queue) {
-  ShadeStage stage{};
-  stage.lowering = batch_.lowering;
-  stage.count = queue.size();
-  stage.material = batch_.material.data();
-  stage.terms = scene_.materials.terms.data();
-  stage.specular_terms = scene_.materials.specular_terms.data();
-  stage.specular_rows = scene_.materials.max_gathered;
-  stage.max_specular = batch_.max_specular();
-  stage.sums = batch_.sums;
-  stage.specular_columns = scene_.materials.specular_columns;
-  stage.view_terms = scene_.materials.view_terms.data();
-  stage.max_view = scene_.materials.max_view;
-  for (size_t c = 0; c < 3; ++c) {
-    stage.n[c] = batch_.points.n[c];
-    stage.d[c] = queue.column(Queue::kD + c);
-    stage.ambient[c] = scene_.world.ambient[int(c)];
-    stage.T[c] = queue.column(Queue::kT + c);
-    stage.diffuse[c] = batch_.diffuse[c];
-  }
-  stage.specular = batch_.specular;
-  stage.stride = batch_.stride;
-  stage.lit = batch_.lit.data();
-  stage.others = batch_.others.data();
-  const size_t others = stages_.shade(stage);
+  const size_t others = stages_.shade(batch_.shading());
   for (size_t first = 0, count; first < others; first += count) {
     const uint32_t* const rows = batch_.others.data() + first;
     const Material& material = scene_.materials[batch_.material[rows[0]]];

@@ -63,8 +63,6 @@ struct RenderPlan : GlintRenderSettings {
   // light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much. That of mirrors there,
   // whose shape is lost in any case.
   static constexpr double kBouncedExponent = 8, kThrownExponent = 2;
-  // Next to it, by which such lobes are known.
-  static constexpr double kCarriedExponent = kThrownExponent + 0x1p-40;
 
   /// In place of the settings' four numbers. shown: the pixels that were asked for.  traced: with
   /// those that light is averaged with; the region has a margin where the neighbours of these are
@@ -135,9 +133,6 @@ struct RenderPlan : GlintRenderSettings {
     return photons > 0 && physical() && bounces > 0 && max_bounces > 0 &&
            (reflective_caustics || refractive_caustics);
   }
-  /// Exponent of mirrors at what rays of bounced light meet; another one where lamps do not light
-  /// them so, as photons bring their light.
-  double thrown_exponent() const { return photon_map ? kCarriedExponent : kThrownExponent; }
   std::shared_ptr<const PhotonMap> photon_map;  // null: there are no photons
 
   uint32_t samples_of(const Light& light) const {

@@ -43,20 +43,23 @@ void Tracer::note_seen(const Queue& queue) {
   }
 }
 
+/// Adds that much of point k's surface to those of its set.
+void Tracer::add_guides(const Queue& queue, size_t k, GuideSet set, double share) {
+  double* const guides = paths_.guide(film_, kGuidesOfOne * set) + queue.slot(k);
+  const Vec3d n = row(batch_.points.n, k), x = row(batch_.points.x, k);
+  for (size_t c = 0; c < 3; ++c) {
+    guides[(kGuideNormal + c) * paths_.stride()] += share * n[int(c)];
+    guides[(kGuidePlace + c) * paths_.stride()] += share * x[int(c)];
+  }
+  guides[kGuideShare * paths_.stride()] += share;
+}
+
 /// What tells the film which pixels show the same surface.
 void Tracer::note_guides(const Queue& queue) {
-  double* const first = paths_.guide(film_, kGuideNormal);
   for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.material[k] >= scene_.materials.size() || is_held_out(queue, k)) continue;
     const double share = mean(queue.path(k).T) * (1 - mean(shader_.passed(batch_, k)));
-    if (!(share > 0)) continue;
-    double* const guides = first + queue.slot(k);
-    const Vec3d n = row(batch_.points.n, k), x = row(batch_.points.x, k);
-    for (size_t c = 0; c < 3; ++c) {
-      guides[(kGuideNormal + c) * paths_.stride()] += share * n[int(c)];
-      guides[(kGuidePlace + c) * paths_.stride()] += share * x[int(c)];
-    }
-    guides[kGuideShare * paths_.stride()] += share;
+    if (share > 0) add_guides(queue, k, kSeen, share);
   }
 }
 

@@ -90,7 +90,6 @@ class Tracer {
   void keep_gathered(const Queue& queue);
   void find_hits(const Queue& queue);
   void dim(Queue& queue);
-  ShadeStage shading(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
   void see_lights(size_t k);
   void note_glow(const Queue& queue);
@@ -117,6 +116,7 @@ class Tracer {
   void cut_holes(const Queue& queue, const uint32_t* rows, size_t count);
   void record(const Queue& queue);
   void note_seen(const Queue& queue);
+  void add_guides(const Queue& queue, size_t k, GuideSet set, double share);
   void note_guides(const Queue& queue);
   void note_colors(const Queue& queue);
   void note_images(const Queue& queue);

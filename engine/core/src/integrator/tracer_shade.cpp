@@ -7,38 +7,8 @@
 
 namespace glint {
 
-/// How the batch's points are shaded whose materials do not vary.
-ShadeStage Tracer::shading(const Queue& queue) {
-  ShadeStage stage{};
-  stage.lowering = batch_.lowering;
-  stage.count = queue.size();
-  stage.material = batch_.material.data();
-  stage.terms =
-      (queue.past.reflections > 0 ? scene_.materials.reflected_terms : scene_.materials.terms)
-          .data();
-  stage.specular_terms = scene_.materials.specular_terms.data();
-  stage.specular_rows = scene_.materials.max_gathered;
-  stage.max_specular = batch_.max_specular();
-  stage.sums = batch_.sums;
-  stage.specular_columns = scene_.materials.specular_columns;
-  stage.view_terms = scene_.materials.view_terms.data();
-  stage.max_view = scene_.materials.max_view;
-  for (size_t c = 0; c < 3; ++c) {
-    stage.n[c] = batch_.points.n[c];
-    stage.d[c] = queue.column(Queue::kD + c);
-    stage.ambient[c] = scene_.world.ambient[int(c)];
-    stage.T[c] = queue.column(Queue::kT + c);
-    stage.diffuse[c] = batch_.diffuse[c];
-  }
-  stage.specular = batch_.specular;
-  stage.stride = batch_.stride;
-  stage.lit = batch_.lit.data();
-  stage.others = batch_.others.data();
-  return stage;
-}
-
 void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
-  const size_t others = stages_.shade(shading(queue));
+  const size_t others = stages_.shade(batch_.shading());
   const bool sees_lights =
       scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.past.reflections == 0;
   for (size_t c = 0; batch_.has_groups() && c < 3; ++c)
@@ -69,7 +39,7 @@ void Tracer::see_lights(size_t k) {
 EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
   EvaluateStage stage = batch_.evaluation(material, program_slots_.data());
   stage.dark = queue.past.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
-  stage.thrown = queue.gathers() && plan_.reflective_caustics ? plan_.thrown_exponent() : 0;
+  stage.thrown = queue.gathers() && plan_.reflective_caustics ? RenderPlan::kThrownExponent : 0;
   for (size_t c = 0; batch_.has_groups() && c < 3; ++c) stage.sums.emission[c] = batch_.glow[c];
   if (stage.program && stage.program->asks_rays)
     stage.queries = queries_.at(batch_, sample_, counts_);

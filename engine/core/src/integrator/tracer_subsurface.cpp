@@ -33,7 +33,7 @@ void Tracer::light_exits(Queue& queue, uint32_t sample) {
 
 void Tracer::show_exits(const Queue& queue) {
   exit_materials_.assign(queue.size(), scene_.materials.white());
-  ShadeStage stage = shading(queue);
+  ShadeStage stage = batch_.shading();
   stage.material = exit_materials_.data();
   stages_.shade(stage);
   if (scene_.materials.bends_normals) bend_exits(queue);

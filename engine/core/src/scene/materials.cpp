@@ -167,7 +167,7 @@ void compare_lobes(MaterialTable& t, Material& material) {
   t.has_dense |= material.is_dense;
   t.has_subsurface |= material.goes_below;
   t.max_specular = std::max(t.max_specular, material.specular_count);
-  t.max_gathered = std::max(t.max_gathered, material.specular_count + material.mirror_count);
+  t.max_mirrors = std::max(t.max_mirrors, material.mirror_count);
   t.max_view = std::max(t.max_view, material.view_count);
 }
 
@@ -189,7 +189,7 @@ void number_reads(MaterialTable& t, const Material& material) {
 
 /// What is the same all over a material; those that vary, or send rays on, are left to the shader.
 void fold_materials(MaterialTable& t, const World& world) {
-  const size_t specular = size_t(t.specular_columns) * size_t(t.max_gathered),
+  const size_t specular = size_t(t.specular_columns) * size_t(t.gathered_rows()),
                view = ViewTerm::kColumns * size_t(t.max_view);
   t.specular_terms.assign(specular * (t.size() + 4), 0.0);
   t.view_terms.assign(view * (t.size() + 4), 0.0);

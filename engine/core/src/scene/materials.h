@@ -75,11 +75,14 @@ struct MaterialTable {
   std::vector<TextureShape> textures;
   std::vector<MaterialTerms> terms, reflected_terms;  // reflected: as rays see them that rough
                                                       // surfaces reflect
-  std::vector<double> specular_terms;  // max_gathered rows of specular_columns numbers a material
+  std::vector<double> specular_terms;  // gathered_rows of specular_columns numbers a material
   std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
   // SPECULAR, SHEEN, TOON and FIBRE lobes of a material, and kinds of its OREN_NAYAR ones, at most
-  int max_specular = 0, max_gathered = 0;  // gathered: with MIRROR ones, as gather rays show them
-  double most_exponent = 0;                // of SPECULAR lobes
+  int max_specular = 0;
+  int max_mirrors = 0;  // MIRROR lobes of a material, at most: gather rays show them as SPECULAR
+                        // ones, in rows after the others
+  int gathered_rows() const { return max_specular + max_mirrors; }
+  double most_exponent = 0;  // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false, has_mirrors = false;
   bool has_toon_gloss = false;             // TOON_SPECULAR lobes, whose surroundings no rays show

@@ -40,7 +40,7 @@ Passes lights_of(const Scene& scene, const RenderPlan& plan) {
   if (scene.features & GLINT_FEATURE_REFRACTION)
     lights |= all << GLINT_PASS_TRANSMISSION_DIRECT | pass_bit(kRefractedLight) |
               pass_bit(kRefractedColor);
-  if (plan.throws_photons()) lights |= pass_bit(kThrownLight);
+  if (plan.throws_photons()) lights |= pass_bit(kPhotonLight);
   if (scene.features & GLINT_FEATURE_MEDIA) lights |= of_media << GLINT_PASS_VOLUME_DIRECT;
   if (scene.features & GLINT_FEATURE_SHADOW_CATCHER)
     lights |= pass_bit(GLINT_PASS_SHADOW_CATCHER) | all << kCaughtLight;

@@ -35,7 +35,7 @@ struct Lobes {
   Three glow, diffuse, translucent;
   Three ambient = {};  // of glow, where some surfaces see light lower
   Mask lit = {}, passes = {};
-  int specular_count = 0, passing_count = 0;
+  int specular_count = 0, mirror_count = 0, passing_count = 0;
   int turned_row = -1, again_row = -1;  // of OREN_NAYAR and OREN_NAYAR_MULTIPLE lobes; -1: none yet
 };
 
@@ -172,7 +172,8 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
 /// as wide as that, by Walter, Marschner, Li, Torrance 2007 (Microfacet models for refraction).
 __attribute__((noinline)) void set_thrown(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                                           const LobeShape& lobe, Three Tk, Lobes& sum) {
-  double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
+  const int row = s.mirror_row + sum.mirror_count++;
+  double* column = s.specular + size_t(s.specular_columns * row) * s.stride;
   Three normal{};
   if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, Tk);
   if (s.specular_columns >= SpecularTerm::kTurned)

@@ -117,8 +117,9 @@ struct EvaluateStage {
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
-  bool dark;      // EMISSION lobes show nothing
-  double thrown;  // exponent of the SPECULAR lobes that MIRROR ones are as well, 0: of none
+  bool dark;       // EMISSION lobes show nothing
+  int mirror_row;  // the first of theirs, after those of other lobes
+  double thrown;   // exponent of the SPECULAR lobes that MIRROR ones are as well, 0: of none
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];
