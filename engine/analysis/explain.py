@@ -219,6 +219,8 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
             f"light is averaged over {hit.resolved} x {hit.resolved} pixels of this surface: "
             "Resolved; here is what this pixel finds by itself"
         )
+    if hit.photons:
+        yield "what photons bring here by way of mirrors and glass is not told"
     if hit.caught:
         yield (
             "it catches shadows: with what stands there it has "

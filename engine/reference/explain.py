@@ -61,6 +61,7 @@ class Explainer:
         )
         resolves = settings.soft_light == "RESOLVED"
         self._resolved = interleaving(lit, settings) if resolves else 1
+        self._photons = settings.photons
         self._spread = Spread.samples(scene, settings.samples)[0]
         self._looks_round = OCCLUSION in settings.passes
         self._places = np.zeros(1, np.intp)
@@ -337,6 +338,7 @@ class Explainer:
             shared=(stage.lighting.marks, stage.shared_samples),
             shared_media=stage.shared_media,
             resolved=self._resolved if is_first else 1,
+            photons=self._photons if is_first else 0,
             open=_numbers(openness(stage, surface, self._sample, lambda: None)[:, 0])
             if paths.depth == 0 and self._looks_round
             else None,

@@ -69,9 +69,10 @@ class Hit:
     pass Vector has them; None where the scene has no neighbours. shared: of how many shadow rays of
     a sample how many samples of lamps have a share; zeros where each has its own. shared_media: the
     same of points of glowing media; zeros without such. resolved: side of the blocks of pixels over
-    which the picture averages what light is met here, 1 where it does not. open: the share of an
-    even sky, as the pass Ambient Occlusion has it of one sample; None where it is not asked for.
-    bounce: how light goes on from here along the path; None where it does not bounce.
+    which the picture averages what light is met here, 1 where it does not. photons: how many the
+    picture follows, whose light is not in here; 0 of all but what the camera sees. open: the share
+    of an even sky, as the pass Ambient Occlusion has it of one sample; None where it is not asked
+    for. bounce: how light goes on from here along the path; None where it does not bounce.
     """
 
     thing: str
@@ -93,6 +94,7 @@ class Hit:
     shared: tuple[int, int] = (0, 0)
     shared_media: tuple[int, int] = (0, 0)
     resolved: int = 1
+    photons: int = 0
     open: Numbers | None = None
     bounce: Bounce | None = None
 

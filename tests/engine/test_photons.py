@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bounced_scenes import BACKENDS, GROUND, HERE, ball, drawn, lamp, matt, quad
-from glint.engine import Settings, render
+from glint.engine import PixelExplainer, Settings, explanation_lines, render
 from glint.engine.film import light_group_pass
 from glint.engine.program.program import compile_program
 from glint.engine.scene import (
@@ -437,3 +437,11 @@ def test_photons_of_each_moment() -> None:
     )
     agree(core, reference)
     assert (core - none).max() > 0.1 * none.max()
+
+
+@pytest.mark.parametrize("photons", [0, 3000])
+def test_explanations_tell_that_photons_are_not_in_them(photons: int) -> None:
+    scene = things(AREA, ball=(BALL, GLASS, placed(0, 0, 0)))
+    ray = PixelExplainer(scene, Settings(photons=photons, diffuse_bounces=1)).pixel(2, 4)
+    said = sum("what photons bring here" in line for line in explanation_lines(ray))
+    assert said == (photons > 0)
