@@ -11,6 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+_MIX = 0x9E3779B97F4A7C15
+"""Of Fibonacci hashing (Knuth, The Art of Computer Programming 3, 6.4)."""
+
 
 def tangents(
     vertices: np.ndarray, triangles: np.ndarray, corners: np.ndarray, normals: np.ndarray,
@@ -21,51 +24,57 @@ def tangents(
     vertices (v, 3); triangles, corners (n, 3) rows of vertices and of what is returned; normals
     (n, 3, 3) unit, of each triangle's corners; uv (k, 2).
     """
-    p, at = vertices.astype(np.float64)[triangles], uv.astype(np.float64)[corners]
-    edges, steps = np.roll(p, -1, 1) - p, np.roll(at, -1, 1) - at
-    e, f = edges[:, 0], -edges[:, 2]
-    s, t = steps[:, 0], -steps[:, 2]
-    area = s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]
+    normal, at = _columns(normals), _columns(uv)[:, corners]
+    edges, (s, t) = _steps(_columns(vertices)[:, triangles]), _steps(at)
+    area = s[:, 2] * t[:, 0] - s[:, 0] * t[:, 2]
     sign = np.where(area > 0, 1.0, -1.0)
-    across = _unit((t[:, 1:] * e - s[:, 1:] * f) * sign[:, None])
-    flat = _unit(across[:, None] - normals * _dot(normals, across[:, None]))
-    ahead = _unit(edges - normals * _dot(normals, edges))
-    back = -np.roll(edges, 1, 1)
-    back = _unit(back - normals * _dot(normals, back))
-    weight = np.arccos(np.clip(_dot(ahead, back), -1.0, 1.0)) * (area != 0)[:, None, None]
-    group = _groups(triangles, at, normals, sign)
-    total = np.zeros((group.max(initial=-1) + 1, 3))
-    np.add.at(total, group.ravel(), (flat * weight).reshape(-1, 3))
-    sums = np.zeros((len(uv), 3))
-    np.add.at(sums, corners.ravel(), _unit(total)[group.ravel()])
+    across = _unit((t[:, 0] * edges[:, :, 2] - t[:, 2] * edges[:, :, 0]) * sign)
+    flat = _unit(_laid(across[:, :, None], normal))
+    ahead, back = _unit(_laid(edges, normal)), _unit(_laid(-np.roll(edges, 1, -1), normal))
+    weight = np.arccos(np.clip(_dot(ahead, back), -1.0, 1.0)) * (area != 0)[:, None]
+    group = _groups([triangles, *at, *normal, np.repeat(sign, 3).reshape(-1, 3)])
+    total = _unit(_sums(group, flat * weight, group.max(initial=-1) + 1))
     result = np.ones((len(uv), 4), np.float32)
-    result[:, :3] = _unit(sums)
+    result[:, :3] = _unit(_sums(corners.ravel(), total[:, group], len(uv))).T
     result[corners.ravel(), 3] = np.repeat(sign, 3)
     return result
 
 
-def _groups(
-    triangles: np.ndarray, uv: np.ndarray, normals: np.ndarray, sign: np.ndarray
-) -> np.ndarray:
-    """(n, 3) numbers of what shares one tangent."""
-    keys = np.concatenate(
-        [
-            triangles.astype(np.float64)[..., None],
-            uv,
-            normals,
-            np.broadcast_to(sign[:, None, None], (*triangles.shape, 1)),
-        ],
-        -1,
-    )
-    rows = np.ascontiguousarray(keys + 0.0).reshape(-1, keys.shape[-1])
-    _, numbers = np.unique(
-        rows.view(f"V{rows.itemsize * rows.shape[1]}").ravel(), return_inverse=True
-    )
-    return numbers.reshape(triangles.shape)
+def _columns(rows: np.ndarray) -> np.ndarray:
+    """Float64, the last axis first: a column is contiguous."""
+    return np.ascontiguousarray(np.moveaxis(rows, -1, 0), np.float64)
+
+
+def _steps(corners: np.ndarray) -> np.ndarray:
+    """From each corner of triangles to the next one, (…, n, 3)."""
+    return np.roll(corners, -1, -1) - corners
+
+
+def _laid(vectors: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    return vectors - normals * _dot(normals, vectors)
+
+
+def _groups(columns: list[np.ndarray]) -> np.ndarray:
+    """A number for each entry, the same where all columns are equal."""
+    words = [(column + 0.0).ravel().view(np.uint64) for column in columns]
+    for factor in range(_MIX, 1 << 64, 2):
+        key = np.zeros(len(words[0]), np.uint64)
+        for word in words:
+            key = (key ^ word) * np.uint64(factor)
+            key ^= key >> np.uint64(32)
+        _, first, number = np.unique(key, return_index=True, return_inverse=True)
+        if all((word[first][number] == word).all() for word in words):
+            break
+    return number
+
+
+def _sums(number: np.ndarray, columns: np.ndarray, count: int) -> np.ndarray:
+    """(3, count), of all entries of each number. columns (3, …)."""
+    return np.stack([np.bincount(number, column.ravel(), count) for column in columns])
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return (a * b).sum(-1, keepdims=True)
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _unit(a: np.ndarray) -> np.ndarray:
