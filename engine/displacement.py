@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from .futures import parallel_map
+from .linear.columns import cross, transform, unit
 from .native import load_error, programs
+from .program.execute.run import run as run_reference
 from .program.program import Program
-from .reference.program import run as run_reference
 from .reference.textures import Image
-from .reference.vectors import cross, transform, unit
 from .scene import CORNER, FACE, POINT, Attribute, Mesh, Texture
 
 Array = np.ndarray
@@ -249,7 +249,7 @@ class _Placed:
 
 
 class VertexPoints:
-    """What programs read of the vertices of a mesh (`reference.program.Points`), each at a corner
+    """What programs read of the vertices of a mesh (`program.execute.run.Points`), each at a corner
     of a triangle. Nobody sees them: they face along their normals.
     """
 

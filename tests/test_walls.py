@@ -117,7 +117,7 @@ WALLS = {
     "engine/scene": ({"numpy"} | STDLIB, _only("scene", "program", "linear", "lights")),
     "engine/program": (
         {"numpy"} | STDLIB,
-        _only("program", "scene.checks", "reference.program"),
+        _only("program", "scene.checks", "linear"),
     ),
     "engine/lights": (
         {"numpy"} | STDLIB,

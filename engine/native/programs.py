@@ -7,16 +7,16 @@ from itertools import groupby
 
 import numpy as np
 
+from ..program.execute.run import Points, step
 from ..program.operations import Reference
 from ..program.program import Instruction, Program, instructions
 from ..program.table import CODES
-from ..reference.program import Points, step
 
 Array = np.ndarray
 
 
 def run(program: Program, points: Points, count: int) -> list[Array]:
-    """The program's outputs at `count` points, each (3, count), as `reference.program.run` gives
+    """The program's outputs at `count` points, each (3, count), as `program.execute.run.run` gives
     them: what reads the points by NumPy, where that adds, multiplies, divides and takes roots
     alone, all else by the core, so that the bits are the same on every machine.
     """

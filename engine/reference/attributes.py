@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..linear.columns import pick
 from ..scene import CORNER, FACE, POINT, Attribute, Mesh, Polygons, Scene, Spheres, Strands
-from .vectors import pick
 
 Array = np.ndarray
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..linear.columns import length, transform, transform_each, unit
 from ..sampling import places_in_blocks
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, sample_times
@@ -17,7 +18,6 @@ from .geometry import Geometry
 from .panorama import from_eye, looks, through_lens
 from .raster import Strips, pixel_strips
 from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
-from .vectors import length, transform, transform_each, unit
 
 Array = np.ndarray
 

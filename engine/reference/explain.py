@@ -9,6 +9,7 @@ import numpy as np
 
 from ..film import OCCLUSION
 from ..lights.interleaving import interleaving
+from ..linear.columns import dot, length, unit
 from ..sampling import (
     dealt_sample,
     interleaving_classes,
@@ -41,7 +42,6 @@ from .surface import Surface, surface_at
 from .tabled_lights import Dome
 from .terminator import lowered, mean_lowered
 from .translucent import other_side
-from .vectors import dot, length, unit
 from .visibility import NOTHING
 
 Array = np.ndarray

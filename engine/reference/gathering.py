@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..linear.columns import basis_around, dot, pick
 from .bumps import bump_shadow
 from .coefficients import Coefficients
 from .fibre_sampling import sampled
@@ -19,7 +20,6 @@ from .lobe_light import fibres, matt_lobes, ways_through
 from .paths import Interaction, Paths, leaving, thrown_on, widened
 from .surface import Surface
 from .terminator import lowered
-from .vectors import basis_around, dot, pick
 
 if TYPE_CHECKING:
     from .stage import Stage

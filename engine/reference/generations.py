@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from ..film import CATCHER, VOLUME
+from ..linear.columns import pick
 from . import catchers
 from .gathering import bouncing, seen_lobes
 from .lighting import DirectLight
@@ -40,7 +41,6 @@ from .stage import Stage
 from .subsurface import coming_out, entering
 from .surface import Surface, surface_at
 from .translucent import other_side
-from .vectors import pick
 from .visibility import NOTHING, Hits
 
 Array = np.ndarray

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..linear import determinant
+from ..linear.columns import pick, transform_each
 from ..scene import Mesh, Polygons, Scene, Spheres, Strands
 from .placements import Placements, place, primitive_count
-from .vectors import pick, transform_each
 
 Array = np.ndarray
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..lights.lamps import may_share
+from ..linear.columns import add_at, around, dot, pick
 from ..scene import EVERYTHING
 from .bumps import bump_shadow
 from .cancellation import Cancellation
@@ -28,7 +29,6 @@ from .shared_lamps import Given, Sharing, share_shadows
 from .surface import Surface
 from .tabled_lights import FEW_PARTS, Dome, MeshSource
 from .terminator import lowered, mean_lowered
-from .vectors import add_at, around, dot, pick
 
 Array = np.ndarray
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..linear.columns import add_at, dot, length, pick, unit
 from . import stretching
 from .coefficients import Coefficients, Term, taken
 from .lights import LightSample
@@ -21,7 +22,6 @@ from .optics import (
 )
 from .surface import Surface
 from .terminator import lowered
-from .vectors import add_at, dot, length, pick, unit
 
 Array = np.ndarray
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..linear.columns import length, pick
+from ..program.execute.run import run
 from ..scene import Medium, Scene
 from .attributes import Attributes
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
-from .program import run
 from .textures import Image
-from .vectors import length, pick
 
 if TYPE_CHECKING:
     from .media import Spans

@@ -10,20 +10,20 @@ from dataclasses import replace
 import numpy as np
 
 from ..cryptomatte import id_bits
+from ..linear.columns import add_at, dot, pick, unit
+from ..program.execute.colors import rgb_to_bw
+from ..program.execute.run import run
 from ..scene import LARGEST, LEAST_IOR, Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .bumps import bump_of, lifted
 from .coefficients import THROWN_EXPONENT, Coefficients, Term
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
-from .program import run
-from .program.colors import rgb_to_bw
 from .scene_queries import SceneQueries
 from .stretching import stretched
 from .surface import Spot, Surface
 from .terminator import lowered
 from .textures import Image
-from .vectors import add_at, dot, pick, unit
 
 Array = np.ndarray
 

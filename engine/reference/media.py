@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..linear.columns import dot, length, pick
 from ..scene import EVERYTHING, Mesh, Polygons, Scene, Spheres, Strands
 from .attributes import Attributes
 from .cancellation import Cancellation
@@ -19,7 +20,6 @@ from .lights import Source
 from .march import Marching, Matter
 from .rays import Rays
 from .surface import surface_at
-from .vectors import dot, length, pick
 
 Array = np.ndarray
 

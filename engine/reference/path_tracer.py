@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linear.columns import add_at, dot, length, pick, transform, unit
 from ..sampling.motion import is_moving
 from ..scene import EVERYTHING, Camera, Light, Material, Scene
 from .attributes import Attributes
@@ -38,7 +39,6 @@ from .rays import ULPS, IncoherentRays, Rays
 from .shadows import arriving, bent
 from .surface import Surface, spot_at, surface_at
 from .terminator import start_towards
-from .vectors import add_at, dot, length, pick, transform, unit
 from .visibility import NOTHING, Passed, Visibility
 
 Array = np.ndarray

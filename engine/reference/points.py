@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..linear.columns import cross, dot, pick, transform_each, unit
+from ..program.execute.rays import Asked, Met
 from ..scene import Camera
 from .attributes import Attributes
 from .geometry import Geometry
 from .panorama import picture_points, step_size
 from .placements import Placements
-from .scene_queries import Asked, Met, SceneQueries
+from .scene_queries import SceneQueries
 from .surface import Surface
 from .textures import Image
-from .vectors import cross, dot, pick, transform_each, unit
 
 Array = np.ndarray
 

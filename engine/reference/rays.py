@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..linear.columns import pick, transform
 from .geometry import Geometry
-from .vectors import pick, transform
 
 Array = np.ndarray
 

@@ -6,15 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
+from ..linear.columns import pick
+from ..program.execute.rays import Asked, Met
 from ..sampling import node_points
 from .attributes import Attributes
 from .rays import IncoherentRays
 from .surface import Surface, surface_at
-from .vectors import pick
 from .visibility import NOTHING, Hits, Visibility
 
 Array = np.ndarray
@@ -22,24 +22,6 @@ Array = np.ndarray
 
 def uncounted(index: Array) -> None:
     """Where programs run once more over the same points."""
-
-
-class Asked(NamedTuple):
-    """Rays: starts and unit directions (3, m), relative to the eye, and how far (m,); none is
-    traced where that is not above 0.
-    """
-
-    start: Array
-    direction: Array
-    reach: Array
-
-
-class Met(NamedTuple):
-    """Hits: of which rays (k,), how far away (k,), and the surfaces, seen along the rays."""
-
-    ray: Array
-    depth: Array
-    surface: Surface
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..film import NO_DEPTH, OCCLUSION
+from ..linear.columns import dot, length, pick
 from . import catchers
 from .motion_vectors import motion_vectors
 from .occlusion import openness
@@ -16,7 +17,6 @@ from .resolve import IMAGES, LIGHTS, UNHIDDEN
 from .scene_queries import SceneQueries
 from .stage import Stage
 from .surface import Surface
-from .vectors import dot, length, pick
 from .visibility import NOTHING
 
 Array = np.ndarray

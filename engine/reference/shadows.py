@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..linear.columns import dot, length, pick, transform, unit
 from .attributes import Attributes
 from .lights import LightSample, Source
 from .materials import Shader
@@ -21,7 +22,6 @@ from .media import Media
 from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
 from .surface import Surface, spot_at, surface_at
 from .terminator import start_towards
-from .vectors import dot, length, pick, transform, unit
 from .visibility import Hits, Passed, Visibility
 
 Array = np.ndarray

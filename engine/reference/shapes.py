@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linear.columns import dot, explode, pick, transform_each
 from .geometry import Balls, Faces, Rods
-from .vectors import dot, explode, pick, transform_each
 
 Array = np.ndarray
 

@@ -16,6 +16,7 @@ from ..lights.glowing_media import medium_table
 from ..lights.interleaving import interleaving
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
+from ..linear.columns import unit
 from ..sampling import (
     BOUNCE_LEVELS,
     BOUNCE_PARTS,
@@ -58,7 +59,6 @@ from .tabled_lights import (
     OpeningPoints,
 )
 from .textures import Image
-from .vectors import unit
 from .visibility import Hits, Visibility
 
 Array = np.ndarray

@@ -8,12 +8,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ..linear.columns import add_at, cross, dot, length, pick, transform_each, unit
 from .attributes import Attributes
 from .cancellation import Cancellation
 from .geometry import Geometry
 from .rays import ULPS, Rays, weigh
 from .shapes import along_rod, meet_rod
-from .vectors import add_at, cross, dot, length, pick, transform_each, unit
 
 Array = np.ndarray
 

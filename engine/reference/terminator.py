@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .vectors import dot, pick
+from ..linear.columns import dot, pick
 
 if TYPE_CHECKING:
     from .surface import Surface

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..linear.columns import pick
 from .coefficients import Coefficients
 from .paths import Interaction
 from .surface import surface_at
-from .vectors import pick
 
 if TYPE_CHECKING:
     from .stage import Stage

@@ -13,7 +13,7 @@ from glint.addon.export import Export, export_scene
 from glint.addon.export.materials.fresnel import normal_reflectance
 from glint.addon.export.materials.roughness import dielectric_world, scattered
 from glint.addon.export.materials.terms import luminance
-from glint.engine.reference.program import run
+from glint.engine.program.execute.run import run
 from glint.engine.scene import Input, Lobe
 
 

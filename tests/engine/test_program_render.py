@@ -10,13 +10,13 @@ import pytest
 
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.program.execute.operations import apply
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations import Operation
 from glint.engine.program.operations_input import NormalSpace, Shift, Space, VectorType
 from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME, OPERATIONS
-from glint.engine.reference.program import apply
 from native_tools import NO_WORLD, needs_core, placed, square, view_from_above
 
 pytestmark = needs_core
