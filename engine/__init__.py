@@ -5,7 +5,6 @@ Knows nothing of Blender.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from .accelerator import Accelerator, Hits
 from .analysis.explain import PixelExplainer, explanation_lines
 from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
+from .explained import Ray
 from .film import (
     AOV,
     BY_SURFACE,
@@ -32,9 +32,6 @@ from .sampling import TILE_SIDE
 from .scene import Scene
 from .scene.viewing import pixel_bounds_of_box
 from .settings import Settings
-
-if TYPE_CHECKING:
-    from .reference.explained import Ray
 
 __all__ = [
     "AOV",
@@ -77,15 +74,6 @@ np.ones((256, 256)) @ np.ones((256, 256))
 some processors products of small matrices do without. Asked when memory is short it spins for ever
 instead of failing, so it is asked here.
 """
-
-
-def __getattr__(name: str) -> Any:
-    """`Ray` comes with the float64 reference, which is loaded when somebody asks for it."""
-    if name != "Ray":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from .reference.explained import Ray
-
-    return Ray
 
 
 def available_backends() -> tuple[str, ...]:

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from .evaluation.textures import Image
 from .futures import parallel_map
 from .linear.columns import cross, transform, unit
 from .native import load_error, programs
 from .program.execute.run import run as run_reference
 from .program.program import Program
-from .reference.textures import Image
 from .scene import CORNER, FACE, POINT, Attribute, Mesh, Texture
 
 Array = np.ndarray

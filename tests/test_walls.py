@@ -96,9 +96,10 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    shared = "cryptomatte", "scene", "scene.panorama", "scene.ray_batch", "film", "settings"
+    shared = "cryptomatte", "explained", "film", "scene", "scene.panorama", "scene.ray_batch"
+    shared = *shared, "settings"
     values = {f"engine.{name}" for name in shared}
-    packages = "reference", "linear", "program", "sampling", "lights"
+    packages = "reference", "evaluation", "linear", "program", "sampling", "lights"
     return name in values or name.startswith(tuple(f"engine.{package}" for package in packages))
 
 
@@ -121,8 +122,18 @@ WALLS = {
     ),
     "engine/lights": (
         {"numpy"} | STDLIB,
-        _only("lights", "scene", "program", "sampling", "reference", "accelerator", "settings"),
+        _only(
+            "lights",
+            "scene",
+            "evaluation",
+            "linear",
+            "program",
+            "sampling",
+            "accelerator",
+            "settings",
+        ),
     ),
+    "engine/evaluation": ({"numpy"} | STDLIB, _only("evaluation", "scene", "linear", "program")),
     "engine/native": ({"numpy", "glint_core"} | STDLIB, _inside_engine),
     "engine": ({"numpy"} | STDLIB, _inside_engine),
 }

@@ -6,14 +6,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from ..errors import SceneError
+from ..explained import Bounce, Hit, LightTerm, Ray
 from ..scene import Scene
 from ..settings import Settings
-
-if TYPE_CHECKING:
-    from ..reference.explained import Bounce, Hit, LightTerm, Ray
 
 
 class PixelExplainer:

@@ -15,6 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..evaluation.sky import radiance
+from ..evaluation.textures import Image
 from ..program.program import Program
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Light, Texture
@@ -54,9 +56,6 @@ def directions(rows: int, columns: int) -> Array:
 
 def radiance_map(program: Program, textures: Sequence[Texture]) -> Array:
     """The map of a world's light, as rays from matt surfaces see it."""
-    from ..reference.sky import radiance
-    from ..reference.textures import Image
-
     used = {k: textures[k] for k in program.textures}
     rows = max((texture.pixels.shape[0] for texture in used.values()), default=0)
     rows = min(max(rows, LEAST_ROWS), MOST_ROWS)
@@ -77,11 +76,8 @@ def radiance_along(
     seen: tuple | None = None,
 ) -> Array:
     """(3, n) of a world's light from unit directions (3, n), as rays from matt surfaces, or of
-    another kind, see it. seen: as `reference.sky.Sky` has it.
+    another kind, see it. seen: as `evaluation.sky.Sky` has it.
     """
-    from ..reference.sky import radiance
-    from ..reference.textures import Image
-
     return radiance(program, {k: Image(textures[k]) for k in program.textures}, unit, kind, seen)
 
 
@@ -92,8 +88,6 @@ def within_range(values: Array) -> Array:
 
 def _reduced(texture: Texture, rows: int) -> Texture:
     """The texture with as many texels to a side averaged as leave it about `rows` rows."""
-    from ..reference.textures import Image
-
     by = texture.pixels.shape[0] // rows
     if by < 2:
         return texture

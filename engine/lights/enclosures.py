@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ..accelerator import Accelerator
+from ..evaluation.geometry import ULPS, Geometry
+from ..evaluation.media import Rays
+from ..linear.columns import pick
 from ..scene import Camera, Instances
 from ..scene import Geometry as AnyGeometry
-
-if TYPE_CHECKING:
-    from ..reference.geometry import Geometry
-    from ..reference.rays import Rays
 
 Array = np.ndarray
 
@@ -51,9 +50,30 @@ def camera_at(eye: Array) -> Camera:
     return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
 
 
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Rays of the world, origins and directions (3, n), from there on (`evaluation.media.Rays`)."""
+
+    origin: Array
+    direction: Array
+
+    @cached_property
+    def near(self) -> Array:
+        return np.zeros(len(self))
+
+    def __len__(self) -> int:
+        return self.origin.shape[1]
+
+    def lines(self, rays: Array) -> tuple[Array, Array]:
+        return pick(self.origin, rays), pick(self.direction, rays)
+
+    def tie(self, ray: Array, depth: Array) -> Array:
+        return ULPS * (np.abs(self.origin).max(0).take(ray) + np.abs(depth))
+
+
 class Surfaces:
-    """What encloses media, as `Visibility` has it, met by the queries of an `Accelerator`: one for
-    each block, so that no surface hides another one that lies in it.
+    """What encloses media, met by the queries of an `Accelerator`: one for each block, so that no
+    surface hides another one that lies in it.
     """
 
     def __init__(
@@ -63,9 +83,6 @@ class Surfaces:
         geometry: Geometry,
         origin: Array,
     ) -> None:
-        from ..reference.cancellation import Cancellation
-
-        self.geometry, self.cancellation = geometry, Cancellation(lambda: False)
         self._origin = origin
         self._blocks = [
             (len(b.world_from_object), Accelerator([geometries[b.geometry]], [_alone(b)]))

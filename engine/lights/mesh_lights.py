@@ -10,6 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import gather
+from ..evaluation.materials import MaterialPoints
+from ..evaluation.surface import Surface
 from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
@@ -170,13 +174,9 @@ class _Surfaces:
     """What glows of a scene whose coordinates count from an origin."""
 
     def __init__(self, scene: Scene, origin: Array) -> None:
-        from ..reference.attributes import Attributes
-        from ..reference.geometry import gather
-        from ..reference.materials import Shader
-
         self._materials, self._geometry = scene.materials, gather(scene, origin)
         glow = replace(scene, materials=tuple(map(_glow_of, scene.materials)))
-        self._shader = Shader(glow, Attributes(scene), self._geometry)
+        self._glow = MaterialPoints(glow, Attributes(scene), self._geometry)
 
     def parts(self) -> Iterator[Emitters]:
         """Of each material; weights are but for the radiance, and `Polygons` are left out."""
@@ -236,8 +236,6 @@ class _Surfaces:
 
     def _radiance(self, primitive: Array, weights: Array, pieces: Array, sign: float) -> Array:
         """(n, 3) in the middle of the pieces, seen straight, from outside where sign is 1."""
-        from ..reference.surface import Surface
-
         geometry, x = self._geometry, pieces.mean(1).T
         row = geometry.row[primitive]
         g = sign * Emitters(pieces, x, x, x, x).normals.T
@@ -263,7 +261,7 @@ class _Surfaces:
             lowering=np.ones(len(primitive)),
             past=np.array([[1.0], [0.0], [0.0], [0.0]]).repeat(len(primitive), 1),
         )
-        return self._shader.coefficients(surface, "scattered").emission.T
+        return self._glow.emission(surface, "scattered").T
 
 
 def _cells(parts: int) -> Array:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..linear.columns import dot, length, unit
 from .coefficients import Term
 from .lights import LightSample, Source
 from .lobe_light import ways_through
 from .rays import IncoherentRays
-from .surface import Surface
 from .terminator import start_towards
 from .visibility import NOTHING
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..linear.columns import basis_around, dot, pick
 from .bumps import bump_shadow
 from .coefficients import Coefficients
@@ -18,7 +19,6 @@ from .gloss import even_gloss
 from .lights import LightSample
 from .lobe_light import fibres, matt_lobes, ways_through
 from .paths import Interaction, Paths, leaving, thrown_on, widened
-from .surface import Surface
 from .terminator import lowered
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..linear.columns import add_at, dot, length, pick, unit
 from . import stretching
 from .coefficients import Coefficients, Term, taken
@@ -20,7 +21,6 @@ from .optics import (
     sheen,
     toon,
 )
-from .surface import Surface
 from .terminator import lowered
 
 Array = np.ndarray

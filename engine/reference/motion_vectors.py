@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.panorama import picture_points
+from ..evaluation.surface import Surface
 from ..linear.columns import transform, transform_each, unit
 from ..scene import Camera, Mesh, Scene, Spheres, Strands
-from .panorama import picture_points
-from .surface import Surface
 
 if TYPE_CHECKING:
     from .stage import Stage

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..linear.columns import across_normals
 from ..sampling import occlusion_points
-from .surface import Surface
 
 if TYPE_CHECKING:
     from .stage import Stage

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..linear.columns import add_at, dot, pick
 from ..program.execute.inputs import fresnel_dielectric as fresnel
 from .bumps import bump_shadow, lifted
@@ -19,7 +20,6 @@ from .lobe_light import highlights, matt_lobes
 from .optics import reflected, refracted
 from .path_lamps import around
 from .rays import IncoherentRays
-from .surface import Surface
 from .terminator import lowered
 
 Array = np.ndarray

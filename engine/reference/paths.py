@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..linear.columns import add_at, dot, pick
 from ..program.execute.inputs import fresnel_dielectric
 from .bumps import lifted
@@ -19,7 +20,6 @@ from .lights import LightPoint
 from .optics import reflected, refracted
 from .rays import IncoherentRays, Rays
 from .resolve import MIRRORED, REFRACTED
-from .surface import Surface
 
 if TYPE_CHECKING:
     from ..settings import Settings

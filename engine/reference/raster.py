@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..evaluation.geometry import Geometry
 from ..linear.columns import explode, pick, ragged_blocks, transform
 from .cancellation import Cancellation
-from .geometry import Geometry
 from .rays import CoherentRays, Frame
 
 Array = np.ndarray

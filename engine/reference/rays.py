@@ -22,15 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..evaluation.geometry import ULPS, Geometry
 from ..linear.columns import pick, transform
-from .geometry import Geometry
 
 Array = np.ndarray
-
-ULPS = 64 * 2.0**-52
-"""Relative size of the margins round computed points: hit points, corners and shears each err by a
-few ulps (NumPy's float64).
-"""
 
 FAR_AWAY = 1e9
 """Projected coordinates beyond this (all but sideways) lose too many digits; such triangles are

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..linear.columns import dot, pick
 from .coefficients import Term
 from .gloss import Narrow, Reflections, reflecting
 from .lights import LightPoint
 from .lobe_light import highlights
 from .paths import Interaction, Paths, leaving
-from .surface import Surface
 
 if TYPE_CHECKING:
     from .picture import Tile

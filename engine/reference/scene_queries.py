@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..evaluation.attributes import Attributes
+from ..evaluation.surface import Surface
 from ..linear.columns import pick
 from ..program.execute.rays import Asked, Met
 from ..sampling import node_points
-from .attributes import Attributes
 from .rays import IncoherentRays
-from .surface import Surface, surface_at
+from .surface import surface_at
 from .visibility import NOTHING, Hits, Visibility
 
 Array = np.ndarray
@@ -43,25 +44,19 @@ class SceneQueries:
         return self.table[(self.sample * each + np.arange(each)) % len(self.table)]
 
     def blocked(self, surface: Surface, index: Array, asked: Asked, of: str) -> Array:
-        """(m,) bool: whether anything is on the rays from the points `index` (m,) of the surface.
-
-        of: "shadow" for what shadow rays meet, "any" for what any rays do, "own" for the points'
-        own instances, whatever they hide from; here and below.
-        """
+        """As `Queries` of `evaluation.points` has it, and what follows."""
         rays, ray = self._rays(index, asked)
         found = np.zeros(len(index), bool)
         found[ray] = self._first(rays, surface.row[index[ray]], of).primitive != NOTHING
         return found
 
     def nearest(self, surface: Surface, index: Array, asked: Asked, of: str) -> Met:
-        """The first hits of the rays, each of a ray (k,) of these."""
         rays, ray = self._rays(index, asked)
         hits = self._first(rays, surface.row[index[ray]], of)
         there = np.flatnonzero(hits.primitive != NOTHING)
         return self._met(rays, ray, there, hits.primitive[there], hits.depth[there])
 
     def crossings(self, surface: Surface, index: Array, asked: Asked) -> Met:
-        """All hits of the rays on the points' own instances."""
         rays, ray = self._rays(index, asked)
         row, geometry = surface.row[index[ray]], self.visibility.geometry
         found = []

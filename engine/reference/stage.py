@@ -10,6 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from ..cryptomatte import id_bits
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import gather
+from ..evaluation.sky import radiance
+from ..evaluation.surface import Surface
+from ..evaluation.textures import Image
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
@@ -30,12 +35,10 @@ from ..sampling import (
 )
 from ..scene import Light, Scene
 from ..settings import Settings
-from .attributes import Attributes
 from .camera import CameraRays
 from .cancellation import Cancellation
 from .coefficients import Coefficients
 from .emission import Emission
-from .geometry import gather
 from .gloss import ambient_seen
 from .glowing_media import MediumSource
 from .lighting import Lighting
@@ -49,8 +52,6 @@ from .rays import IncoherentRays
 from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .seen_lights import has_shape
 from .shadows import Shadows
-from .sky import radiance
-from .surface import Surface
 from .tabled_lights import (
     FAINT,
     SKY_PARTS,
@@ -58,7 +59,6 @@ from .tabled_lights import (
     MeshSource,
     OpeningPoints,
 )
-from .textures import Image
 from .visibility import Hits, Visibility
 
 Array = np.ndarray

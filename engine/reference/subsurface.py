@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.panorama import step_size
+from ..evaluation.surface import Surface
 from ..linear.columns import across_normals, dot, length, pick
 from ..program.execute.rays import Asked, Met
 from .coefficients import Coefficients
-from .panorama import step_size
 from .paths import Interaction, Paths, joined
 from .paths import met as met_by
 from .rays import IncoherentRays
 from .scene_queries import SceneQueries
-from .surface import Surface, surface_at
+from .surface import surface_at
 
 if TYPE_CHECKING:
     from .stage import Stage

@@ -12,7 +12,7 @@ import numpy as np
 from ..linear.columns import dot, pick
 
 if TYPE_CHECKING:
-    from .surface import Surface
+    from ..evaluation.surface import Surface
 
 Array = np.ndarray
 

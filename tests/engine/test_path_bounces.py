@@ -18,11 +18,11 @@ from glint import engine
 from glint.engine import native
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines, summary
+from glint.engine.explained import Ray
 from glint.engine.film import LIGHTING, PARTS
 from glint.engine.lights.interleaving import SIDE
 from glint.engine.native import packing_settings
 from glint.engine.reference import stage, trace
-from glint.engine.reference.explained import Ray
 from glint.engine.reference.path_tracer import trace_paths
 from glint.engine.sampling import interleaving_classes
 from native_tools import assert_instruction_sets_agree, constant, needs_core, view_from_above

@@ -9,8 +9,8 @@ import numpy as np
 from engine_scenes import at, camera, constant, grid_mesh, look_at
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.evaluation.geometry import Geometry, gather
 from glint.engine.reference.cancellation import Cancellation
-from glint.engine.reference.geometry import Geometry, gather
 from glint.engine.reference.trace import Tracer
 
 PI = np.pi

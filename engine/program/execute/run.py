@@ -29,7 +29,7 @@ class Points(Protocol):
         """(4, n) RGBA of a texture of the scene."""
 
     def position(self, shift: int) -> Array:
-        """(3, n); this and what follows as `reference.points.SurfacePoints` has them."""
+        """(3, n); this and what follows as `evaluation.points.SurfacePoints` has them."""
 
 
 def run(program: Program, points: Points, count: int) -> list[Array]:

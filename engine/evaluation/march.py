@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from .attributes import Attributes
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .textures import Image
-
-if TYPE_CHECKING:
-    from .media import Spans
 
 Array = np.ndarray
 
@@ -75,6 +71,48 @@ class Matter:
         """Sets that of some places."""
         for f in fields(self):
             getattr(self, f.name)[..., index] = getattr(other, f.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Spans:
+    """Where n rays are inside of media: ray (m,), medium (m,) numbers, row (m,) of the placements,
+    -1 for the world, start and end (m,) along the rays, whole (2, m) of what they are cells of.
+    matter: what is there. speed: (n,) world units for one of these. origin: (n,) the largest
+    coordinate of where they begin.
+    """
+
+    ray: Array
+    medium: Array
+    row: Array
+    start: Array
+    end: Array
+    whole: Array
+    matter: Matter
+    speed: Array
+    origin: Array
+
+    def take(self, rays: Array) -> Spans:
+        """Those of the rays at these places, no place twice."""
+        places = np.full(len(self.speed), -1)
+        places[rays] = np.arange(len(rays))
+        some = np.flatnonzero(places[self.ray] >= 0)
+        columns = (getattr(self, name)[some] for name in ("medium", "row", "start", "end"))
+        return Spans(
+            places[self.ray[some]],
+            *columns,
+            self.whole[:, some],
+            self.matter.take(some),
+            self.speed[rays],
+            self.origin[rays],
+        )
+
+    def paths(self, near: Array, far: Array) -> tuple[Array, Array, Array]:
+        """Numbers and rays (m,) of the spans between near and far (n,), and how much of each lies
+        there, world units.
+        """
+        start, end = np.maximum(self.start, near[self.ray]), np.minimum(self.end, far[self.ray])
+        some = np.flatnonzero(end > start)
+        return some, self.ray[some], (end - start)[some] * self.speed[self.ray[some]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,11 @@ THIN = 1e-8
 determinant (SEMANTICS.md, Hits).
 """
 
+ULPS = 64 * 2.0**-52
+"""Relative size of the margins round computed points: hit points, corners and shears each err by a
+few ulps (NumPy's float64).
+"""
+
 KINDS = ("camera", "mirror", "shadow", "transmission", "diffuse")
 """Kinds of rays; an `Instances` has a flag visible_<kind> for each."""
 
