@@ -18,7 +18,8 @@ import numpy as np
 from .evaluation.textures import Image
 from .futures import parallel_map
 from .linear.columns import cross, transform, unit
-from .native import load_error, programs
+from .native import programs
+from .native.binding import load_error
 from .program.execute.run import run as run_reference
 from .program.program import Program
 from .scene import CORNER, FACE, POINT, Attribute, Mesh, Texture

@@ -7,17 +7,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from .. import native
 from ..film import Film
 from ..sampling.motion import is_moving
 from ..scene import Openings, Scene, left_out
 from ..scene.delta import SceneDelta
 from ..scene.view_axes import ViewAxes, narrow_view_axes
 from ..settings import Lighting, Settings
+from . import binding
 from .core_types import State
+from .job import Job, created, started, with_notes
 from .packer import Packed
 from .packing import ScenePacker
 from .packing_settings import pack_settings
+from .render import render_native
 
 _POLL_MILLISECONDS = 2
 """How soon a task makes room for the next."""
@@ -43,7 +45,7 @@ class NativeLive:
     """One scene in the core, and renders of it. For one thread."""
 
     def __init__(self) -> None:
-        self._core = native.library()
+        self._core = binding.library()
         self._packer = ScenePacker()
         self._held: _Held | None = None
         self._asked: tuple[Scene, Lighting, bool, Scene] | None = None
@@ -59,9 +61,9 @@ class NativeLive:
         delta: SceneDelta | None = None,
     ) -> None:
         """Draw `scene`; `on_film` gets every wave that there is time to read, and True with the
-        last. Raises as `native.render_native`.
+        last. Raises as `render.render_native`.
 
-        exact: the bits of `native.render_native`. Else trees may be those of another place of the
+        exact: the bits of `render.render_native`. Else trees may be those of another place of the
         camera, and what moved has its own.  delta: from a scene before to this one, where there is
         one.
         """
@@ -76,7 +78,7 @@ class NativeLive:
 
         scene = self._lit(scene, settings, exact, delta)
         if is_moving(scene):  # every sample is of a scene of its own: there is nothing to keep
-            film = native.render_native(
+            film = render_native(
                 scene, settings, should_stop, on_wave=lambda film: on_film(film, False)
             )
             if film.complete:
@@ -84,10 +86,10 @@ class NativeLive:
             return
         held = self._hold(scene, exact, delta)
         plan = pack_settings(held.told, settings, waves="SEEN", remember=exact)
-        with native._render(self._core, held.handle, plan.data) as job:
+        with started(self._core, held.handle, plan.data) as job:
             self._run(
                 job,
-                native._Render(self._core, job, scene, settings, held.axes),
+                Job(self._core, job, scene, settings, held.axes),
                 settings.samples,
                 should_stop,
                 give,
@@ -102,18 +104,18 @@ class NativeLive:
         on_wave: Callable[[Film], None] | None = None,
         delta: SceneDelta | None = None,
     ) -> Film:
-        """`native.render_native` on the scene that is held: the same bits and the same work, so
+        """`render.render_native` on the scene that is held: the same bits and the same work, so
         that its time and rays can be told. delta: as of `render`.
         """
         scene = self._lit(scene, settings, True, delta)
         if is_moving(scene):
-            return native.render_native(scene, settings, should_stop, on_progress, on_wave)
+            return render_native(scene, settings, should_stop, on_progress, on_wave)
         held = self._hold(scene, True, delta)
         plan = pack_settings(held.told, settings, "UNSEEN" if on_wave is None else "HELD")
-        with native._render(self._core, held.handle, plan.data) as job:
-            render = native._Render(self._core, job, scene, settings, held.axes)
+        with started(self._core, held.handle, plan.data) as job:
+            render = Job(self._core, job, scene, settings, held.axes)
             film = render.run(should_stop, on_progress, on_wave)
-        return native.with_notes(film, scene, self._core)
+        return with_notes(film, scene, self._core)
 
     def close(self) -> None:
         """Give the scene back."""
@@ -163,7 +165,7 @@ class NativeLive:
         told = axes.scene(scene) if axes else scene
         packed = self._packer.pack(told, delta)
         base = before.handle if before is not None else None
-        handle = native.created(self._core, packed.data, base, exact)
+        handle = created(self._core, packed.data, base, exact)
         self.close()
         self._held = _Held(scene, axes, told, packed, handle, exact or before is None)
         return self._held
@@ -174,7 +176,7 @@ class NativeLive:
     def _run(
         self,
         job: int,
-        render: native._Render,
+        render: Job,
         most: int,
         should_stop: Callable[[], bool],
         on_film: Callable[[Film, bool], None],

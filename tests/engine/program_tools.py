@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from glint.engine import native
+from glint.engine.native import binding
 from glint.engine.program.execute.operations import apply
 from glint.engine.program.operations import Operation, Reference
 from glint.engine.program.table import CODES
@@ -129,7 +129,7 @@ def by_core(operation: Operation, arguments: list, settings: dict) -> list[np.nd
     for start, width, argument in zip(starts, widths, arguments, strict=False):
         columns[start : start + width] = argument
     words, tables = np.array(code, np.int32), np.array(table or [0.0])
-    failed = native.library().glint_program_run(
+    failed = binding.library().glint_program_run(
         words.ctypes.data, len(words), 0, 0, tables.ctypes.data, len(columns),
         columns.ctypes.data, count,
     )  # fmt: skip
