@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 from .errors import SceneError
 from .film import Film
+from .lights.lit import lit_scene
 from .native import binding
 from .native.render import render_native
 from .scene import Scene
+from .scene.problems import scene_problems
 from .settings import Settings
 
 
@@ -42,7 +44,7 @@ def render(
     settings = settings or Settings()
     check(scene, settings)
     draw = tracer(settings.backend)
-    scene = scene.as_lit(**settings.lighting)
+    scene = lit_scene(scene, **settings.lighting)
     return draw(scene, settings, should_stop, on_progress, on_wave)
 
 
@@ -58,7 +60,7 @@ def tracer(backend: str) -> Callable[..., Film]:
 
 def check(scene: Scene, settings: Settings) -> None:
     """Raises SceneError for a scene or settings that are not sound."""
-    problems = settings.problems() + scene.problems() or _beyond_the_frame(
+    problems = settings.problems() + scene_problems(scene) or _beyond_the_frame(
         settings.region, scene.camera.resolution
     )
     if problems:

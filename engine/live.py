@@ -21,8 +21,10 @@ from .backends import tracer
 from .errors import SceneError
 from .film import Film
 from .futures import NO_THREAD, Thread
+from .lights.lit import lit_scene
 from .native.live import NativeLive
 from .scene import Scene, SceneDelta
+from .scene.problems import scene_problems
 from .settings import Settings
 
 log = logging.getLogger(__name__)
@@ -282,11 +284,11 @@ class _Tracers:
 def _render_reference(
     task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
 ) -> None:
-    problems = task.settings.problems() + task.scene.problems()
+    problems = task.settings.problems() + scene_problems(task.scene)
     if problems:
         raise SceneError("\n".join(problems))
     film = tracer(task.settings.backend)(
-        task.scene.as_lit(**task.settings.lighting),
+        lit_scene(task.scene, **task.settings.lighting),
         task.settings,
         should_stop,
         lambda fraction: None,

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from ..errors import SceneError
 from ..explained import Bounce, Hit, LightTerm, Ray
 from ..scene import Scene
+from ..scene.problems import scene_problems
 from ..settings import Settings
 
 
@@ -19,7 +20,7 @@ class PixelExplainer:
     """
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
-        problems = settings.problems() + scene.problems()
+        problems = settings.problems() + scene_problems(scene)
         if problems:
             raise SceneError("\n".join(problems))
         # two thirds of the engine's modules: Blender starts without them

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from ..film import Film
+from ..lights.lit import lit_scene
 from ..sampling.motion import is_moving
 from ..scene import Openings, Scene, left_out
 from ..scene.delta import SceneDelta
@@ -142,7 +143,7 @@ class NativeLive:
                 self._asked = (scene, *asked[1:3], lit)
                 return lit
         if exact:
-            lit = scene.as_lit(**lighting)
+            lit = lit_scene(scene, **lighting)
             self._openings = next((x.openings for x in lit.lights if x.kind == "DOME"), None)
         else:
             lights = tuple(
@@ -150,7 +151,7 @@ class NativeLive:
                 for x in scene.lights
             )
             known = replace(scene, lights=lights)
-            lit = known.as_lit(**lighting, finding=False)
+            lit = lit_scene(known, **lighting, finding=False)
         self._asked = (scene, lighting, exact, lit)
         return lit
 

@@ -12,6 +12,7 @@ from ..evaluation.surface import Surface
 from ..explained import Bounce, Hit, LightTerm, Numbers, Ray
 from ..film import OCCLUSION
 from ..lights.interleaving import interleaving
+from ..lights.lit import lit_scene
 from ..linear.columns import dot, length, unit
 from ..sampling import (
     dealt_sample,
@@ -52,7 +53,7 @@ class Explainer:
     """Follows single rays of a scene, no photons; the order of work is that of `Generations`."""
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
-        lit = scene.as_lit(**settings.lighting)
+        lit = lit_scene(scene, **settings.lighting)
         if is_moving(scene):
             lit = moment(lit, sample_times(scene, settings.samples)[0, 0])
         self.stage = Stage(
