@@ -1,5 +1,5 @@
 // Letters: d ray direction, n shading normal, g geometric normal, T weight to the pixel.
-#include "shading/shade.h"
+#include "integrator/shade.h"
 
 #include <algorithm>
 
