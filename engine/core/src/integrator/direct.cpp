@@ -5,7 +5,7 @@
 #include "integrator/first_hit_cache.h"
 #include "integrator/photon_emission.h"
 #include "math/math.h"
-#include "shading/surface.h"
+#include "scene/surface.h"
 #include "system/timer.h"
 
 namespace glint {

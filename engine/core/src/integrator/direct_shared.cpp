@@ -4,7 +4,7 @@
 
 #include "integrator/direct.h"
 #include "math/math.h"
-#include "shading/surface.h"
+#include "scene/surface.h"
 #include "system/timer.h"
 
 namespace glint {

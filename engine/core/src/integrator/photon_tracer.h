@@ -11,7 +11,7 @@
 #include "integrator/scene_queries.h"
 #include "integrator/shade.h"
 #include "integrator/transmittance.h"
-#include "shading/light_program.h"
+#include "scene/light_program.h"
 
 namespace glint {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "math/math.h"
-#include "shading/light_program.h"
+#include "scene/light_program.h"
 #include "shading/stage_bump.h"
 #include "shading/stage_math.h"
 
