@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from .evaluation.attributes import is_uv
 from .evaluation.textures import Image
 from .futures import parallel_map
 from .linear.columns import cross, transform, unit
@@ -280,7 +281,7 @@ class VertexPoints:
 
     def uv(self, name: str, shift: int) -> Array:
         """(2, n)."""
-        maps = (a for a in self._mesh.attributes if _is_map(a, name))
+        maps = (a for a in self._mesh.attributes if is_uv(a, name))
         found = next(maps, None)
         return np.zeros((2, len(self._vertex))) if found is None else self._values(found)[:2]
 
@@ -364,7 +365,3 @@ class VertexPoints:
         """(c, n), what is not finite as 0."""
         values = _columns(attribute.values, self._rows[attribute.domain])
         return np.where(np.isfinite(values), values, 0.0)
-
-
-def _is_map(attribute: Attribute, name: str) -> bool:
-    return attribute.name == name if name else attribute.values.shape[1] == 2

@@ -17,14 +17,12 @@ import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from .backends import tracer
+from .backends import render
 from .errors import SceneError
 from .film import Film
 from .futures import NO_THREAD, Thread
-from .lights.lit import lit_scene
 from .native.live import NativeLive
 from .scene import Scene, SceneDelta
-from .scene.problems import scene_problems
 from .settings import Settings
 
 log = logging.getLogger(__name__)
@@ -284,15 +282,11 @@ class _Tracers:
 def _render_reference(
     task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
 ) -> None:
-    problems = task.settings.problems() + scene_problems(task.scene)
-    if problems:
-        raise SceneError("\n".join(problems))
-    film = tracer(task.settings.backend)(
-        lit_scene(task.scene, **task.settings.lighting),
+    film = render(
+        task.scene,
         task.settings,
-        should_stop,
-        lambda fraction: None,
-        lambda film: on_film(film, False),
+        should_stop=should_stop,
+        on_wave=lambda film: on_film(film, False),
     )
     if film.complete:
         on_film(film, True)

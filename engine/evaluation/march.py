@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ..linear.columns import length, pick
+from ..linear.columns import explode, length, pick
 from ..program.execute.run import run
 from ..scene import Medium, Scene
 from .attributes import Attributes
@@ -276,7 +276,7 @@ class Marching:
             way = (high[some] - near[ray[some]]) * speed[some]
             longest = _growing(way.max(), each, shift, coarse)
             count = np.searchsorted(longest, np.minimum(way, FARTHEST * each))
-            own, place = _ragged(count)
+            own, place = explode(count)
             own = some[own]
             parts.append((own, near[ray[own]] + longest[place] / speed[own]))
         number, at = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -316,17 +316,11 @@ def _matter(medium: Medium, values: list[Array], count: int) -> Matter:
     return Matter(color("absorption") + scattering, scattering, emission, anisotropy)
 
 
-def _ragged(count: Array) -> tuple[Array, Array]:
-    """Of the items of n rows of `count` (n,) each: (m,) the row, and (m,) the place in it."""
-    number = np.repeat(np.arange(len(count)), count)
-    return number, np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
-
-
 def _between(number: Array, cuts: Array, low: Array, high: Array) -> tuple[Array, Array, Array]:
     """Halves of the pairs of cells between the cuts (m,) of n spans from low to high (n,): of which
     span each is, where it begins and ends.
     """
-    own, place = _ragged(np.bincount(number, minlength=len(low)) + 1)
+    own, place = explode(np.bincount(number, minlength=len(low)) + 1)
     first, last = np.empty(len(own)), np.empty(len(own))
     begins = place == 0
     ends = np.append(begins[1:], True)[: len(own)]
@@ -346,7 +340,7 @@ def _even(low: Array, high: Array, step: Array, shift: float) -> tuple[Array, Ar
         pairs = (high - low) / pair
         good = (pair > 0) & (high < np.inf) & (pairs < MOST_PAIRS)
         first = np.floor(low / pair - shift) + 1
-    own, place = _ragged(np.where(good, pairs + 3, 0).astype(np.intp))
+    own, place = explode(np.where(good, pairs + 3, 0).astype(np.intp))
     return own, ((first[own] + place) + shift) * pair[own]
 
 
@@ -392,15 +386,16 @@ def _growing(way: float, step: float, shift: float, coarse: float) -> Array:
     return np.array(cuts)
 
 
+_COLUMNS = ("ray", "medium", "row", "start", "end")
+
+
 def _some(spans: Spans, index: Array) -> Spans:
-    columns = {name: getattr(spans, name)[index] for name in ("ray", "medium", "row")}
-    columns |= {name: getattr(spans, name)[index] for name in ("start", "end")}
+    columns = {name: getattr(spans, name)[index] for name in _COLUMNS}
     return replace(spans, **columns, whole=spans.whole[:, index], matter=spans.matter.take(index))
 
 
 def _joined(a: Spans, b: Spans) -> Spans:
-    names = ("ray", "medium", "row", "start", "end")
-    columns = {name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in names}
+    columns = {name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in _COLUMNS}
     matter = Matter(
         *(
             np.concatenate([getattr(a.matter, f.name), getattr(b.matter, f.name)], -1)

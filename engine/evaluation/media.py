@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ..linear.columns import dot, length, unit
+from ..linear.columns import dot, length, pick, unit
 from ..scene import Mesh, Polygons, Scene, Spheres, Strands
 from .attributes import Attributes
-from .geometry import Geometry
+from .geometry import ULPS, Geometry
 from .march import Marching, Matter, Spans
 from .surface import points_on
 
@@ -43,6 +43,26 @@ class Rays(Protocol):
         """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to
         rounding.
         """
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """n rays of which no more is known: origins and directions (3, n), near (n,); `Rays`."""
+
+    origin: Array
+    direction: Array
+    near: Array
+
+    def __len__(self) -> int:
+        return len(self.near)
+
+    def lines(self, rays: Array) -> tuple[Array, Array]:
+        """As of `Rays`, with t as parameter."""
+        return pick(self.origin, rays), pick(self.direction, rays)
+
+    def tie(self, ray: Array, depth: Array) -> Array:
+        """As of `Rays`: ULPS of the coordinates there."""
+        return ULPS * (np.abs(self.origin).max(0).take(ray) + np.abs(depth))
 
 
 class MediaSpans:

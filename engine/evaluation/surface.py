@@ -26,6 +26,13 @@ class Spot:
     weights: Array
     material: Array
 
+    @classmethod
+    def of(cls, geometry: Geometry, primitive: Array, weights: Array) -> Spot:
+        """At the weights (3, n) of the primitives (n,)."""
+        number = geometry.placements.geometry[geometry.row[primitive]]
+        local, material = geometry.primitive_of(primitive), geometry.material[primitive]
+        return Spot(primitive, number, local, weights, material)
+
 
 @dataclass(frozen=True, eq=False)
 class Surface(Spot):
@@ -101,9 +108,8 @@ def _place_shapes(
     shape = primitive - geometry.triangle_count
     balls = np.flatnonzero((shape >= 0) & (shape < geometry.ball_count))
     if len(balls):
-        x[:, balls], g[:, balls] = _ball_points(
-            geometry, shape[balls], pick(o, balls) + depth[balls] * pick(d, balls), pick(o, balls)
-        )
+        at = pick(o, balls) + depth[balls] * pick(d, balls)
+        x[:, balls], g[:, balls] = _ball_points(geometry, shape[balls], at)
     faces = np.flatnonzero((shape >= geometry.ball_count) & (primitive < geometry.first_rod))
     if len(faces):
         index = shape[faces] - geometry.ball_count
@@ -128,7 +134,7 @@ def _place_shapes(
         reach[some] = np.maximum(corner, np.abs(pick(o, some)).max(0))
 
 
-def _ball_points(geometry: Geometry, index: Array, at: Array, o: Array) -> tuple[Array, Array]:
+def _ball_points(geometry: Geometry, index: Array, at: Array) -> tuple[Array, Array]:
     """Points brought back to the sphere in its object, and outward normals by the cofactor
     matrix.
     """

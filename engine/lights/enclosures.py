@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
 from ..accelerator import Accelerator
-from ..evaluation.geometry import ULPS, Geometry
+from ..evaluation.geometry import Geometry
 from ..evaluation.media import Rays
-from ..linear.columns import pick
-from ..scene import Camera, Instances
 from ..scene import Geometry as AnyGeometry
+from ..scene import Instances
 
 Array = np.ndarray
 
@@ -42,33 +40,6 @@ def joined(instances: Sequence[Instances]) -> tuple[Instances, ...]:
         )
         for blocks in alike.values()
     )
-
-
-def camera_at(eye: Array) -> Camera:
-    """Any camera there."""
-    frame = np.column_stack([np.eye(3), eye])
-    return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
-
-
-@dataclass(frozen=True, eq=False)
-class Lines:
-    """Rays of the world, origins and directions (3, n), from there on (`evaluation.media.Rays`)."""
-
-    origin: Array
-    direction: Array
-
-    @cached_property
-    def near(self) -> Array:
-        return np.zeros(len(self))
-
-    def __len__(self) -> int:
-        return self.origin.shape[1]
-
-    def lines(self, rays: Array) -> tuple[Array, Array]:
-        return pick(self.origin, rays), pick(self.direction, rays)
-
-    def tie(self, ray: Array, depth: Array) -> Array:
-        return ULPS * (np.abs(self.origin).max(0).take(ray) + np.abs(depth))
 
 
 class Surfaces:

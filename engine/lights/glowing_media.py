@@ -11,13 +11,13 @@ import numpy as np
 
 from ..evaluation.attributes import Attributes
 from ..evaluation.geometry import gather
-from ..evaluation.media import MediaSpans
+from ..evaluation.media import Lines, MediaSpans
 from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Instances, Light, Material, Medium, Rods, Scene, World
 from .dome import LARGEST
-from .enclosures import Lines, Surfaces, camera_at, joined
-from .mesh_lights import MeshTable, along_a_curve, box_light, linked_as
+from .enclosures import Surfaces, joined
+from .mesh_lights import MeshTable, along_a_curve, box_light, camera_at, linked_as, linked_blocks
 from .same import Same
 
 Array = np.ndarray
@@ -59,7 +59,7 @@ def _glows(scene: Scene, block: Instances) -> bool:
     return medium is not None and medium.emits
 
 
-def _what_glows(scene: Scene, blocks: list[Instances]) -> Same:
+def _what_glows(scene: Scene, blocks: list[Instances]) -> Same[Scene]:
     """The blocks alone, as a key of those things on which their lights depend."""
     used = [scene.materials[k] for block in blocks for k in block.materials]
     varies = any(material.medium and material.medium.program for material in used)
@@ -73,12 +73,8 @@ def _what_glows(scene: Scene, blocks: list[Instances]) -> Same:
 
 
 @functools.lru_cache(maxsize=2)
-def _lights(same: Same) -> tuple[Light, ...]:
-    linked: dict[tuple[int, ...], list[Instances]] = {}
-    for block in same.scene.instances:
-        lit = block.visible_diffuse, block.visible_mirror, block.visible_media
-        linked.setdefault((block.receivers, block.blockers, *lit), []).append(block)
-    lights = (_light(same.scene, some) for some in linked.values())
+def _lights(same: Same[Scene]) -> tuple[Light, ...]:
+    lights = (_light(same.value, some) for some in linked_blocks(same.value.instances))
     return tuple(light for light in lights if light is not None)
 
 
@@ -182,7 +178,7 @@ class _LightLines:
         o = (boxes[rows, 0][:, None] + offset).reshape(-1, 3).T
         d = d.reshape(-1, 3).T
         far = (1.02 * sides[:, :1] - at[:, :, 0]).reshape(-1)
-        spans = self._media.spans(Lines(o, d), "mirror", far)
+        spans = self._media.spans(Lines(o, d, np.zeros(o.shape[1])), "mirror", far)
         row = np.repeat(rows, count)
         start, end = np.maximum(spans.start, 0.0), np.minimum(spans.end, far[spans.ray])
         own = np.flatnonzero((spans.row == row[spans.ray]) & (end > start))

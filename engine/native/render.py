@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 from ..film import Film
 from ..sampling.motion import is_moving
@@ -12,7 +10,6 @@ from ..scene import Scene
 from ..scene.view_axes import narrow_view_axes
 from ..settings import Settings
 from . import binding
-from .core_types import SceneData
 from .job import Job, created, started, with_notes
 from .moving import render_moving
 from .packing import pack_scene
@@ -39,15 +36,10 @@ def render_native(
         pack_scene(told),
         pack_settings(told, settings, "UNSEEN" if on_wave is None else "HELD"),
     )
-    with _scene(core, packed.data) as handle, started(core, handle, plan.data) as job:
-        film = Job(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
-    return with_notes(film, scene, core)
-
-
-@contextmanager
-def _scene(core: ctypes.CDLL, data: SceneData) -> Iterator[int]:
-    handle = created(core, data)
+    handle = created(core, packed.data)
     try:
-        yield handle
+        with started(core, handle, plan.data) as job:
+            film = Job(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
     finally:
         core.glint_scene_destroy(handle)
+    return with_notes(film, scene, core)

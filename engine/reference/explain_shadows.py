@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..evaluation.surface import Surface
@@ -12,11 +10,9 @@ from .coefficients import Term
 from .lights import LightSample, Source
 from .lobe_light import ways_through
 from .rays import IncoherentRays
+from .stage import Stage
 from .terminator import start_towards
 from .visibility import NOTHING
-
-if TYPE_CHECKING:
-    from .stage import Stage
 
 Array = np.ndarray
 

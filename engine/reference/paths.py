@@ -13,6 +13,7 @@ import numpy as np
 from ..evaluation.surface import Surface
 from ..linear.columns import add_at, dot, pick
 from ..program.execute.inputs import fresnel_dielectric
+from ..settings import Settings
 from .bumps import lifted
 from .coefficients import BOUNCED_EXPONENT, Coefficients, Term
 from .gloss import half_vector
@@ -22,7 +23,6 @@ from .rays import IncoherentRays, Rays
 from .resolve import MIRRORED, REFRACTED
 
 if TYPE_CHECKING:
-    from ..settings import Settings
     from .stage import Stage
 
 Array = np.ndarray

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +13,8 @@ from .gloss import Narrow, Reflections, reflecting
 from .lights import LightPoint
 from .lobe_light import highlights
 from .paths import Interaction, Paths, leaving
-
-if TYPE_CHECKING:
-    from .picture import Tile
-    from .stage import Stage
+from .picture import Tile
+from .stage import Stage
 
 Array = np.ndarray
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +19,8 @@ from .paths import Interaction, Paths, joined
 from .paths import met as met_by
 from .rays import IncoherentRays
 from .scene_queries import SceneQueries
+from .stage import Stage
 from .surface import surface_at
-
-if TYPE_CHECKING:
-    from .stage import Stage
 
 Array = np.ndarray
 

@@ -31,14 +31,7 @@ def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spo
     rods = np.flatnonzero(primitive >= geometry.first_rod)
     if len(rods):
         weights[:2, rods] = _along(geometry, rays, ray[rods], primitive[rods])
-    row = geometry.row[primitive]
-    return Spot(
-        primitive,
-        geometry.placements.geometry[row],
-        geometry.primitive_of(primitive),
-        weights,
-        geometry.material[primitive],
-    )
+    return Spot.of(geometry, primitive, weights)
 
 
 def _along(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Array:
