@@ -23,7 +23,7 @@ class PixelExplainer:
         problems = settings.problems() + scene_problems(scene)
         if problems:
             raise SceneError("\n".join(problems))
-        # two thirds of the engine's modules: Blender starts without them
+        # two fifths of the engine's lines: Blender starts without them
         from ..reference.explain import Explainer
 
         self._resolution = scene.camera.resolution

@@ -88,8 +88,7 @@ def _what_glows(scene: Scene, blocks: list[Instances]) -> Same[Scene]:
 @functools.lru_cache(maxsize=2)
 def _lights(same: Same[Scene]) -> tuple[Light, ...]:
     scene = same.value
-    parts = linked_blocks(scene.instances)
-    lights = (_light(replace(scene, instances=tuple(some))) for some in parts)
+    lights = (_light(replace(scene, instances=tuple(b))) for b in linked_blocks(scene.instances))
     return tuple(light for light in lights if light is not None)
 
 

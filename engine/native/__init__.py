@@ -1,6 +1,5 @@
 """The native core through its C interface: the only caller of the core's library. A call into the
-core releases the GIL; the core works on threads of its own.
-
-`binding.py` loads the library; `packing….py` turn values into the core's structures; `render.py`,
-`live.py`, `queries.py` and `programs.py` are what others call.
+core releases the GIL; the core works on threads of its own. `binding.py` loads the library;
+`packing….py` turn values into its structures; `render.py live.py queries.py programs.py` are what
+others call.
 """

@@ -137,18 +137,19 @@ class Job:
             ended = progress.state >= State.DONE
             if on_wave is not None and progress.samples > shown:
                 shown = progress.samples
-                film = self._film(shown, complete=True, ended=ended)
+                film = self.film(shown, complete=True, ended=ended)
                 if progress.state == State.HELD:
                     self._core.glint_render_resume(self._handle)
                 on_wave(film)
             if ended:
-                return self._result(progress)
+                return self.result(progress)
             if should_stop():
                 self._core.glint_render_cancel(self._handle)
             elif progress.state == State.MOVING:
                 self._on_moving()
 
-    def _result(self, progress: ProgressData) -> Film:
+    def result(self, progress: ProgressData) -> Film:
+        """The picture of a render that has ended; raises as `render.render_native`."""
         if progress.state == State.FAILED:
             text = self._core.glint_render_error(self._handle).decode(errors="replace")
             if text == "out of memory":
@@ -161,9 +162,10 @@ class Job:
                     "programs"
                 )
             raise RuntimeError(f"the core failed: {text}")
-        return self._film(progress.samples, complete=progress.state != State.CANCELLED, ended=True)
+        return self.film(progress.samples, complete=progress.state != State.CANCELLED, ended=True)
 
-    def _film(self, samples: int, complete: bool, ended: bool) -> Film:
+    def film(self, samples: int, complete: bool, ended: bool) -> Film:
+        """What there is after so many samples; read-only unless the render has `ended`."""
         passes = {name: self._pass(name, samples, ended) for name in self._names}
         for number, names, each, title in (
             (core_types.Pass.AOV, self._aovs, 4, aov_pass),

@@ -188,9 +188,9 @@ class NativeLive:
             ended = progress.state >= State.DONE
             if progress.samples > shown and (ended or progress.samples < most):
                 shown = progress.samples
-                on_film(render._film(shown, complete=True, ended=ended), shown == most)
+                on_film(render.film(shown, complete=True, ended=ended), shown == most)
             if progress.state == State.FAILED:
-                render._result(progress)
+                render.result(progress)
             if ended:
                 return
             if not cancelled and should_stop():
