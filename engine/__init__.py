@@ -4,15 +4,14 @@ Knows nothing of Blender.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 
 from .accelerator import Accelerator, Hits
 from .analysis.explain import PixelExplainer, explanation_lines
+from .backends import available_backends, check, native_error, render
 from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
+from .explained import Ray
 from .film import (
     AOV,
     BY_SURFACE,
@@ -32,9 +31,6 @@ from .sampling import TILE_SIDE
 from .scene import Scene
 from .scene.viewing import pixel_bounds_of_box
 from .settings import Settings
-
-if TYPE_CHECKING:
-    from .reference.explained import Ray
 
 __all__ = [
     "AOV",
@@ -77,79 +73,3 @@ np.ones((256, 256)) @ np.ones((256, 256))
 some processors products of small matrices do without. Asked when memory is short it spins for ever
 instead of failing, so it is asked here.
 """
-
-
-def __getattr__(name: str) -> Any:
-    """`Ray` comes with the float64 reference, which is loaded when somebody asks for it."""
-    if name != "Ray":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from .reference.explained import Ray
-
-    return Ray
-
-
-def available_backends() -> tuple[str, ...]:
-    """The tracers that can run here, best first: NATIVE when the core's library loads, NUMPY
-    always.
-    """
-    return ("NATIVE", "NUMPY") if native_error() is None else ("NUMPY",)
-
-
-def native_error() -> str | None:
-    """Why the native core cannot be used here; None when it can."""
-    from . import native
-
-    return native.load_error()
-
-
-def render(
-    scene: Scene,
-    settings: Settings | None = None,
-    *,
-    should_stop: Callable[[], bool] = lambda: False,
-    on_progress: Callable[[float], None] = lambda fraction: None,
-    on_wave: Callable[[Film], None] | None = None,
-) -> Film:
-    """Draw `scene`.
-
-    should_stop: asked at least every 50 ms on the calling thread; True ends the render with
-    `Film.complete` False. on_progress: told the finished fraction, 0 to 1.  on_wave: given a
-    complete picture after 1, 2, 4, 8 … samples. Raises SceneError for a scene or settings that are
-    not sound, MemoryError when memory cannot be had.
-    """
-    settings = settings or Settings()
-    check(scene, settings)
-    tracer = _tracer(settings.backend)
-    scene = scene.as_lit(**settings.lighting)
-    return tracer(scene, settings, should_stop, on_progress, on_wave)
-
-
-def _tracer(backend: str) -> Callable[..., Film]:
-    """The one that draws, loaded when it is first asked for."""
-    if backend == "NATIVE":
-        from .native import render_native
-
-        return render_native
-    from .reference import render_reference
-
-    return render_reference
-
-
-def check(scene: Scene, settings: Settings) -> None:
-    """Raises SceneError for a scene or settings that are not sound."""
-    problems = settings.problems() + scene.problems() or _beyond_the_frame(
-        settings.region, scene.camera.resolution
-    )
-    if problems:
-        raise SceneError("\n".join(problems))
-
-
-def _beyond_the_frame(
-    region: tuple[int, int, int, int] | None, resolution: tuple[int, int]
-) -> list[str]:
-    beyond = region is not None and (region[2] > resolution[0] or region[3] > resolution[1])
-    return (
-        [f"region {region} reaches beyond the frame of {resolution[0]} by {resolution[1]} pixels"]
-        if beyond
-        else []
-    )

@@ -16,6 +16,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from .errors import SceneError
+from .native.binding import load_error
+from .native.queries import NativeQueries
 from .scene import Camera, Geometry, Instances, Mesh, Scene
 from .scene.problems import scene_problems
 from .scene.ray_batch import RayBatch
@@ -224,11 +226,7 @@ def _check_options(threads: Any, backend: Any) -> None:
 
 
 def _tracer(scene: Scene, threads: int, backend: str | None, quick: bool) -> Tracer:
-    from . import native
-
-    if backend == "NATIVE" or (backend is None and native.load_error() is None):
-        from .native.queries import NativeQueries
-
+    if backend == "NATIVE" or (backend is None and load_error() is None):
         return NativeQueries(scene, threads, quick)
     from .reference.queries import ReferenceQueries
 

@@ -8,10 +8,8 @@ import functools
 import json
 import struct
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .scene import Scene
+from .scene import Scene
 
 _WORD = 0xFFFFFFFF
 

@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from .evaluation.attributes import is_uv
+from .evaluation.textures import Image
 from .futures import parallel_map
-from .native import load_error, programs
+from .linear.columns import cross, transform, unit
+from .native import programs
+from .native.binding import load_error
+from .program.execute.run import run as run_reference
 from .program.program import Program
-from .reference.program import run as run_reference
-from .reference.textures import Image
-from .reference.vectors import cross, transform, unit
 from .scene import CORNER, FACE, POINT, Attribute, Mesh, Texture
 
 Array = np.ndarray
@@ -249,7 +251,7 @@ class _Placed:
 
 
 class VertexPoints:
-    """What programs read of the vertices of a mesh (`reference.program.Points`), each at a corner
+    """What programs read of the vertices of a mesh (`program.execute.run.Points`), each at a corner
     of a triangle. Nobody sees them: they face along their normals.
     """
 
@@ -279,7 +281,7 @@ class VertexPoints:
 
     def uv(self, name: str, shift: int) -> Array:
         """(2, n)."""
-        maps = (a for a in self._mesh.attributes if _is_map(a, name))
+        maps = (a for a in self._mesh.attributes if is_uv(a, name))
         found = next(maps, None)
         return np.zeros((2, len(self._vertex))) if found is None else self._values(found)[:2]
 
@@ -363,7 +365,3 @@ class VertexPoints:
         """(c, n), what is not finite as 0."""
         values = _columns(attribute.values, self._rows[attribute.domain])
         return np.where(np.isfinite(values), values, 0.0)
-
-
-def _is_map(attribute: Attribute, name: str) -> bool:
-    return attribute.name == name if name else attribute.values.shape[1] == 2

@@ -5,14 +5,12 @@ ready twice.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from .backends import check, render
 from .film import Film
+from .native.live import NativeLive
 from .scene import Scene, SceneDelta
 from .settings import Settings
-
-if TYPE_CHECKING:
-    from .native.live import NativeLive
 
 
 class KeptRender:
@@ -37,8 +35,6 @@ class KeptRender:
         """The arguments, and what is raised, are those of `engine.render`. delta: from the scene
         before to this one, where there is one; else they are compared.
         """
-        from . import check, render
-
         if settings.backend != "NATIVE":
             return render(
                 scene,
@@ -49,8 +45,6 @@ class KeptRender:
             )
         check(scene, settings)
         if self._native is None:
-            from .native.live import NativeLive
-
             self._native = NativeLive()
         try:
             return self._native.draw(scene, settings, should_stop, on_progress, on_wave, delta)

@@ -16,16 +16,14 @@ import time
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from .backends import render
 from .errors import SceneError
 from .film import Film
 from .futures import NO_THREAD, Thread
+from .native.live import NativeLive
 from .scene import Scene, SceneDelta
 from .settings import Settings
-
-if TYPE_CHECKING:
-    from .native.live import NativeLive
 
 log = logging.getLogger(__name__)
 
@@ -267,8 +265,6 @@ class _Tracers:
         self, task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
     ) -> None:
         if task.settings.backend == "NATIVE":
-            from .native.live import NativeLive
-
             self._native = self._native or NativeLive()
             self._native.render(
                 task.scene, task.settings, task.exact, should_stop, on_film, task.delta
@@ -286,17 +282,11 @@ class _Tracers:
 def _render_reference(
     task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
 ) -> None:
-    from .reference import render_reference
-
-    problems = task.settings.problems() + task.scene.problems()
-    if problems:
-        raise SceneError("\n".join(problems))
-    film = render_reference(
-        task.scene.as_lit(**task.settings.lighting),
+    film = render(
+        task.scene,
         task.settings,
-        should_stop,
-        lambda fraction: None,
-        lambda film: on_film(film, False),
+        should_stop=should_stop,
+        on_wave=lambda film: on_film(film, False),
     )
     if film.complete:
         on_film(film, True)

@@ -187,7 +187,7 @@ MOST_LIGHT_POINTS = 1 << 23
 
 
 class Lighting(TypedDict):
-    """What `Scene.as_lit` is told."""
+    """What `lights.lit.lit_scene` is told."""
 
     by_world: bool
     by_meshes: bool
@@ -468,8 +468,8 @@ class Settings:
 
     @property
     def lighting(self) -> Lighting:
-        """What `Scene.as_lit` is told: whether surfaces hide the world's light, whether what glows
-        lights, and whether light passes glass.
+        """What `lights.lit.lit_scene` is told: whether surfaces hide the world's light, whether
+        what glows lights, and whether light passes glass.
         """
         physical = self.illumination == "PHYSICAL"
         return {

@@ -18,9 +18,12 @@ from .. import engine
 from ..addon.render.stamp import manifest
 from ..engine.analysis.trade import SIDE, SQUARES
 from ..engine.analysis.trade_tunables import TUNABLES
+from . import compare_cycles, farm, farm_jobs, measure_scene
 from .opened import open_blend, unrun
 from .pictures import write_whole
+from .scene_copy import rendered_for
 from .tiles import Grid
+from .verify import verify, verify_all
 
 _INTERRUPTED = 130
 """Exit code after Ctrl-C, as in a shell."""
@@ -264,8 +267,6 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _measure(options: argparse.Namespace) -> int:
-    from . import measure_scene
-
     scene, view_layer = _open(options.file, scripts=options.scripts)
     values = {
         tunable.name: getattr(options, tunable.name)
@@ -288,8 +289,6 @@ def _measure(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from . import compare_cycles
-
     scene, view_layer = _open(options.file, scripts=options.scripts)
     settings = compare_cycles.Options(
         options.samples, options.bounces, options.side, not options.direct_only
@@ -303,8 +302,6 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _target(options: argparse.Namespace) -> int:
-    from .scene_copy import rendered_for
-
     scene, view_layer = _open(options.file)
     target = ("LEVELS", options.levels) if options.levels is not None else ("RMSE", options.rmse)
     _tell([rendered_for(scene, view_layer, options.out, *target)])
@@ -312,8 +309,6 @@ def _target(options: argparse.Namespace) -> int:
 
 
 def _frames(options: argparse.Namespace) -> int:
-    from . import farm
-
     numbers = farm.frame_numbers(options.frames)
     if options.check:
         if options.tiles or options.tile:
@@ -338,8 +333,6 @@ def _frames(options: argparse.Namespace) -> int:
 
 
 def _merge(options: argparse.Namespace) -> int:
-    from . import farm
-
     numbers = farm.frame_numbers(options.frames)
     scene = _open_for_frames(options)
     for line in farm.merge_frames(scene, numbers, options.out, options.tiles):
@@ -355,8 +348,6 @@ def _open_for_frames(options: argparse.Namespace) -> bpy.types.Scene:
 
 
 def _job(options: argparse.Namespace) -> int:
-    from . import farm_jobs
-
     if not options.file.is_file():
         raise ValueError(f"there is no file {options.file}")
     suffix = {"openjd": ".openjd.json", "slurm": ".slurm.sh", "flamenco": ".flamenco.js"}
@@ -381,8 +372,6 @@ def _job(options: argparse.Namespace) -> int:
 
 
 def _verify(options: argparse.Namespace) -> int:
-    from .verify import verify, verify_all
-
     if options.picture.is_dir():
         codes = []
         for code, row in verify_all(options.picture, options.file, scripts=options.scripts):

@@ -28,6 +28,7 @@ from ..engine.futures import Future, Thread
 from .after_previews import previews_run
 from .pictures import write_picture, write_whole
 from .scene_copy import copied, read_job, rendered
+from .show_picture import show
 
 log = logging.getLogger(__name__)
 
@@ -490,8 +491,6 @@ Esc stops"""
         return None
 
     def _finish(self, context: bpy.types.Context, result: Comparison) -> set[str]:
-        from .show_picture import show
-
         show("Glint and Cycles", result.strip, context)
         for line in (*report_lines(result), f"Pictures and numbers are in {self._folder}"):
             self.report({"INFO"}, line)

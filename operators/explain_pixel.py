@@ -5,20 +5,16 @@ Blender reads the operators' annotations as they are, so this module must not ma
 """
 
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import IntProperty
 
 from ..addon import viewport
 from ..addon.ui.lines import draw_text
-from ..engine import PixelExplainer, Scene, SceneError, Settings, explanation_lines
+from ..engine import PixelExplainer, Ray, Scene, SceneError, Settings, explanation_lines
 from ..engine.analysis.fingerprint import value_fingerprint
 from .editors import in_editor
 from .scene_copy import read_job
-
-if TYPE_CHECKING:
-    from ..engine import Ray
 
 _explained: list[str] = []
 """The last explanation of this session, line by line."""

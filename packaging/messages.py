@@ -34,8 +34,8 @@ GROUPS = (
     ("Images", r"addon/export/(images|photometry)|shader_nodes/ies"),
     ("Materials and nodes", r"addon/export/(materials|shader_nodes)"),
     ("Lights and world", r"addon/export/(light|skies|world|darkness)"),
-    ("Objects", r"addon/export|engine/scene/left_out|engine/reference/geometry"),
-    ("The render", r"addon/|engine/native/__init__"),
+    ("Objects", r"addon/export|engine/scene/left_out|engine/evaluation/geometry"),
+    ("The render", r"addon/|engine/native/(binding|job)"),
     ("Tools", r"operators/"),
     ("Scenes and settings made in Python", r"engine/"),
 )

@@ -3,7 +3,7 @@
 import ast
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from graphlib import TopologicalSorter
 from pathlib import Path, PurePosixPath
 
@@ -76,6 +76,23 @@ ADDONS_API = {
 panels share.
 """
 
+OF_REFERENCE = {
+    "engine/accelerator.py": "engine.reference.queries",
+    "engine/analysis/explain.py": "engine.reference.explain",
+    "engine/backends.py": "engine.reference.trace",
+}
+"""What asks for the float64 reference by name, when it is wanted: the backend NUMPY, and Explain
+Pixel, whose numbers are the oracle's.
+"""
+IN_FUNCTIONS = {
+    ("__init__.py", "addon"): "Blender reads the file of extensions that are not enabled, too",
+    ("__init__.py", "operators"): "the same",
+    **dict.fromkeys(OF_REFERENCE.items(), "the oracle, two fifths of the engine"),
+}
+"""Imports of this tree that wait for a function to be called, and why. All others stand at the top
+of their modules, where circles show.
+"""
+
 # Room → what it may import from other packages, and a test for what it may import from this one.
 STDLIB = set(sys.stdlib_module_names)
 
@@ -92,13 +109,14 @@ def _inside_operators(name: str) -> bool:
 
 
 def _inside_engine(name: str) -> bool:
-    return name.startswith("engine")
+    return name.startswith("engine") and not name.startswith("engine.reference")
 
 
 def _inside_reference(name: str) -> bool:
-    shared = "cryptomatte", "scene", "scene.panorama", "scene.ray_batch", "film", "settings"
+    shared = "cryptomatte", "explained", "film", "scene", "scene.panorama", "scene.ray_batch"
+    shared = *shared, "settings"
     values = {f"engine.{name}" for name in shared}
-    packages = "reference", "linear", "program", "sampling", "lights"
+    packages = "reference", "evaluation", "linear", "program", "sampling", "lights"
     return name in values or name.startswith(tuple(f"engine.{package}" for package in packages))
 
 
@@ -114,15 +132,25 @@ WALLS = {
     "engine/reference": ({"numpy"} | STDLIB, _inside_reference),
     "engine/linear": ({"numpy"} | STDLIB, _only("linear")),
     "engine/sampling": ({"numpy"} | STDLIB, _only("sampling", "scene")),
-    "engine/scene": ({"numpy"} | STDLIB, _only("scene", "program", "linear", "lights")),
+    "engine/scene": ({"numpy"} | STDLIB, _only("scene", "program", "linear")),
     "engine/program": (
         {"numpy"} | STDLIB,
-        _only("program", "scene.checks", "reference.program"),
+        _only("program", "scene.checks", "linear"),
     ),
     "engine/lights": (
         {"numpy"} | STDLIB,
-        _only("lights", "scene", "program", "sampling", "reference", "accelerator", "settings"),
+        _only(
+            "lights",
+            "scene",
+            "evaluation",
+            "linear",
+            "program",
+            "sampling",
+            "accelerator",
+            "settings",
+        ),
     ),
+    "engine/evaluation": ({"numpy"} | STDLIB, _only("evaluation", "scene", "linear", "program")),
     "engine/native": ({"numpy", "glint_core"} | STDLIB, _inside_engine),
     "engine": ({"numpy"} | STDLIB, _inside_engine),
 }
@@ -157,6 +185,7 @@ def breaches(path: PurePosixPath, source: str) -> list[str]:
     outside, inside = imports(path, source)
     if room == "__init__.py":
         inside -= {"addon", "operators"}
+    inside -= {OF_REFERENCE.get(str(path), "")}
     return sorted(
         f"{path} imports {name}"
         for name in (outside - allowed_outside)
@@ -164,11 +193,40 @@ def breaches(path: PurePosixPath, source: str) -> list[str]:
     )
 
 
-def _at_import(source: str) -> str:
-    """The import statements that run when a module is imported."""
-    body = ast.parse(source).body
+def _that_run(source: str) -> str:
+    """The import statements of a module at any depth but those that type checkers alone read."""
+    tree = ast.parse(source)
+    checked = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    return _statements(node for node in ast.walk(tree) if node not in checked)
+
+
+def _in_functions(source: str) -> str:
+    """The import statements that run when a function is called."""
+    functions = (
+        node
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
+    )
+    return _statements(inner for node in functions for inner in ast.walk(node))
+
+
+def _run_by(imported: str, importer: str) -> set[str]:
+    """What runs when a module is imported: itself, and the packages that it lies in and the
+    importer does not.
+    """
+    parts = imported.split(".")
+    packages = {".".join(parts[:k]) for k in range(1, len(parts))}
+    return {imported} | {name for name in packages if not importer.startswith(f"{name}.")}
+
+
+def _statements(nodes: Iterable[ast.AST]) -> str:
     return "\n".join(
-        ast.unparse(node) for node in body if isinstance(node, (ast.Import, ast.ImportFrom))
+        ast.unparse(node) for node in nodes if isinstance(node, (ast.Import, ast.ImportFrom))
     )
 
 
@@ -188,14 +246,30 @@ def test_no_file_imports_through_a_wall():
     ] == []
 
 
+def test_imports_in_functions_are_those_that_are_listed():
+    found = {
+        (str(path), name)
+        for path in python_files()
+        for name in imports(path, _in_functions((ROOT / path).read_text()))[1]
+    }
+    assert found == IN_FUNCTIONS.keys()
+
+
 def test_no_module_imports_itself_by_way_of_others():
-    """TopologicalSorter raises CycleError, which names the circle."""
+    """At any depth: a circle that a function closes is one. TopologicalSorter raises CycleError,
+    which names the circle.
+    """
     modules = {
         ".".join(path.with_suffix("").parts).removesuffix(".__init__"): path
         for path in python_files()
     }
     graph = {
-        name: imports(path, _at_import((ROOT / path).read_text()))[1] & modules.keys() - {name}
+        name: {
+            run
+            for imported in imports(path, _that_run((ROOT / path).read_text()))[1]
+            for run in _run_by(imported, name)
+        }
+        & modules.keys() - {name}
         for name, path in modules.items()
     }
     assert sum(map(len, graph.values())) > 1000
@@ -236,6 +310,43 @@ def test_the_core_includes_the_standard_library_and_itself_alone(path):
     ]
 
 
+MAY_INCLUDE = {
+    "math": set(),
+    "simd": set(),
+    "system": set(),
+    "bvh": {"math", "simd", "system"},
+    "program": {"simd"},
+    "shading": {"bvh", "math", "program", "simd"},
+    "scene": {"bvh", "math", "program", "shading"},
+    "film": {"math", "shading", "system"},
+    "integrator": {"bvh", "film", "math", "scene", "shading", "system"},
+    "session": {"film", "integrator", "math", "scene", "system"},
+    "api": {"bvh", "film", "math", "program", "scene", "session", "system"},
+}
+"""Folder of the core → folders whose headers it may include."""
+THE_OTHER_WAY = {
+    ("program/machine.h", "shading/stage_inputs.h"),
+    ("program/op_input.h", "shading/panorama.h"),
+    ("program/op_input.h", "shading/stage_math.h"),
+    ("program/program.cpp", "shading/stages.h"),
+}
+"""Programs read the columns of the stages that run them."""
+
+
+def test_the_cores_folders_include_one_another_one_way():
+    source = ROOT / "engine" / "core" / "src"
+    assert {path.name for path in source.iterdir()} == MAY_INCLUDE.keys()
+    TopologicalSorter(MAY_INCLUDE).prepare()
+    against = set()
+    for path in (path for path in source.rglob("*") if path.is_file()):
+        own = path.relative_to(source).as_posix()
+        for name in re.findall(r'^\s*#\s*include\s*"([^"]+)"', path.read_text(), re.MULTILINE):
+            folder, to = own.split("/")[0], name.split("/")[0]
+            if to in MAY_INCLUDE and to not in MAY_INCLUDE[folder] | {folder}:
+                against.add((own, name))
+    assert against == THE_OTHER_WAY
+
+
 @pytest.mark.parametrize(
     ("path", "source"),
     [
@@ -246,14 +357,20 @@ def test_the_core_includes_the_standard_library_and_itself_alone(path):
         ("engine/film.py", "import glint_core"),
         ("engine/lights/dome.py", "from .. import native"),
         ("engine/lights/lamps.py", "from ..film import PASSES"),
+        ("engine/lights/dome.py", "def f():\n    from ..reference.trace import render_reference"),
+        ("engine/displacement.py", "from .reference.trace import render_reference"),
+        ("engine/native/render.py", "from ..reference.trace import render_reference"),
+        ("engine/backends.py", "from .reference.queries import ReferenceQueries"),
+        ("engine/evaluation/sky.py", "from ..lights.dome import radiance_map"),
+        ("engine/program/execute/rays.py", "from ...evaluation.points import SurfacePoints"),
         ("engine/program/graph.py", "from ..scene.model import Scene"),
-        ("addon/render/final.py", "from ...engine.native import render_native"),
+        ("addon/render/final.py", "from ...engine.native.render import render_native"),
         ("addon/render/final.py", "from ...engine import native"),
         ("addon/ui/panels.py", "def f():\n    from ... import operators"),
-        ("addon/export/lights.py", "from ...engine.reference import render_reference"),
+        ("addon/export/lights.py", "from ...engine.reference.trace import render_reference"),
         ("operators/add_demo_scene.py", "from ..addon.panels import ENGINE"),
         ("addon/ui/panels.py", "from ...engine.analysis import trade"),
-        ("operators/measure_scene.py", "from ..engine.native import render_native"),
+        ("operators/measure_scene.py", "from ..engine.native.render import render_native"),
         ("addon/render/result.py", "import scipy"),
         ("__init__.py", "import numpy"),
     ],
@@ -271,7 +388,8 @@ def test_a_hole_in_a_wall_is_seen(path, source):
             "from ...engine.scene import Light\nimport numpy as np\nimport bpy",
         ),
         ("engine/reference/trace.py", "from ..scene import Scene\nfrom ..linear import frames"),
-        ("engine/native/__init__.py", "import ctypes\nimport glint_core"),
+        ("engine/native/binding.py", "import ctypes\nimport glint_core"),
+        ("engine/backends.py", "def f():\n    from .reference.trace import render_reference"),
         ("operators/add_demo_scene.py", "from .demo_scene import build_demo_scene"),
         (
             "operators/measure_scene.py",

@@ -14,7 +14,7 @@ import numpy as np
 
 from ... import engine
 from ...engine.analysis.target import Forecast, Target, choose_settings, displayed, reached_error
-from ..export.images.pixels import openimageio
+from ..export.images.colorspace import openimageio
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...engine.scene import Light, Scene, World
-from ..export.images.pixels import openimageio
+from ..export.images.colorspace import openimageio
 
 _GREY = 0.5
 """Radiance of a studio whose image cannot be read."""

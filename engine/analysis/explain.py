@@ -6,14 +6,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from ..errors import SceneError
+from ..explained import Bounce, Hit, LightTerm, Ray
 from ..scene import Scene
+from ..scene.problems import scene_problems
 from ..settings import Settings
-
-if TYPE_CHECKING:
-    from ..reference.explained import Bounce, Hit, LightTerm, Ray
 
 
 class PixelExplainer:
@@ -22,10 +20,10 @@ class PixelExplainer:
     """
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
-        problems = settings.problems() + scene.problems()
+        problems = settings.problems() + scene_problems(scene)
         if problems:
             raise SceneError("\n".join(problems))
-        # two thirds of the engine's modules: Blender starts without them
+        # two fifths of the engine's lines: Blender starts without them
         from ..reference.explain import Explainer
 
         self._resolution = scene.camera.resolution

@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import SceneError
 from ..film import FIRST_ESTIMATE, Film
 from ..scene import Scene
+from ..scene.problems import scene_problems
 from ..settings import Settings
 from .flip import displayed
 from .metrics import relative_rmse, weighted_quantile
@@ -127,7 +128,7 @@ def choose_settings(
     shadows; its region is the picture. Raises SceneError for a scene, settings or target that are
     not sound, MemoryError.
     """
-    problems = scene.problems() + base.problems() + target.problems()
+    problems = scene_problems(scene) + base.problems() + target.problems()
     if problems:
         raise SceneError("\n".join(problems))
     lights = (

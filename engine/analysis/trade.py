@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
 from ..scene import Scene
+from ..scene.problems import scene_problems
 from ..settings import Settings
 from . import metrics
 from .trade_crops import CropRenderer, Rendered, Squares, StoppedError, pick_squares
@@ -88,7 +89,9 @@ def measure(
         settings_grid(scene, base, values or {}),
         key=lambda settings: (settings != base, _cost(settings)),
     )
-    problems = scene.problems() + [problem for settings in grid for problem in settings.problems()]
+    problems = scene_problems(scene) + [
+        problem for settings in grid for problem in settings.problems()
+    ]
     if problems:
         raise SceneError("\n".join(dict.fromkeys(problems)))
     with CropRenderer(scene, ((0, 0, *scene.camera.resolution),), should_stop) as renderer:

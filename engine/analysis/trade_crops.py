@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from ..backends import tracer
 from ..film import Film
+from ..native.live import NativeLive
 from ..sampling import TILE_SIDE
 from ..scene import Scene
 from ..settings import Settings
@@ -179,13 +181,8 @@ class CropRenderer:
 
     def _traced(self, settings: Settings) -> Film:
         if settings.backend != "NATIVE":
-            from ..reference import render_reference
-
-            return render_reference(
-                self.scene, settings, self.should_stop, lambda fraction: None, None
-            )
+            draw = tracer(settings.backend)
+            return draw(self.scene, settings, self.should_stop, lambda fraction: None, None)
         if self._held is None:
-            from ..native.live import NativeLive
-
             self._held = NativeLive()
         return self._held.draw(self.scene, settings, self.should_stop)

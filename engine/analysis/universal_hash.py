@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .. import native
+from ..native import binding
 from ..native.core_types import Hash
 from ..native.packer import address
 
@@ -39,7 +39,7 @@ def _sums(words: Array) -> Array:
 @functools.cache
 def _core_function() -> Callable[..., None] | None:
     """Looked for once: finding the core takes longer than hashing a small mesh."""
-    return None if native.load_error() else native.library().glint_universal_hash
+    return None if binding.load_error() else binding.library().glint_universal_hash
 
 
 def block_sums(words: Array) -> Array:

@@ -15,9 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..evaluation.sky import radiance
+from ..evaluation.textures import Image
 from ..program.program import Program
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Light, Texture
+from .same import Same
 
 Array = np.ndarray
 
@@ -54,9 +57,6 @@ def directions(rows: int, columns: int) -> Array:
 
 def radiance_map(program: Program, textures: Sequence[Texture]) -> Array:
     """The map of a world's light, as rays from matt surfaces see it."""
-    from ..reference.sky import radiance
-    from ..reference.textures import Image
-
     used = {k: textures[k] for k in program.textures}
     rows = max((texture.pixels.shape[0] for texture in used.values()), default=0)
     rows = min(max(rows, LEAST_ROWS), MOST_ROWS)
@@ -77,11 +77,8 @@ def radiance_along(
     seen: tuple | None = None,
 ) -> Array:
     """(3, n) of a world's light from unit directions (3, n), as rays from matt surfaces, or of
-    another kind, see it. seen: as `reference.sky.Sky` has it.
+    another kind, see it. seen: as `evaluation.sky.Sky` has it.
     """
-    from ..reference.sky import radiance
-    from ..reference.textures import Image
-
     return radiance(program, {k: Image(textures[k]) for k in program.textures}, unit, kind, seen)
 
 
@@ -92,8 +89,6 @@ def within_range(values: Array) -> Array:
 
 def _reduced(texture: Texture, rows: int) -> Texture:
     """The texture with as many texels to a side averaged as leave it about `rows` rows."""
-    from ..reference.textures import Image
-
     by = texture.pixels.shape[0] // rows
     if by < 2:
         return texture
@@ -178,7 +173,7 @@ def dome_table(light: Light, samples: int, each: int) -> DomeTable:
     again.
     """
     assert light.radiance is not None
-    count, radiance = tabled(samples, each), _Same(light.radiance)
+    count, radiance = tabled(samples, each), Same(light.radiance, light.radiance)
     cells, along, where = _drawn(radiance, count)
     even = _irradiance(radiance)
     with np.errstate(over="ignore"):
@@ -200,35 +195,22 @@ def dome_table(light: Light, samples: int, each: int) -> DomeTable:
     )
 
 
-def _shadowed(radiance: _Same, spread: Array) -> Array:
+def _shadowed(radiance: Same[Array], spread: Array) -> Array:
     """(n,) bool: those of directions, one over whose density is `spread`, that stand for a sample
     of the sky, and not for one of a matt lobe, as Cycles weighs these by the squares of their
     densities; a sky of one colour it samples by lobes alone.
     """
-    values = np.asarray(radiance.values).reshape(-1, 3)
+    values = np.asarray(radiance.value).reshape(-1, 3)
     if (values == values[0]).all():
         return np.zeros(len(spread), bool)
     number = (np.arange(1, len(spread) + 1) * PART) % 1.0
     return number * (1 + (spread / MATT) ** 2) < 1.0
 
 
-class _Same:
-    """An array as a key: equal to itself alone, and kept as long as the key is."""
-
-    def __init__(self, values: Array) -> None:
-        self.values = values
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.values is self.values
-
-    def __hash__(self) -> int:
-        return id(self.values)
-
-
 @functools.lru_cache(maxsize=4)
-def _irradiance(same: _Same) -> Array:
+def _irradiance(same: Same[Array]) -> Array:
     """`DomeTable.irradiance` of a light of colour and strength 1, float64."""
-    values = np.asarray(same.values, np.float64)
+    values = np.asarray(same.value, np.float64)
     if values.shape[:2] == (1, 1):
         return values
     coarse = _averaged(values, MOST_IRRADIANCE_ROWS)
@@ -267,11 +249,11 @@ def _unit(elevation: Array, azimuth: Array) -> Array:
 
 
 @functools.lru_cache(maxsize=4)
-def _drawn(same: _Same, count: int) -> tuple[Array, Array, tuple[Array, Array]]:
+def _drawn(same: Same[Array], count: int) -> tuple[Array, Array, tuple[Array, Array]]:
     """Cells (h, w, 4), radiance and one over the density; `count` directions (count, 3) in the
     map's axes; rows and columns of the cells that these meet.
     """
-    values = np.asarray(same.values, np.float64)
+    values = np.asarray(same.value, np.float64)
     rows, columns = values.shape[:2]
     share = np.broadcast_to(cell_shares(rows, columns)[..., 0], (rows, columns))
     weight = np.abs(values).mean(2) * share

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..accelerator import Accelerator
-from ..scene import Camera, Instances
+from ..evaluation.geometry import Geometry
+from ..evaluation.media import Rays
 from ..scene import Geometry as AnyGeometry
-
-if TYPE_CHECKING:
-    from ..reference.geometry import Geometry
-    from ..reference.rays import Rays
+from ..scene import Instances
 
 Array = np.ndarray
 
@@ -45,15 +42,9 @@ def joined(instances: Sequence[Instances]) -> tuple[Instances, ...]:
     )
 
 
-def camera_at(eye: Array) -> Camera:
-    """Any camera there."""
-    frame = np.column_stack([np.eye(3), eye])
-    return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
-
-
 class Surfaces:
-    """What encloses media, as `Visibility` has it, met by the queries of an `Accelerator`: one for
-    each block, so that no surface hides another one that lies in it.
+    """What encloses media, met by the queries of an `Accelerator`: one for each block, so that no
+    surface hides another one that lies in it.
     """
 
     def __init__(
@@ -63,9 +54,6 @@ class Surfaces:
         geometry: Geometry,
         origin: Array,
     ) -> None:
-        from ..reference.cancellation import Cancellation
-
-        self.geometry, self.cancellation = geometry, Cancellation(lambda: False)
         self._origin = origin
         self._blocks = [
             (len(b.world_from_object), Accelerator([geometries[b.geometry]], [_alone(b)]))

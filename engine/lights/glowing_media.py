@@ -6,20 +6,19 @@ from __future__ import annotations
 
 import functools
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import gather
+from ..evaluation.media import Lines, MediaSpans
 from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Instances, Light, Material, Medium, Rods, Scene, World
 from .dome import LARGEST
-from .enclosures import Surfaces, camera_at, joined
-from .mesh_lights import MeshTable, along_a_curve, box_light, linked_as
+from .enclosures import Surfaces, joined
+from .mesh_lights import MeshTable, along_a_curve, box_light, camera_at, linked_as, linked_blocks
 from .same import Same
-
-if TYPE_CHECKING:
-    from ..reference.media import Media
 
 Array = np.ndarray
 
@@ -60,7 +59,7 @@ def _glows(scene: Scene, block: Instances) -> bool:
     return medium is not None and medium.emits
 
 
-def _what_glows(scene: Scene, blocks: list[Instances]) -> Same:
+def _what_glows(scene: Scene, blocks: list[Instances]) -> Same[Scene]:
     """The blocks alone, as a key of those things on which their lights depend."""
     used = [scene.materials[k] for block in blocks for k in block.materials]
     varies = any(material.medium and material.medium.program for material in used)
@@ -74,12 +73,8 @@ def _what_glows(scene: Scene, blocks: list[Instances]) -> Same:
 
 
 @functools.lru_cache(maxsize=2)
-def _lights(same: Same) -> tuple[Light, ...]:
-    linked: dict[tuple[int, ...], list[Instances]] = {}
-    for block in same.scene.instances:
-        lit = block.visible_diffuse, block.visible_mirror, block.visible_media
-        linked.setdefault((block.receivers, block.blockers, *lit), []).append(block)
-    lights = (_light(same.scene, some) for some in linked.values())
+def _lights(same: Same[Scene]) -> tuple[Light, ...]:
+    lights = (_light(same.value, some) for some in linked_blocks(same.value.instances))
     return tuple(light for light in lights if light is not None)
 
 
@@ -125,10 +120,6 @@ def _glow_of(medium: Medium) -> Medium:
 
 def _rods(scene: Scene, block: Instances, origin: Array) -> Rods:
     """What lines through the placements of a block meet of its medium, counted from the origin."""
-    from ..reference.attributes import Attributes
-    from ..reference.geometry import gather
-    from ..reference.media import Media
-
     medium = scene.medium_of(block)
     assert medium is not None
     filled = Material("glow", (), medium=_glow_of(medium))
@@ -139,9 +130,10 @@ def _rods(scene: Scene, block: Instances, origin: Array) -> Rods:
         instances=(replace(block, geometry=0, materials=(0,), motion=None),),
         materials=(filled,),
     )
-    surfaces = Surfaces(alone.geometries, alone.instances, gather(alone, origin), origin)
-    media = Media(alone, Attributes(alone), surfaces)
-    lines = _Lines(media, block.light_group, _step(filled.medium))
+    geometry = gather(alone, origin)
+    surfaces = Surfaces(alone.geometries, alone.instances, geometry, origin)
+    media = MediaSpans(alone, Attributes(alone), geometry, surfaces.crossings)
+    lines = _LightLines(media, block.light_group, _step(filled.medium))
     count = int(np.clip(LINES // max(len(block.world_from_object), 1), FEWEST, MOST))
     rods, met = lines.rods(count)
     if 0 < 2 * met < MET and len(block.world_from_object) * count < MOST_LINES:
@@ -154,16 +146,14 @@ def _step(medium: Medium | None) -> float:
     return medium.step if medium is not None and medium.program is not None else 0.0
 
 
-class _Lines:
+class _LightLines:
     """Lines along the longest side of the box round each placement."""
 
-    def __init__(self, media: Media, light_group: int, step: float) -> None:
+    def __init__(self, media: MediaSpans, light_group: int, step: float) -> None:
         self._media, self._group, self._step = media, light_group, step
 
     def rods(self, count: int) -> tuple[Rods, int]:
         """Of `count` lines through each placement, and how many lines meet the medium."""
-        from ..reference.rays import IncoherentRays
-
         boxes = self._media.boxes
         rows = np.flatnonzero(np.isfinite(boxes).all((1, 2)) & (boxes[:, 1] > boxes[:, 0]).all(1))
         size = boxes[rows, 1] - boxes[rows, 0]
@@ -188,7 +178,7 @@ class _Lines:
         o = (boxes[rows, 0][:, None] + offset).reshape(-1, 3).T
         d = d.reshape(-1, 3).T
         far = (1.02 * sides[:, :1] - at[:, :, 0]).reshape(-1)
-        spans = self._media.spans(IncoherentRays.of(o, d, np.zeros(o.shape[1]), far), "mirror", far)
+        spans = self._media.spans(Lines(o, d, np.zeros(o.shape[1])), "mirror", far)
         row = np.repeat(rows, count)
         start, end = np.maximum(spans.start, 0.0), np.minimum(spans.end, far[spans.ray])
         own = np.flatnonzero((spans.row == row[spans.ray]) & (end > start))

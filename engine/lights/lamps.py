@@ -6,15 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..scene import EVERYTHING, Light
+from ..settings import Settings
 from .mesh_lights import along_a_curve, curve_codes
-
-if TYPE_CHECKING:
-    from ..settings import Settings
 
 Array = np.ndarray
 

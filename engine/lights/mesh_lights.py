@@ -5,11 +5,15 @@ all pixels of a sample (Shirley, Wang, Zimmermann 1996; Keller 1997).
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import gather
+from ..evaluation.materials import MaterialPoints
+from ..evaluation.surface import Spot, Surface
 from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
@@ -42,9 +46,10 @@ MARGIN = 2.0**-10
 _NOTHING = Mesh("", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
 
 
-def _at(eye: Array) -> Camera:
+def camera_at(eye: Array) -> Camera:
     """Any camera there."""
-    return Camera("PERSPECTIVE", np.column_stack([np.eye(3), eye]), (-1, 1, -1, 1), (1, 1))
+    frame = np.column_stack([np.eye(3), eye])
+    return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
 
 
 def mesh_lights(scene: Scene) -> tuple[Light, ...]:
@@ -64,7 +69,7 @@ def _glows(material: Material) -> bool:
     return any(lobe.kind == "EMISSION" for lobe in material.lobes)
 
 
-def _what_glows(scene: Scene, blocks: list[Instances]) -> Same:
+def _what_glows(scene: Scene, blocks: list[Instances]) -> Same[Scene]:
     """The blocks alone, as a key of those things on which their MESH lights depend."""
     used = {block.geometry for block in blocks}
     geometries = [g if k in used else _NOTHING for k, g in enumerate(scene.geometries)]
@@ -81,13 +86,19 @@ def _what_glows(scene: Scene, blocks: list[Instances]) -> Same:
 
 
 @functools.lru_cache(maxsize=2)
-def _lights(same: Same) -> tuple[Light, ...]:
+def _lights(same: Same[Scene]) -> tuple[Light, ...]:
+    scene = same.value
+    lights = (_light(replace(scene, instances=tuple(b))) for b in linked_blocks(scene.instances))
+    return tuple(light for light in lights if light is not None)
+
+
+def linked_blocks(blocks: Iterable[Instances]) -> Iterable[list[Instances]]:
+    """The blocks in groups of what lights the same things, in the shadows of the same."""
     linked: dict[tuple[int, ...], list[Instances]] = {}
-    for block in same.scene.instances:
+    for block in blocks:
         lit = block.visible_diffuse, block.visible_mirror, block.visible_media
         linked.setdefault((block.receivers, block.blockers, *lit), []).append(block)
-    lights = (_light(replace(same.scene, instances=tuple(some))) for some in linked.values())
-    return tuple(light for light in lights if light is not None)
+    return linked.values()
 
 
 def _light(scene: Scene) -> Light | None:
@@ -134,7 +145,7 @@ def linked_as(light: Light, block: Instances) -> Light:
 
 def _found(scene: Scene, origin: Array) -> Emitters | None:
     """All that glows, counted from the origin, None where nothing does."""
-    parts = list(_Surfaces(replace(scene, camera=_at(origin)), origin).parts())
+    parts = list(_Surfaces(replace(scene, camera=camera_at(origin)), origin).parts())
     if not parts:
         return None
     columns = ((p.corners, p.front, p.back, p.weight, p.light_group) for p in parts)
@@ -170,13 +181,9 @@ class _Surfaces:
     """What glows of a scene whose coordinates count from an origin."""
 
     def __init__(self, scene: Scene, origin: Array) -> None:
-        from ..reference.attributes import Attributes
-        from ..reference.geometry import gather
-        from ..reference.materials import Shader
-
         self._materials, self._geometry = scene.materials, gather(scene, origin)
         glow = replace(scene, materials=tuple(map(_glow_of, scene.materials)))
-        self._shader = Shader(glow, Attributes(scene), self._geometry)
+        self._glow = MaterialPoints(glow, Attributes(scene), self._geometry)
 
     def parts(self) -> Iterator[Emitters]:
         """Of each material; weights are but for the radiance, and `Polygons` are left out."""
@@ -236,34 +243,27 @@ class _Surfaces:
 
     def _radiance(self, primitive: Array, weights: Array, pieces: Array, sign: float) -> Array:
         """(n, 3) in the middle of the pieces, seen straight, from outside where sign is 1."""
-        from ..reference.surface import Surface
-
-        geometry, x = self._geometry, pieces.mean(1).T
-        row = geometry.row[primitive]
+        x, zeros = pieces.mean(1).T, np.zeros(len(primitive))
         g = sign * Emitters(pieces, x, x, x, x).normals.T
         surface = Surface(
-            primitive,
-            geometry.placements.geometry[row],
-            geometry.primitive_of(primitive),
-            weights.T,
-            geometry.material[primitive],
-            row=row,
+            **vars(Spot.of(self._geometry, primitive, weights.T)),
+            row=self._geometry.row[primitive],
             x=x,
             g=g,
             n=g,
             v=g,
             start=x,
             outside=np.full(len(primitive), sign > 0),
-            offset=np.zeros(len(primitive)),
+            offset=zeros,
             mesh_n=g,
             unbent=np.zeros_like(g),
-            bump=np.zeros(len(primitive)),
-            far=np.zeros(len(primitive)),
-            grazing=np.zeros(len(primitive)),
-            lowering=np.ones(len(primitive)),
-            past=np.array([[1.0], [0.0], [0.0], [0.0]]).repeat(len(primitive), 1),
+            bump=zeros,
+            far=zeros,
+            grazing=zeros,
+            lowering=zeros + 1,
+            past=np.stack([zeros + 1, zeros, zeros, zeros]),
         )
-        return self._shader.coefficients(surface, "scattered").emission.T
+        return self._glow.emission(surface, "scattered").T
 
 
 def _cells(parts: int) -> Array:

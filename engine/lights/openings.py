@@ -112,8 +112,8 @@ def density(found: Openings, x: Array, d: Array) -> Array:
 
 
 @functools.lru_cache(maxsize=2)
-def _found(same: Same) -> Openings | None:
-    meshes, blocks = _solid(same.scene)
+def _found(same: Same[Scene]) -> Openings | None:
+    meshes, blocks = _solid(same.value)
     x, n = _probes(meshes, blocks)
     if not x.size:
         return None

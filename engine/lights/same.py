@@ -1,17 +1,19 @@
-"""Keys of what is found once for the same parts of a scene."""
+"""Keys of what is found once for the same values."""
 
 from __future__ import annotations
 
-from ..scene import Scene
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
 
 
-class Same:
-    """A scene as a key of `functools.lru_cache`: equal where the things that count, which it keeps
+class Same(Generic[T]):
+    """A value as a key of `functools.lru_cache`: equal where the things that count, which it keeps
     alive, are the same objects.
     """
 
-    def __init__(self, scene: Scene, *things: object) -> None:
-        self.scene, self._things = scene, things
+    def __init__(self, value: T, *things: object) -> None:
+        self.value, self._things = value, things
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Same) and (

@@ -7,17 +7,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from .. import native
 from ..film import Film
+from ..lights.lit import lit_scene
 from ..sampling.motion import is_moving
 from ..scene import Openings, Scene, left_out
 from ..scene.delta import SceneDelta
 from ..scene.view_axes import ViewAxes, narrow_view_axes
 from ..settings import Lighting, Settings
+from . import binding
 from .core_types import State
+from .job import Job, created, started, with_notes
 from .packer import Packed
 from .packing import ScenePacker
 from .packing_settings import pack_settings
+from .render import render_native
 
 _POLL_MILLISECONDS = 2
 """How soon a task makes room for the next."""
@@ -43,7 +46,7 @@ class NativeLive:
     """One scene in the core, and renders of it. For one thread."""
 
     def __init__(self) -> None:
-        self._core = native.library()
+        self._core = binding.library()
         self._packer = ScenePacker()
         self._held: _Held | None = None
         self._asked: tuple[Scene, Lighting, bool, Scene] | None = None
@@ -59,9 +62,9 @@ class NativeLive:
         delta: SceneDelta | None = None,
     ) -> None:
         """Draw `scene`; `on_film` gets every wave that there is time to read, and True with the
-        last. Raises as `native.render_native`.
+        last. Raises as `render.render_native`.
 
-        exact: the bits of `native.render_native`. Else trees may be those of another place of the
+        exact: the bits of `render.render_native`. Else trees may be those of another place of the
         camera, and what moved has its own.  delta: from a scene before to this one, where there is
         one.
         """
@@ -76,7 +79,7 @@ class NativeLive:
 
         scene = self._lit(scene, settings, exact, delta)
         if is_moving(scene):  # every sample is of a scene of its own: there is nothing to keep
-            film = native.render_native(
+            film = render_native(
                 scene, settings, should_stop, on_wave=lambda film: on_film(film, False)
             )
             if film.complete:
@@ -84,10 +87,10 @@ class NativeLive:
             return
         held = self._hold(scene, exact, delta)
         plan = pack_settings(held.told, settings, waves="SEEN", remember=exact)
-        with native._render(self._core, held.handle, plan.data) as job:
+        with started(self._core, held.handle, plan.data) as job:
             self._run(
                 job,
-                native._Render(self._core, job, scene, settings, held.axes),
+                Job(self._core, job, scene, settings, held.axes),
                 settings.samples,
                 should_stop,
                 give,
@@ -102,18 +105,18 @@ class NativeLive:
         on_wave: Callable[[Film], None] | None = None,
         delta: SceneDelta | None = None,
     ) -> Film:
-        """`native.render_native` on the scene that is held: the same bits and the same work, so
+        """`render.render_native` on the scene that is held: the same bits and the same work, so
         that its time and rays can be told. delta: as of `render`.
         """
         scene = self._lit(scene, settings, True, delta)
         if is_moving(scene):
-            return native.render_native(scene, settings, should_stop, on_progress, on_wave)
+            return render_native(scene, settings, should_stop, on_progress, on_wave)
         held = self._hold(scene, True, delta)
         plan = pack_settings(held.told, settings, "UNSEEN" if on_wave is None else "HELD")
-        with native._render(self._core, held.handle, plan.data) as job:
-            render = native._Render(self._core, job, scene, settings, held.axes)
+        with started(self._core, held.handle, plan.data) as job:
+            render = Job(self._core, job, scene, settings, held.axes)
             film = render.run(should_stop, on_progress, on_wave)
-        return native.with_notes(film, scene, self._core)
+        return with_notes(film, scene, self._core)
 
     def close(self) -> None:
         """Give the scene back."""
@@ -140,7 +143,7 @@ class NativeLive:
                 self._asked = (scene, *asked[1:3], lit)
                 return lit
         if exact:
-            lit = scene.as_lit(**lighting)
+            lit = lit_scene(scene, **lighting)
             self._openings = next((x.openings for x in lit.lights if x.kind == "DOME"), None)
         else:
             lights = tuple(
@@ -148,7 +151,7 @@ class NativeLive:
                 for x in scene.lights
             )
             known = replace(scene, lights=lights)
-            lit = known.as_lit(**lighting, finding=False)
+            lit = lit_scene(known, **lighting, finding=False)
         self._asked = (scene, lighting, exact, lit)
         return lit
 
@@ -163,7 +166,7 @@ class NativeLive:
         told = axes.scene(scene) if axes else scene
         packed = self._packer.pack(told, delta)
         base = before.handle if before is not None else None
-        handle = native.created(self._core, packed.data, base, exact)
+        handle = created(self._core, packed.data, base, exact)
         self.close()
         self._held = _Held(scene, axes, told, packed, handle, exact or before is None)
         return self._held
@@ -174,7 +177,7 @@ class NativeLive:
     def _run(
         self,
         job: int,
-        render: native._Render,
+        render: Job,
         most: int,
         should_stop: Callable[[], bool],
         on_film: Callable[[Film, bool], None],
@@ -185,9 +188,9 @@ class NativeLive:
             ended = progress.state >= State.DONE
             if progress.samples > shown and (ended or progress.samples < most):
                 shown = progress.samples
-                on_film(render._film(shown, complete=True, ended=ended), shown == most)
+                on_film(render.film(shown, complete=True, ended=ended), shown == most)
             if progress.state == State.FAILED:
-                render._result(progress)
+                render.result(progress)
             if ended:
                 return
             if not cancelled and should_stop():

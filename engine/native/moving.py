@@ -8,12 +8,14 @@ import ctypes
 from collections.abc import Callable
 from ctypes import byref
 
-from .. import native
 from ..film import Film
 from ..sampling.motion import Moments, moment, sample_times
 from ..scene import Scene
 from ..scene.view_axes import ViewAxes
 from ..settings import Settings
+from . import binding
+from .binding import ERROR_BYTES
+from .job import Job, created, refusal, started, with_notes
 from .packer import Packed
 from .packing import ScenePacker
 from .packing_settings import pack_settings
@@ -32,7 +34,7 @@ class _Moments:
         self.first = self._times[0]
         self._packed = self._pack(0)
         self._next: Packed | None = None
-        self.handle = native.created(core, self._packed.data)
+        self.handle = created(core, self._packed.data)
 
     def _pack(self, sample: int) -> Packed:
         told = self._moments.at(self._times[sample])
@@ -44,14 +46,12 @@ class _Moments:
         """
         self._sample += 1
         packed = self._next or self._pack(self._sample)
-        handle = native.created(self._core, packed.data, self.handle, exact=False)
-        error = ctypes.create_string_buffer(native.ERROR_BYTES)
-        taken = self._core.glint_render_move(
-            job, handle, byref(plan.data), error, native.ERROR_BYTES
-        )
+        handle = created(self._core, packed.data, self.handle, exact=False)
+        error = ctypes.create_string_buffer(ERROR_BYTES)
+        taken = self._core.glint_render_move(job, handle, byref(plan.data), error, ERROR_BYTES)
         if taken != 0:
             self._core.glint_scene_destroy(handle)
-            raise native._refusal(error.value.decode(errors="replace"), packed.data)
+            raise refusal(error.value.decode(errors="replace"), packed.data)
         self._core.glint_scene_destroy(self.handle)
         self.handle, self._packed = handle, packed
         more = self._sample + 1 < len(self._times)
@@ -69,17 +69,15 @@ def render_moving(
     on_progress: Callable[[float], None],
     on_wave: Callable[[Film], None] | None,
 ) -> Film:
-    """As `native.render_native`, of a scene in which more than the camera moves."""
-    core = native.library()
+    """As `render.render_native`, of a scene in which more than the camera moves."""
+    core = binding.library()
     moments = _Moments(core, scene, settings, axes)
     try:
         told = axes.scene(scene) if axes else scene
         plan = pack_settings(told, settings, "UNSEEN" if on_wave is None else "HELD")
-        with native._render(core, moments.handle, plan.data) as job:
-            render = native._Render(
-                core, job, scene, settings, axes, lambda: moments.give(job, plan)
-            )
+        with started(core, moments.handle, plan.data) as job:
+            render = Job(core, job, scene, settings, axes, lambda: moments.give(job, plan))
             film = render.run(should_stop, on_progress, on_wave)
     finally:
         moments.close()
-    return native.with_notes(film, moment(scene, moments.first), core)
+    return with_notes(film, moment(scene, moments.first), core)

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from ctypes import POINTER, c_double
 from itertools import groupby
 
 import numpy as np
 
+from ..program.execute.run import Points, step
 from ..program.operations import Reference
 from ..program.program import Instruction, Program, instructions
 from ..program.table import CODES
-from ..reference.program import Points, step
+from . import binding
 
 Array = np.ndarray
 
 
 def run(program: Program, points: Points, count: int) -> list[Array]:
-    """The program's outputs at `count` points, each (3, count), as `reference.program.run` gives
+    """The program's outputs at `count` points, each (3, count), as `program.execute.run.run` gives
     them: what reads the points by NumPy, where that adds, multiplies, divides and takes roots
     alone, all else by the core, so that the bits are the same on every machine.
     """
-    from . import library
-
     columns = np.zeros((program.slots + 2, count))
     constants, tables = np.array(program.constants or (0.0,)), _tables(program)
     for reads_point, stretch in groupby(instructions(program), _reads_point):
@@ -30,7 +30,7 @@ def run(program: Program, points: Points, count: int) -> list[Array]:
                 step(columns, instruction, program, points)
             continue
         code = np.array([word for one in stretch for word in _words(one, program)], np.int32)
-        failed = library().glint_program_run(
+        failed = binding.library().glint_program_run(
             code.ctypes.data, len(code), constants.ctypes.data, len(program.constants),
             tables.ctypes.data, len(columns), columns.ctypes.data, count,
         )  # fmt: skip
@@ -41,14 +41,10 @@ def run(program: Program, points: Points, count: int) -> list[Array]:
 
 def power(base: Array, exponent: float) -> Array:
     """base (...) to a power, by the core."""
-    from ctypes import POINTER, c_double
-
-    from . import library
-
     x = np.ascontiguousarray(base, np.float64)
     y, out = np.full_like(x, exponent), np.empty_like(x)
     pointers = (a.ctypes.data_as(POINTER(c_double)) for a in (x, y, out))
-    library().glint_function(b"pow", *pointers, x.size)
+    binding.library().glint_function(b"pow", *pointers, x.size)
     return out
 
 

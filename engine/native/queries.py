@@ -11,7 +11,8 @@ import numpy as np
 from ..errors import SceneError
 from ..scene import Scene
 from ..scene.ray_batch import RayBatch
-from . import ERROR_BYTES, library
+from . import binding
+from .binding import ERROR_BYTES
 from .core_types import AccelData, Build, HitsData, InstanceFlags, RaysData
 from .packer import address
 from .packing import pack_scene
@@ -34,7 +35,7 @@ class NativeQueries:
         """scene: sound (`scene_problems`).  Raises SceneError for what the core refuses,
         MemoryError, ImportError and OSError.
         """
-        self._core, self._threads, self._handle = library(), threads, None
+        self._core, self._threads, self._handle = binding.library(), threads, None
         self._packed = pack_scene(scene)
         table = self._packed.data
         names = (name for name, *_ in AccelData._fields_)

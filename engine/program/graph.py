@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from .execute.operations import apply
 from .operations import Operation, Reference, numbers_of
 
 Fold = Callable[[Operation, Sequence[np.ndarray], Mapping[str, Any]], Sequence[np.ndarray]]
@@ -51,15 +52,11 @@ class Value:
 class Graph:
     """Expressions over the operations of the table.
 
-    fold: runs an operation on constants; the NumPy executor where none is given.
+    fold: runs an operation on constants; that of the NumPy executor.
     """
 
-    def __init__(self, fold: Fold | None = None) -> None:
-        if fold is None:
-            from ..reference.program import apply
-
-            fold = apply
-        self._fold: Fold = fold
+    def __init__(self, fold: Fold = apply) -> None:
+        self._fold = fold
         self._constants: dict[bytes, Value] = {}
         self._applied: dict[tuple, tuple[Value, ...]] = {}
         self._calls = 0

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..linear.columns import dot, length, pick, unit
 from ..scene import Light
 from .rectangle import rectangle_point
-from .vectors import dot, length, pick, unit
 
 if TYPE_CHECKING:
     from .lights import LightSample, Source

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .vectors import dot, unit
+from ..linear.columns import dot, unit
 
 Array = np.ndarray
 

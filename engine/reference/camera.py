@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..evaluation.geometry import ULPS, Geometry
+from ..evaluation.panorama import from_eye, looks, through_lens
+from ..linear.columns import length, transform, transform_each, unit
 from ..sampling import places_in_blocks
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, sample_times
 from ..scene import Camera, Scene
 from ..scene.panorama import Eye, Panorama
-from .geometry import Geometry
-from .panorama import from_eye, looks, through_lens
 from .raster import Strips, pixel_strips
-from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
-from .vectors import length, transform, transform_each, unit
+from .rays import CoherentRays, Frame, IncoherentRays, Rays
 
 Array = np.ndarray
 

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from .coefficients import Coefficients
 from .lights import Source
 from .stage import Stage
-from .surface import Surface
 
 Array = np.ndarray
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import add_at, dot, pick
 from ..scene import Lobe
 from .optics import NEVER_LOST
-from .surface import Surface
-from .vectors import add_at, dot, pick
 
 Array = np.ndarray
 

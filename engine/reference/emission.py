@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.points import camera_position, clipped, light_path, window
+from ..evaluation.textures import Image
+from ..linear.columns import dot, length, unit
+from ..program.execute.run import run
 from ..scene import Camera
-from .points import camera_position, clipped, light_path, window
-from .program import run
-from .textures import Image
-from .vectors import dot, length, unit
 
 if TYPE_CHECKING:
     from .lights import Source

@@ -7,8 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..evaluation.march import Spans
+from ..evaluation.surface import Surface
+from ..explained import Bounce, Hit, LightTerm, Numbers, Ray
 from ..film import OCCLUSION
 from ..lights.interleaving import interleaving
+from ..lights.lit import lit_scene
+from ..linear.columns import dot, length, unit
 from ..sampling import (
     dealt_sample,
     interleaving_classes,
@@ -22,13 +27,11 @@ from .camera import Spread
 from .cancellation import Cancellation
 from .coefficients import Coefficients, Term
 from .explain_shadows import shadow_of
-from .explained import Bounce, Hit, LightTerm, Numbers, Ray
 from .gathering import bounce, bouncing, seen_lobes
 from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
 from .lobe_light import fibres, highlight, matt_lobes
-from .media import Spans
 from .motion_vectors import motion_vectors
 from .occlusion import openness
 from .paths import Interaction, Paths, bounced, camera_paths, held_share, met, straight_on
@@ -37,11 +40,10 @@ from .scattering import scattered, scattered_on
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .subsurface import coming_out, entering, one_by_one
-from .surface import Surface, surface_at
+from .surface import surface_at
 from .tabled_lights import Dome
 from .terminator import lowered, mean_lowered
 from .translucent import other_side
-from .vectors import dot, length, unit
 from .visibility import NOTHING
 
 Array = np.ndarray
@@ -51,7 +53,7 @@ class Explainer:
     """Follows single rays of a scene, no photons; the order of work is that of `Generations`."""
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
-        lit = scene.as_lit(**settings.lighting)
+        lit = lit_scene(scene, **settings.lighting)
         if is_moving(scene):
             lit = moment(lit, sample_times(scene, settings.samples)[0, 0])
         self.stage = Stage(

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import dot, length, unit
 from .coefficients import Term
 from .lights import LightSample, Source
 from .lobe_light import ways_through
 from .rays import IncoherentRays
-from .surface import Surface
+from .stage import Stage
 from .terminator import start_towards
-from .vectors import dot, length, unit
 from .visibility import NOTHING
-
-if TYPE_CHECKING:
-    from .stage import Stage
 
 Array = np.ndarray
 

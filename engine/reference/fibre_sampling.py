@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import basis_around, cross, dot, pick, unit
 from .coefficients import Coefficients, Term, taken
 from .optics import FibreAngles, sine
-from .surface import Surface
-from .vectors import basis_around, cross, dot, pick, unit
 
 Array = np.ndarray
 

@@ -6,10 +6,11 @@ equation).
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import around, dot, pick
 from .bumps import bump_shadow
 from .coefficients import Coefficients
 from .fibre_sampling import sampled
@@ -17,12 +18,8 @@ from .gloss import even_gloss
 from .lights import LightSample
 from .lobe_light import fibres, matt_lobes, ways_through
 from .paths import Interaction, Paths, leaving, thrown_on, widened
-from .surface import Surface
+from .stage import Stage
 from .terminator import lowered
-from .vectors import basis_around, dot, pick
-
-if TYPE_CHECKING:
-    from .stage import Stage
 
 Array = np.ndarray
 
@@ -61,7 +58,7 @@ def bounce(
     surface, coefficients = at.surface, at.coefficients
     *disc, least = stage.bounce_points(sample, at.paths.bounced, places[at.pixel])
     point, factor = np.array(disc), np.ones(len(at.hit))
-    d = _onward(surface.n, point)
+    d = around(surface.n, point)
     strands = np.flatnonzero(stage.are_strands(surface))
     if len(strands):
         number, least = least[strands], least.copy()
@@ -98,15 +95,6 @@ def _thrown_back(stage: Stage, at: Interaction, d: Array, fibres_alone: bool) ->
     gloss = np.where(cosine > 0, gloss, 0.0)
     hidden, share = bump_shadow(surface.n, surface.unbent, surface.bump, d)
     return np.where(hidden, 0.0, lowered(surface.lowering, cosine) * (share * matt + gloss))
-
-
-def _onward(n: Array, point: Array) -> Array:
-    """(3, m) where rays go on, at points (2, m) of the unit disc: as densely as the cosine round n
-    (Malley's method).
-    """
-    x, y = point
-    first, second = basis_around(n)
-    return np.sqrt(np.maximum(1 - x * x - y * y, 0.0)) * n + x * first + y * second
 
 
 def _lit_alone(coefficients: Coefficients) -> Coefficients:

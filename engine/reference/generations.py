@@ -10,12 +10,14 @@ from functools import partial
 
 import numpy as np
 
+from ..evaluation.march import Spans
+from ..evaluation.surface import Surface
 from ..film import CATCHER, VOLUME
+from ..linear.columns import pick
 from . import catchers
 from .gathering import bouncing, seen_lobes
 from .lighting import DirectLight
 from .lights import Source
-from .media import Spans
 from .paths import (
     Interaction,
     Paths,
@@ -38,9 +40,8 @@ from .seen_lights import distance_seen, has_shape, seen_radiance
 from .seen_passes import SeenPasses
 from .stage import Stage
 from .subsurface import coming_out, entering
-from .surface import Surface, surface_at
+from .surface import surface_at
 from .translucent import other_side
-from .vectors import pick
 from .visibility import NOTHING, Hits
 
 Array = np.ndarray

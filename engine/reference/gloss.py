@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import add_at, basis_around, cross, dot, length, pick, unit
 from . import stretching
 from .coefficients import Coefficients, Term, taken
 from .lights import LightPoint, LightSample, Source
 from .optics import blinn_phong, reflectance, toon_albedo
-from .surface import Surface
 from .terminator import mean_lowered, mean_lowered_gloss
-from .vectors import add_at, basis_around, cross, dot, length, pick, unit
 
 Array = np.ndarray
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..linear.columns import dot, unit
 from .lights import HUGE, LightSample
 from .tabled_lights import MeshPoint, MeshSource
-from .vectors import dot, unit
 
 Array = np.ndarray
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..lights.lamps import cluster_levels
+from ..linear.columns import dot, length, pick, unit
 from .bumps import bump_shadow
 from .coefficients import Term
 from .lights import Source
-from .surface import Surface
-from .vectors import dot, length, pick, unit
 
 Array = np.ndarray
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .vectors import add_at
+from ..linear.columns import add_at
 
 Array = np.ndarray
 

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..lights.lamps import may_share
+from ..linear.columns import add_at, around, dot, pick
 from ..scene import EVERYTHING
 from .bumps import bump_shadow
 from .cancellation import Cancellation
@@ -25,10 +27,8 @@ from .lobe_light import fibres, highlights, is_apart, is_toon, matt_lobes, ways_
 from .photon_emission import throws_photons
 from .shadows import Shadows
 from .shared_lamps import Given, Sharing, share_shadows
-from .surface import Surface
 from .tabled_lights import FEW_PARTS, Dome, MeshSource
 from .terminator import lowered, mean_lowered
-from .vectors import add_at, around, dot, pick
 
 Array = np.ndarray
 

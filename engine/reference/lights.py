@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..evaluation.geometry import ULPS
+from ..linear.columns import basis_around, dot, length, pick, unit
 from ..scene import Light
 from .area_lights import between, half_spread, seen_rectangle
 from .emission import Emission
-from .rays import ULPS
-from .vectors import basis_around, dot, length, pick, unit
 
 Array = np.ndarray
 

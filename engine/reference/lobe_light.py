@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import add_at, dot, length, pick, unit
 from . import stretching
 from .coefficients import Coefficients, Term, taken
 from .lights import LightSample
@@ -19,9 +21,7 @@ from .optics import (
     sheen,
     toon,
 )
-from .surface import Surface
 from .terminator import lowered
-from .vectors import add_at, dot, length, pick, unit
 
 Array = np.ndarray
 

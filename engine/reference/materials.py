@@ -4,32 +4,25 @@ the product of a lobe's factors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from ..cryptomatte import id_bits
-from ..scene import LARGEST, LEAST_IOR, Input, Lobe, Material, Scene
-from .attributes import Attributes
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import Geometry
+from ..evaluation.materials import DEFAULT, MaterialPoints
+from ..evaluation.surface import Spot, Surface
+from ..linear.columns import add_at, dot, pick, unit
+from ..scene import LARGEST, LEAST_IOR, Lobe, Material, Scene
 from .bumps import bump_of, lifted
 from .coefficients import THROWN_EXPONENT, Coefficients, Term
-from .geometry import Geometry
-from .points import SurfacePoints, Surroundings
-from .program import run
-from .program.colors import rgb_to_bw
 from .scene_queries import SceneQueries
 from .stretching import stretched
-from .surface import Spot, Surface
 from .terminator import lowered
-from .textures import Image
-from .vectors import add_at, dot, pick, unit
 
 Array = np.ndarray
-
-_WHITE = (Input((0.8, 0.8, 0.8)),)
-DEFAULT = Material("default", (Lobe("DIFFUSE", _WHITE), Lobe("AMBIENT", _WHITE)))
-"""What faces without any material look like."""
 
 _SUMMED = {
     "AMBIENT": "ambient",
@@ -161,15 +154,12 @@ def _lifts(material: Material) -> bool:
     return material.program is not None and material.bump_shadowing in ("CHIANG", "GGX")
 
 
-class Shader:
+class Shader(MaterialPoints):
     """Evaluates the materials of a scene."""
 
     def __init__(self, scene: Scene, attributes: Attributes, geometry: Geometry):
-        self.materials = (*scene.materials, DEFAULT)  # index -1 is the default
-        self._attributes = attributes
-        self.images = [Image(t) for t in scene.textures]
+        super().__init__(scene, attributes, geometry)
         self._first_rod = geometry.first_rod
-        self._around = Surroundings(attributes, self.images, geometry, scene.camera)
         self.reads_surfaces = any(
             m.program is not None or any(x.kind == "TRANSPARENT" and x.ior != 1 for x in m.lobes)
             for m in scene.materials
@@ -327,65 +317,6 @@ class Shader:
             outputs = self._outputs(material, spot, index, kind, queries) if lobes else []
             for lobe in lobes:
                 add(lobe, index, self._product(lobe, spot, index, outputs), outputs)
-
-    def _by_material(self, spot: Spot) -> Iterator[tuple[Material, Array]]:
-        """Materials, and which points have them."""
-        for number in np.unique(spot.material):
-            yield self.materials[number], np.flatnonzero(spot.material == number)
-
-    def _outputs(
-        self,
-        material: Material,
-        spot: Spot,
-        index: Array,
-        kind: str,
-        queries: SceneQueries | None,
-    ) -> list[Array]:
-        """Of the material's program, (3, m) each; none without one."""
-        if material.program is None:
-            return []
-        points = SurfacePoints(self._around, spot, index, kind, queries)
-        return run(material.program, points, len(index))
-
-    def _product(self, lobe: Lobe, spot: Spot, index: Array, outputs: list[Array]) -> Array:
-        """(3, m) or (3, 1): k of the lobe at the points `index`."""
-        k = np.ones((3, 1))
-        for factor in lobe.factors:
-            k = k * self._factor(factor, spot, index, outputs)
-        return k
-
-    def _factor(self, factor: Input, spot: Spot, index: Array, outputs: list[Array]) -> Array:
-        value = np.array(factor.value, np.float64)[:, None]
-        if factor.texture >= 0:
-            value = value * self._texture(factor, spot, index)
-        if factor.attribute:
-            color = self._attributes.color(factor.attribute).at(
-                spot.geometry[index], spot.local[index], pick(spot.weights, index)
-            )
-            value = value * _channel(color, factor.attribute_channel)
-        if factor.output >= 0:
-            value = value * outputs[factor.output]
-            value = np.where(np.isfinite(value), value, 0.0)
-        if not factor.is_plain:
-            value = np.clip(
-                value + np.array(factor.offset, np.float64)[:, None], factor.low, factor.high
-            )
-        return 1.0 - value if factor.complement else value
-
-    def _texture(self, factor: Input, spot: Spot, index: Array) -> Array:
-        u, v = self._attributes.uv(factor.uv).at(
-            spot.geometry[index], spot.local[index], pick(spot.weights, index)
-        )
-        (a, b, c), (d, e, f) = factor.uv_transform
-        rgba = self.images[factor.texture].read(a * u + b * v + c, d * u + e * v + f)
-        return _channel(rgba, factor.channel)
-
-
-def _channel(rgba: Array, channel: str) -> Array:
-    """(3, m) or (1, m) of a colour (4, m)."""
-    if channel == "COLOR":
-        return rgba[:3]
-    return rgba[3:4] if channel == "ALPHA" else rgb_to_bw(rgba)[None]
 
 
 def _tangents(lobe: Lobe, outputs: list[Array], count: int) -> Array:

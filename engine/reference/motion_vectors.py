@@ -4,17 +4,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from ..evaluation.panorama import picture_points
+from ..evaluation.surface import Surface
+from ..linear.columns import transform, transform_each, unit
 from ..scene import Camera, Mesh, Scene, Spheres, Strands
-from .panorama import picture_points
-from .surface import Surface
-from .vectors import transform, transform_each, unit
-
-if TYPE_CHECKING:
-    from .stage import Stage
+from .stage import Stage
 
 Array = np.ndarray
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import across_normals
 from ..sampling import occlusion_points
-from .surface import Surface
-from .vectors import across_normals
-
-if TYPE_CHECKING:
-    from .stage import Stage
+from .stage import Stage
 
 Array = np.ndarray
 

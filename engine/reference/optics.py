@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .vectors import cross, dot, unit
+from ..linear.columns import cross, dot, unit
+from ..program.execute.inputs import fresnel_dielectric
 
 Array = np.ndarray
 
@@ -56,7 +57,7 @@ def reflectance(
 ) -> Array | float:
     """(m,) a highlight's Fresnel factor at the cosines `vh` (m,)."""
     if dielectric:
-        return fresnel(vh, np.broadcast_to(ior, vh.shape))
+        return fresnel_dielectric(vh, np.broadcast_to(ior, vh.shape))
     if edge:
         return 7**7 / 6**6 * vh * (1 - vh) ** 6
     return (1 - vh) ** 5 if schlick else 1.0
@@ -204,18 +205,6 @@ def sine(cosine: Array) -> Array:
 def reflected(d: Array, n: Array) -> Array:
     """d − 2(d·n)n."""
     return unit(d - 2 * dot(d, n) * n)
-
-
-def fresnel(cosine: Array, index: Array) -> Array:
-    """Unpolarised reflectance of a dielectric for the cosine of incidence; `index` is that beyond
-    the surface over that before it.
-    """
-    sine2 = (1 - cosine * cosine) / (index * index)
-    inner = np.sqrt(np.maximum(0.0, 1 - sine2))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        across = (cosine - index * inner) / (cosine + index * inner)
-        along = (index * cosine - inner) / (index * cosine + inner)
-    return np.where(sine2 >= 1, 1.0, (across * across + along * along) / 2)
 
 
 def refracted(d: Array, n: Array, index: Array) -> tuple[Array, Array]:

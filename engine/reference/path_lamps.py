@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..evaluation.sky import radiance
+from ..evaluation.textures import Image
+from ..linear.columns import basis_around, dot, length, pick, unit
 from ..scene import Light, Scene
-from .sky import radiance
-from .textures import Image
-from .vectors import basis_around, dot, length, pick, unit
 
 Array = np.ndarray
 

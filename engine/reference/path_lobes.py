@@ -11,15 +11,16 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import add_at, dot, pick
+from ..program.execute.inputs import fresnel_dielectric as fresnel
 from .bumps import bump_shadow, lifted
 from .coefficients import Coefficients, Term, taken
 from .lobe_light import highlights, matt_lobes
-from .optics import fresnel, reflected, refracted
+from .optics import reflected, refracted
 from .path_lamps import around
 from .rays import IncoherentRays
-from .surface import Surface
 from .terminator import lowered
-from .vectors import add_at, dot, pick
 
 Array = np.ndarray
 

@@ -16,11 +16,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import ULPS, gather
+from ..evaluation.surface import Surface
+from ..linear.columns import add_at, dot, length, pick, transform, unit
 from ..sampling.motion import is_moving
 from ..scene import EVERYTHING, Camera, Light, Material, Scene
-from .attributes import Attributes
 from .cancellation import Cancellation
-from .geometry import gather
 from .materials import Shader
 from .path_lamps import Lamp, Surroundings
 from .path_lobes import (
@@ -34,11 +36,10 @@ from .path_lobes import (
     thrown,
     transmitted,
 )
-from .rays import ULPS, IncoherentRays, Rays
+from .rays import IncoherentRays, Rays
 from .shadows import arriving, bent
-from .surface import Surface, spot_at, surface_at
+from .surface import spot_at, surface_at
 from .terminator import start_towards
-from .vectors import add_at, dot, length, pick, transform, unit
 from .visibility import NOTHING, Passed, Visibility
 
 Array = np.ndarray

@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import add_at, dot, pick
+from ..program.execute.inputs import fresnel_dielectric
+from ..settings import Settings
 from .bumps import lifted
 from .coefficients import BOUNCED_EXPONENT, Coefficients, Term
 from .gloss import half_vector
 from .lights import LightPoint
-from .optics import fresnel, reflected, refracted
+from .optics import reflected, refracted
 from .rays import IncoherentRays, Rays
 from .resolve import MIRRORED, REFRACTED
-from .surface import Surface
-from .vectors import add_at, dot, pick
 
 if TYPE_CHECKING:
-    from ..settings import Settings
     from .stage import Stage
 
 Array = np.ndarray
@@ -370,7 +371,7 @@ def _reflectance(surface: Surface, term: Term) -> Array | float:
     if not term.lobe.fresnel:
         return 1.0
     some = surface.take(term.index)
-    return fresnel(dot(some.v, _lifted(surface, term)), relative_index(some, term.ior))
+    return fresnel_dielectric(dot(some.v, _lifted(surface, term)), relative_index(some, term.ior))
 
 
 def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float) -> Paths:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..evaluation.geometry import Geometry
+from ..linear.columns import basis_around, dot, length, transform, unit
 from ..sampling import concentric_disc
 from ..scene import Instances, Scene, Spheres, Strands
 from ..settings import Settings
-from .geometry import Geometry
 from .lights import LightPoint, Source, in_cone
-from .vectors import basis_around, dot, length, transform, unit
 
 Array = np.ndarray
 

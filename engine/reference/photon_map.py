@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .vectors import dot, explode, pick
+from ..linear.columns import dot, explode, pick
 
 Array = np.ndarray
 

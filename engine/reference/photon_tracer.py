@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..linear.columns import dot, pick
 from ..scene import EVERYTHING, Material
 from .paths import Interaction, Paths, joined, met, sent, straight_on
 from .photon_emission import Beam, find_beams, find_casters
@@ -15,7 +16,6 @@ from .photon_map import Bundle, PhotonMap, Photons
 from .rays import IncoherentRays
 from .shadows import ALIKE, MOST_BENT
 from .surface import surface_at
-from .vectors import dot, pick
 from .visibility import NOTHING, Hits
 
 if TYPE_CHECKING:

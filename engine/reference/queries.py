@@ -7,12 +7,12 @@ from time import perf_counter
 
 import numpy as np
 
+from ..evaluation.geometry import KINDS, ULPS, Geometry, gather
+from ..evaluation.placements import primitive_count
 from ..scene import Scene
 from ..scene.ray_batch import RayBatch
 from .cancellation import Cancellation
-from .geometry import KINDS, Geometry, gather
-from .placements import primitive_count
-from .rays import ULPS, IncoherentRays
+from .rays import IncoherentRays
 from .surface import spot_at
 from .visibility import NOTHING, Visibility
 

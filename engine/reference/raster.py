@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..evaluation.geometry import Geometry
+from ..linear.columns import explode, pick, ragged_blocks, transform
 from .cancellation import Cancellation
-from .geometry import Geometry
 from .rays import CoherentRays, Frame
-from .vectors import explode, pick, ragged_blocks, transform
 
 Array = np.ndarray
 Pairs = Iterator[tuple[Array, Array]]

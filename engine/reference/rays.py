@@ -22,15 +22,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .geometry import Geometry
-from .vectors import pick, transform
+from ..evaluation.geometry import ULPS, Geometry
+from ..evaluation.media import Lines
+from ..linear.columns import pick, transform
 
 Array = np.ndarray
-
-ULPS = 64 * 2.0**-52
-"""Relative size of the margins round computed points: hit points, corners and shears each err by a
-few ulps (NumPy's float64).
-"""
 
 FAR_AWAY = 1e9
 """Projected coordinates beyond this (all but sideways) lose too many digits; such triangles are
@@ -149,7 +145,7 @@ class CoherentRays:
 
 
 @dataclass(frozen=True, eq=False)
-class IncoherentRays:
+class IncoherentRays(Lines):
     """n rays with origins and unit directions (3, n) in the world; hits count where near < t < far,
     (n,) each.
 
@@ -157,9 +153,6 @@ class IncoherentRays:
     dx/dz, dy/dz, 1/dz in that order.
     """
 
-    origin: Array
-    direction: Array
-    near: Array
     far: Array
     axes: Array
     shear: Array
@@ -171,25 +164,12 @@ class IncoherentRays:
         dx, dy, dz = np.take_along_axis(direction, axes, 0)
         return cls(origin, direction, near, far, axes, np.stack([dx / dz, dy / dz, 1 / dz]))
 
-    def __len__(self) -> int:
-        return len(self.near)
-
     def take(self, rays: Array) -> IncoherentRays:
         """The rays at these places."""
         o, d, axes, shear = (
             pick(a, rays) for a in (self.origin, self.direction, self.axes, self.shear)
         )
         return IncoherentRays(o, d, self.near[rays], self.far[rays], axes, shear)
-
-    def tie(self, ray: Array, depth: Array) -> Array:
-        """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to rounding:
-        ULPS of the coordinates there.
-        """
-        return ULPS * (np.abs(self.origin).max(0).take(ray) + np.abs(depth))
-
-    def lines(self, rays: Array) -> tuple[Array, Array]:
-        """World origins and directions (3, m) with t as parameter."""
-        return pick(self.origin, rays), pick(self.direction, rays)
 
     def corners(
         self, geometry: Geometry, ray: Array, triangle: Array

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.surface import Surface
+from ..linear.columns import dot, pick
 from .coefficients import Term
 from .gloss import Narrow, Reflections, reflecting
 from .lights import LightPoint
 from .lobe_light import highlights
 from .paths import Interaction, Paths, leaving
-from .surface import Surface
-from .vectors import dot, pick
-
-if TYPE_CHECKING:
-    from .picture import Tile
-    from .stage import Stage
+from .picture import Tile
+from .stage import Stage
 
 Array = np.ndarray
 

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..evaluation.march import Spans
+from ..linear.columns import dot, length, pick, unit
 from ..sampling import scatter_share
 from .lights import CENTER, LightPoint, LightSample, Source
-from .media import Media, Pieces, Spans
+from .media import Media, Pieces
 from .paths import Paths, thrown_on
 from .rays import IncoherentRays, Rays
-from .vectors import dot, length, pick, unit
 
 Array = np.ndarray
 

@@ -6,15 +6,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
+from ..evaluation.attributes import Attributes
+from ..evaluation.surface import Surface
+from ..linear.columns import pick
+from ..program.execute.rays import Asked, Met
 from ..sampling import node_points
-from .attributes import Attributes
 from .rays import IncoherentRays
-from .surface import Surface, surface_at
-from .vectors import pick
+from .surface import surface_at
 from .visibility import NOTHING, Hits, Visibility
 
 Array = np.ndarray
@@ -22,24 +23,6 @@ Array = np.ndarray
 
 def uncounted(index: Array) -> None:
     """Where programs run once more over the same points."""
-
-
-class Asked(NamedTuple):
-    """Rays: starts and unit directions (3, m), relative to the eye, and how far (m,); none is
-    traced where that is not above 0.
-    """
-
-    start: Array
-    direction: Array
-    reach: Array
-
-
-class Met(NamedTuple):
-    """Hits: of which rays (k,), how far away (k,), and the surfaces, seen along the rays."""
-
-    ray: Array
-    depth: Array
-    surface: Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,25 +44,19 @@ class SceneQueries:
         return self.table[(self.sample * each + np.arange(each)) % len(self.table)]
 
     def blocked(self, surface: Surface, index: Array, asked: Asked, of: str) -> Array:
-        """(m,) bool: whether anything is on the rays from the points `index` (m,) of the surface.
-
-        of: "shadow" for what shadow rays meet, "any" for what any rays do, "own" for the points'
-        own instances, whatever they hide from; here and below.
-        """
+        """As `Queries` of `evaluation.points` has it, and what follows."""
         rays, ray = self._rays(index, asked)
         found = np.zeros(len(index), bool)
         found[ray] = self._first(rays, surface.row[index[ray]], of).primitive != NOTHING
         return found
 
     def nearest(self, surface: Surface, index: Array, asked: Asked, of: str) -> Met:
-        """The first hits of the rays, each of a ray (k,) of these."""
         rays, ray = self._rays(index, asked)
         hits = self._first(rays, surface.row[index[ray]], of)
         there = np.flatnonzero(hits.primitive != NOTHING)
         return self._met(rays, ray, there, hits.primitive[there], hits.depth[there])
 
     def crossings(self, surface: Surface, index: Array, asked: Asked) -> Met:
-        """All hits of the rays on the points' own instances."""
         rays, ray = self._rays(index, asked)
         row, geometry = surface.row[index[ray]], self.visibility.geometry
         found = []

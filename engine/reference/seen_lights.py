@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linear.columns import dot, length
 from .lights import HUGE, Source
-from .vectors import dot, length
 
 Array = np.ndarray
 

@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..evaluation.surface import Surface
 from ..film import NO_DEPTH, OCCLUSION
+from ..linear.columns import dot, length, pick
 from . import catchers
 from .motion_vectors import motion_vectors
 from .occlusion import openness
@@ -15,8 +17,6 @@ from .picture import Tile
 from .resolve import IMAGES, LIGHTS, UNHIDDEN
 from .scene_queries import SceneQueries
 from .stage import Stage
-from .surface import Surface
-from .vectors import dot, length, pick
 from .visibility import NOTHING
 
 Array = np.ndarray

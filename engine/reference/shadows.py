@@ -14,14 +14,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from .attributes import Attributes
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import ULPS
+from ..evaluation.surface import Surface
+from ..linear.columns import dot, length, pick, transform, unit
 from .lights import LightSample, Source
 from .materials import Shader
 from .media import Media
-from .rays import ULPS, CoherentRays, Frame, IncoherentRays, Rays
-from .surface import Surface, spot_at, surface_at
+from .rays import CoherentRays, Frame, IncoherentRays, Rays
+from .surface import spot_at, surface_at
 from .terminator import start_towards
-from .vectors import dot, length, pick, transform, unit
 from .visibility import Hits, Passed, Visibility
 
 Array = np.ndarray

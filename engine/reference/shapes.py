@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .geometry import Balls, Faces, Rods
-from .vectors import dot, explode, pick, transform_each
+from ..evaluation.geometry import Balls, Faces, Rods
+from ..linear.columns import dot, explode, pick, transform_each
 
 Array = np.ndarray
 
@@ -100,21 +100,6 @@ def _enter_cone(f: Array, e: Array, axis: Array, radii: Array) -> Array:
     good = (square > 0) & (met <= np.where(a >= 0, np.minimum(high, leave), leave))
     good &= (discriminant >= 0) & (~level | inside)
     return np.where(good, met + shift, np.nan)
-
-
-def along_rod(rods: Rods, index: Array, at: Array) -> tuple[Array, Array]:
-    """How far along (m,), from 0 to 1, is the sphere that touches the hull at the points `at`
-    (3, m) of the world, and from its centre (3, m) to them, in the object.
-    """
-    from_start = transform_each(rods.object_from_world[index], at - pick(rods.start_world, index))
-    axis, radii = pick(rods.axis, index), rods.radii[:, index]
-    length = np.sqrt(dot(axis, axis))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        sine = (radii[0] - radii[1]) / length
-        square = (1 - sine) * (1 + sine)
-        s = (dot(from_start, axis) / length - radii[0] * sine) / (square * length)
-    s = np.where((length > 0) & (square > 0), np.clip(s, 0, 1), radii[0] < radii[1])
-    return s, from_start - s * axis
 
 
 def meet_face(faces: Faces, index: Array, o: Array, d: Array) -> Array:

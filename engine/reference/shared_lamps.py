@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..lights.lamps import first_mark
+from ..linear.columns import add_at, pick
 from .lamp_clusters import FarLight
 from .light_groups import SharedGroups, share_open
 from .lights import Source
-from .vectors import add_at, pick
 
 Array = np.ndarray
 

@@ -10,12 +10,18 @@ from functools import cached_property
 import numpy as np
 
 from ..cryptomatte import id_bits
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import gather
+from ..evaluation.sky import radiance
+from ..evaluation.surface import Surface
+from ..evaluation.textures import Image
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.dome import dome_table
 from ..lights.glowing_media import medium_table
 from ..lights.interleaving import interleaving
 from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
+from ..linear.columns import unit
 from ..sampling import (
     BOUNCE_LEVELS,
     BOUNCE_PARTS,
@@ -29,12 +35,10 @@ from ..sampling import (
 )
 from ..scene import Light, Scene
 from ..settings import Settings
-from .attributes import Attributes
 from .camera import CameraRays
 from .cancellation import Cancellation
 from .coefficients import Coefficients
 from .emission import Emission
-from .geometry import gather
 from .gloss import ambient_seen
 from .glowing_media import MediumSource
 from .lighting import Lighting
@@ -48,8 +52,6 @@ from .rays import IncoherentRays
 from .scene_queries import SceneQueries, points_of_nodes, uncounted
 from .seen_lights import has_shape
 from .shadows import Shadows
-from .sky import radiance
-from .surface import Surface
 from .tabled_lights import (
     FAINT,
     SKY_PARTS,
@@ -57,8 +59,6 @@ from .tabled_lights import (
     MeshSource,
     OpeningPoints,
 )
-from .textures import Image
-from .vectors import unit
 from .visibility import Hits, Visibility
 
 Array = np.ndarray

@@ -7,21 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..evaluation.panorama import step_size
+from ..evaluation.surface import Surface
+from ..linear.columns import across_normals, dot, length, pick
+from ..program.execute.rays import Asked, Met
 from .coefficients import Coefficients
-from .panorama import step_size
 from .paths import Interaction, Paths, joined
 from .paths import met as met_by
 from .rays import IncoherentRays
-from .scene_queries import Asked, Met, SceneQueries
-from .surface import Surface, surface_at
-from .vectors import across_normals, dot, length, pick
-
-if TYPE_CHECKING:
-    from .stage import Stage
+from .scene_queries import SceneQueries
+from .stage import Stage
+from .surface import surface_at
 
 Array = np.ndarray
 

@@ -4,72 +4,22 @@ and 6.2).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 
-from .attributes import Attributes
+from ..evaluation.attributes import Attributes
+from ..evaluation.geometry import ULPS, Geometry
+from ..evaluation.surface import Spot, Surface, along_rod, points_on
+from ..linear.columns import add_at, dot, length, pick, transform_each, unit
 from .cancellation import Cancellation
-from .geometry import Geometry
-from .rays import ULPS, Rays, weigh
-from .shapes import along_rod, meet_rod
-from .vectors import add_at, cross, dot, length, pick, transform_each, unit
+from .rays import Rays, weigh
+from .shapes import meet_rod
 
 Array = np.ndarray
 
 BLOCK = 1 << 15
 _ONCE = np.array([[1.0], [0.0], [0.0], [0.0]])
-
-
-@dataclass(frozen=True, eq=False)
-class Spot:
-    """Which place on which primitive: enough to read materials. All (n,), weights (3, n)
-    barycentric (on strands of both ends and 0; 0 off both).
-    """
-
-    primitive: Array
-    geometry: Array
-    local: Array
-    weights: Array
-    material: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Surface(Spot):
-    """n shaded points, relative to the camera. x g n (3, n): point, geometric and shading normal,
-    both turned to the viewer.
-
-    v: (3, n) unit, to the viewer.  start: (3, n) where shadow rays start.  outside: (n,) bool, the
-    outer side is seen. offset: (n,) how far from the surface other rays must start to be clear of
-    rounding.  row: (n,) of Placements.  mesh_n: (3, n) shading normals before materials'
-    programs bend them.  unbent: (3, n) what the normals were bent from where bumps hide light, else
-    0; bump: (n,) how, as `bumps.bump_shadow` takes it.  far: (n,) lengths of the rays that meet
-    them.  grazing, lowering: (n,) as `terminator` takes them.  past: (4, n) what these went
-    through, as `SurfacePoints.ray_depth` has it; a bounce where nobody says otherwise.
-    """
-
-    row: Array
-    x: Array
-    g: Array
-    n: Array
-    v: Array
-    start: Array
-    outside: Array
-    offset: Array
-    mesh_n: Array
-    unbent: Array
-    bump: Array
-    far: Array
-    grazing: Array
-    lowering: Array
-    past: Array
-
-    def __len__(self) -> int:
-        return len(self.primitive)
-
-    def take(self, index: Array) -> Surface:
-        """The points at these places."""
-        return Surface(**{f.name: getattr(self, f.name).take(index, -1) for f in fields(self)})
 
 
 def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spot:
@@ -81,14 +31,7 @@ def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spo
     rods = np.flatnonzero(primitive >= geometry.first_rod)
     if len(rods):
         weights[:2, rods] = _along(geometry, rays, ray[rods], primitive[rods])
-    row = geometry.row[primitive]
-    return Spot(
-        primitive,
-        geometry.placements.geometry[row],
-        geometry.primitive_of(primitive),
-        weights,
-        geometry.material[primitive],
-    )
+    return Spot.of(geometry, primitive, weights)
 
 
 def _along(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Array:
@@ -142,8 +85,7 @@ def _surface(
     spot = spot_at(geometry, rays, ray, primitive)
     o, d = rays.lines(ray)
     row = geometry.row[primitive]
-    x, g, reach = _triangle_points(geometry, spot)
-    _place_shapes(geometry, primitive, o, d, depth, x, g, reach)
+    x, g, reach = points_on(geometry, primitive, spot.weights, o, d, depth)
     v = unit(d if backwards else -d)
     outside = dot(g, v) >= 0
     side = np.where(outside, 1.0, -1.0)
@@ -167,92 +109,6 @@ def _surface(
         lowering=1 / (1 - 0.5 * shading),
         past=np.repeat(_ONCE, len(depth), 1),
     )
-
-
-def _triangle_points(geometry: Geometry, spot: Spot) -> tuple[Array, Array, Array]:
-    """Points from barycentric weights, outward normals, largest coordinates of the corners; zeros
-    off triangles.
-    """
-    flat = np.flatnonzero(spot.primitive < geometry.triangle_count)
-    x, g, reach = (
-        np.zeros((3, len(spot.primitive))),
-        np.zeros((3, len(spot.primitive))),
-        np.zeros(len(spot.primitive)),
-    )
-    triangle, w = spot.primitive[flat], pick(spot.weights, flat)
-    a, b, c = (pick(geometry.points, corner[triangle]) for corner in geometry.triangles)
-    x[:, flat] = w[0] * a + w[1] * b + w[2] * c
-    mirror = geometry.placements.mirror[geometry.row[triangle]]
-    g[:, flat] = unit(cross(b - a, c - a)) * mirror
-    reach[flat] = np.maximum(np.maximum(np.abs(a).max(0), np.abs(b).max(0)), np.abs(c).max(0))
-    return x, g, reach
-
-
-def _place_shapes(
-    geometry: Geometry,
-    primitive: Array,
-    o: Array,
-    d: Array,
-    depth: Array,
-    x: Array,
-    g: Array,
-    reach: Array,
-) -> None:
-    """Fills in spheres, polygons and strands."""
-    shape = primitive - geometry.triangle_count
-    balls = np.flatnonzero((shape >= 0) & (shape < geometry.ball_count))
-    if len(balls):
-        x[:, balls], g[:, balls] = _ball_points(
-            geometry, shape[balls], pick(o, balls) + depth[balls] * pick(d, balls), pick(o, balls)
-        )
-    faces = np.flatnonzero((shape >= geometry.ball_count) & (primitive < geometry.first_rod))
-    if len(faces):
-        index = shape[faces] - geometry.ball_count
-        n, first = (
-            pick(geometry.faces.normal, index),
-            pick(geometry.faces.corners, geometry.faces.start[index]),
-        )
-        at = pick(o, faces) + depth[faces] * pick(d, faces)
-        x[:, faces] = at - dot(at - first, n) * n
-        g[:, faces] = n * geometry.placements.mirror[geometry.row[primitive[faces]]]
-    rods = np.flatnonzero(primitive >= geometry.first_rod)
-    if len(rods):
-        x[:, rods], g[:, rods] = _rod_points(
-            geometry,
-            primitive[rods] - geometry.first_rod,
-            pick(o, rods) + depth[rods] * pick(d, rods),
-        )
-    some = np.flatnonzero(shape >= 0)
-    if len(some):
-        s = shape[some]
-        corner = np.maximum(np.abs(pick(geometry.lower, s)), np.abs(pick(geometry.upper, s))).max(0)
-        reach[some] = np.maximum(corner, np.abs(pick(o, some)).max(0))
-
-
-def _ball_points(geometry: Geometry, index: Array, at: Array, o: Array) -> tuple[Array, Array]:
-    """Points brought back to the sphere in its object, and outward normals by the cofactor
-    matrix.
-    """
-    balls, placements = geometry.balls, geometry.placements
-    row = balls.row[index]
-    from_center = transform_each(
-        balls.object_from_world[index], at - pick(balls.center_world, index)
-    )
-    direction = unit(from_center)
-    arm = balls.radius[index] * direction
-    x = pick(balls.center_world, index) + transform_each(placements.world_from_object[row], arm)
-    return x, unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
-
-
-def _rod_points(geometry: Geometry, index: Array, at: Array) -> tuple[Array, Array]:
-    """Points brought back to the hull, and outward normals, as `_ball_points`."""
-    rods, placements = geometry.rods, geometry.placements
-    s, off = along_rod(rods, index, at)
-    direction, radii = unit(off), rods.radii[:, index]
-    arm = s * pick(rods.axis, index) + ((1 - s) * radii[0] + s * radii[1]) * direction
-    row = rods.row[index]
-    x = pick(rods.start_world, index) + transform_each(placements.world_from_object[row], arm)
-    return x, unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
 
 
 def _bulge(v: list[Array], n: list[Array], w: Array) -> Array:

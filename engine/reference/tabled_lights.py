@@ -15,9 +15,9 @@ import numpy as np
 from ..lights.dome import DomeTable
 from ..lights.mesh_lights import MeshTable, merged
 from ..lights.openings import density, opening_table, points_on
+from ..linear.columns import cross, dot, unit
 from ..scene import Light, Openings
 from .lights import HUGE, LightSample, Source
-from .vectors import cross, dot, unit
 
 Array = np.ndarray
 

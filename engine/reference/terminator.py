@@ -5,14 +5,10 @@ Letters: x point, g n geometric and shading normal, l direction to the light.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from .vectors import dot, pick
-
-if TYPE_CHECKING:
-    from .surface import Surface
+from ..evaluation.surface import Surface
+from ..linear.columns import dot, pick
 
 Array = np.ndarray
 

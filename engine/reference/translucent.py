@@ -5,17 +5,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..linear.columns import pick
 from .coefficients import Coefficients
 from .paths import Interaction
+from .stage import Stage
 from .surface import surface_at
-from .vectors import pick
-
-if TYPE_CHECKING:
-    from .stage import Stage
 
 Array = np.ndarray
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..evaluation.geometry import Geometry
+from ..linear.columns import pick
 from .cancellation import Cancellation
-from .geometry import Geometry
 from .rays import IncoherentRays
-from .vectors import pick
 
 Array = np.ndarray
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..evaluation.geometry import Geometry
 from .cancellation import Cancellation
-from .geometry import Geometry
 from .raster import Strips, raster_pairs, sorted_strips
 from .rays import CoherentRays, IncoherentRays, Rays, hit_triangles
 from .shapes import meet_ball, meet_face, meet_rod

@@ -11,7 +11,7 @@ matrix `target_from_source` is `(3, 4)`: columns 0-2 the linear part, column 3 t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -138,49 +138,6 @@ class Scene:
     neighbours: tuple[Scene, Scene] | None = None
     light_groups: tuple[str, ...] = ()
 
-    def as_lit(
-        self,
-        *,
-        by_world: bool,
-        by_meshes: bool,
-        through_glass: bool = True,
-        finding: bool = True,
-    ) -> Scene:
-        """The scene with the lights that the settings want. by_world: its DOME light lights it and
-        surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
-        lights it too.  through_glass: light passes what refracts.  finding: the openings of rooms
-        to the sky, else its light keeps those that it has. A scene with nothing of all that stays.
-        """
-        from ..lights.glowing_media import medium_lights
-        from ..lights.lamps import in_order
-        from ..lights.mesh_lights import mesh_lights
-        from ..lights.openings import opened
-
-        if not through_glass:
-            solid = tuple(material.without_passed_light() for material in self.materials)
-            scene = replace(self, materials=solid)
-            return scene.as_lit(by_world=by_world, by_meshes=by_meshes, finding=finding)
-        lights = in_order(self.lights)
-        scene = self if lights is self.lights else replace(self, lights=lights)
-        lamps = tuple(light for light in lights if light.kind != "DOME")
-        if len(lamps) < len(lights):
-            if by_world:
-                lit = tuple(opened(x, self) if finding and x.kind == "DOME" else x for x in lights)
-                world = replace(self.world, ambient=(0.0, 0.0, 0.0))
-                scene = replace(scene, lights=lit, world=world)
-            else:
-                scene = replace(scene, lights=lamps)
-        glow = (*mesh_lights(self), *medium_lights(self)) if by_meshes else ()
-        scene = replace(scene, lights=(*scene.lights, *glow)) if glow else scene
-        shining = tuple(light for light in scene.lights if self._shines(light))
-        return replace(scene, lights=shining) if len(shining) < len(scene.lights) else scene
-
-    def _shines(self, light: Light) -> bool:
-        """False for a sky, and for what glows, where nothing gets their light."""
-        if light.kind not in ("DOME", "MESH", "MEDIUM") or light.lights_matt or light.lights_gloss:
-            return True
-        return light.lights_media and self.scatters
-
     @property
     def scatters(self) -> bool:
         """Whether some medium scatters light."""
@@ -211,9 +168,3 @@ class Scene:
             return None
         media = (self.materials[index].medium for index in instances.materials)
         return next((medium for medium in media if medium is not None), None)
-
-    def problems(self) -> list[str]:
-        """What makes this scene unfit to render, one sentence each; empty when it is sound."""
-        from .problems import scene_problems
-
-        return scene_problems(self)

@@ -139,7 +139,7 @@ LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
 @dataclass(frozen=True, eq=False)
 class Light:
     """A light. kind: POINT, SUN, SPOT, AREA, DOME, which shines from all around, or MESH, which
-    `Scene.as_lit` makes of surfaces that glow, or MEDIUM, of media that glow.
+    `lights.lit.lit_scene` makes of surfaces that glow, or MEDIUM, of media that glow.
 
     world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z. color: RGB;
     strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be negative. radius:
@@ -154,12 +154,12 @@ class Light:
     none. textures: what it refers to. radiance: of a DOME, times color and strength: (h, w, 3)
     float32 in the light's axes, equirectangular as `engine.lights.dome` says. emitters: of a MESH,
     whose bounds are size_x, size_y and twice the radius along the light's axes, round its origin.
-    rods: of a MEDIUM one, the same. openings: of a DOME, points on which are
-    samples of it too: the user's portals, else `Scene.as_lit` finds them. receivers: a bit for each
-    light_set of the instances that it lights, blockers: of those that cast shadows in it. motion:
-    (k, 3, 4) float64, k >= 2, world_from_light at even times while the shutter is open; None for
-    one that stands still, and of a DOME, MESH or MEDIUM one. light_group: of `Scene.light_groups`,
-    -1 for none; emitters and rods have their own.
+    rods: of a MEDIUM one, the same. openings: of a DOME, points on which are samples of it too: the
+    user's portals, else `lights.lit.lit_scene` finds them. receivers: a bit for each light_set of
+    the instances that it lights, blockers: of those that cast shadows in it. motion: (k, 3, 4)
+    float64, k >= 2, world_from_light at even times while the shutter is open; None for one that
+    stands still, and of a DOME, MESH or MEDIUM one. light_group: of `Scene.light_groups`, -1 for
+    none; emitters and rods have their own.
     """
 
     name: str

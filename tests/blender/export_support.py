@@ -13,8 +13,9 @@ from glint.addon.export import Export, export_scene
 from glint.addon.export.materials.fresnel import normal_reflectance
 from glint.addon.export.materials.roughness import dielectric_world, scattered
 from glint.addon.export.materials.terms import luminance
-from glint.engine.reference.program import run
+from glint.engine.program.execute.run import run
 from glint.engine.scene import Input, Lobe
+from glint.engine.scene.problems import scene_problems
 
 
 @pytest.fixture
@@ -41,7 +42,7 @@ def export(**options) -> Export:
     """Exports the current scene; the result must be sound."""
     bpy.context.view_layer.update()
     result = export_scene(bpy.context.evaluated_depsgraph_get(), **options)
-    assert result.scene.problems() == []
+    assert scene_problems(result.scene) == []
     return result
 
 

@@ -22,6 +22,7 @@ import bpy
 sys.path[:0] = [sys.argv[1], sys.argv[2]]
 import glint_tree, make_blend
 from glint.addon.export import export_scene
+from glint.engine.scene.problems import scene_problems
 
 make_blend.load(sys.argv[3])
 make_blend.ensure()
@@ -39,7 +40,7 @@ for instance in depsgraph.object_instances:
     triangles += len(mesh.loop_triangles)
     owner.to_mesh_clear()
 print("RESULT " + json.dumps({
-    "problems": export.scene.problems(), "notes": export.notes, "placed": export.stats["placed_triangles"], "triangles": triangles,
+    "problems": scene_problems(export.scene), "notes": export.notes, "placed": export.stats["placed_triangles"], "triangles": triangles,
     "lights": len(export.scene.lights), "camera": export.scene.camera.kind,
 }), flush=True)
 import os

@@ -18,8 +18,8 @@ from glint.addon.export.materials.thin_film import (
     metal_reflectance,
     reflectance,
 )
-from glint.engine.reference.points import light_path
-from glint.engine.reference.program import run
+from glint.engine.evaluation.points import light_path
+from glint.engine.program.execute.run import run
 
 COSINES = np.array([1.0, 0.9, 0.6, 0.3, 0.1, 0.01])
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from export_support import Shader, export, mesh_object, scene, use_nodes  # noqa: F401
+from glint.engine.scene.problems import scene_problems
 
 
 def medium(kind: str, **inputs):
@@ -124,7 +125,7 @@ def varied(kind: str, socket: str, source: str = "ShaderNodeTexNoise", output=0,
     shader.tree.links.new(feeding.outputs[output], node.inputs[socket])
     shader.link(node, 0, shader.output, "Volume")
     result, _ = shader.export()
-    assert not result.scene.problems()
+    assert not scene_problems(result.scene)
     (found,) = (m.medium for m in result.scene.materials if m.name == shader.material.name)
     return result, found
 
@@ -200,7 +201,7 @@ def test_the_world(scene):  # noqa: F811
     world.cycles.volume_step_size = 3.0
     world.update_tag()
     result = export()
-    assert result.scene.world.medium.scattering_output == 0 and not result.scene.problems()
+    assert result.scene.world.medium.scattering_output == 0 and not scene_problems(result.scene)
     assert result.scene.world.medium.step == 3.0
 
 

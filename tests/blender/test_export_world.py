@@ -6,7 +6,7 @@ import pytest
 
 from export_support import export, image, scene, use_nodes  # noqa: F401
 from glint.addon.export.shader_nodes import READERS
-from glint.engine.reference import sky
+from glint.engine.evaluation import sky
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import pytest
 from export_support import export, link, quad, scene  # noqa: F401
 from glint.addon.render.kept import keeps
 from glint.addon.render.neighbours import with_neighbours
+from glint.engine.scene.problems import scene_problems
 
 
 def read(scene):  # noqa: F811
@@ -19,7 +20,7 @@ def read(scene):  # noqa: F811
     )
     depsgraph = bpy.context.evaluated_depsgraph_get()
     [found], notes = with_neighbours((export().scene,), engine, depsgraph)
-    assert found.problems() == []
+    assert scene_problems(found) == []
     return found, notes
 
 

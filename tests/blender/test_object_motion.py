@@ -13,6 +13,7 @@ from glint.addon.export.report import Report
 from glint.addon.render.final import prepare
 from glint.addon.render.motion import with_motion
 from glint.addon.ui import properties
+from glint.engine.scene.problems import scene_problems
 from volume_files import NEEDED, fog_box, write_grids
 
 
@@ -30,7 +31,7 @@ def read(scene):  # noqa: F811
     """The exported scene as a final render has it, and the notes of its motion."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     [found], notes = with_motion((export().scene,), engine_of(scene), depsgraph)
-    assert found.problems() == []
+    assert scene_problems(found) == []
     return found, notes
 
 
@@ -324,7 +325,7 @@ def test_what_is_nothing_at_the_frame_itself_is_there_when_the_shutter_opens(blu
     assert tuple(growing.evaluated_get(bpy.context.evaluated_depsgraph_get()).scale) == (0, 0, 0)
     (job,) = prepare(engine_of(blurred), bpy.context.evaluated_depsgraph_get())
     (block,) = job.scene.instances
-    assert block.name == "Growing" and job.scene.problems() == []
+    assert block.name == "Growing" and scene_problems(job.scene) == []
     np.testing.assert_allclose(block.motion[:, 0, 0, 0], [-0.25, 0.0, 0.25], atol=1e-7)
     assert [note for note in job.notes if "leaves no surface" in note and "Never" in note]
     assert not [note for note in job.notes if "Growing" in note or "No object is there" in note]

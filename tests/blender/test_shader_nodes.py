@@ -11,9 +11,9 @@ import pytest
 from glint.addon.export.materials.graph import SHADER_FOR_VALUE, Place
 from glint.addon.export.shader_nodes import TreeReader
 from glint.addon.export.shader_nodes.reader import CIRCLE, NOT_FINITE
+from glint.engine.program.execute.operations import apply
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.program import compile_program, instructions
-from glint.engine.reference.program import apply
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])
 

@@ -16,9 +16,9 @@ import cycles_reference as cycles
 from cycles_reference import bpy
 from glint.addon.export.materials.graph import Place
 from glint.addon.export.shader_nodes import TreeReader
+from glint.engine.program import execute as reference
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
-from glint.engine.reference import program as reference
 
 TILE = 8
 EXTENT = 6.0

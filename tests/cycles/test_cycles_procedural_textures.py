@@ -18,10 +18,10 @@ import cycles_reference as cycles
 from cycles_reference import bpy
 from glint.addon.export.materials.graph import Place
 from glint.addon.export.shader_nodes import READERS, TreeReader
+from glint.engine.program import execute as reference
+from glint.engine.program.execute import noise, patterns
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
-from glint.engine.reference import program as reference
-from glint.engine.reference.program import noise, patterns
 
 TILE = 12
 EXTENT = 6.0  # of the whole grid, units

@@ -32,8 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import glint_tree  # noqa: F401  (makes the tree importable as `glint`)
 import reference_renders as references
-from glint.engine import native
-from glint.engine.native import core_types, packer
+from glint.engine.native import binding, core_types, packer
 from glint.engine.native.core_types import State
 
 MAGIC = int.from_bytes(b"GLNTTAPE", "little")
@@ -175,18 +174,18 @@ class Recorder:
 @contextmanager
 def _listening(recorder: Recorder):
     """Everything that packs for the core and asks it does so through the recorder."""
-    modules = [m for name, m in sys.modules.items() if name.startswith(native.__name__)]
+    modules = [m for name, m in sys.modules.items() if name.startswith(binding.__package__)]
     own = packer.address
     places = [(module, "address") for module in modules if vars(module).get("address") is own]
     before = [getattr(*place) for place in places]
-    library = native.library
+    library = binding.library
     try:
         for place in places:
             setattr(*place, recorder.address)
-        native.library = lambda: recorder
+        binding.library = lambda: recorder
         yield
     finally:
-        native.library = library
+        binding.library = library
         for place, value in zip(places, before, strict=True):
             setattr(*place, value)
 
@@ -195,7 +194,7 @@ def record(names: list[str], tape: Path, pictures: Path) -> list[str]:
     """Draw these reference renders onto the tape; says which differ from those that are kept."""
     wrong, index = [], []
     with tape.open("wb") as calls, pictures.open("wb") as values:
-        recorder = Recorder(native.library(), calls, values)
+        recorder = Recorder(binding.library(), calls, values)
         for name in names:
             with _listening(recorder):
                 passes = references.draw(name)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from glint import engine
-from glint.engine import native
 from glint.engine import scene as s
+from glint.engine.native import binding
 
 needs_core = pytest.mark.skipif(
-    native.load_error() is not None,
-    reason=f"the core's library is not built: {native.load_error()}",
+    binding.load_error() is not None,
+    reason=f"the core's library is not built: {binding.load_error()}",
 )
 
 Drawn = TypeVar("Drawn")
@@ -95,8 +95,8 @@ def assert_instruction_sets_agree(drawn: Callable[[], Drawn]) -> Drawn:
     found: dict[str, Drawn] = {}
     with pytest.MonkeyPatch.context() as patch:
         for isa in INSTRUCTION_SETS:
-            patch.setenv(native.ISA_VARIABLE, isa)
-            taken = native.library().glint_isa().decode()
+            patch.setenv(binding.ISA_VARIABLE, isa)
+            taken = binding.library().glint_isa().decode()
             if taken == isa or not found:  # a machine that lacks one takes the next lesser
                 found[taken] = drawn()
     first, *others = found

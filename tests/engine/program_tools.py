@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from glint.engine import native
+from glint.engine.native import binding
+from glint.engine.program.execute.operations import apply
 from glint.engine.program.operations import Operation, Reference
 from glint.engine.program.table import CODES
-from glint.engine.reference import program as reference
 
 SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-30, 1e9, -1e9, 255.0])
 """Numbers at which functions like to go wrong."""
@@ -106,7 +106,7 @@ def _some(choices: Any) -> list:
 
 def by_reference(operation: Operation, arguments: list, settings: dict) -> list[np.ndarray]:
     """Outputs of the NumPy executor."""
-    return [np.asarray(v, float) for v in reference.apply(operation, arguments, settings)]
+    return [np.asarray(v, float) for v in apply(operation, arguments, settings)]
 
 
 def by_core(operation: Operation, arguments: list, settings: dict) -> list[np.ndarray]:
@@ -129,7 +129,7 @@ def by_core(operation: Operation, arguments: list, settings: dict) -> list[np.nd
     for start, width, argument in zip(starts, widths, arguments, strict=False):
         columns[start : start + width] = argument
     words, tables = np.array(code, np.int32), np.array(table or [0.0])
-    failed = native.library().glint_program_run(
+    failed = binding.library().glint_program_run(
         words.ctypes.data, len(words), 0, 0, tables.ctypes.data, len(columns),
         columns.ctypes.data, count,
     )  # fmt: skip

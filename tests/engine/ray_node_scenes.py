@@ -11,6 +11,7 @@ from glint.engine import scene as s
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
+from glint.engine.scene.problems import scene_problems
 from native_tools import draw, needs_core
 from test_occlusion_pass import floor_and
 
@@ -49,7 +50,7 @@ def floor_of(material: s.Material, *others, **more) -> s.Scene:
 
 def seen(scene: s.Scene, backend: str = "NATIVE", **settings) -> np.ndarray:
     """(h, w) of 64 samples at the pixels' centres: 1024 directions."""
-    assert scene.problems() == []
+    assert scene_problems(scene) == []
     plan = {"samples": 64, "filter_width": 0.0, **settings}
     picture = draw(scene, backend=backend, **plan).combined
     assert np.isfinite(picture).all()
@@ -67,7 +68,7 @@ def bevelled(radius: float = 0.4, samples: int = 16) -> s.Material:
 
 
 def normals_of(scene: s.Scene, backend: str = "NATIVE", **settings) -> np.ndarray:
-    assert scene.problems() == []
+    assert scene_problems(scene) == []
     plan = {"samples": 64, "filter_width": 0.0, **settings}
     picture = draw(scene, backend=backend, **plan).combined[..., :3].astype(float)
     assert np.isfinite(picture).all()

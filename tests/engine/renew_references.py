@@ -43,10 +43,10 @@ def main() -> int:
     sys.path[:0] = [str(HERE.parent), str(HERE)]
     import glint_tree  # noqa: F401  (makes the tree importable as `glint`)
     import reference_renders
-    from glint.engine import native
+    from glint.engine.native import binding
 
-    if native.load_error():
-        print(f"the native core does not load: {native.load_error()}")
+    if binding.load_error():
+        print(f"the native core does not load: {binding.load_error()}")
         return 1
     failed = [] if options.unchecked else [check for check in CHECKS if not passes(check)]
     if failed:

@@ -18,6 +18,7 @@ from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations_vector import VectorOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
+from glint.engine.scene.problems import scene_problems
 from native_tools import assert_instruction_sets_agree, constant, lamp, needs_core
 from surface_scenes import balls, plane
 
@@ -349,7 +350,7 @@ def test_explained_pixels_have_the_colours_of_the_picture() -> None:
 def test_problems_are_told() -> None:
     scene = lit("point")
     wrong = replace(scene.materials[0], bump_shadowing="BUMPY", base_normal_output=7)
-    problems = replace(scene, materials=(wrong,)).problems()
+    problems = scene_problems(replace(scene, materials=(wrong,)))
     assert any("bump_shadowing" in p for p in problems)
     assert any("base_normal_output" in p for p in problems)
     assert engine.scene.BUMP_SHADOWING[0] == s.Material("m", ()).bump_shadowing

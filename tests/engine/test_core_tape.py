@@ -14,7 +14,7 @@ import pytest
 import core_tape
 from blender_process import ROOT
 from engine_scenes import SCENES
-from glint.engine import native
+from glint.engine.native import binding, packer, packing
 from native_tools import needs_core
 
 COMPILER = shlex.split(os.environ.get("CXX", "c++"))
@@ -44,7 +44,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def _play(player: Path, tape: Path) -> tuple[subprocess.CompletedProcess[str], bytes]:
-    made, library = tape.with_name("played"), native.library()._name
+    made, library = tape.with_name("played"), binding.library()._name
     command = [player, library, tape, made]
     run = subprocess.run(command, capture_output=True, text=True)
     return run, made.read_bytes()
@@ -87,5 +87,5 @@ def test_a_tape_that_ends_too_early_is_refused(player, recorded, tmp_path):
 
 
 def test_the_recorder_leaves_the_packing_as_it_was(recorded):
-    assert native.packing.address is native.packer.address
-    assert native.library.__name__ == "library"
+    assert packing.address is packer.address
+    assert binding.library.__name__ == "library"

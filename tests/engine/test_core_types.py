@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from glint.engine import film, native, scene, settings
-from glint.engine.native import core_types
+from glint.engine import film, scene, settings
+from glint.engine.native import binding, core_types
 from glint.engine.scene.panorama import PROJECTIONS
 from native_tools import needs_core
 
@@ -126,4 +126,4 @@ def test_a_core_of_another_version_is_refused_with_the_remedy(monkeypatch) -> No
     monkeypatch.setattr(core_types, "ABI_VERSION", found + 1)
     said = f"speaks version {found} .* this is version {found + 1}: .* restart Blender"
     with pytest.raises(ImportError, match=said):
-        native._load.__wrapped__(path)
+        binding._load.__wrapped__(path)

@@ -10,12 +10,12 @@ import pytest
 from glint.engine import displacement
 from glint.engine.displacement import Displacement, Place, displaced, normals_after
 from glint.engine.native import programs
+from glint.engine.program.execute.run import run as run_reference
 from glint.engine.program.graph import Graph
 from glint.engine.program.operations_input import Space, VectorType
 from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference.program import run as run_reference
 from glint.engine.scene import CORNER, FACE, POINT, Attribute, Mesh, Texture
 from native_tools import needs_core
 

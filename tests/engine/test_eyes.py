@@ -17,6 +17,7 @@ from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.program.table import BY_NAME
 from glint.engine.scene import Camera, Lens, Scene
 from glint.engine.scene.panorama import Eye
+from glint.engine.scene.problems import scene_problems
 from glint.engine.scene.view_axes import narrow_view_axes
 from native_tools import assert_instruction_sets_agree
 from test_lens import BACKENDS, card, depths, glowing, moving, scene, turned
@@ -242,5 +243,5 @@ def test_extremes_are_finite(eye, kind, backend):
 )
 def test_problems_name_the_number(changes, words):
     camera = replace(seen(Eye(0.1)), **changes)
-    [problem] = inside_of_a_ball(camera, 1.0).problems()
+    [problem] = scene_problems(inside_of_a_ball(camera, 1.0))
     assert words in problem

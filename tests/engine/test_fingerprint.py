@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import engine_scenes as scenes
-from glint.engine import Scene, Settings, native
+from glint.engine import Scene, Settings
 from glint.engine.analysis.fingerprint import picture_fingerprint, settings_text, value_fingerprint
 from glint.engine.analysis.universal_hash import block_sums, condensed
+from glint.engine.native import binding
 from native_tools import needs_core
 
 
@@ -136,7 +137,7 @@ def test_sums_of_blocks_are_those_of_whole_numbers(count):
     words = np.random.default_rng(count).integers(0, 2**32, count, dtype=np.uint32)
     words[::5] = 2**32 - 1
     sums = np.empty((-(-count // 1024), 4), np.uint64)
-    native.library().glint_universal_hash(words.ctypes.data, count, sums.ctypes.data)
+    binding.library().glint_universal_hash(words.ctypes.data, count, sums.ctypes.data)
     assert sums.tolist() == block_sums(words).tolist() == exact_sums(words)
 
 

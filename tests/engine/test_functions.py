@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from glint.engine import native
+from glint.engine.native import binding
 from native_tools import needs_core
 
 pytestmark = needs_core
@@ -49,7 +49,7 @@ def evaluate(name: str, x: np.ndarray, y: np.ndarray | None = None) -> np.ndarra
     x = np.ascontiguousarray(x, float)
     y, out = x if y is None else np.ascontiguousarray(y, float), np.empty_like(x)
     pointers = [a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in (x, y, out)]
-    assert native.library().glint_function(name.encode(), *pointers, len(x)) == 0
+    assert binding.library().glint_function(name.encode(), *pointers, len(x)) == 0
     return out
 
 
@@ -189,4 +189,4 @@ def test_remainders_are_exact() -> None:
 
 
 def test_unknown_function() -> None:
-    assert native.library().glint_function(b"gamma", None, None, None, 0) == -1
+    assert binding.library().glint_function(b"gamma", None, None, None, 0) == -1

@@ -24,6 +24,7 @@ from glint.engine.scene import (
     Scene,
     Spheres,
 )
+from glint.engine.scene.problems import scene_problems
 from native_tools import assert_instruction_sets_agree
 
 BACKENDS = ("NATIVE", "NUMPY")
@@ -262,7 +263,7 @@ def test_extreme_lenses_are_finite(kind, backend, lens):
     ],
 )
 def test_problems_name_the_number(lens, words):
-    [problem] = depths(seen("PERSPECTIVE", lens)).problems()
+    [problem] = scene_problems(depths(seen("PERSPECTIVE", lens)))
     assert words in problem
 
 
@@ -323,7 +324,7 @@ def test_a_motion_to_the_same_place_is_none(backend):
 
 
 def test_problems_name_the_motion():
-    [problem] = depths(
-        replace(seen("PERSPECTIVE", None), motion=np.full((2, 3, 4), np.nan))
-    ).problems()
+    [problem] = scene_problems(
+        depths(replace(seen("PERSPECTIVE", None), motion=np.full((2, 3, 4), np.nan)))
+    )
     assert "motion" in problem

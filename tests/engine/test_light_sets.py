@@ -20,6 +20,7 @@ from glint.engine.scene import (
     Polygons,
     Scene,
 )
+from glint.engine.scene.problems import scene_problems
 
 BACKENDS = ("NATIVE", "NUMPY")
 GLOSS = Material(
@@ -102,13 +103,13 @@ def test_what_a_light_is_not_for_throws_none_of_it_on(backend: str) -> None:
 
 @pytest.mark.parametrize("light_set", [-1, 64, 0.5])
 def test_a_set_beyond_the_bits_is_told(light_set) -> None:
-    assert any("light_set" in text for text in sets(room(lamp()), light_set).problems())
+    assert any("light_set" in text for text in scene_problems(sets(room(lamp()), light_set)))
 
 
 @pytest.mark.parametrize("receivers", [-1, 1 << 64, 1.0])
 def test_receivers_beyond_the_bits_are_told(receivers) -> None:
     scene = room(lamp(receivers=receivers))
-    assert any("receivers" in text for text in scene.problems())
+    assert any("receivers" in text for text in scene_problems(scene))
 
 
 def test_shadows_are_as_they_were() -> None:
@@ -215,7 +216,7 @@ def test_what_bounces_passes_what_is_no_blocker_on_its_way_from_the_lamp(backend
 
 @pytest.mark.parametrize("blockers", [-1, 1 << 64, 1.0])
 def test_blockers_beyond_the_bits_are_told(blockers) -> None:
-    assert any("blockers" in text for text in room(lamp(blockers=blockers)).problems())
+    assert any("blockers" in text for text in scene_problems(room(lamp(blockers=blockers))))
 
 
 GLOW = Material("glow", (Lobe("EMISSION", (Input((3.0, 2.0, 1.0)),)),))
@@ -286,4 +287,4 @@ def test_linked_panels_are_the_same_in_both_tracers_and_add_up() -> None:
 
 
 def test_links_of_instances_are_checked() -> None:
-    assert any("receivers" in text for text in panels({"receivers": -1}).problems())
+    assert any("receivers" in text for text in scene_problems(panels({"receivers": -1})))

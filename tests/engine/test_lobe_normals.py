@@ -16,6 +16,7 @@ from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
 from glint.engine.reference.bumps import lifted
+from glint.engine.scene.problems import scene_problems
 from native_tools import constant, lamp, needs_core
 from surface_scenes import balls, plane
 from test_bump_shadow import BACKENDS, MATT, NARROW, SHEEN, in_middle, lights, sun_from, vector
@@ -170,4 +171,4 @@ def test_explained_pixels_have_the_colours_of_the_picture() -> None:
 
 def test_an_output_that_is_not_there_is_told() -> None:
     scene = balls(MATT, replace(GLOSS, normal_output=3))
-    assert any("normal_output" in problem for problem in scene.problems())
+    assert any("normal_output" in problem for problem in scene_problems(scene))

@@ -17,6 +17,7 @@ import random_scenes
 from engine_scenes import GREY_WORLD, camera
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.scene.problems import scene_problems
 from test_core_against_reference import conditioned, relative_error
 from test_random_scenes import EDGES
 
@@ -56,7 +57,7 @@ def well_conditioned(key: str, film: engine.Film) -> np.ndarray:
 )
 @given(random_scenes.scenes(), random_scenes.settings())
 def test_same_picture(scene, settings):
-    assert scene.problems() == []
+    assert scene_problems(scene) == []
     settings = replace(settings, passes=PASSES)
     core, reference = (
         engine.render(scene, replace(settings, backend=backend)) for backend in ("NATIVE", "NUMPY")

@@ -15,6 +15,7 @@ from bounced_scenes import lamp as bulb
 from engine_scenes import at, ball_mesh, box_mesh, constant, grid_mesh, surface
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.scene.problems import scene_problems
 from media_scenes import DENSE, GLASS, both, filled, orthographic, rich, things
 
 SIGMA = np.array(DENSE.absorption)
@@ -309,9 +310,11 @@ def test_what_is_refused() -> None:
         ("fog", "Medium"),
     ):
         scene = things((box_mesh(), at(), filled("x", medium)))
-        (problem,) = scene.problems()
+        (problem,) = scene_problems(scene)
         assert word in problem and "'x'" in problem
-        assert any(word in text for text in replace(scene, world=s.World(medium=medium)).problems())
+        assert any(
+            word in text for text in scene_problems(replace(scene, world=s.World(medium=medium)))
+        )
 
 
 def test_features() -> None:

@@ -9,12 +9,12 @@ import pytest
 
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.evaluation import materials
 from glint.engine.lights.mesh_lights import mesh_lights, mesh_table
+from glint.engine.program.execute.run import run
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program, instructions
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference import materials
-from glint.engine.reference.program import run
 from glint.engine.sampling import patterns
 from glint.engine.scene import (
     POINT,

@@ -32,6 +32,7 @@ from glint.engine.scene import (
     Spheres,
     Strands,
 )
+from glint.engine.scene.problems import scene_problems
 from native_tools import assert_instruction_sets_agree
 
 BACKENDS = ("NATIVE", "NUMPY")
@@ -580,7 +581,10 @@ def test_bad_motion_is_refused_by_name():
         ),
     }
     for text, scene in bad.items():
-        assert any(text in problem for problem in scene.problems()), (text, scene.problems())
+        assert any(text in problem for problem in scene_problems(scene)), (
+            text,
+            scene_problems(scene),
+        )
 
 
 def test_turns_are_found_once_for_all_times(monkeypatch) -> None:

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from glint.engine import native
+from glint.engine.native import binding
 from glint.engine.native.core_types import MathFunction
 from native_tools import needs_core
 
@@ -19,7 +19,7 @@ def evaluate(name: str, x: np.ndarray, y: np.ndarray | None = None) -> np.ndarra
     x = np.ascontiguousarray(x, float)
     y, out = (x if y is None else np.ascontiguousarray(y, float)), np.empty_like(x)
     pointers = [a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in (x, y, out)]
-    native.library().glint_math(MathFunction[name.upper()], *pointers, len(x))
+    binding.library().glint_math(MathFunction[name.upper()], *pointers, len(x))
     return out
 
 

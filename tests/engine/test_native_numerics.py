@@ -11,8 +11,8 @@ import pytest
 
 from engine_scenes import ball_mesh, box_mesh, camera, grid_mesh, look_at, surface
 from glint import engine
-from glint.engine import native
 from glint.engine import scene as s
+from glint.engine.native.render import render_native
 from native_tools import color, constant, draw, lamp, material, needs_core, placed, square
 
 pytestmark = needs_core
@@ -279,5 +279,5 @@ def test_non_finite_colours_never_reach_a_pixel() -> None:
     scene = s.Scene(
         camera(size=(8, 8)), (mesh,), (placed(),), (material(*lobes),), (s.Texture("t", pixels),)
     )
-    film = native.render_native(scene, engine.Settings(samples=1))
+    film = render_native(scene, engine.Settings(samples=1))
     assert np.array_equal(film.combined[..., :3], np.broadcast_to(np.float32([0, 1, 1]), (8, 8, 3)))

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from glint import engine
-from glint.engine import native
 from glint.engine import scene as s
-from glint.engine.native import core_types, packing
+from glint.engine.native import binding, core_types, packing
+from glint.engine.native.render import render_native
 from glint.engine.settings import DECLARED
 from native_tools import IDENTITY, draw, lamp, material, needs_core, placed
 from sound_scene import MESH, SOUND
@@ -28,7 +28,7 @@ pytestmark = needs_core
 def refusal(scene: s.Scene, **settings) -> str:
     """The text with which the core itself, past Python's checks, refuses a scene."""
     with pytest.raises(engine.SceneError) as error:
-        native.render_native(scene, engine.Settings(samples=1, **settings))
+        render_native(scene, engine.Settings(samples=1, **settings))
     return str(error.value)
 
 
@@ -121,9 +121,7 @@ def test_the_core_takes_the_declared_range_and_no_more(name: str) -> None:
     """Its check stands by itself: other hosts do not ask `Settings.problems`."""
     declared = DECLARED[name]
     for end in (declared.low, declared.high):
-        native.render_native(
-            SOUND, engine.Settings(samples=1, **{name: type(declared.default)(end)})
-        )
+        render_native(SOUND, engine.Settings(samples=1, **{name: type(declared.default)(end)}))
     assert "settings: " in refusal(SOUND, **{name: declared.high + 1})
 
 
@@ -132,7 +130,7 @@ def test_memory_that_cannot_be_had_is_named() -> None:
     with pytest.raises(
         MemoryError, match=r"1048576 by 1048576 pixels with 4 channels needs 52776\.6 GB"
     ):
-        native.render_native(huge, engine.Settings(samples=1))
+        render_native(huge, engine.Settings(samples=1))
 
 
 def test_many_problems_are_all_told() -> None:
@@ -162,7 +160,7 @@ def test_bad_instances_and_lights_are_left_out_and_counted() -> None:
     matrices[1, 0, 0], matrices[2, :, :3] = np.nan, np.diag([1, 0, 0])
     lights = (SOUND.lights[0], lamp("POINT", strength=np.nan))
     many = replace(SOUND, instances=(replace(placed(), world_from_object=matrices),), lights=lights)
-    film = native.render_native(many, engine.Settings(samples=1, light_samples=1))
+    film = render_native(many, engine.Settings(samples=1, light_samples=1))
     assert np.array_equal(film.combined, draw(SOUND).combined)
     assert (film.stats["dropped instances"], film.stats["dropped lights"]) == (2, 1)
     assert [note.split(" have ")[0] for note in film.notes] == [
@@ -190,7 +188,7 @@ def test_arrays_of_other_layouts_are_converted() -> None:
         vertices=np.asfortranarray(MESH.vertices.astype(float)),
         triangles=MESH.triangles.astype(np.int64)[:, ::1],
     )
-    film = native.render_native(
+    film = render_native(
         replace(SOUND, geometries=(wide,)), engine.Settings(samples=1, light_samples=1)
     )
     assert np.array_equal(film.combined, draw(SOUND).combined)
@@ -204,8 +202,8 @@ def test_a_hundred_thousand_instances_are_packed_as_rows() -> None:
 
 
 def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv(native.LIBRARY_VARIABLE, str(tmp_path / "nowhere.so"))
-    assert "nowhere.so" in native.load_error()
+    monkeypatch.setenv(binding.LIBRARY_VARIABLE, str(tmp_path / "nowhere.so"))
+    assert "nowhere.so" in binding.load_error()
     assert engine.available_backends() == ("NUMPY",)
 
 
@@ -232,7 +230,9 @@ from glint import engine
 print(engine.native_error())
 print(engine.available_backends())
 """
-    installed = {name: text for name, text in os.environ.items() if name != native.LIBRARY_VARIABLE}
+    installed = {
+        name: text for name, text in os.environ.items() if name != binding.LIBRARY_VARIABLE
+    }
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, env=installed
     )

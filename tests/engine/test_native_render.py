@@ -13,8 +13,8 @@ import pytest
 
 from engine_scenes import ball_mesh, camera, grid_mesh, surface
 from glint import engine
-from glint.engine import native
 from glint.engine import scene as s
+from glint.engine.native.render import render_native
 from native_tools import (
     IDENTITY,
     constant,
@@ -370,10 +370,10 @@ def test_an_instruction_set_that_is_not_to_be_had_is_said(monkeypatch: pytest.Mo
     scene = busy_scene()
     settings = replace(BUSY, samples=1)
     monkeypatch.setenv("GLINT_ISA", "avx9")
-    (note,) = native.render_native(scene, settings).notes
+    (note,) = render_native(scene, settings).notes
     assert "GLINT_ISA is 'avx9'" in note and "unset it" in note
     monkeypatch.setenv("GLINT_ISA", note.split(": ")[1].split()[0])
-    assert native.render_native(scene, settings).notes == ()
+    assert render_native(scene, settings).notes == ()
 
 
 def test_statistics_say_what_was_done() -> None:

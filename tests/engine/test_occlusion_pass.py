@@ -11,6 +11,7 @@ import pytest
 
 from engine_scenes import SCENES, at, box_mesh, surface
 from glint.engine import scene as s
+from glint.engine.scene.problems import scene_problems
 from native_tools import constant, draw, needs_core, pixel_centers, square, view_from_above
 
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
@@ -48,7 +49,7 @@ def floor_and(
 
 def openness(scene: s.Scene, backend: str = "NATIVE", **settings) -> np.ndarray:
     """(h, w, 3) with 1024 directions."""
-    assert scene.problems() == []
+    assert scene_problems(scene) == []
     plan = {"samples": 64, "light_samples": 2, "filter_width": 0.0, **settings}
     return draw(scene, PASS, backend=backend, **plan).passes[PASS]
 
@@ -218,5 +219,5 @@ def test_tiny_and_huge(backend: str, size: float) -> None:
 
 def test_a_distance_below_0_is_refused() -> None:
     for reach in (-1.0, 1e31, np.nan, np.inf):
-        [found] = floor_and(reach=reach).problems()
+        [found] = scene_problems(floor_and(reach=reach))
         assert "occlusion_distance" in found

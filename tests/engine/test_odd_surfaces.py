@@ -15,6 +15,7 @@ from glint.engine import scene as s
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
+from glint.engine.scene.problems import scene_problems
 from native_tools import IDENTITY, constant, draw, lamp
 from test_same_bits import AXES, LOOKS
 
@@ -117,7 +118,7 @@ CASES = {
 @pytest.mark.parametrize("name", LOOKS)
 def test_pictures_are_finite_and_agree(name: str, case: str) -> None:
     scene = things(name, *CASES[case])
-    assert scene.problems() == []
+    assert scene_problems(scene) == []
     options = {"samples": 1, "light_samples": 2, "max_bounces": 1}
     core, truth = (draw(scene, backend=x, **options).combined for x in ("NATIVE", "NUMPY"))
     assert np.isfinite(core).all() and np.isfinite(truth).all()

@@ -11,6 +11,7 @@ import pytest
 
 from glint.engine import Accelerator, Settings, render
 from glint.engine.lights import openings as found_openings
+from glint.engine.lights.lit import lit_scene
 from glint.engine.lights.openings import opened, openings
 from glint.engine.reference.path_lamps import around
 from glint.engine.scene import (
@@ -243,7 +244,7 @@ def test_without_openings_the_same_floor_shows_the_windows_outline():
     """What openings are for: rows of pixels bend a seventh as much."""
     room = scene(walls())
     with_them = floor_light(room, 64)
-    lights = room.as_lit(by_world=True, by_meshes=False).lights
+    lights = lit_scene(room, by_world=True, by_meshes=False).lights
     none = replace(lights[0], openings=NOWHERE)
     without = floor_light(replace(room, lights=(none,)), 64)
     rough = [np.abs(np.diff(image, 2, axis=1)).mean() for image in (with_them, without)]

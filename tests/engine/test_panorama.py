@@ -17,6 +17,7 @@ from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.program.table import BY_NAME
 from glint.engine.scene import Camera, Instances, Lens, Medium, Scene, Spheres
 from glint.engine.scene.panorama import Eye, Panorama
+from glint.engine.scene.problems import scene_problems
 from media_scenes import rich
 from native_tools import assert_instruction_sets_agree
 from test_lens import BACKENDS, depths, glowing, moving, turned
@@ -112,7 +113,7 @@ def inside_of_a_ball(camera: Camera, radius: float, centre=(0.0, 0.0, 0.0)) -> S
 
 
 def passes_of(scene: Scene, backend: str = "NATIVE", **settings) -> dict[str, np.ndarray]:
-    assert not scene.problems()
+    assert not scene_problems(scene)
     chosen = {"samples": 1, "passes": frozenset({"Depth", "Position"})} | settings
     return render(scene, Settings(backend=backend, **chosen)).passes
 
@@ -348,7 +349,7 @@ def test_extremes_are_finite(panorama, backend):
 )
 def test_problems_name_the_number(changes, words):
     camera = seen(replace(PANORAMAS["equirectangular"], **changes))
-    [problem] = inside_of_a_ball(camera, 1.0).problems()
+    [problem] = scene_problems(inside_of_a_ball(camera, 1.0))
     assert words in problem
 
 
@@ -359,7 +360,7 @@ def test_what_else_a_panorama_refuses():
         ({"clip_start": -1.0}, "clip_start is -1.0"),
         ({"clip_planes": ((0.0, 0.0, 1.0, 0.0),)}, "clip_planes cut panoramas nowhere"),
     ):
-        [problem] = replace(scene, camera=replace(scene.camera, **changes)).problems()
+        [problem] = scene_problems(replace(scene, camera=replace(scene.camera, **changes)))
         assert words in problem
     with pytest.raises(engine.SceneError, match="fov"):
         render(replace(scene, camera=seen(Panorama("FISHEYE_EQUIDISTANT", fov=np.nan))), Settings())

@@ -15,14 +15,14 @@ import pytest
 from bounced_scenes import ALBEDO, HERE, lamp, matt, room
 from engine_scenes import checker, look_at
 from glint import engine
-from glint.engine import native
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines, summary
+from glint.engine.explained import Ray
 from glint.engine.film import LIGHTING, PARTS
 from glint.engine.lights.interleaving import SIDE
 from glint.engine.native import packing_settings
+from glint.engine.native import render as native_render
 from glint.engine.reference import stage, trace
-from glint.engine.reference.explained import Ray
 from glint.engine.reference.path_tracer import trace_paths
 from glint.engine.sampling import interleaving_classes
 from native_tools import assert_instruction_sets_agree, constant, needs_core, view_from_above
@@ -539,7 +539,7 @@ def drawn_with(changes: dict | np.ndarray, monkeypatch: pytest.MonkeyPatch) -> e
             setattr(found.data, name, value)
         return found
 
-    monkeypatch.setattr(native, "pack_settings", pack)
+    monkeypatch.setattr(native_render, "pack_settings", pack)
     return film(room(lamp()), 2, samples=2)
 
 

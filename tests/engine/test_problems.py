@@ -10,6 +10,7 @@ import pytest
 
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.scene.problems import scene_problems
 
 F, U, H = np.float32, np.uint32, np.uint16
 IDENTITY = np.eye(4)[:3]
@@ -167,7 +168,7 @@ SOUND = {
 
 @pytest.mark.parametrize("name", SOUND)
 def test_sound_scenes_have_no_problems(name):
-    assert SOUND[name].problems() == []
+    assert scene_problems(SOUND[name]) == []
 
 
 FAULTS = {
@@ -547,7 +548,7 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_named_once_with_its_remedy(name):
     faulty, expected = FAULTS[name]
-    problems = faulty.problems()
+    problems = scene_problems(faulty)
     assert len(problems) == 1, problems
     assert expected in problems[0]
 
@@ -556,8 +557,8 @@ def test_every_problem_is_listed_in_one_error():
     both = scene(camera=camera(clip_start=-1.0), lights=(light(strength=np.nan),))
     with pytest.raises(engine.SceneError) as caught:
         engine.render(both)
-    assert str(caught.value).splitlines() == both.problems()
-    assert len(both.problems()) == 2
+    assert str(caught.value).splitlines() == scene_problems(both)
+    assert len(scene_problems(both)) == 2
 
 
 def test_the_check_changes_and_keeps_nothing():
@@ -567,7 +568,7 @@ def test_the_check_changes_and_keeps_nothing():
         for f in dataclasses.fields(s.Mesh)
         if f.name in ("vertices", "triangles")
     ]
-    sound.problems()
+    scene_problems(sound)
     np.testing.assert_array_equal(before[0], sound.geometries[0].vertices)
     np.testing.assert_array_equal(before[1], sound.geometries[0].triangles)
 
@@ -589,10 +590,10 @@ def big_mesh(count):
 
 def test_meshes_are_not_copied():
     whole = scene(geometries=(big_mesh(100_000),))
-    assert whole.problems() == []  # and the modules are loaded
+    assert scene_problems(whole) == []  # and the modules are loaded
     tracemalloc.start()
     try:
-        whole.problems()
+        scene_problems(whole)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
@@ -615,8 +616,8 @@ def test_meshes_are_not_copied():
 def test_one_bad_group_among_many_alike_is_named(changes, text):
     groups = [instances(name=f"Row {k}") for k in range(5)]
     groups[3] = instances(name="Odd", **changes)
-    assert scene(instances=tuple(groups[:3])).problems() == []
-    found = scene(instances=tuple(groups)).problems()
+    assert scene_problems(scene(instances=tuple(groups[:3]))) == []
+    found = scene_problems(scene(instances=tuple(groups)))
     assert len(found) == 1
     assert "'Odd'" in found[0]
     assert text in found[0]

@@ -13,6 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from glint.engine.program.execute.operations import apply
+from glint.engine.program.execute.run import run
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations import Operation
 from glint.engine.program.operations_math import MathOperation as M
@@ -25,7 +27,6 @@ from glint.engine.program.program import (
     without_the_rest,
 )
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference.program import apply, run
 
 HITS = 5
 MATH, ATTRIBUTE = BY_NAME["math"], BY_NAME["attribute"]

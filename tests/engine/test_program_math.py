@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from glint.engine.program.execute.operations import apply
 from glint.engine.program.operations_math import ClampType, MathOperation
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference.program import apply
 from native_tools import needs_core
 from program_tools import by_core, by_reference
 

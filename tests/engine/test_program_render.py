@@ -10,13 +10,14 @@ import pytest
 
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.program.execute.operations import apply
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations import Operation
 from glint.engine.program.operations_input import NormalSpace, Shift, Space, VectorType
 from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME, OPERATIONS
-from glint.engine.reference.program import apply
+from glint.engine.scene.problems import scene_problems
 from native_tools import NO_WORLD, needs_core, placed, square, view_from_above
 
 pytestmark = needs_core
@@ -103,7 +104,7 @@ def as_color(graph: Graph, value: Value) -> Value:
 
 def both(scene: s.Scene, passes=("Combined",), **settings) -> list[dict[str, np.ndarray]]:
     chosen = engine.Settings(samples=1, passes=frozenset(passes), **settings)
-    assert not scene.problems()
+    assert not scene_problems(scene)
     return [
         engine.render(scene, replace(chosen, backend=backend)).passes
         for backend in ("NATIVE", "NUMPY")

@@ -14,6 +14,7 @@ from glint.engine import render
 from glint.engine import scene as s
 from glint.engine import settings as engine_settings
 from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.scene.problems import scene_problems
 from native_tools import (
     assert_instruction_sets_agree,
     constant,
@@ -189,7 +190,7 @@ def test_one_tracer_beside_the_other(name: str, local: int) -> None:
     base = SCENES[name]()
     asks = occlusion(2.0, only_local=local, samples=8)
     scene = replace(base, materials=(asks,) * len(base.materials))
-    assert scene.problems() == []
+    assert scene_problems(scene) == []
     passes = ("Cost",)
     native, reference = (
         draw(scene, *passes, backend=b, samples=2, filter_width=0.0, max_bounces=2)

@@ -10,8 +10,9 @@ import pytest
 from engine_scenes import at, constant, grid_mesh, look_at
 from floor_views import unit, viewing_rays
 from glint.engine import scene as s
+from glint.engine.program.execute.inputs import fresnel_dielectric
 from glint.engine.reference.bumps import lifted
-from glint.engine.reference.optics import fresnel, reflected, refracted
+from glint.engine.reference.optics import reflected, refracted
 from test_reference_support import (
     DIFFUSE,
     K_D,
@@ -43,13 +44,13 @@ def test_mirror_corridor_is_a_geometric_series(bounces: int) -> None:
 
 
 def test_fresnel_at_normal_incidence_brewster_and_total_reflection() -> None:
-    assert fresnel(np.array([1.0]), np.array([1.5]))[0] == pytest.approx(0.04, rel=1e-14)
+    assert fresnel_dielectric(np.array([1.0]), np.array([1.5]))[0] == pytest.approx(0.04, rel=1e-14)
     brewster = np.cos(np.arctan(1.5))  # only one polarisation is left: half of sin²(θ − θ')
-    assert fresnel(np.array([brewster]), np.array([1.5]))[0] == pytest.approx(
+    assert fresnel_dielectric(np.array([brewster]), np.array([1.5]))[0] == pytest.approx(
         0.5 * np.cos(2 * np.arctan(1.5)) ** 2, rel=1e-13
     )
     cosine = np.array([0.2, np.cos(np.arcsin(1 / 1.5)) * (1 - 1e-9), 0.9])
-    assert np.array_equal(fresnel(cosine, np.full(3, 1 / 1.5)) == 1, [True, True, False])
+    assert np.array_equal(fresnel_dielectric(cosine, np.full(3, 1 / 1.5)) == 1, [True, True, False])
 
 
 def slab(ior: float, down: bool = True) -> s.Scene:
@@ -74,7 +75,7 @@ def test_refraction_carries_what_fresnel_leaves(down: bool) -> None:
     _, d = viewing_rays(VIEW)
     cosine, index = -unit(d)[..., 2], 1.5 if down else 1 / 1.5
     found = color(slab(1.5, down))
-    assert np.allclose(found[..., 0], 1 - fresnel(cosine, index), rtol=1e-12, atol=1e-15)
+    assert np.allclose(found[..., 0], 1 - fresnel_dielectric(cosine, index), rtol=1e-12, atol=1e-15)
     assert down or (found == 0).any()  # total reflection
 
 
@@ -87,7 +88,9 @@ def test_reflected_and_refracted_rays_are_both_followed() -> None:
         scene, instances=(*scene.instances, ceiling), materials=(*scene.materials, bright)
     )
     _, d = viewing_rays(VIEW)
-    assert np.allclose(color(scene)[..., 0], 1 + fresnel(-unit(d)[..., 2], 1.5), rtol=1e-12)
+    assert np.allclose(
+        color(scene)[..., 0], 1 + fresnel_dielectric(-unit(d)[..., 2], 1.5), rtol=1e-12
+    )
 
 
 def test_refracted_rays_obey_snell() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 import reference_renders as references
 from engine_scenes import SCENES
+from glint.engine.scene.problems import scene_problems
 from glint.engine.settings import BUILDS
 from native_tools import needs_core
 
@@ -68,4 +69,4 @@ def test_rounding_leaves_no_long_float() -> None:
     for light in scene.lights:
         assert light.strength == np.float32(light.strength)
         assert np.array_equal(light.world_from_light, light.world_from_light.astype(np.float32))
-    assert scene.problems() == []
+    assert scene_problems(scene) == []

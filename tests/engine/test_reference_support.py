@@ -9,9 +9,10 @@ import numpy as np
 from engine_scenes import at, camera, constant, grid_mesh, look_at
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.evaluation.geometry import Geometry, gather
 from glint.engine.reference.cancellation import Cancellation
-from glint.engine.reference.geometry import Geometry, gather
 from glint.engine.reference.trace import Tracer
+from glint.engine.scene.problems import scene_problems
 
 PI = np.pi
 ROUNDING = 1e-12
@@ -21,7 +22,7 @@ PASSES = frozenset(engine.PASSES) - {"Combined"}
 
 def values(scene: s.Scene, **settings) -> dict[str, np.ndarray]:
     """Passes in float64, (h, w, channels)."""
-    assert scene.problems() == []
+    assert scene_problems(scene) == []
     options = {"samples": 1, "light_samples": 1, "passes": PASSES} | settings
     tracer = Tracer(scene, engine.Settings(backend="NUMPY", **options), Cancellation(lambda: False))
     assert tracer.run()

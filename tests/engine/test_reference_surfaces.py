@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from engine_scenes import at, ball_mesh, camera, checker, constant, grid_mesh, look_at
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.evaluation.textures import Image
 from glint.engine.reference.shapes import meet_ball
-from glint.engine.reference.textures import Image
 from test_reference_support import ROUNDING, color, floor, geometry_of, material, values
 
 DOWN = s.Camera("ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (8, 8))

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 
 from engine_scenes import at, ball_mesh, box_mesh, grid_mesh
 from glint.engine import scene as s
+from glint.engine.evaluation.geometry import Geometry
+from glint.engine.linear.columns import transform, unit
 from glint.engine.reference import raster
 from glint.engine.reference import tree as tree_module
 from glint.engine.reference.cancellation import Cancellation
-from glint.engine.reference.geometry import Geometry
 from glint.engine.reference.raster import sorted_strips
 from glint.engine.reference.rays import CoherentRays, Frame, IncoherentRays, hit_triangles
 from glint.engine.reference.shadows import cube_frame, parallel_frame
 from glint.engine.reference.tree import NONE, build
-from glint.engine.reference.vectors import transform, unit
 from glint.engine.reference.visibility import NOTHING, Passed, Visibility
 from test_reference_support import geometry_of
 

@@ -8,6 +8,7 @@ import pytest
 from engine_scenes import at
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.scene.problems import scene_problems
 
 both = pytest.mark.parametrize("backend", engine.available_backends())
 
@@ -249,7 +250,7 @@ def test_bad_arrays_are_refused_with_a_sentence():
         values = {"vertices": vertices, "radii": radii, "starts": np.array([0, 1], np.uint32)}
         geometry = s.Strands("hair", **{**values, **fields})
         camera = s.Camera("PERSPECTIVE", at()[0], (-1.0, 1.0, -1.0, 1.0), (2, 2))
-        return s.Scene(camera, (geometry,)).problems()
+        return scene_problems(s.Scene(camera, (geometry,)))
 
     assert problems() == []
     for fields, text in (

@@ -17,6 +17,7 @@ from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
 from glint.engine.reference.subsurface import REACH, Profile, within
 from glint.engine.sampling import subsurface_points
+from glint.engine.scene.problems import scene_problems
 from native_tools import lamp, needs_core, pixel_centers, placed, square, view_from_above
 from surface_scenes import SUN
 
@@ -312,7 +313,7 @@ def test_a_program_may_give_the_radius(backend: str) -> None:
 def test_a_radius_below_0_or_not_finite_is_refused() -> None:
     for radius in ((-1.0, 0, 0), (np.nan, 0, 0), (1.0, 1.0)):
         scene = slab(skin(radius), SUN)
-        assert any("radius" in problem for problem in scene.problems())
+        assert any("radius" in problem for problem in scene_problems(scene))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

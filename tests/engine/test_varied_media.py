@@ -17,6 +17,7 @@ from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
+from glint.engine.scene.problems import scene_problems
 from media_scenes import GLASS, both, filled, orthographic, rich, things
 from native_tools import assert_instruction_sets_agree
 
@@ -422,7 +423,7 @@ def test_what_a_medium_cannot_read_is_told() -> None:
         medium = tree.medium(absorption=tree.apply(name, **more))
         scene = things((box_mesh(), at(), filled("fog", s.Medium() if is_world else medium)))
         world = s.World(medium=medium if is_world else None)
-        return " ".join(replace(scene, world=world).problems())
+        return " ".join(scene_problems(replace(scene, world=world)))
 
     assert "reads uv" in problems("uv", attribute="", shift=0)
     assert "reads attribute" in problems("attribute", attribute="density", shift=0)
@@ -433,7 +434,7 @@ def test_what_a_medium_cannot_read_is_told() -> None:
     medium = absorbing(DENSITIES["linear"][0])
     for wrong, told in (({"step": 0.0}, "step"), ({"scattering_output": 1}, "outputs")):
         scene = things((box_mesh(), at(), filled("fog", replace(medium, **wrong))))
-        assert told in " ".join(scene.problems())
+        assert told in " ".join(scene_problems(scene))
 
 
 def test_a_shadow_through_smoke() -> None:

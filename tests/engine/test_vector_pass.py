@@ -11,6 +11,7 @@ from engine_scenes import SCENES, at, ball_mesh, box_mesh, camera, grid_mesh, lo
 from glint import engine
 from glint.engine import scene as s
 from glint.engine.scene.panorama import Panorama
+from glint.engine.scene.problems import scene_problems
 from native_tools import draw, needs_core
 
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
@@ -57,7 +58,7 @@ def moved(
 
 def vectors(scene: s.Scene, backend: str = "NATIVE", **settings) -> np.ndarray:
     """(h, w, 4)"""
-    assert scene.problems() == []
+    assert scene_problems(scene) == []
     return draw(scene, "Vector", backend=backend, filter_width=0.0, **settings).passes["Vector"]
 
 
@@ -269,9 +270,9 @@ def test_neighbours_that_are_other_scenes_are_refused() -> None:
         (replace(scene, camera=camera(kind="ORTHOGRAPHIC")), "use PERSPECTIVE"),
         (replace(scene, camera=replace(facing(), window=(1, 1, 0, 1))), "no area"),
     ):
-        found = replace(scene, neighbours=(scene, other)).problems()
+        found = scene_problems(replace(scene, neighbours=(scene, other)))
         assert len(found) == 1 and words in found[0], found
-    [found] = replace(scene, neighbours=(scene,)).problems()
+    [found] = scene_problems(replace(scene, neighbours=(scene,)))
     assert "two scenes" in found
     with pytest.raises(engine.SceneError):
         engine.render(replace(scene, neighbours=(scene,)), engine.Settings())

@@ -14,6 +14,7 @@ import pytest
 from glint.engine import Settings
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.lights.lit import lit_scene
 from native_tools import (
     IDENTITY,
     assert_instruction_sets_agree,
@@ -166,7 +167,7 @@ def test_what_glows_for_some_and_for_all_is_two_lights() -> None:
     panel = scene.instances[-1]
     other = replace(panel, visible_diffuse=True)
     both = replace(scene, instances=(*scene.instances, other))
-    lights = both.as_lit(**LIT).lights
+    lights = lit_scene(both, **LIT).lights
     assert [(x.kind, x.lights_matt) for x in lights] == [("MESH", False), ("MESH", True)]
 
 
@@ -175,9 +176,11 @@ def test_skies_and_glow_that_light_nothing_are_left_out() -> None:
     for lights in (LAMPS["sky"], ()):
         scene = without(floor(MATT + GLOSS, lights), False, False)
         lit = {**LIT, "by_world": True}
-        assert scene.as_lit(**lit).lights == ()
-        assert len(replace(scene, world=fog).as_lit(**lit).lights) == 1
-        assert without(replace(scene, world=fog), False, False, False).as_lit(**lit).lights == ()
+        assert lit_scene(scene, **lit).lights == ()
+        assert len(lit_scene(replace(scene, world=fog), **lit).lights) == 1
+        assert (
+            lit_scene(without(replace(scene, world=fog), False, False, False), **lit).lights == ()
+        )
 
 
 def scenes() -> list[s.Scene]:

@@ -28,6 +28,7 @@ from glint.engine.scene import (
     World,
     view_axes,
 )
+from glint.engine.scene.problems import scene_problems
 
 WHITE = Material("white", (Lobe("DIFFUSE"), Lobe("AMBIENT")))
 DOWN = Camera(
@@ -402,14 +403,14 @@ def test_a_transparent_film_is_lit_but_shows_no_sky():
     ],
 )
 def test_what_is_not_sound_is_told(world, told):
-    problems = replace(_around(FRONT), world=world).problems()
+    problems = scene_problems(replace(_around(FRONT), world=world))
     assert len(problems) == 1 and told in problems[0]
 
 
 def test_a_program_that_reads_surfaces_is_refused():
     graph = Graph()
     program = compile_program(graph, [graph.apply(BY_NAME["position"], shift=0)[0]])
-    problems = replace(_around(FRONT), world=World(program=program)).problems()
+    problems = scene_problems(replace(_around(FRONT), world=World(program=program)))
     assert len(problems) == 1 and "reads surfaces" in problems[0]
 
 
@@ -417,13 +418,13 @@ def test_a_program_that_reads_surfaces_is_refused():
     "radiance", [None, np.zeros((0, 0, 3), np.float32), np.full((1, 1, 3), np.inf, np.float32)]
 )
 def test_a_map_that_is_not_sound_is_told(radiance):
-    problems = scene(FLOOR, light=replace(even(), radiance=radiance)).problems()
+    problems = scene_problems(scene(FLOOR, light=replace(even(), radiance=radiance)))
     assert len(problems) == 1 and "radiance" in problems[0]
 
 
 def test_several_skies_are_told():
     wanted = scene(FLOOR, light=even())
-    problems = replace(wanted, lights=(even(), even())).problems()
+    problems = scene_problems(replace(wanted, lights=(even(), even())))
     assert len(problems) == 1 and "'Sky', 'Sky'" in problems[0]
 
 

@@ -36,8 +36,8 @@ from cycles_reference import bpy
 from glint import engine
 from glint.addon.export import export_scene
 from glint.addon.export.camera import ExportError
-from glint.engine import native
 from glint.engine import scene as s
+from glint.engine.native.render import render_native
 from glint_picture import BACKENDS, render_glint
 
 NAN, INF = float("nan"), float("inf")
@@ -281,7 +281,7 @@ def test_more_triangles_than_an_index_counts():
     triangles = np.broadcast_to(given.geometries[0].triangles[:1], (2**40, 3))
     huge = replace(given, geometries=(s.Mesh("huge", given.geometries[0].vertices, triangles),))
     with pytest.raises(MemoryError, match=r"\d [GT]i?B"):
-        native.render_native(huge, engine.Settings(samples=1))
+        render_native(huge, engine.Settings(samples=1))
     assert colors(scene).min() > 0
 
 

@@ -16,6 +16,7 @@ import cycles_reference as cycles
 from cycles_reference import bpy
 from glint.addon.export import export_scene
 from glint.engine import Settings, render
+from glint.engine.scene.problems import scene_problems
 
 SIZE = (48, 36)
 
@@ -62,7 +63,7 @@ def hairy(size: float = 1.0, shader: str = "ShaderNodeBsdfHairPrincipled", **obj
 def drawn(backend: str = "NATIVE", samples: int = 2):
     """The picture, and the export's notes."""
     exported = export_scene(bpy.context.evaluated_depsgraph_get())
-    assert not exported.scene.problems()
+    assert not scene_problems(exported.scene)
     film = render(exported.scene, Settings(samples=samples, light_samples=2, backend=backend))
     picture = film.combined
     assert np.isfinite(picture).all()

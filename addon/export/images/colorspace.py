@@ -84,10 +84,21 @@ def luma() -> tuple[float, float, float]:
     return LUMA if found is RGB_FROM_XYZ else tuple(np.linalg.inv(found)[1].tolist())
 
 
+def openimageio() -> Any:
+    """The module, also where the bpy wheel hides it; None where there is none."""
+    try:
+        import OpenImageIO
+    except ImportError:
+        try:
+            bpy.utils.expose_bundled_modules()
+            import OpenImageIO
+        except (AttributeError, ImportError):
+            return None
+    return OpenImageIO
+
+
 @lru_cache(maxsize=4)
 def _rgb_from_xyz(configuration: str, working: str) -> np.ndarray:
-    from .pixels import openimageio
-
     oiio, unit = openimageio(), np.eye(3, dtype=np.float32)[None]
     try:
         columns = _between(unit, _ACES, working, configuration, oiio)[0]

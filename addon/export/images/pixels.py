@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from . import colorspace
+from .colorspace import openimageio
 from .moving import movie_picture
 
 MAGENTA = np.array([[[255, 0, 255, 255]]], np.uint8)
@@ -66,21 +67,6 @@ class Source:
     path: str
     packed: bytes | None
     alpha_mode: str
-
-
-def openimageio() -> Any:
-    """The module, also where the bpy wheel hides it; None where there is none."""
-    try:
-        import OpenImageIO
-    except ImportError:
-        import bpy
-
-        try:
-            bpy.utils.expose_bundled_modules()
-            import OpenImageIO
-        except (AttributeError, ImportError):
-            return None
-    return OpenImageIO
 
 
 def read(

@@ -9,7 +9,7 @@
 
 #include "integrator/tracer.h"
 #include "pipeline_scenes.h"
-#include "session/timer.h"
+#include "system/timer.h"
 
 namespace {
 

@@ -6,7 +6,7 @@
 
 #include "api/guard.h"
 #include "math/math.h"
-#include "session/thread_pool.h"
+#include "system/thread_pool.h"
 
 namespace glint {
 namespace {

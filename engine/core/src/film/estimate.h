@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "film/refine.h"
-#include "session/zeroed_buffer.h"
+#include "system/zeroed_buffer.h"
 
 namespace glint {
 

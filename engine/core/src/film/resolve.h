@@ -15,7 +15,7 @@
 
 #include "film/passes.h"
 #include "film/refine.h"
-#include "session/zeroed_buffer.h"
+#include "system/zeroed_buffer.h"
 
 namespace glint {
 

@@ -7,7 +7,7 @@
 #include "integrator/columns.h"
 #include "integrator/queue.h"
 #include "scene/scene.h"
-#include "shading/surface.h"
+#include "scene/surface.h"
 
 namespace glint {
 

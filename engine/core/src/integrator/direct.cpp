@@ -5,8 +5,8 @@
 #include "integrator/first_hit_cache.h"
 #include "integrator/photon_emission.h"
 #include "math/math.h"
-#include "session/timer.h"
-#include "shading/surface.h"
+#include "scene/surface.h"
+#include "system/timer.h"
 
 namespace glint {
 namespace {

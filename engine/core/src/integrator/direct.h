@@ -9,7 +9,7 @@
 #include "integrator/plan.h"
 #include "integrator/scatter_depths.h"
 #include "integrator/transmittance.h"
-#include "shading/light_program.h"
+#include "scene/light_program.h"
 
 namespace glint {
 

@@ -4,8 +4,8 @@
 
 #include "integrator/direct.h"
 #include "math/math.h"
-#include "session/timer.h"
-#include "shading/surface.h"
+#include "scene/surface.h"
+#include "system/timer.h"
 
 namespace glint {
 namespace {

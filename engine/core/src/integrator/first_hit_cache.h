@@ -9,10 +9,10 @@
 #include "bvh/accel.h"
 #include "film/film.h"
 #include "glint.h"
-#include "integrator/first_hit_caches.h"
 #include "integrator/plan.h"
-#include "session/zeroed_buffer.h"
+#include "scene/first_hit_caches.h"
 #include "shading/stages.h"
+#include "system/zeroed_buffer.h"
 
 namespace glint {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "shading/surface.h"
+#include "scene/surface.h"
 
 namespace glint {
 namespace {

@@ -2,8 +2,8 @@
 // point, n shading normal, t1 t2 across it, l direction.
 #include "integrator/tracer.h"
 #include "math/math.h"
-#include "session/timer.h"
-#include "shading/surface.h"
+#include "scene/surface.h"
+#include "system/timer.h"
 
 namespace glint {
 namespace {

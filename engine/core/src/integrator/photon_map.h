@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "math/vec.h"
-#include "session/thread_pool.h"
+#include "system/thread_pool.h"
 
 namespace glint {
 

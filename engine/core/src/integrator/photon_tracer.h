@@ -9,9 +9,9 @@
 #include "integrator/photon_emission.h"
 #include "integrator/photon_map.h"
 #include "integrator/scene_queries.h"
+#include "integrator/shade.h"
 #include "integrator/transmittance.h"
-#include "shading/light_program.h"
-#include "shading/shade.h"
+#include "scene/light_program.h"
 
 namespace glint {
 

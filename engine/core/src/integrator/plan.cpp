@@ -4,7 +4,7 @@
 
 #include "film/film.h"
 #include "scene/scene.h"
-#include "session/thread_pool.h"
+#include "system/thread_pool.h"
 
 namespace glint {
 namespace {

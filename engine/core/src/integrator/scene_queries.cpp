@@ -1,7 +1,7 @@
 #include "integrator/scene_queries.h"
 
 #include "film/refine.h"
-#include "session/timer.h"
+#include "system/timer.h"
 
 namespace glint {
 namespace {

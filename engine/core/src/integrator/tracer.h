@@ -10,8 +10,8 @@
 #include "integrator/paths.h"
 #include "integrator/photon_map.h"
 #include "integrator/scene_queries.h"
+#include "integrator/shade.h"
 #include "integrator/subsurface.h"
-#include "shading/shade.h"
 
 namespace glint {
 

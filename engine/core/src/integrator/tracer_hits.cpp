@@ -4,7 +4,7 @@
 
 #include "integrator/tracer.h"
 #include "math/math.h"
-#include "session/timer.h"
+#include "system/timer.h"
 
 namespace glint {
 

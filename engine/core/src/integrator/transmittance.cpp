@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "session/timer.h"
+#include "system/timer.h"
 
 namespace glint {
 

@@ -5,7 +5,7 @@
 #include "math/math.h"
 #include "scene/anchor.h"
 #include "scene/programs.h"
-#include "shading/surface.h"
+#include "scene/surface.h"
 
 namespace glint {
 namespace {

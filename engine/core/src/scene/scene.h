@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "glint.h"
-#include "integrator/first_hit_caches.h"
 #include "scene/anchor.h"
+#include "scene/first_hit_caches.h"
 #include "scene/instances.h"
 #include "scene/light.h"
 #include "scene/materials.h"

@@ -7,7 +7,7 @@
 
 #include "integrator/photon_tracer.h"
 #include "math/math.h"
-#include "session/timer.h"
+#include "system/timer.h"
 
 namespace glint {
 namespace {

@@ -13,7 +13,7 @@
 #include "integrator/plan.h"
 #include "integrator/tracer.h"
 #include "scene/scene.h"
-#include "session/thread_pool.h"
+#include "system/thread_pool.h"
 
 namespace glint {
 

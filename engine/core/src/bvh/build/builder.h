@@ -9,8 +9,8 @@
 
 #include "bvh/bounds.h"
 #include "bvh/bvh.h"
-#include "session/page_allocator.h"
-#include "session/thread_pool.h"
+#include "system/page_allocator.h"
+#include "system/thread_pool.h"
 
 namespace glint {
 

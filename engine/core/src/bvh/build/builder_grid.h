@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "bvh/build/builder_split.h"
-#include "session/thread_pool.h"
+#include "system/thread_pool.h"
 
 namespace glint {
 

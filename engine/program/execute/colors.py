@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...program.operations_color import BlendType, ColorMode, RangeType
+from ..operations_color import BlendType, ColorMode, RangeType
 
 Array = np.ndarray
 

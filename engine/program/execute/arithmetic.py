@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...program.operations_math import ClampType, MathOperation
+from ..operations_math import ClampType, MathOperation
 
 Numbers = NDArray[np.float64]
 

@@ -4,7 +4,7 @@
 #include <memory>
 #include <new>
 
-#include "session/page_allocator.h"
+#include "system/page_allocator.h"
 
 namespace glint {
 

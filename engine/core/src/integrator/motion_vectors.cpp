@@ -1,5 +1,5 @@
 // Letters: m world_from_object, p a point in object space, c one along the camera's axes.
-#include "shading/motion_vectors.h"
+#include "integrator/motion_vectors.h"
 
 #include <cmath>
 

@@ -1,22 +1,42 @@
-"""What node programs read of the points of a surface (`program.Points`)."""
+"""What node programs read of the points of a surface (`program.execute.run.Points`)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from ..linear.columns import cross, dot, pick, transform_each, unit
+from ..program.execute.rays import Asked, Met
 from ..scene import Camera
 from .attributes import Attributes
 from .geometry import Geometry
 from .panorama import picture_points, step_size
 from .placements import Placements
-from .scene_queries import Asked, Met, SceneQueries
 from .surface import Surface
 from .textures import Image
-from .vectors import cross, dot, pick, transform_each, unit
 
 Array = np.ndarray
+
+
+class Queries(Protocol):
+    """How points ask the scene for rays; the rays are those of the points `index` (m,) of a
+    surface.
+    """
+
+    def blocked(self, surface: Surface, index: Array, asked: Asked, of: str) -> Array:
+        """(m,) bool: whether anything is on the rays.
+
+        of: "shadow" for what shadow rays meet, "any" for what any rays do, "own" for the points'
+        own instances, whatever they hide from; here and below.
+        """
+
+    def nearest(self, surface: Surface, index: Array, asked: Asked, of: str) -> Met:
+        """The first hits of the rays, each of a ray (k,) of these."""
+
+    def crossings(self, surface: Surface, index: Array, asked: Asked) -> Met:
+        """All hits of the rays on the points' own instances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +99,7 @@ class SurfacePoints:
         surface: Surface,
         index: Array,
         kind: str,
-        queries: SceneQueries | None = None,
+        queries: Queries | None = None,
     ):
         """kind: of the rays that meet it, as `light_path` has it. queries: how the scene is asked
         for rays; None where it is not.
@@ -234,17 +254,17 @@ class SurfacePoints:
         return tuple(pick(self._surface.past, self._index))
 
     def blocked(self, asked: Asked, of: str) -> Array:
-        """(m,) bool: see `SceneQueries.blocked`."""
+        """(m,) bool: see `Queries.blocked`."""
         assert self.queries is not None
         return self.queries.blocked(self._surface, self._index, asked, of)
 
     def nearest(self, asked: Asked, of: str) -> Met:
-        """See `SceneQueries.nearest`."""
+        """See `Queries.nearest`."""
         assert self.queries is not None
         return self.queries.nearest(self._surface, self._index, asked, of)
 
     def crossings(self, asked: Asked) -> Met:
-        """See `SceneQueries.crossings`."""
+        """See `Queries.crossings`."""
         assert self.queries is not None
         return self.queries.crossings(self._surface, self._index, asked)
 

@@ -1,4 +1,4 @@
-#include "session/page_allocator.h"
+#include "system/page_allocator.h"
 
 #include <cstdlib>
 #include <new>

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...program.operations_pattern import GradientType, WaveDirection, WaveProfile, WaveType
+from ..operations_pattern import GradientType, WaveDirection, WaveProfile, WaveType
 from .gabor import gabor_texture as gabor_texture
 from .noise import fbm
 

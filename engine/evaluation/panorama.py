@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linear.columns import cross, dot, length, unit
 from ..scene import Camera
 from ..scene.panorama import Eye, Panorama
-from .vectors import cross, dot, length, unit
 
 Array = np.ndarray
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..program.execute.run import run
 from ..program.program import Program
 from ..scene import Camera
 from .points import camera_position, light_path, window
-from .program import run
 from .textures import Image
 
 Array = np.ndarray

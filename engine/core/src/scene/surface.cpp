@@ -1,5 +1,5 @@
 // Letters: o d ray, m world_from_object, b barycentric weights.
-#include "shading/surface.h"
+#include "scene/surface.h"
 
 #include "math/math.h"
 #include "scene/scene.h"

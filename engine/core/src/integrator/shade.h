@@ -4,9 +4,9 @@
 #include "film/film.h"
 #include "integrator/batch.h"
 #include "integrator/media.h"
+#include "integrator/motion_vectors.h"
 #include "integrator/plan.h"
 #include "scene/camera.h"
-#include "shading/motion_vectors.h"
 
 namespace glint {
 

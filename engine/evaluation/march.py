@@ -6,20 +6,16 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..linear.columns import explode, length, pick
+from ..program.execute.run import run
 from ..scene import Medium, Scene
 from .attributes import Attributes
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
-from .program import run
 from .textures import Image
-from .vectors import length, pick
-
-if TYPE_CHECKING:
-    from .media import Spans
 
 Array = np.ndarray
 
@@ -75,6 +71,48 @@ class Matter:
         """Sets that of some places."""
         for f in fields(self):
             getattr(self, f.name)[..., index] = getattr(other, f.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Spans:
+    """Where n rays are inside of media: ray (m,), medium (m,) numbers, row (m,) of the placements,
+    -1 for the world, start and end (m,) along the rays, whole (2, m) of what they are cells of.
+    matter: what is there. speed: (n,) world units for one of these. origin: (n,) the largest
+    coordinate of where they begin.
+    """
+
+    ray: Array
+    medium: Array
+    row: Array
+    start: Array
+    end: Array
+    whole: Array
+    matter: Matter
+    speed: Array
+    origin: Array
+
+    def take(self, rays: Array) -> Spans:
+        """Those of the rays at these places, no place twice."""
+        places = np.full(len(self.speed), -1)
+        places[rays] = np.arange(len(rays))
+        some = np.flatnonzero(places[self.ray] >= 0)
+        columns = (getattr(self, name)[some] for name in ("medium", "row", "start", "end"))
+        return Spans(
+            places[self.ray[some]],
+            *columns,
+            self.whole[:, some],
+            self.matter.take(some),
+            self.speed[rays],
+            self.origin[rays],
+        )
+
+    def paths(self, near: Array, far: Array) -> tuple[Array, Array, Array]:
+        """Numbers and rays (m,) of the spans between near and far (n,), and how much of each lies
+        there, world units.
+        """
+        start, end = np.maximum(self.start, near[self.ray]), np.minimum(self.end, far[self.ray])
+        some = np.flatnonzero(end > start)
+        return some, self.ray[some], (end - start)[some] * self.speed[self.ray[some]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +276,7 @@ class Marching:
             way = (high[some] - near[ray[some]]) * speed[some]
             longest = _growing(way.max(), each, shift, coarse)
             count = np.searchsorted(longest, np.minimum(way, FARTHEST * each))
-            own, place = _ragged(count)
+            own, place = explode(count)
             own = some[own]
             parts.append((own, near[ray[own]] + longest[place] / speed[own]))
         number, at = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -278,17 +316,11 @@ def _matter(medium: Medium, values: list[Array], count: int) -> Matter:
     return Matter(color("absorption") + scattering, scattering, emission, anisotropy)
 
 
-def _ragged(count: Array) -> tuple[Array, Array]:
-    """Of the items of n rows of `count` (n,) each: (m,) the row, and (m,) the place in it."""
-    number = np.repeat(np.arange(len(count)), count)
-    return number, np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
-
-
 def _between(number: Array, cuts: Array, low: Array, high: Array) -> tuple[Array, Array, Array]:
     """Halves of the pairs of cells between the cuts (m,) of n spans from low to high (n,): of which
     span each is, where it begins and ends.
     """
-    own, place = _ragged(np.bincount(number, minlength=len(low)) + 1)
+    own, place = explode(np.bincount(number, minlength=len(low)) + 1)
     first, last = np.empty(len(own)), np.empty(len(own))
     begins = place == 0
     ends = np.append(begins[1:], True)[: len(own)]
@@ -308,7 +340,7 @@ def _even(low: Array, high: Array, step: Array, shift: float) -> tuple[Array, Ar
         pairs = (high - low) / pair
         good = (pair > 0) & (high < np.inf) & (pairs < MOST_PAIRS)
         first = np.floor(low / pair - shift) + 1
-    own, place = _ragged(np.where(good, pairs + 3, 0).astype(np.intp))
+    own, place = explode(np.where(good, pairs + 3, 0).astype(np.intp))
     return own, ((first[own] + place) + shift) * pair[own]
 
 
@@ -354,15 +386,16 @@ def _growing(way: float, step: float, shift: float, coarse: float) -> Array:
     return np.array(cuts)
 
 
+_COLUMNS = ("ray", "medium", "row", "start", "end")
+
+
 def _some(spans: Spans, index: Array) -> Spans:
-    columns = {name: getattr(spans, name)[index] for name in ("ray", "medium", "row")}
-    columns |= {name: getattr(spans, name)[index] for name in ("start", "end")}
+    columns = {name: getattr(spans, name)[index] for name in _COLUMNS}
     return replace(spans, **columns, whole=spans.whole[:, index], matter=spans.matter.take(index))
 
 
 def _joined(a: Spans, b: Spans) -> Spans:
-    names = ("ray", "medium", "row", "start", "end")
-    columns = {name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in names}
+    columns = {name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in _COLUMNS}
     matter = Matter(
         *(
             np.concatenate([getattr(a.matter, f.name), getattr(b.matter, f.name)], -1)

@@ -1,10 +1,10 @@
 // Letters: d ray direction, n shading normal, g geometric normal, T weight to the pixel.
-#include "shading/shade.h"
+#include "integrator/shade.h"
 
 #include <algorithm>
 
 #include "math/math.h"
-#include "shading/light_program.h"
+#include "scene/light_program.h"
 #include "shading/stage_bump.h"
 #include "shading/stage_math.h"
 

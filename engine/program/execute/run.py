@@ -1,25 +1,15 @@
-"""The NumPy executor of programs, in float64. One function an operation, by its name."""
+"""Programs over given points, by NumPy, in float64."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from types import ModuleType
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...program.operations import Kind, Operation, Reference
-from ...program.operations_color import COLORS
-from ...program.operations_input import INPUTS
-from ...program.operations_math import MATH
-from ...program.operations_noise import NOISES
-from ...program.operations_pattern import PATTERNS
-from ...program.operations_rays import RAYS
-from ...program.operations_vector import VECTORS
-from ...program.operations_voronoi import VORONOIS
-from ...program.program import UNREAD, Instruction, Program, instructions
-from . import arithmetic, colors, inputs, noise, patterns, rays, vectors, voronoi
+from ..operations import Kind, Reference
+from ..program import UNREAD, Instruction, Program, instructions
+from .operations import apply
 
 Array = NDArray[np.float64]
 
@@ -39,46 +29,7 @@ class Points(Protocol):
         """(4, n) RGBA of a texture of the scene."""
 
     def position(self, shift: int) -> Array:
-        """(3, n); this and what follows as `reference.points.SurfacePoints` has them."""
-
-
-_FAMILIES: tuple[tuple[tuple[Operation, ...], ModuleType], ...] = (
-    (INPUTS, inputs),
-    (MATH, arithmetic),
-    (VECTORS, vectors),
-    (COLORS, colors),
-    (PATTERNS, patterns),
-    (NOISES, noise),
-    (VORONOIS, voronoi),
-    (RAYS, rays),
-)
-
-
-def _function(name: str, module: ModuleType) -> Callable:
-    """Of its module, or of inputs what the points answer themselves."""
-    if module is not inputs or hasattr(module, name):
-        return getattr(module, name)
-    return lambda points, **settings: getattr(points, name)(**settings)
-
-
-_FUNCTIONS: Mapping[str, Callable] = {
-    operation.name: _function(operation.name, module)
-    for family, module in _FAMILIES
-    for operation in family
-}
-
-
-def apply(
-    operation: Operation, arguments: Sequence[Array], settings: Mapping[str, Any]
-) -> tuple[Array, ...]:
-    """One array per output: (n,) of a NUMBER, (3, n) of a VECTOR; arguments likewise.
-
-    settings: references as what they refer to. An operation that reads the shaded point takes it
-    as its first argument.
-    """
-    with np.errstate(all="ignore"):
-        result = _FUNCTIONS[operation.name](*arguments, **settings)
-    return result if isinstance(result, tuple) else (result,)
+        """(3, n); this and what follows as `evaluation.points.SurfacePoints` has them."""
 
 
 def run(program: Program, points: Points, count: int) -> list[Array]:

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from ..linear.columns import pick
 from ..scene import CORNER, FACE, POINT, Attribute, Mesh, Polygons, Scene, Spheres, Strands
-from .vectors import pick
 
 Array = np.ndarray
 
@@ -149,20 +150,18 @@ class Attributes:
 
     def uv(self, name: str) -> Pool:
         """The UV map of this name, "" for the active one, 2 channels."""
-        return self._pool(
-            "uv", name, lambda mesh: _first(a for a in mesh.attributes if _is_uv(a, name)), 2
-        )
+        maps = partial(_first, lambda a: is_uv(a, name))
+        return self._pool("uv", name, maps, 2)
 
     def color(self, name: str) -> Pool:
         """The colour attribute of this name, 4 channels."""
-        return self._pool(
-            "color", name, lambda mesh: _first(a for a in mesh.attributes if a.name == name), 4
-        )
+        return self._pool("color", name, partial(_first, lambda a: a.name == name), 4)
 
 
-def _first(attributes) -> Attribute | None:
-    return next(attributes, None)
+def _first(fits: Callable[[Attribute], bool], mesh: Mesh | Strands | Spheres) -> Attribute | None:
+    return next(filter(fits, mesh.attributes), None)
 
 
-def _is_uv(attribute: Attribute, name: str) -> bool:
+def is_uv(attribute: Attribute, name: str) -> bool:
+    """Whether it is the UV map of this name, "" for the active one, which comes first."""
     return attribute.name == name if name else attribute.values.shape[1] == 2

@@ -2,7 +2,7 @@
 // "Passes").
 #pragma once
 #include "scene/scene.h"
-#include "shading/surface.h"
+#include "scene/surface.h"
 
 namespace glint {
 

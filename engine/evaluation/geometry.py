@@ -13,15 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..linear import determinant
+from ..linear.columns import cross, explode, pick, transform_each
 from ..scene import Mesh, Polygons, Scene, Spheres, Strands
 from .placements import Placements, place, primitive_count
-from .vectors import pick, transform_each
 
 Array = np.ndarray
 
 THIN = 1e-8
 """Spheres and strands are left out where the unit columns of their matrix have no larger
 determinant (SEMANTICS.md, Hits).
+"""
+
+ULPS = 64 * 2.0**-52
+"""Relative size of the margins round computed points: hit points, corners and shears each err by a
+few ulps (NumPy's float64).
 """
 
 KINDS = ("camera", "mirror", "shadow", "transmission", "diffuse")
@@ -155,7 +160,7 @@ def gather(scene: Scene, eye: Array) -> Geometry:
         lower,
         upper,
         float(reach),
-        {kind: _visible(scene, ordered, kind) for kind in KINDS},
+        {kind: _visible(ordered, kind) for kind in KINDS},
         any(block.visible_mirror != block.visible_shadow for block in scene.instances),
         any(block.visible_mirror != block.visible_diffuse for block in scene.instances),
         any(block.visible_mirror != block.visible_transmission for block in scene.instances),
@@ -299,12 +304,7 @@ def _balls(drawn: list[_Drawn], placements: Placements) -> Balls:
     used, place_of = np.unique(row, return_inverse=True)
     inverse = _inverses(placements, used)
     m = placements.world_from_object[row]
-    world = np.stack(
-        [
-            m[:, i, 0] * center[0] + m[:, i, 1] * center[1] + m[:, i, 2] * center[2] + m[:, i, 3]
-            for i in range(3)
-        ]
-    )
+    world = transform_each(m, center) + m[:, :, 3].T
     return Balls(center, radius, row, world, inverse[place_of])
 
 
@@ -343,13 +343,9 @@ def _faces(drawn: list[_Drawn]) -> Faces:
     for d in drawn:
         offsets = d.geometry.offsets.astype(np.intp)
         count = np.diff(offsets)[d.kept]
-        row, place_in = (
-            np.repeat(d.kept, count),
-            np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count),
-        )
-        corners.append(
-            _placed(d.geometry.vertices[d.geometry.indices[offsets[row] + place_in]], d.matrices)
-        )
+        each, place_in = explode(count)
+        corner = d.geometry.indices[offsets[d.kept[each]] + place_in]
+        corners.append(_placed(d.geometry.vertices[corner], d.matrices))
         sizes.append(np.tile(count, len(d.rows)))
     corner, start = (
         np.concatenate(corners, 1),
@@ -368,11 +364,7 @@ def _newell(corners: Array, start: Array) -> Array:
     relative = corners - np.repeat(pick(corners, start[:-1]), sizes, 1)
     following = np.arange(len(corners[0])) + 1
     following[start[1:] - 1] = start[:-1]
-    b = pick(relative, following)
-    a = relative
-    area = np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
+    area = cross(relative, pick(relative, following))
     total = np.add.reduceat(area, start[:-1], 1)
     size = np.sqrt((total * total).sum(0))
     return total / np.where(size > 0, size, 1.0)
@@ -396,12 +388,8 @@ def _shape_bounds(
     return np.concatenate(lower, 1), np.concatenate(upper, 1)
 
 
-def _visible(scene: Scene, ordered: list[_Drawn], kind: str) -> Array | None:
-    return _of_all([getattr(d.instances, "visible_" + kind) for d in ordered], ordered)
-
-
-def _of_all(flags: list[bool], ordered: list[_Drawn]) -> Array | None:
+def _visible(ordered: list[_Drawn], kind: str) -> Array | None:
     """(p,) bool of the primitives, None for all."""
-    return (
-        None if all(flags) else np.repeat(np.array(flags, bool), [len(d.number) for d in ordered])
-    )
+    flags = [getattr(d.instances, "visible_" + kind) for d in ordered]
+    sizes = [len(d.number) for d in ordered]
+    return None if all(flags) else np.repeat(np.array(flags, bool), sizes)

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...program.operations_vector import MappingType, VectorMeasure, VectorOperation
-from ..vectors import cross, dot, length, unit
+from ...linear.columns import cross, dot, length, unit
+from ..operations_vector import MappingType, VectorMeasure, VectorOperation
 from .arithmetic import safe_divide, safe_modulo, safe_power, sign, snapped, wrap
 
 

@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from ...program.operations_voronoi import CellHash, CellOrder, VoronoiFeature, VoronoiMetric
+from ..operations_voronoi import CellHash, CellOrder, VoronoiFeature, VoronoiMetric
 from .hashing import hash_color, hash_numbers
 from .noise import coordinates
 

@@ -1,4 +1,4 @@
-#include "session/thread_pool.h"
+#include "system/thread_pool.h"
 
 #include <utility>
 

@@ -1,4 +1,4 @@
-#include "shading/light_program.h"
+#include "scene/light_program.h"
 
 #include <cmath>
 #include <limits>

@@ -4,16 +4,35 @@ scene, or rays to lights meet them, nothing is there.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from ..scene_queries import Asked, Met
-from ..vectors import across_normals, dot, length, unit
+from ...linear.columns import across_normals, dot, length, unit
 
 Array = np.ndarray
 _FARTHEST = 1e30
 """Where rays start that lead anywhere."""
 _SHARES = np.array([[0.5], [0.25], [0.25]])
 """Of the rays of a bevel along each axis."""
+
+
+class Asked(NamedTuple):
+    """Rays: starts and unit directions (3, m), relative to the eye, and how far (m,); none is
+    traced where that is not above 0.
+    """
+
+    start: Array
+    direction: Array
+    reach: Array
+
+
+class Met(NamedTuple):
+    """Hits: of which rays (k,), how far away (k,), and the surfaces, seen along the rays."""
+
+    ray: Array
+    depth: Array
+    surface: Any
 
 
 def _queries(points):

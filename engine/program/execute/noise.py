@@ -13,7 +13,7 @@ from operator import add, mul
 
 import numpy as np
 
-from ...program.operations_noise import NoiseType
+from ..operations_noise import NoiseType
 from .hashing import hash_color, hash_integers, hash_numbers
 
 SIGNED_SCALES = {

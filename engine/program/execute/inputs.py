@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...program.operations_input import NormalSpace, Shift, Space, VectorType
-from ..optics import fresnel as dielectric
-from ..vectors import cross, dot, unit
+from ...linear.columns import cross, dot, unit
+from ..operations_input import NormalSpace, Shift, Space, VectorType
+
+
+def fresnel_dielectric(cosine: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """(n,) unpolarised reflectance of a dielectric for the cosine of incidence (n,); `index` is
+    that beyond the surface over that before it.
+    """
+    sine2 = (1 - cosine * cosine) / (index * index)
+    inner = np.sqrt(np.maximum(0.0, 1 - sine2))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = (cosine - index * inner) / (cosine + index * inner)
+        along = (index * cosine - inner) / (index * cosine + inner)
+    return np.where(sine2 >= 1, 1.0, (across * across + along * along) / 2)
 
 
 def attribute(points, *, attribute: str, shift: int) -> tuple[np.ndarray, np.ndarray]:
@@ -73,7 +84,7 @@ def layer_weight(points, blend: np.ndarray, normal: np.ndarray) -> tuple[np.ndar
 
 
 def _reflectance(points, normal: np.ndarray, relative: np.ndarray) -> np.ndarray:
-    return dielectric(np.abs(dot(points.incoming(), normal)), relative)
+    return fresnel_dielectric(np.abs(dot(points.incoming(), normal)), relative)
 
 
 def normal_map(
