@@ -287,21 +287,20 @@ def _refracted(stage: Stage, at: Interaction, sample: int, cutoff: float) -> Ite
     paths = replace(paths, skyless=skyless, transmitted=transmitted)
     point = stage.lobe_point(sample, paths.depth)
     for term in at.coefficients.refractions:
-        some = replace(surface.take(term.index), n=_lifted(surface, term))
+        some, n = surface.take(term.index), _lifted(surface, term)
         index = relative_index(some, term.ior)
-        d, passes = refracted(-some.v, some.n, index)
-        rough = np.broadcast_to(np.asarray(term.exponent) > 0, passes.shape)
-        if term.lobe.is_rough_glass:
-            blurred = refracted_roughly(some, term.exponent, index, point, (d, passes))
-            d, passes = np.where(rough, blurred[0], d), np.where(rough, blurred[1], passes)
+        rough = np.broadcast_to(np.asarray(term.exponent) > 0, n[0].shape)
+        m = np.where(rough, facet_normal(some.v, n, term.exponent, point), n)
+        d, passes = refracted(-some.v, m, index)
         through = np.where(passes, 1.0, 0.0)
         if term.lobe.fresnel:
-            through = through * (1 - _reflectance(surface, term))
+            through = through * (1 - fresnel_dielectric(dot(some.v, m), index))
         if term.lobe.fresnel and term.lobe.is_rough_glass:
-            # no lobe mirrors what cannot leave; highlights do what cannot enter
-            shut = rough & ~passes & ~some.outside
-            d = np.where(shut, reflected(-some.v, some.n), d)
-            through = np.where(shut, 1.0, through)
+            # no lobe mirrors what cannot leave, but for what highlights do; they do all of what
+            # cannot enter
+            shut, back = rough & ~passes & ~some.outside, reflected(-some.v, m)
+            left = np.where(dot(back, n) > 0, 1 - fresnel_dielectric(dot(some.v, m), term.ior), 0.0)
+            d, through = np.where(shut, back, d), np.where(shut, left, through)
         k = through * term.k
         go = np.flatnonzero(k.any(0))
         hit = at.hit[term.index[go]]
@@ -324,21 +323,13 @@ def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array, A
     return mirrored, refracted, clear
 
 
-def refracted_roughly(
-    surface: Surface,
-    exponent: Array | float,
-    index: Array,
-    point: LightPoint,
-    clear: tuple[Array, Array],
-) -> tuple[Array, Array]:
-    """As `refracted` at the half vector that lies at the point of a rough lobe, where that leads to
-    the other side; else what is `clear`.
+def facet_normal(v: Array, n: Array, exponent: Array | float, point: LightPoint) -> Array:
+    """(3, n) the half vector at the point of a rough lobe, on the viewer's side: of a V-shaped
+    groove the facet that is seen (Heitz, d'Eon 2014).
     """
     share = min(float(np.square(point.disc).sum()), 1 - 2.0**-53)
-    h = half_vector(surface.n, point, share, exponent)
-    d, passes = refracted(-surface.v, h, index)
-    good = passes & (dot(surface.v, h) > 0) & (dot(d, surface.g) < 0)
-    return np.where(good, d, clear[0]), good | clear[1]
+    h = half_vector(n, point, share, exponent)
+    return np.where(dot(v, h) > 0, h, 2 * dot(n, h) * n - h)
 
 
 def widened(coefficients: Coefficients, widest: Array) -> Coefficients:

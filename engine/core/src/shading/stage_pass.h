@@ -57,10 +57,12 @@ inline Doubles place(const PassStage& s, const Chosen& at, Of of) {
   });
 }
 
-/// Refracted at the half vector that lies at the stage's place of a rough lobe, where that leads to
-/// the other side.
-inline Three refract_roughly(const PassStage& s, const Chosen& at, const Arriving& ray,
-                             Doubles exponent, Doubles index) {
+inline Three reflect(const Arriving& ray) { return unit(ray.d - (2 * dot(ray.d, ray.n)) * ray.n); }
+
+/// The same rays at the half vectors that lie at the stage's place of a rough lobe, on the side
+/// that they come from (of a V-shaped groove the facet that is seen: Heitz, d'Eon 2014).
+inline Arriving at_facet(const PassStage& s, const Chosen& at, const Arriving& ray,
+                         Doubles exponent) {
   Arriving rough = ray;
   const Three n = ray.n;
   const Doubles rest =
@@ -70,13 +72,11 @@ inline Three refract_roughly(const PassStage& s, const Chosen& at, const Arrivin
   frame(n, t1, t2);
   const Doubles across = place(s, at, [](const DiscPlace& p) { return p.azimuth[0]; }),
                 along = place(s, at, [](const DiscPlace& p) { return p.azimuth[1]; });
-  rough.n = root(cosine2) * n + root(1 - cosine2) * (across * t1 + along * t2);
-  const Three d = refract(rough, index);
-  return choose(nonzero(d) & (dot(ray.d, rough.n) < 0) & (dot(d, ray.g) < 0), d,
-                refract(ray, index));
+  const Three up = root(cosine2) * n, aside = root(1 - cosine2) * (across * t1 + along * t2);
+  rough.n = up + aside;
+  rough.n = choose(dot(ray.d, rough.n) < 0, rough.n, up - aside);
+  return rough;
 }
-
-inline Three reflect(const Arriving& ray) { return unit(ray.d - (2 * dot(ray.d, ray.n)) * ray.n); }
 
 inline Three weight(const PassStage& s, const Chosen& at) {
   return gather3(s.from + RayLayout::kT * s.from_stride, s.from_stride, at);
@@ -193,14 +193,18 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
     const Doubles ior = number_of(s, at, number, PassingTerm::kIor, lobe.ior),
                   index = ray.relative(ior);
     const Doubles exponent = number_of(s, at, number, PassingTerm::kExponent, lobe.exponent);
-    Three d = refract(ray, index);
-    if (rough) d = choose(exponent > 0, refract_roughly(s, at, ray, exponent, index), d);
-    Doubles through = lobe.fresnel ? 1 - fresnel(ray, lobe, ior) : splat(1);
+    Arriving facet = ray;
+    if (rough) facet.n = choose(exponent > 0, at_facet(s, at, ray, exponent).n, ray.n);
+    Three d = refract(facet, index);
+    Doubles through = lobe.fresnel ? 1 - fresnel(facet, lobe, ior) : splat(1);
     if (rough && lobe.fresnel) {
-      // no lobe mirrors what cannot leave; highlights do what cannot enter
+      // no lobe mirrors what cannot leave, but for what highlights do, as if it came from outside;
+      // they do all of what cannot enter
       const Mask shut = (exponent > 0) & ~nonzero(d) & ~ray.outside;
-      d = choose(shut, reflect(ray), d);
-      through = choose(shut, splat(1), through);
+      const Three back = reflect(facet);
+      d = choose(shut, where(dot(back, ray.n) > 0, back), d);
+      const Doubles shone = fresnel_reflectance(magnitude(dot(facet.d, facet.n)), ior);
+      through = choose(shut, 1 - shone, through);
     }
     count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k, true, clear);
   }
