@@ -29,6 +29,7 @@ BLENDER = {
 }
 ENGINES_API = {
     "engine",
+    "engine.closures",
     "engine.displacement",
     "engine.lights.dome",
     "engine.program.graph",
@@ -98,7 +99,7 @@ def _inside_engine(name: str) -> bool:
 def _inside_reference(name: str) -> bool:
     shared = "cryptomatte", "scene", "scene.panorama", "scene.ray_batch", "film", "settings"
     values = {f"engine.{name}" for name in shared}
-    packages = "reference", "linear", "program", "sampling", "lights"
+    packages = "reference", "closures", "linear", "program", "sampling", "lights"
     return name in values or name.startswith(tuple(f"engine.{package}" for package in packages))
 
 
@@ -113,8 +114,9 @@ WALLS = {
     "operators": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_operators),
     "engine/reference": ({"numpy"} | STDLIB, _inside_reference),
     "engine/linear": ({"numpy"} | STDLIB, _only("linear")),
+    "engine/closures": (STDLIB, _only("closures")),
     "engine/sampling": ({"numpy"} | STDLIB, _only("sampling", "scene")),
-    "engine/scene": ({"numpy"} | STDLIB, _only("scene", "program", "linear", "lights")),
+    "engine/scene": ({"numpy"} | STDLIB, _only("scene", "closures", "program", "linear", "lights")),
     "engine/program": (
         {"numpy"} | STDLIB,
         _only("program", "scene.checks", "reference.program"),

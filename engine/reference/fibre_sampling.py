@@ -24,9 +24,9 @@ class FibreSampler:
         """own: (m,) which of the term's points."""
         assert term.fibre is not None
         self._t, self._v = unit(pick(term.fibre, own)), pick(surface.v, term.index[own])
-        self._tilt = term.lobe.tilt
+        self._tilt = term.numbers["tilt"]
         self._way = -1.0 if term.lobe.kind == "FIBRE_TRANSMISSION" else 1.0
-        fan = np.asarray(taken(term.masking, own), float)
+        fan = np.asarray(taken(term.numbers["fan"], own), float)
         self._along2 = 1 / (np.asarray(taken(term.exponent, own)) + 1)
         self._round2 = 1 / (2 / np.where(fan > 0, fan, 1.0) + 1)
 

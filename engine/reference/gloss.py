@@ -48,7 +48,7 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
     total = np.zeros((3, len(seen)))
     for term in terms:
         if term.lobe.kind == "TOON_SPECULAR":
-            add_at(total, term.index, toon_albedo(term.exponent, term.masking) * term.k)
+            add_at(total, term.index, toon_albedo(**term.numbers) * term.k)
     for term in () if which == "ALL" else terms:
         if term.lobe.is_glossy and (term.lobe.fresnel or which == "NONE"):
             add_at(total, term.index, of_even_light(term, seen[term.index]) * term.k)

@@ -69,7 +69,7 @@ def is_toon(term: Term) -> bool:
 def _toon_highlight(term: Term, chosen: Array | slice, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
     """Round the mirrored ray."""
     mirrored = 2 * dot(n, v) * dot(n, l) - dot(v, l)
-    power = toon(mirrored, taken(term.exponent, chosen), taken(term.masking, chosen))
+    power = toon(mirrored, **term.numbers_at(chosen))
     if term.lowering is not None:
         power = power * lowered(term.lowering[chosen], dot(n, l))
     return np.where((dot(n, l) > 0) & (dot(n, v) > 0), power, 0.0)
@@ -119,8 +119,7 @@ def fibres(surface: Surface, terms: list[Term], seen: Array, direction: Array, m
         if matt:
             return np.where(cosine > 0, fibre_diffuse(t, l), 0.0)
         behind = term.lobe.kind == "FIBRE_TRANSMISSION"
-        numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
-        given = fibre_highlight(t, v, l, *numbers, behind, term.lobe.tilt)
+        given = fibre_highlight(t, v, l, behind=behind, **term.numbers_at(chosen))
         return np.where((cosine < 0) if behind else (cosine > 0), given, 0.0)
 
     chosen = [term for term in terms if (term.lobe.kind == "FIBRE_DIFFUSE") == matt]
@@ -140,8 +139,8 @@ def _matt(term: Term, chosen: Array | slice, n: Array, v: Array, l: Array) -> Ar
         return oren_nayar(n, v, l)
     if kind == "OREN_NAYAR_MULTIPLE":
         return nl * lost_once(nl) * lost_once(dot(n, v))
-    numbers = taken(term.exponent, chosen), taken(term.masking, chosen)
-    return toon(nl, *numbers) if kind == "TOON_DIFFUSE" else sheen(n, v, l, *numbers)
+    numbers = term.numbers_at(chosen)
+    return toon(nl, **numbers) if kind == "TOON_DIFFUSE" else sheen(n, v, l, **numbers)
 
 
 def _summed(

@@ -146,7 +146,7 @@ def fibre_highlight(
     exponent: Array | float,
     fan: Array | float = 0.0,
     behind: bool = False,
-    tilt: float = 0.0,
+    tilt: Array | float = 0.0,
 ) -> Array:
     """(m,) what a fibre gives back of light along l, spread along its tangent t with the variance
     4 / exponent (SEMANTICS.md).  fan: how far light fans out round t from v's side, or from behind,
@@ -162,7 +162,7 @@ def fibre_highlight(
     return fanned * _spread_along(at, tilt, np.asarray(exponent, float))
 
 
-def _spread_along(at: FibreAngles, tilt: float, exponent: Array) -> Array:
+def _spread_along(at: FibreAngles, tilt: Array | float, exponent: Array) -> Array:
     """(m,) of d'Eon and others (An energy-conserving hair reflectance model, 2011), for a variance
     of 4 / exponent: the integral over all l, times the cosine off the plane across t, is 1.
     """
@@ -185,7 +185,7 @@ class FibreAngles:
     across; turned is the cosine of the angle round t from v to l.
     """
 
-    def __init__(self, t: Array, tilt: float, v: Array, l: Array) -> None:  # noqa: E741
+    def __init__(self, t: Array, tilt: Array | float, v: Array, l: Array) -> None:  # noqa: E741
         self.to_l, self.to_v = dot(t, l), dot(t, v)
         self.across_l, self.across_v = sine(self.to_l), sine(self.to_v)
         along, across = self.to_l + self.to_v, self.across_l + self.across_v

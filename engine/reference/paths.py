@@ -351,7 +351,8 @@ def widened(coefficients: Coefficients, widest: Array) -> Coefficients:
             continue
         own = np.broadcast_to(np.asarray(term.exponent, np.float64), term.index.shape)
         least = np.minimum(own, widest[term.index])
-        terms.append(replace(term, k=term.k * ((least + 1) / (own + 1)), exponent=least))
+        wide = term.with_numbers(exponent=least)
+        terms.append(replace(wide, k=term.k * ((least + 1) / (own + 1))))
     return replace(coefficients, highlights=terms)
 
 

@@ -225,7 +225,7 @@ def sent(lobes) -> np.ndarray:
     for lobe in lobes:
         share, behind = 1.0, lobe.kind == "FIBRE_TRANSMISSION"
         if behind or lobe.kind == "FIBRE_SPECULAR":
-            given = fibre_highlight(t, v, l, lobe.exponent, lobe.masking, behind)
+            given = fibre_highlight(t, v, l, lobe.exponent, lobe.fan, behind)
             share = (given * seen_share(turn, behind) * size).sum() / np.pi
         if lobe.kind.startswith("FIBRE"):
             total += share * np.array(lobe.factors[0].value)

@@ -117,7 +117,8 @@ def test_ambient_light_of_gloss_is_less_by_what_it_sees(backend, varies):
         render(made, settings).passes["Ambient"]
         for made in (lit(material), low(lit(material)), low(lit(plain)))
     )
-    term = Term(np.zeros(1, int), np.ones((3, 1)), METAL, METAL.exponent, METAL.masking, 1.0)
+    numbers = {"exponent": METAL.exponent, "masking": METAL.masking, "ior": 1.0}
+    term = Term(np.zeros(1, int), np.ones((3, 1)), METAL, numbers)
     here = np.array([1.0])
     gloss = of_even_light(term, here) * np.array(COLOR.value) * LIGHT
     low_gloss = mean_lowered_gloss(np.array([F]), here, METAL.masking)

@@ -21,7 +21,7 @@ WIDTHS_AND_LEANS = [(1.0, 0.0), (0.5, 0.1), (0.1, 0.0), (0.3, 0.9)]
 
 
 def lobe(width: float, lean: float, k: float = 0.7, **more) -> s.Lobe:
-    return s.Lobe("SHEEN", (s.Input((k, k / 2, k / 4)),), width, masking=lean, **more)
+    return s.Lobe("SHEEN", (s.Input((k, k / 2, k / 4)),), width=width, lean=lean, **more)
 
 
 def hemisphere(count: int = 800) -> tuple[np.ndarray, np.ndarray]:

@@ -175,8 +175,9 @@ struct Description {
       materials[m].medium = m == 1 && v.special == Variant::kMedium;
       for (int kind : kinds)
         lobes.push_back({.exponent = kind == GLINT_SPECULAR ? 60.0 : 0.0,
-                         .ior = kind == GLINT_TRANSPARENT ? 1.0 : 1.5,
                          .masking = 0,
+                         .ior = kind == GLINT_TRANSPARENT ? 1.0 : 1.5,
+                         .radius = {},
                          .first_input = m,
                          .input_count = 1,
                          .kind = kind,

@@ -5,17 +5,12 @@
 #include "glint.h"
 #include "math/vec.h"
 #include "scene/programs.h"
+#include "shading/closure/table.h"
 #include "shading/stages.h"
 
 namespace glint {
 
-/// Kinds of lobes that send rays on, and what is a hole for those of the camera.
-constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION |
-                              1u << GLINT_TRANSPARENT | 1u << GLINT_HOLDOUT_LOBE;
-
-inline bool is_fibre(int kind) {
-  return kind >= GLINT_FIBRE_DIFFUSE && kind <= GLINT_FIBRE_TRANSMISSION;
-}
+inline bool is_fibre(int kind) { return kClosures[kind].of_fibre; }
 
 inline bool is_toon(int kind) { return kind == GLINT_TOON_DIFFUSE || kind == GLINT_TOON_SPECULAR; }
 

@@ -66,13 +66,12 @@ inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   scatter3(column, s.stride, at, given);
   scatter(column + SpecularTerm::kExponent * s.stride, at, choose(here, splat(kind), exponent));
   scatter(column + SpecularTerm::kMasking * s.stride, at, where(here, exponent));
-  const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
+  const Doubles masking = lobe_number(p, lobe.fan, lobe.fan_slot);
   const Doubles fan = choose(masking > 0, 1 / masking, splat(0));
   scatter(column + SpecularTerm::kFresnel * s.stride, at, where(here, fan));
   if (s.specular_columns == SpecularTerm::kStretched)
     scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at, Three{});
-  scatter(column + SpecularTerm::kTilt * s.stride, at,
-          where(here, splat((lobe.ior - 1) / (lobe.ior + 1))));
+  scatter(column + SpecularTerm::kTilt * s.stride, at, where(here, splat(lobe.tilt)));
   // as long as the fibre is thick, as a scene's lengths are here
   scatter3(column + SpecularTerm::kTangent * s.stride, s.stride, at,
            splat(s.tables.view->scale) * t);
