@@ -23,8 +23,8 @@ def header(closures) -> str:
         places = ["{}"] * PLACES
         for p in row.parameters:
             places[p.place] = f'{{"{p.name}", {p.low:g}, {p.high:g}}}'
-        flags = ", ".join(str(flag).lower() for flag in (row.passes, row.by_view, row.of_fibre))
-        lines.append(f'{{"{row.name}", {{{", ".join(places)}}}, {flags}}},')
+        flags = ", ".join(str(flag).lower() for flag in (row.passes, row.of_fibre))
+        lines.append(f'{{"{row.name}", {{{", ".join(places)}}}, {row.columns}, {flags}}},')
     return "\n".join(lines) + "\n"
 
 

@@ -41,14 +41,16 @@ class Closure:
 
     counts: as which light what it gives back does: AMBIENT, MATT, GLOSSY, TRANSMISSION, EMISSION or
     NOTHING.  normal: whose it has, the POINT's, or its OWN where the program gives it one; "" where
-    none matters.  passes: rays go on from it.  by_view: it is times (1 - n·v) to its exponent.
-    of_fibre: light goes round a strand.
+    none matters.  columns: of a row of the core's that says what it gives back of light from a
+    direction, k among them, the fewest; 0 where k is enough.  passes: rays go on from it.
+    by_view: it is times (1 - n·v) to its exponent.  of_fibre: light goes round a strand.
     """
 
     name: str
     counts: str
     parameters: tuple[Parameter, ...] = ()
     normal: str = ""
+    columns: int = 0
     passes: bool = False
     by_view: bool = False
     of_fibre: bool = False
@@ -59,8 +61,8 @@ CLOSURES = {
     for row in (
         Closure("AMBIENT", "AMBIENT", (EXPONENT,), by_view=True),
         Closure("DIFFUSE", "MATT", (EXPONENT,), "POINT", by_view=True),
-        Closure("SPECULAR", "GLOSSY", (EXPONENT, MASKING, IOR), "OWN"),
-        Closure("MIRROR", "GLOSSY", (IOR,), "OWN", passes=True),
+        Closure("SPECULAR", "GLOSSY", (EXPONENT, MASKING, IOR), "OWN", 4),
+        Closure("MIRROR", "GLOSSY", (IOR,), "OWN", 4, passes=True),
         Closure("REFRACTION", "TRANSMISSION", (EXPONENT, IOR), "OWN", passes=True),
         Closure("TRANSPARENT", "TRANSMISSION", (IOR,), passes=True),
         Closure("EMISSION", "EMISSION", (Parameter("aov", 0, 0.0, LARGEST, varies=False),)),
@@ -69,16 +71,17 @@ CLOSURES = {
             "MATT",
             (Parameter("width", 0, 0.0, LARGEST), Parameter("lean", 1, 0.0, 1.0)),
             "POINT",
+            5,
         ),
         Closure("TRANSLUCENT", "MATT", normal="POINT"),
         Closure("HOLDOUT", "NOTHING", passes=True),
-        Closure("TOON_DIFFUSE", "MATT", TOON, "POINT"),
-        Closure("TOON_SPECULAR", "GLOSSY", TOON, "POINT"),
-        Closure("OREN_NAYAR", "MATT", (EXPONENT,), "POINT", by_view=True),
-        Closure("OREN_NAYAR_MULTIPLE", "MATT", (EXPONENT,), "POINT", by_view=True),
-        Closure("FIBRE_DIFFUSE", "MATT", of_fibre=True),
-        Closure("FIBRE_SPECULAR", "GLOSSY", FIBRE, of_fibre=True),
-        Closure("FIBRE_TRANSMISSION", "GLOSSY", FIBRE, of_fibre=True),
+        Closure("TOON_DIFFUSE", "MATT", TOON, "POINT", 5),
+        Closure("TOON_SPECULAR", "GLOSSY", TOON, "POINT", 5),
+        Closure("OREN_NAYAR", "MATT", (EXPONENT,), "POINT", 3, by_view=True),
+        Closure("OREN_NAYAR_MULTIPLE", "MATT", (EXPONENT,), "POINT", 3, by_view=True),
+        Closure("FIBRE_DIFFUSE", "MATT", columns=6, of_fibre=True),
+        Closure("FIBRE_SPECULAR", "GLOSSY", FIBRE, columns=9, of_fibre=True),
+        Closure("FIBRE_TRANSMISSION", "GLOSSY", FIBRE, columns=9, of_fibre=True),
     )
 }
 """By name, in the order in which materials are sums of them."""

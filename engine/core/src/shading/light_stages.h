@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "glint.h"
+#include "shading/closure/rows.h"
 
 namespace glint {
 
@@ -125,7 +126,8 @@ struct LightStage {
   const double *grazing, *lowering;  // as stage_terminator.h reads them; null: kGrazing and 1
   const double* specular;
   size_t stride;
-  int max_specular, specular_columns;
+  const LobeLayout* lobes;  // of `specular`
+  int highlights;           // its rows of microfacets that shine
   const int64_t* lit;
   const double* gloss[3];  // kMediumSource: T k of dielectrics' gloss as if matt; or null
   uint32_t* point;  // what follows: a number for each point that the sample reaches, before shadows
@@ -141,7 +143,7 @@ struct LightStage {
                           // left of which is in t_max; else -1. null: there are none
   double shown;           // how much of dielectrics' gloss reflected rays show, 0 or 1
   bool shows_nothing;     // no reflected rays show anything, of metals either
-  bool has_sheen, has_fibre;     // among the lobes
+  bool has_apart, has_fibre;     // lobes besides microfacets
   bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
   bool stretches_lobes;          // or be stretched
   bool edges_lobes;              // or have the weight of edges

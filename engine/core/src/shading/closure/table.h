@@ -12,11 +12,12 @@ struct ClosureParameter {
   double low, high;
 };
 
-/// passes: rays go on from it.  by_view: it is times (1 - n.v) to its exponent.
+/// columns: of a row of its, the fewest; 0: it has none (rows.h).  passes: rays go on from it.
 struct ClosureRow {
   const char* name;
   ClosureParameter parameters[3];
-  bool passes, by_view, of_fibre;
+  int columns;
+  bool passes, of_fibre;
 };
 
 constexpr ClosureRow kClosures[] = {
