@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .coefficients import Term
+from .closures import Term
 from .lights import LightSample, Source
 from .lobe_light import ways_through
 from .rays import IncoherentRays

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..lights.lamps import cluster_levels
 from .bumps import bump_shadow
-from .coefficients import Term
+from .closures import Term
 from .lights import Source
 from .surface import Surface
 from .vectors import dot, length, pick, unit

@@ -9,18 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..closures import CLOSURES
+from ..closures import CLOSURES, KINDS
 from ..cryptomatte import id_bits
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .bumps import bump_of, lifted
-from .coefficients import THROWN_EXPONENT, Coefficients, Term, taken
+from .closures import Term, taken
+from .closures.stretching import stretched
+from .coefficients import THROWN_EXPONENT, Coefficients
 from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
 from .program.colors import rgb_to_bw
 from .scene_queries import SceneQueries
-from .stretching import stretched
 from .surface import Spot, Surface
 from .terminator import lowered
 from .textures import Image
@@ -42,21 +43,12 @@ _SUMMED = {
 }
 
 
-_LISTED = {
-    "TOON_DIFFUSE": "SHEEN",
-    "OREN_NAYAR": "SHEEN",
-    "OREN_NAYAR_MULTIPLE": "SHEEN",
-    "TOON_SPECULAR": "SPECULAR",
-}
-"""Kinds of lobes among the terms of others."""
-
-
 class _Found:
     """The lobes of n points so far, material by material."""
 
     def __init__(self, count: int) -> None:
         self.sums = {name: np.zeros((3, count)) for name in _SUMMED.values()}
-        kinds = ("SPECULAR", "MIRROR", "THROWN", "REFRACTION", "SHEEN", "FIBRE")
+        kinds = ("GLOSSY", "MATT", "MIRROR", "THROWN", "REFRACTION", "FIBRE")
         self._terms: dict[str, list[Term]] = {kind: [] for kind in kinds}
         self._below: Array | None = None  # Σ k, Σ |k|, Σ |k| radius
 
@@ -86,9 +78,7 @@ class _Found:
             numbers = {"exponent": p, "masking": 0.0, "ior": 1.0}
             highlight, low = Lobe("SPECULAR"), _lowering(surface, index[bare])
             wide = (p + 2) / 8 * term.k[:, bare]
-            self._terms["SPECULAR"].append(
-                Term(index[bare], wide, highlight, numbers, lowering=low)
-            )
+            self._terms["GLOSSY"].append(Term(index[bare], wide, highlight, numbers, lowering=low))
         self._terms["FIBRE"].append(term.take(here))
 
     def add_term(
@@ -105,7 +95,8 @@ class _Found:
         low = _lowering(surface, index)
         if lobe.kind == "MIRROR":
             self._terms["THROWN"].append(_thrown(replace(term, lowering=low)))
-        if lobe.kind in ("SPECULAR", "TOON_SPECULAR"):
+        row = CLOSURES[lobe.kind]
+        if row.counts == "GLOSSY" and not row.passes:
             term = replace(term, lowering=low)
         elif lobe.kind == "MIRROR" and low is not None:
             seen = dot(term.normals(surface), pick(surface.v, index))
@@ -113,17 +104,17 @@ class _Found:
         if lobe.kind == "SPECULAR" and lobe.stretch_output >= 0:
             along = outputs[lobe.stretch_output]
             term = replace(term, stretch=stretched(term.normals(surface), along))
-        self._terms[_LISTED.get(lobe.kind, lobe.kind)].append(term)
+        self._terms[lobe.kind if row.passes else row.counts].append(term)
 
     def coefficients(self) -> Coefficients:
         found = Coefficients(
             **self.sums,
-            highlights=self._terms["SPECULAR"],
+            highlights=self._terms["GLOSSY"],
             mirrors=self._terms["MIRROR"],
             thrown=self._terms["THROWN"],
             refractions=self._terms["REFRACTION"],
-            sheens=self._terms["SHEEN"],
-            fibres=self._terms["FIBRE"],
+            sheens=self._terms["MATT"],
+            fibres=sorted(self._terms["FIBRE"], key=lambda term: KINDS.index(term.lobe.kind)),
         )
         if self._below is None:
             return found
@@ -256,7 +247,7 @@ class Shader:
         material = self.materials[surface.material[index[0]]] if len(index) else DEFAULT
         shines = lobe.is_glossy or lobe.kind in ("MIRROR", "REFRACTION")
         is_micro = shines and material.program is not None and material.bump_shadowing != "NONE"
-        if lobe.kind in ("SHEEN", *_LISTED) or not (is_micro or lobe.normal_output >= 0):
+        if CLOSURES[lobe.kind].normal == "POINT" or not (is_micro or lobe.normal_output >= 0):
             return None, k
         n, v = pick(surface.n, index), pick(surface.v, index)
         n = _normal(outputs, lobe.normal_output, n)

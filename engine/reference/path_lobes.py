@@ -12,7 +12,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from .bumps import bump_shadow, lifted
-from .coefficients import Coefficients, Term, taken
+from .closures import Term, taken
+from .coefficients import Coefficients
 from .lobe_light import highlights, matt_lobes
 from .optics import fresnel, reflected, refracted
 from .path_lamps import around

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .bumps import lifted
-from .coefficients import BOUNCED_EXPONENT, Coefficients, Term
-from .gloss import half_vector
+from .closures import Term
+from .closures.microfacet import sample
+from .coefficients import BOUNCED_EXPONENT, Coefficients
 from .lights import LightPoint
 from .optics import fresnel, reflected, refracted
 from .rays import IncoherentRays, Rays
@@ -334,7 +335,7 @@ def refracted_roughly(
     the other side; else what is `clear`.
     """
     share = min(float(np.square(point.disc).sum()), 1 - 2.0**-53)
-    h = half_vector(surface.n, point, share, exponent)
+    h = sample(surface.n, point, share, exponent)
     d, passes = refracted(-surface.v, h, index)
     good = passes & (dot(surface.v, h) > 0) & (dot(d, surface.g) < 0)
     return np.where(good, d, clear[0]), good | clear[1]

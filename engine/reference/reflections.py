@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .coefficients import Term
+from .closures import Term
 from .gloss import Narrow, Reflections, reflecting
 from .lights import LightPoint
 from .lobe_light import highlights

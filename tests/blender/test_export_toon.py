@@ -5,7 +5,7 @@ import pytest
 
 from export_support import RED, Shader, of_kind, scene, set_inputs, total, weight  # noqa: F401
 from glint.addon.export.materials.nodes_toon import toon_albedo
-from glint.engine.reference.optics import toon_albedo as albedo_of_reference
+from glint.engine.reference.closures.toon import toon_albedo as albedo_of_reference
 
 KINDS = {"DIFFUSE": "TOON_DIFFUSE", "GLOSSY": "TOON_SPECULAR"}
 

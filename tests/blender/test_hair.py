@@ -13,7 +13,7 @@ from following import Follower
 from glint.addon.export.geometry.hashing import random_of
 from glint.addon.export.geometry.splines import NEAR
 from glint.engine import Settings, render
-from glint.engine.reference.optics import fibre_highlight
+from glint.engine.reference.closures.fibre import fibre_highlight
 from glint.engine.scene import Strands
 from test_fibres import seen_share, sphere
 

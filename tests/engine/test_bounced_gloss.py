@@ -23,9 +23,9 @@ from bounced_scenes import (
     wall_over_ground,
 )
 from glint.engine import Settings, render
-from glint.engine.reference.coefficients import Term
+from glint.engine.reference.closures import Term
+from glint.engine.reference.closures.microfacet import blinn_phong, gloss
 from glint.engine.reference.gloss import even_gloss
-from glint.engine.reference.optics import blinn_phong, gloss
 from glint.engine.scene import Input, Lobe, Material, Medium, Scene
 from media_scenes import filled
 

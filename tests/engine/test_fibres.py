@@ -14,7 +14,7 @@ from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference.optics import fibre_diffuse, fibre_highlight
+from glint.engine.reference.closures.fibre import fibre_diffuse, fibre_highlight
 from native_tools import lamp, needs_core, pixel_centers, placed, square, view_from_above
 from surface_scenes import SUN, P, balls
 

@@ -12,7 +12,7 @@ import pytest
 from glint.engine import Settings
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer
-from glint.engine.reference.optics import NEVER_LOST, lost_once, oren_nayar
+from glint.engine.reference.closures.oren_nayar import NEVER_LOST, lost_once, oren_nayar
 from native_tools import (
     assert_instruction_sets_agree,
     color,

@@ -10,9 +10,10 @@ import pytest
 
 from glint.engine import Settings, render
 from glint.engine import scene as s
-from glint.engine.reference.coefficients import Coefficients, Term
-from glint.engine.reference.fibre_sampling import FibreSampler, sampled
-from glint.engine.reference.optics import fibre_highlight
+from glint.engine.reference.closures import Term
+from glint.engine.reference.closures.fibre import Sampler, fibre_highlight
+from glint.engine.reference.coefficients import Coefficients
+from glint.engine.reference.fibre_sampling import sampled
 from glint.engine.sampling import BOUNCE_LEVELS
 from native_tools import constant, needs_core
 from test_fibres import lobe, placed, sphere, strand, view_from_above
@@ -60,7 +61,7 @@ def test_directions_are_drawn_as_densely_as_is_told(kind, exponent, fan, lean, h
     """Mean of what the lobe gives there over its pdf: its integral over the sphere."""
     disc = grid()
     point, behind = Point(height, disc.shape[1]), kind == "TRANSMISSION"
-    of = FibreSampler(point, term(kind, exponent, fan, lean, len(point)), np.arange(len(point)))
+    of = Sampler(point, term(kind, exponent, fan, lean, len(point)), np.arange(len(point)))
     l = of.sample(disc)  # noqa: E741
     length = np.sqrt((l * l).sum(0))
     assert ((np.abs(length - 1) < 1e-9) | (length == 0)).all()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .vectors import cross, dot, length, unit
+from ..vectors import cross, dot, length, unit
 
 Array = np.ndarray
 
