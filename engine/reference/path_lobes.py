@@ -157,9 +157,9 @@ def glossy_shares(met: Met) -> Array:
     return size / whole * share
 
 
-def _drawn_exponent(term: Term) -> Array:
-    """(m,) or (), of the half vectors that a highlight draws: any way, where it has none."""
-    return np.asarray(term.numbers.get("exponent", 0.0))
+def _drawn_exponent(term: Term) -> Array | float:
+    """Of the half vectors that a highlight draws: any way, where it has none."""
+    return term.numbers.get("exponent", 0.0)
 
 
 def _drawn(met: Met, shares: Array, random: np.random.Generator) -> Array:
