@@ -208,6 +208,9 @@ ShadeStage Batch::shading() {
   stage.material = material.data();
   stage.terms = (queue->past.reflections > 0 ? all.reflected_terms : all.terms).data();
   stage.specular_terms = all.specular_terms.data();
+  stage.specular_columns = size_t(all.rows_of_lobes.columns);
+  stage.rows = all.spans.data();
+  stage.row_count = all.apart_count() + size_t(highlights());
   stage.lobes = &all.rows_of_lobes;
   stage.highlights = highlights();
   stage.sums = sums;
@@ -288,10 +291,8 @@ void Batch::set_offsets() {
 }
 
 void Batch::clear_specular() {
-  const LobeLayout& layout = scene_.materials.rows_of_lobes;
-  for (int kind = 0; kind < kLobeKinds; ++kind)
-    for (int number = 0; number < layout.of[kind].count; ++number)
-      for (size_t c = 0; c < 3; ++c) std::fill_n(lobe_row(kind, number) + c * stride, count_, 0.0);
+  for (const LobeSpan& row : scene_.materials.spans)
+    for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (row.first + c) * stride, count_, 0.0);
 }
 
 bool Batch::turn_round() {

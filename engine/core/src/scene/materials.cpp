@@ -183,16 +183,19 @@ void count_rows(MaterialTable& t, const Material& material) {
     t.rows_of_lobes.of[kind].count = std::max(t.rows_of_lobes.of[kind].count, count[kind]);
 }
 
-/// Places the rows of all kinds, microfacets' first. widest: of those.
-void lay_out(LobeLayout& layout, int widest) {
+/// Places the rows of all kinds. widest: of microfacets.
+void lay_out(MaterialTable& t, int widest) {
+  LobeLayout& layout = t.rows_of_lobes;
+  std::vector<LobeSpan> shining;
   for (int kind = 0; kind < kLobeKinds; ++kind) {
     LobeRows& rows = layout.of[kind];
     const bool shines = kind == GLINT_SPECULAR || kind == GLINT_MIRROR;
     rows.width = shines ? widest : kClosures[kind].columns;
     rows.first = layout.columns;
-    layout.columns += rows.width * rows.count;
-    layout.has_apart |= !shines && rows.count > 0;
+    for (int number = 0; number < rows.count; ++number, layout.columns += rows.width)
+      (shines ? shining : t.spans).push_back({size_t(layout.columns), size_t(rows.width)});
   }
+  t.spans.insert(t.spans.end(), shining.begin(), shining.end());
 }
 
 /// Compares each input that reads an image with the last few of its material that do.
@@ -294,7 +297,7 @@ MaterialTable compile_materials(const GlintSceneData& data, const World& world) 
     count_rows(t, material);
     number_reads(t, material);
   }
-  lay_out(t.rows_of_lobes, widest);
+  lay_out(t, widest);
   fold_materials(t, world);
   count_passing(t);
   return t;

@@ -67,11 +67,14 @@ struct MaterialTable {
   std::vector<double> specular_terms;                 // the columns of `rows_of_lobes` a material
   std::vector<double> view_terms;  // max_view rows of ViewTerm::kColumns a material
   LobeLayout rows_of_lobes;        // that lights need
+  std::vector<LobeSpan> spans;     // of each, microfacets' last
   /// Rows of microfacets: rays of bounced light (gathers) see mirrors among them.
   int highlights(bool gathers) const {
     const LobeRows* const of = rows_of_lobes.of;
     return of[GLINT_SPECULAR].count + (gathers ? of[GLINT_MIRROR].count : 0);
   }
+  /// Those of other lobes, which come first.
+  size_t apart_count() const { return spans.size() - size_t(highlights(true)); }
   double most_exponent = 0;  // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false, has_mirrors = false;

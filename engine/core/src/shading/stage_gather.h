@@ -46,7 +46,7 @@ inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l)
   const BumpShadow bump = bump_shadow<true>(s, k, n, l);
   const Doubles cosine = dot(n, l);
   Three T = where(s.fibres_alone ? Mask{} : cosine > 0, load3(s.diffuse, k));
-  if (s.has_apart) {
+  if (s.apart_count > 0) {
     Highlights seen{};
     add_apart(s, k, n, l, cosine, seen);
     Three lobes = where(s.fibres_alone ? Mask{} : cosine > 0, seen.matt);

@@ -16,7 +16,7 @@ struct TermRows {
 
 inline void set_row(const ShadeStage& s, uint32_t material, size_t lane, TermRows& rows) {
   rows.of[lane] = s.terms + material;
-  rows.specular[lane] = s.specular_terms + size_t(s.lobes->columns) * material;
+  rows.specular[lane] = s.specular_terms + s.specular_columns * material;
   rows.view[lane] = s.view_terms + ViewTerm::kColumns * size_t(s.max_view) * material;
 }
 
@@ -90,28 +90,20 @@ inline void clear_part(double* const (&part)[3], size_t k) {
   if (part[0]) store3(part, k, Three{});
 }
 
-/// Columns of a row of a lobe; which lanes have any.
-inline Mask store_row(const ShadeStage& s, size_t k, const Three& T, const TermRows& rows,
-                      const LobeRows& of, int number) {
-  const size_t at = size_t(of.first + of.width * number);
-  double* column = s.specular + at * s.stride + k;
-  const Three Tk = T * gather3(rows, rows.specular, at);
-  store(column, Tk.x);
-  store(column + s.stride, Tk.y);
-  store(column + 2 * s.stride, Tk.z);
-  for (size_t c = 3; c < size_t(of.width); ++c)
-    store(column + c * s.stride, gather(rows, rows.specular, at + c));
-  return nonzero(Tk);
-}
-
-/// Rows of the lobes; which lanes have any.
+/// Rows of lobes; which lanes have any.
 inline Mask store_specular(const ShadeStage& s, size_t k, const Three& T, const TermRows& rows) {
   Mask lit{};
-  for (int number = 0; number < s.highlights; ++number)
-    lit |= store_row(s, k, T, rows, s.lobes->of[GLINT_SPECULAR], number);
-  for (int kind = GLINT_SHEEN; s.lobes->has_apart && kind < kLobeKinds; ++kind)
-    for (int number = 0; number < s.lobes->of[kind].count; ++number)
-      lit |= store_row(s, k, T, rows, s.lobes->of[kind], number);
+  for (size_t row = 0; row < s.row_count; ++row) {
+    const size_t at = s.rows[row].first;
+    double* column = s.specular + at * s.stride + k;
+    const Three Tk = T * gather3(rows, rows.specular, at);
+    store(column, Tk.x);
+    store(column + s.stride, Tk.y);
+    store(column + 2 * s.stride, Tk.z);
+    for (size_t c = 3; c < s.rows[row].width; ++c)
+      store(column + c * s.stride, gather(rows, rows.specular, at + c));
+    lit |= nonzero(Tk);
+  }
   return lit;
 }
 
@@ -166,7 +158,7 @@ size_t shade(const ShadeStage& s) {
     }
     store3(s.diffuse, k, Tk);
     Mask lit = nonzero(Tk);
-    if (s.lobes->columns > 0) lit |= store_specular(s, k, T, rows);
+    if (s.row_count > 0) lit |= store_specular(s, k, T, rows);
     store(s.lit + k, lit & valid_lanes(k, s.count));
     for (uint32_t m = rows.others; m; m &= m - 1)
       s.others[others++] = uint32_t(k) + uint32_t(__builtin_ctz(m));

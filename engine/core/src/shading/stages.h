@@ -59,7 +59,10 @@ struct ShadeStage {
   const double* T[3];
   const uint32_t* material;
   const MaterialTerms* terms;
-  const double* specular_terms;  // the columns of `lobes` a material
+  const double* specular_terms;  // specular_columns a material
+  size_t specular_columns;
+  const LobeSpan* rows;  // of these; as many as may have something to these rays
+  size_t row_count;
   const LobeLayout* lobes;
   int highlights;            // as LightStage has it
   const double* view_terms;  // max_view rows a material

@@ -75,15 +75,15 @@ inline Doubles spread_along(const FibreAngles& at, Doubles tilt, Doubles p) {
 }
 
 /// What a FIBRE_DIFFUSE lobe gives back of light along l (Kajiya and Kay). cosine: n.l.
-inline Doubles eval_matt_fibre(const LightStage& s, size_t k, int number, const Three& l,
-                               Doubles cosine) {
+__attribute__((noinline)) Doubles eval_matt_fibre(const LightStage& s, size_t k, int number,
+                                                  const Three& l, Doubles cosine) {
   const Doubles to_l = dot(unit(fibre_tangent(s, k, GLINT_FIBRE_DIFFUSE, number)), l);
   return where(cosine > 0, (2 / kCircle) * root(larger(1 - to_l * to_l, splat(0))));
 }
 
 /// The same of a FIBRE_SPECULAR or FIBRE_TRANSMISSION lobe.
-inline Doubles eval_fibre(const LightStage& s, size_t k, int kind, int number, const Three& l,
-                          Doubles cosine) {
+__attribute__((noinline)) Doubles eval_fibre(const LightStage& s, size_t k, int kind, int number,
+                                             const Three& l, Doubles cosine) {
   const LobeRow row(s, k, kind, number);
   const bool behind = kind == GLINT_FIBRE_TRANSMISSION;
   const Doubles tilt = row.number(FibreRow::kTilt);

@@ -28,16 +28,17 @@ inline void add_lobes(const LightStage& s, size_t k, int kind, Three& sum, Eval 
   }
 }
 
-/// Adds all lobes but highlights of microfacets. cosine: n.l.
+/// Adds all lobes but highlights of microfacets. cosine: n.l. What each gives back is a function
+/// that is called: else compilers work it out before they know whether anybody has the lobe.
 __attribute__((noinline)) void add_apart(const LightStage& s, size_t k, Three n, Three l,
                                          Doubles cosine, Highlights& sum) {
   const Three d = load3(s.d, k);
   const auto add = [&](int kind, Three& to, auto eval) { add_lobes(s, k, kind, to, eval); };
   add(GLINT_SHEEN, sum.matt, [&](int i) { return eval_sheen(s, k, i, n, d, l, cosine); });
   add(GLINT_TOON_DIFFUSE, sum.matt,
-      [&](int i) { return toon(s, k, GLINT_TOON_DIFFUSE, i).eval(cosine); });
+      [&](int i) { return eval_toon(s, k, GLINT_TOON_DIFFUSE, i, n, d, l, cosine); });
   add(GLINT_TOON_SPECULAR, sum.light, [&](int i) {
-    const Doubles share = toon(s, k, GLINT_TOON_SPECULAR, i).eval(mirrored_cosine(n, d, l, cosine));
+    const Doubles share = eval_toon(s, k, GLINT_TOON_SPECULAR, i, n, d, l, cosine);
     return s.lowering ? lowered(load(s.lowering + k), cosine) * share : share;
   });
   add(GLINT_OREN_NAYAR, sum.matt, [&](int) { return oren_nayar(n, d, l, cosine); });
@@ -46,6 +47,16 @@ __attribute__((noinline)) void add_apart(const LightStage& s, size_t k, Three n,
   add(GLINT_FIBRE_DIFFUSE, sum.matt, [&](int i) { return eval_matt_fibre(s, k, i, l, cosine); });
   for (const int kind : {GLINT_FIBRE_SPECULAR, GLINT_FIBRE_TRANSMISSION})
     add(kind, sum.fibre, [&](int i) { return eval_fibre(s, k, kind, i, l, cosine); });
+}
+
+/// Whether some point of a group has one of those.
+inline bool any_apart(const LightStage& s, size_t k) {
+  Mask some{};
+  for (size_t row = 0; row < s.apart_count; ++row) {
+    const double* at = s.specular + s.apart[row].first * s.stride + k;
+    some |= nonzero({load(at), load(at + s.stride), load(at + 2 * s.stride)});
+  }
+  return bits(some);
 }
 
 /// cosine: n.l.  narrow: or null, for no density.
@@ -60,7 +71,7 @@ __attribute__((always_inline)) inline Highlights all_highlights(const LightStage
     sum.light = shine.light;
     sum.density = shine.density;
   }
-  if (s.has_apart && !Reflecting) add_apart(s, k, n, l, cosine, sum);
+  if (!Reflecting && any_apart(s, k)) add_apart(s, k, n, l, cosine, sum);
   return sum;
 }
 

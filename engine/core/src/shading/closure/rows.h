@@ -39,6 +39,11 @@ struct FibreRow {
   static constexpr int kTangent = 3, kExponent = 6, kFan = 7, kTilt = 8;
 };
 
+/// A row: its first column, and how many there are.
+struct LobeSpan {
+  size_t first, width;
+};
+
 /// The rows of a kind: the first column, how many columns each has, and how many there are.
 struct LobeRows {
   int first = 0, width = 0, count = 0;
@@ -49,7 +54,6 @@ struct LobeRows {
 struct LobeLayout {
   LobeRows of[kLobeKinds];
   int columns = 0;
-  bool has_apart = false;  // rows of others than these two
 
   /// The first column of a row.
   int row(int kind, int number) const { return of[kind].first + of[kind].width * number; }

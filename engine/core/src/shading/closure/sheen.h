@@ -6,8 +6,9 @@ namespace glint {
 namespace {
 
 /// What one gives back of light along l. cosine: n.l. Where n is turned away n.v is below 0.
-inline Doubles eval_sheen(const LightStage& s, size_t k, int number, const Three& n, const Three& d,
-                          const Three& l, Doubles cosine) {
+__attribute__((noinline)) Doubles eval_sheen(const LightStage& s, size_t k, int number,
+                                             const Three& n, const Three& d, const Three& l,
+                                             Doubles cosine) {
   const LobeRow row(s, k, GLINT_SHEEN, number);
   const Doubles width = row.number(SheenRow::kWidth), lean = row.number(SheenRow::kLean),
                 vh = root(larger(0.5 * (1 - dot(l, d)), splat(0))), lv = 2 * vh * vh - 1,

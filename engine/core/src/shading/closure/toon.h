@@ -42,11 +42,16 @@ inline Toon toon(const LightStage& s, size_t k, int kind, int number) {
   return {row.number(ToonRow::kSize), row.number(ToonRow::kSmooth)};
 }
 
-/// The cosine that TOON_SPECULAR lobes have theirs of: of light along l to the mirrored ray, 0
-/// where n is turned away. cosine: n.l.
-inline Doubles mirrored_cosine(const Three& n, const Three& d, const Three& l, Doubles cosine) {
-  const Doubles nv = -dot(n, d);
-  return where(nv > 0, 2 * nv * cosine + dot(d, l));
+/// What one gives back of light along l, round n or the mirrored ray; nothing where n is turned
+/// away from that. cosine: n.l.
+__attribute__((noinline)) Doubles eval_toon(const LightStage& s, size_t k, int kind, int number,
+                                            const Three& n, const Three& d, const Three& l,
+                                            Doubles cosine) {
+  if (kind == GLINT_TOON_SPECULAR) {
+    const Doubles nv = -dot(n, d);
+    cosine = where(nv > 0, 2 * nv * cosine + dot(d, l));
+  }
+  return toon(s, k, kind, number).eval(cosine);
 }
 
 }  // namespace
