@@ -39,6 +39,7 @@ def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
 def core_types(header: str) -> str:
     """The module's text."""
     text = re.sub(r"/\*.*?\*/", "", header, flags=re.S)
+    text = re.sub(r"union\s*{\s*(\w+ \w+)[^}]*}", r"\1", text)  # one name for all
     version = re.search(r"#define GLINT_ABI_VERSION (\d+)", text).group(1)
     parts = [_HEAD.format(version=version)]
     parts += [_enum(*found) for found in re.findall(r"enum Glint(\w+) {(.*?)}", text, re.S)]

@@ -29,6 +29,7 @@ BLENDER = {
 }
 ENGINES_API = {
     "engine",
+    "engine.closures",
     "engine.displacement",
     "engine.lights.dome",
     "engine.program.graph",
@@ -116,7 +117,7 @@ def _inside_reference(name: str) -> bool:
     shared = "cryptomatte", "explained", "film", "scene", "scene.panorama", "scene.ray_batch"
     shared = *shared, "settings"
     values = {f"engine.{name}" for name in shared}
-    packages = "reference", "evaluation", "linear", "program", "sampling", "lights"
+    packages = "reference", "closures", "evaluation", "linear", "program", "sampling", "lights"
     return name in values or name.startswith(tuple(f"engine.{package}" for package in packages))
 
 
@@ -131,8 +132,9 @@ WALLS = {
     "operators": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_operators),
     "engine/reference": ({"numpy"} | STDLIB, _inside_reference),
     "engine/linear": ({"numpy"} | STDLIB, _only("linear")),
+    "engine/closures": (STDLIB, _only("closures")),
     "engine/sampling": ({"numpy"} | STDLIB, _only("sampling", "scene")),
-    "engine/scene": ({"numpy"} | STDLIB, _only("scene", "program", "linear")),
+    "engine/scene": ({"numpy"} | STDLIB, _only("scene", "closures", "program", "linear")),
     "engine/program": (
         {"numpy"} | STDLIB,
         _only("program", "scene.checks", "linear"),
@@ -321,7 +323,7 @@ MAY_INCLUDE = {
     "film": {"math", "shading", "system"},
     "integrator": {"bvh", "film", "math", "scene", "shading", "system"},
     "session": {"film", "integrator", "math", "scene", "system"},
-    "api": {"bvh", "film", "math", "program", "scene", "session", "system"},
+    "api": {"bvh", "film", "math", "program", "scene", "session", "shading", "system"},
 }
 """Folder of the core → folders whose headers it may include."""
 THE_OTHER_WAY = {

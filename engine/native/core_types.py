@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 78
+ABI_VERSION = 79
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -317,7 +317,7 @@ class InputData(Structure):
 
 class LobeData(Structure):
     _fields_ = [
-        *_each(c_double, "exponent ior masking"),
+        *_each(c_double, "exponent masking ior"),
         *_each(c_double * 3, "radius"),
         *_each(c_uint32, "first_input input_count"),
         *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot fibre_slot normal_slot"),

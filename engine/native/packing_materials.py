@@ -26,17 +26,13 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
         )
         packer.lobes.append(
             (
-                lobe.exponent,
-                lobe.ior,
-                lobe.masking,
+                *(number for number, _ in lobe.parameters),
                 lobe.radius,
                 len(packer.inputs),
                 len(lobe.factors),
                 kind,
                 fresnel,
-                _slot(outputs, lobe.exponent_output),
-                _slot(outputs, lobe.masking_output),
-                _slot(outputs, lobe.ior_output),
+                *(_slot(outputs, output) for _, output in lobe.parameters),
                 _slot(outputs, lobe.fibre_output),
                 _slot(outputs, lobe.normal_output),
                 _slot(outputs, lobe.stretch_output),

@@ -8,10 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..evaluation.surface import Surface
 from ..linear.columns import add_at, dot, pick
-from ..scene import Lobe
-from .optics import NEVER_LOST
+from .closures import Term, albedo
 
 Array = np.ndarray
 
@@ -20,34 +18,6 @@ BOUNCED_EXPONENT, THROWN_EXPONENT = 8.0, 2.0
 light, and show it as dots. Cycles' Filter Glossy of 1 comes to as much. That of mirrors there,
 whose shape is lost in any case.
 """
-
-
-@dataclass(frozen=True, eq=False)
-class Term:
-    """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m).
-
-    exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
-    number.  fibre: (3, m) the tangents of a FIBRE lobe, not 0.  normal: (3, m) normals of its
-    own, None where they are those of the points.  stretch: (3, m) what it is stretched along,
-    across its normals, 0 where it is not; None for nowhere.  lowering: (m,) as of `Surface`, of
-    what gives back lamps' light; None for 1.  is_thrown: of a mirror, by which it throws light on.
-    """
-
-    index: Array
-    k: Array
-    lobe: Lobe
-    exponent: Array | float
-    masking: Array | float
-    ior: Array | float
-    fibre: Array | None = None
-    normal: Array | None = None
-    stretch: Array | None = None
-    lowering: Array | None = None
-    is_thrown: bool = False
-
-    def normals(self, surface: Surface) -> Array:
-        """(3, m) shading normals at its points."""
-        return pick(surface.n, self.index) if self.normal is None else self.normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,23 +52,22 @@ class Coefficients:
         """(3, n): about what of even light all but these, mirrors and glass give back."""
         total = self.diffuse.copy()
         for term in (*self.sheens, *self.fibres):
-            if term.lobe.kind not in ("FIBRE_SPECULAR", "FIBRE_TRANSMISSION"):
-                add_at(total, term.index, _OF_COLOR.get(term.lobe.kind, 1.0) * term.k)
+            if term.is_matt:
+                add_at(total, term.index, albedo(term) * term.k)
         return total
 
     def glossy(self) -> Array:
         """(3, n): about what of even light the highlights give back."""
         total = np.zeros_like(self.diffuse)
         for term in self.highlights:
-            is_toon = term.lobe.kind == "TOON_SPECULAR"
-            add_at(total, term.index, (1.0 if is_toon else 8 / (term.exponent + 2)) * term.k)
+            add_at(total, term.index, albedo(term) * term.k)
         return total + self.round_fibres()
 
     def round_fibres(self) -> Array:
         """(3, n): about what of even light FIBRE lobes but matt ones give back."""
         total = np.zeros_like(self.diffuse)
         for term in self.fibres:
-            if term.lobe.kind != "FIBRE_DIFFUSE":
+            if not term.is_matt:
                 add_at(total, term.index, term.k)
         return total
 
@@ -126,16 +95,7 @@ class Coefficients:
         Fresnel says.
         """
         total = self.diffuse + self.translucent + self.glossy()
-        matt = [term for term in self.fibres if term.lobe.kind == "FIBRE_DIFFUSE"]
+        matt = [term for term in self.fibres if term.is_matt]
         for term in (*self.mirrors, *self.refractions, *self.sheens, *matt):
-            add_at(total, term.index, _OF_COLOR.get(term.lobe.kind, 1.0) * term.k)
+            add_at(total, term.index, albedo(term) * term.k)
         return total
-
-
-_OF_COLOR = {"OREN_NAYAR": NEVER_LOST, "OREN_NAYAR_MULTIPLE": 0.0}
-"""What of k counts as the colour of a surface: with its DIFFUSE lobe it is that of a smooth one."""
-
-
-def taken(number: Array | float, chosen: Array | slice) -> Array | float:
-    """The places `chosen` of a number that differs from point to point, or the one for all."""
-    return number[chosen] if isinstance(number, np.ndarray) else number

@@ -25,13 +25,14 @@ from . import catchers
 from .bumps import bump_shadow
 from .camera import Spread
 from .cancellation import Cancellation
-from .coefficients import Coefficients, Term
+from .closures import Term, evaluate
+from .coefficients import Coefficients
 from .explain_shadows import shadow_of
 from .gathering import bounce, bouncing, seen_lobes
 from .gloss import Narrow
 from .lighting import Lighting
 from .lights import LightSample, Source
-from .lobe_light import fibres, highlight, matt_lobes
+from .lobe_light import fibres, matt_lobes
 from .motion_vectors import motion_vectors
 from .occlusion import openness
 from .paths import Interaction, Paths, bounced, camera_paths, held_share, met, straight_on
@@ -189,7 +190,7 @@ class Explainer:
         """The rays along which light bounced to the point, and what is told of them."""
         stage, paths = self.stage, at.paths
         found = tuple(self._gathered(bouncing(stage, at, self._sample, self._places)))
-        fibrous = any(term.lobe.kind != "FIBRE_DIFFUSE" for term in at.coefficients.fibres)
+        fibrous = any(not term.is_matt for term in at.coefficients.fibres)
         most = stage.fibre_bounces if fibrous else stage.bounces
         if most == 0:
             return found, about
@@ -483,7 +484,7 @@ class Explainer:
         )
 
     def _highlight(self, surface: Surface, sample: LightSample, term: Term) -> float:
-        return float(highlight(term, slice(None), surface.n, surface.v, sample.direction)[0])
+        return float(evaluate(term, slice(None), surface.n, surface.v, sample.direction)[0])
 
 
 def _numbers(values: Array) -> Numbers:

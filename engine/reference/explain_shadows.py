@@ -6,7 +6,7 @@ import numpy as np
 
 from ..evaluation.surface import Surface
 from ..linear.columns import dot, length, unit
-from .coefficients import Term
+from .closures import Term
 from .lights import LightSample, Source
 from .lobe_light import ways_through
 from .rays import IncoherentRays

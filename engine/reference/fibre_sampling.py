@@ -5,64 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..evaluation.surface import Surface
-from ..linear.columns import basis_around, cross, dot, pick, unit
-from .coefficients import Coefficients, Term, taken
-from .optics import FibreAngles, sine
+from ..linear.columns import basis_around, dot, pick
+from .closures import Term
+from .closures.fibre import Sampler
+from .coefficients import Coefficients
 
 Array = np.ndarray
-
-
-class FibreSampler:
-    """Directions sampled from a FIBRE_SPECULAR or FIBRE_TRANSMISSION lobe at m points of its own:
-    along the strand the tangent of half the angle to the mirrored cone is Student's of two degrees
-    of freedom, round it that of half the angle to the viewer, or to behind, Cauchy's. Both have
-    closed inverses, and tails above any power of a cosine, so that no weight is without bound
-    (docs/decisions/0068-strands-by-paths.md).
-    """
-
-    def __init__(self, surface: Surface, term: Term, own: Array) -> None:
-        """own: (m,) which of the term's points."""
-        assert term.fibre is not None
-        self._t, self._v = unit(pick(term.fibre, own)), pick(surface.v, term.index[own])
-        self._tilt = term.lobe.tilt
-        self._way = -1.0 if term.lobe.kind == "FIBRE_TRANSMISSION" else 1.0
-        fan = np.asarray(taken(term.masking, own), float)
-        self._along2 = 1 / (np.asarray(taken(term.exponent, own)) + 1)
-        self._round2 = 1 / (2 / np.where(fan > 0, fan, 1.0) + 1)
-
-    def sample(self, disc: Array) -> Array:
-        """(3, m) unit, at points (2, m) of the unit disc; 0 where that leads beyond the strand's
-        end.
-        """
-        x, y = disc
-        tilt, to_v = self._tilt, dot(self._t, self._v)
-        across_v = sine(to_v)
-        u = np.clip(x * x + y * y, 2.0**-40, 1 - 2.0**-40)
-        tan = np.sqrt(self._along2 / (2 * u * (1 - u))) * (2 * u - 1)
-        size = 1 / ((1 + tan * tan) * (1 + tilt * tilt))
-        up = size * (2 * tan * (1 - tilt * tilt) - 2 * tilt * (1 - tan * tan))
-        out = size * ((1 - tan * tan) * (1 - tilt * tilt) + 4 * tan * tilt)
-        to_l, across_l = up * across_v - out * to_v, out * across_v + up * to_v
-        aside = np.where(np.abs(y) > 2.0**-40, y, 2.0**-40)
-        turn = np.sqrt(self._round2) * (np.sqrt(u) + x) / aside
-        seen = across_v > 2.0**-20
-        towards = (self._v - to_v * self._t) / np.where(seen, across_v, 1.0)
-        first = np.where(seen, towards, basis_around(self._t)[0])
-        part = self._way * across_l / (1 + turn * turn)
-        beside = (1 - turn * turn) * first + 2 * turn * cross(self._t, first)
-        return np.where(across_l > 0, to_l * self._t + part * beside, 0.0)
-
-    def pdf(self, direction: Array) -> Array:
-        """(m,) a steradian, of unit directions (3, m)."""
-        along2, round2 = self._along2, self._round2
-        at = FibreAngles(self._t, self._tilt, self._v, direction)
-        a2, c2 = at.along * at.along, at.across * at.across
-        far = 2 * along2 * c2 + a2
-        c = self._way * np.clip(at.turned, -1.0, 1.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            around = np.sqrt(round2) / (np.pi * (round2 * (1 + c) + (1 - c)))
-            pdf = around * along2 * at.across * (c2 + a2) / (2 * far * np.sqrt(far) * at.across_l)
-        return np.where((at.across > 0) & (at.across_l > 0), pdf, 0.0)
 
 
 def sampled(
@@ -85,13 +33,13 @@ def sampled(
     rounds = [
         (term, *_placed(term, place), _size(weight, term))
         for term in coefficients.fibres
-        if term.lobe.kind != "FIBRE_DIFFUSE"
+        if not term.is_matt
     ]
     even, total = np.abs(weight * coefficients.diffuse).sum(0)[chosen], np.zeros(len(chosen))
     for _term, own, at, size in rounds:
         total[at] += size[own]
     for term in coefficients.fibres:
-        if term.lobe.kind == "FIBRE_DIFFUSE":
+        if term.is_matt:
             own, at = _placed(term, place)
             even[at] += _size(weight, term)[own]
     others = np.zeros(len(chosen), bool)
@@ -116,7 +64,7 @@ def sampled(
     for term, own, at, size in rounds:
         some = size[own]
         here = (asked[at] >= before[at]) & (some > 0)
-        told = FibreSampler(surface, term, own).sample(disc[:, at])
+        told = Sampler(surface, term, own).sample(disc[:, at])
         direction[:, at] = np.where(here, told, direction[:, at])
         with np.errstate(divide="ignore", invalid="ignore"):
             rest_of = np.minimum((asked[at] - before[at]) / some, 1 - 2.0**-53)
@@ -124,7 +72,7 @@ def sampled(
         before[at] += some
     pdf = np.where(dot(n, direction) > 0, even / (2 * np.pi), 0.0)
     for term, own, at, size in rounds:
-        pdf[at] += size[own] * FibreSampler(surface, term, own).pdf(direction[:, at])
+        pdf[at] += size[own] * Sampler(surface, term, own).pdf(direction[:, at])
     return direction, pdf / total, left
 
 

@@ -9,11 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..evaluation.surface import Surface
-from ..linear.columns import add_at, basis_around, cross, dot, length, pick, unit
-from . import stretching
-from .coefficients import Coefficients, Term, taken
+from ..linear.columns import add_at, dot, length, pick
+from .closures import Term, microfacet, taken, toon
+from .coefficients import Coefficients
 from .lights import LightPoint, LightSample, Source
-from .optics import blinn_phong, reflectance, toon_albedo
 from .terminator import mean_lowered, mean_lowered_gloss
 
 Array = np.ndarray
@@ -48,25 +47,13 @@ def even_gloss(seen: Array, terms: list[Term], which: str = "OFF") -> Array:
     total = np.zeros((3, len(seen)))
     for term in terms:
         if term.lobe.kind == "TOON_SPECULAR":
-            add_at(total, term.index, toon_albedo(term.exponent, term.masking) * term.k)
+            add_at(total, term.index, toon.directional_albedo(term) * term.k)
     for term in () if which == "ALL" else terms:
         if term.lobe.is_glossy and (term.lobe.fresnel or which == "NONE"):
-            add_at(total, term.index, of_even_light(term, seen[term.index]) * term.k)
+            add_at(
+                total, term.index, microfacet.directional_albedo(term, seen[term.index]) * term.k
+            )
     return total
-
-
-def of_even_light(term: Term, seen: Array) -> Array:
-    """(m,) about what a highlight of GGX's masking gives back of even light for k = 1, seen at the
-    cosines (m,).
-    """
-    p, a2 = np.asarray(term.exponent), np.asarray(term.masking) ** 2
-    seen2 = np.clip(seen, 0.0, 1.0) ** 2
-    cosine = np.sqrt(seen2 + 2 * (1 - seen2) / (p + 8))
-    size = 8 / (p + 2 + 8 / (4 + p * p))
-    shaped = cosine / np.sqrt(a2 + (1 - a2) * cosine * cosine)
-    factor = np.where(a2 > 0, size * shaped, 0.0)
-    lobe = term.lobe
-    return factor * reflectance(cosine, term.ior, lobe.fresnel, lobe.schlick, lobe.edge)
 
 
 def ambient_seen(surface: Surface, coefficients: Coefficients) -> Array:
@@ -80,7 +67,7 @@ def ambient_seen(surface: Surface, coefficients: Coefficients) -> Array:
     for term in coefficients.highlights:
         if term.lobe.is_glossy:
             seen = dot(surface.n, surface.v)[term.index]
-            k = of_even_light(term, seen) * term.k
+            k = microfacet.directional_albedo(term, seen) * term.k
             add_at(of_gloss, term.index, k)
             low = mean_lowered_gloss(lowering[term.index], seen, np.asarray(term.masking))
             add_at(left, term.index, low * k)
@@ -143,11 +130,7 @@ class Narrow:
         towards[:, seen] = direction
         for term, k, n in self._terms:
             l, v = pick(towards, term.index), pick(self._surface.v, term.index)  # noqa: E741
-            power = blinn_phong(n, v, l, term.exponent)
-            if term.stretch is not None:
-                t = term.stretch
-                power = np.where(t.any(0), stretching.power(n, t, v + l, term.exponent, 3), power)
-            density[term.index] += k * power
+            density[term.index] += k * microfacet.density(term, n, v, l)
         size = length(self._surface.v + towards) * self._total
         spread = 4 * np.pi * size
         found = np.divide(density, spread, out=np.zeros_like(size), where=size > 0)[seen]
@@ -172,31 +155,6 @@ class Narrow:
             before[index] += part
             narrowest[index] = np.maximum(narrowest[index], np.where(part > 0, p, 0.0))
         v = self._surface.v
-        h = half_vector(axis, point, np.minimum(rest, 1 - 2.0**-53), exponent, stretch)
+        h = microfacet.sample(axis, point, np.minimum(rest, 1 - 2.0**-53), exponent, stretch)
         cosine = dot(v, h)
         return 2 * cosine * h - v, (self._total > 0) & (cosine > 0), narrowest
-
-
-def half_vector(
-    n: Array,
-    point: LightPoint,
-    share: Array | float,
-    exponent: Array | float,
-    stretch: Array | None = None,
-) -> Array:
-    """(3, m) of a lobe round n, in the direction of a disc's point, with `share` of the lobe nearer
-    to n; where it is stretched as that half vector before.
-    """
-    x, y = point.disc
-    radius = np.hypot(x, y)
-    across, along = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
-    log = np.log1p(-share) * 2 / (exponent + 1)
-    first, second = basis_around(n)
-    up, aside = np.exp(log / 2) * n, np.sqrt(-np.expm1(log))
-    h = up + aside * (across * first + along * second)
-    if stretch is None or not stretch.any():
-        return h
-    some = stretch.any(0)
-    size2 = np.where(some, dot(stretch, stretch), 1.0)
-    turned = unit(up + aside * (across / size2 * stretch + along * cross(n, stretch)))
-    return np.where(some, turned, h)

@@ -14,7 +14,7 @@ from ..evaluation.surface import Surface
 from ..lights.lamps import cluster_levels
 from ..linear.columns import dot, length, pick, unit
 from .bumps import bump_shadow
-from .coefficients import Term
+from .closures import Term
 from .lights import Source
 
 Array = np.ndarray
@@ -114,7 +114,7 @@ class LampClusters:
             return
         far2 = np.full(len(surface), FAR2)
         for term in terms:
-            exponent = np.where(term.k.any(0), term.exponent, 0.0)
+            exponent = np.where(term.k.any(0), term.numbers.get("exponent", 0.0), 0.0)
             far2[term.index] = np.maximum(far2[term.index], exponent)
         none, bumpy = np.zeros((3, len(surface))), surface.unbent.any(0)
         start = FarLight(np.zeros(len(surface), bool), none, none, none[0])

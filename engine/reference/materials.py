@@ -9,17 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..closures import CLOSURES, KINDS
 from ..cryptomatte import id_bits
 from ..evaluation.attributes import Attributes
 from ..evaluation.geometry import Geometry
 from ..evaluation.materials import DEFAULT, MaterialPoints
 from ..evaluation.surface import Spot, Surface
 from ..linear.columns import add_at, dot, pick, unit
-from ..scene import LARGEST, LEAST_IOR, Lobe, Material, Scene
+from ..scene import Lobe, Material, Scene
 from .bumps import bump_of, lifted
-from .coefficients import THROWN_EXPONENT, Coefficients, Term
+from .closures import Term, taken
+from .closures.stretching import stretched
+from .coefficients import THROWN_EXPONENT, Coefficients
 from .scene_queries import SceneQueries
-from .stretching import stretched
 from .terminator import lowered
 
 Array = np.ndarray
@@ -34,25 +36,12 @@ _SUMMED = {
 }
 
 
-_LISTED = {
-    "TOON_DIFFUSE": "SHEEN",
-    "OREN_NAYAR": "SHEEN",
-    "OREN_NAYAR_MULTIPLE": "SHEEN",
-    "TOON_SPECULAR": "SPECULAR",
-}
-"""Kinds of lobes among the terms of others."""
-
-
-_SEEN = ("AMBIENT", "DIFFUSE", "OREN_NAYAR", "OREN_NAYAR_MULTIPLE")
-"""Kinds that may depend on the view alone."""
-
-
 class _Found:
     """The lobes of n points so far, material by material."""
 
     def __init__(self, count: int) -> None:
         self.sums = {name: np.zeros((3, count)) for name in _SUMMED.values()}
-        kinds = ("SPECULAR", "MIRROR", "THROWN", "REFRACTION", "SHEEN", "FIBRE")
+        kinds = ("GLOSSY", "MATT", "MIRROR", "THROWN", "REFRACTION", "FIBRE")
         self._terms: dict[str, list[Term]] = {kind: [] for kind in kinds}
         self._below: Array | None = None  # Σ k, Σ |k|, Σ |k| radius
 
@@ -72,24 +61,18 @@ class _Found:
         self, lobe: Lobe, index: Array, k: Array, outputs: list[Array], surface: Surface
     ) -> None:
         """Of fibres where there are some; elsewhere a matt or a glossy one, or nothing."""
-        exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
-        masking = _number(lobe.masking, lobe.masking_output, outputs)
         t = _tangents(lobe, outputs, len(index))
         here, bare = t.any(0), ~t.any(0)
-        k, exponent = np.broadcast_to(k, t.shape), np.broadcast_to(exponent, t.shape[1:])
-        masking = np.broadcast_to(masking, t.shape[1:])[here]
+        term = Term(index, np.broadcast_to(k, t.shape), lobe, _numbers(lobe, outputs), t)
         if lobe.kind == "FIBRE_DIFFUSE":
-            add_at(self.sums["diffuse"], index[bare], k[:, bare])
+            add_at(self.sums["diffuse"], index[bare], term.k[:, bare])
         elif lobe.kind == "FIBRE_SPECULAR" and bare.any():
-            p = exponent[bare]
-            highlight = Lobe("SPECULAR", exponent=lobe.exponent)
-            wide = (p + 2) / 8 * k[:, bare]
-            low = _lowering(surface, index[bare])
-            term = Term(index[bare], wide, highlight, p, 0.0, 1.0, lowering=low)
-            self._terms["SPECULAR"].append(term)
-        self._terms["FIBRE"].append(
-            Term(index[here], k[:, here], lobe, exponent[here], masking, 1.0, t[:, here])
-        )
+            p = taken(term.exponent, bare)
+            numbers = {"exponent": p, "masking": 0.0, "ior": 1.0}
+            highlight, low = Lobe("SPECULAR"), _lowering(surface, index[bare])
+            wide = (p + 2) / 8 * term.k[:, bare]
+            self._terms["GLOSSY"].append(Term(index[bare], wide, highlight, numbers, lowering=low))
+        self._terms["FIBRE"].append(term.take(here))
 
     def add_term(
         self,
@@ -101,13 +84,12 @@ class _Found:
         surface: Surface,
     ) -> None:
         """A lobe that needs a ray or a highlight. normal: (3, m) as of `Term`."""
-        exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
-        masking = _number(lobe.masking, lobe.masking_output, outputs)
-        term = Term(index, k, lobe, exponent, masking, _index(lobe, outputs), normal=normal)
+        term = Term(index, k, lobe, _numbers(lobe, outputs), normal=normal)
         low = _lowering(surface, index)
         if lobe.kind == "MIRROR":
             self._terms["THROWN"].append(_thrown(replace(term, lowering=low)))
-        if lobe.kind in ("SPECULAR", "TOON_SPECULAR"):
+        row = CLOSURES[lobe.kind]
+        if row.counts == "GLOSSY" and not row.passes:
             term = replace(term, lowering=low)
         elif lobe.kind == "MIRROR" and low is not None:
             seen = dot(term.normals(surface), pick(surface.v, index))
@@ -115,17 +97,17 @@ class _Found:
         if lobe.kind == "SPECULAR" and lobe.stretch_output >= 0:
             along = outputs[lobe.stretch_output]
             term = replace(term, stretch=stretched(term.normals(surface), along))
-        self._terms[_LISTED.get(lobe.kind, lobe.kind)].append(term)
+        self._terms[lobe.kind if row.passes else row.counts].append(term)
 
     def coefficients(self) -> Coefficients:
         found = Coefficients(
             **self.sums,
-            highlights=self._terms["SPECULAR"],
+            highlights=self._terms["GLOSSY"],
             mirrors=self._terms["MIRROR"],
             thrown=self._terms["THROWN"],
             refractions=self._terms["REFRACTION"],
-            sheens=self._terms["SHEEN"],
-            fibres=self._terms["FIBRE"],
+            sheens=self._terms["MATT"],
+            fibres=sorted(self._terms["FIBRE"], key=lambda term: KINDS.index(term.lobe.kind)),
         )
         if self._below is None:
             return found
@@ -143,10 +125,9 @@ def _thrown(term: Term) -> Term:
     (Walter, Marschner, Li, Torrance 2007, Microfacet models for refraction).
     """
     p, masking = THROWN_EXPONENT, (2 / (THROWN_EXPONENT + 2)) ** 0.5
-    none = {"exponent_output": -1, "masking_output": -1}
-    lobe = replace(term.lobe, kind="SPECULAR", exponent=p, masking=masking, **none)
-    k = (p + 2) / 8 * term.k
-    return replace(term, lobe=lobe, k=k, exponent=p, masking=masking, is_thrown=True)
+    lobe = replace(term.lobe, kind="SPECULAR", masking=masking)
+    thrown = replace(term, lobe=lobe, k=(p + 2) / 8 * term.k, is_thrown=True)
+    return thrown.with_numbers(exponent=p, masking=masking)
 
 
 def _lifts(material: Material) -> bool:
@@ -190,12 +171,11 @@ class Shader(MaterialPoints):
         found = _Found(len(surface.primitive))
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
-            if lobe.exponent > 0 and lobe.kind in _SEEN:
+            if lobe.exponent > 0 and CLOSURES[lobe.kind].by_view:
                 n = self._lifted(surface, index, pick(surface.n, index))
                 seen = dot(n, pick(surface.v, index))
-                exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
-                k = k * (1 - np.clip(seen, 0.0, 1.0)) ** exponent
-            if lobe.kind.startswith("FIBRE"):
+                k = k * (1 - np.clip(seen, 0.0, 1.0)) ** _numbers(lobe, outputs)["exponent"]
+            if CLOSURES[lobe.kind].of_fibre:
                 found.add_fibre(lobe, index, k, outputs, surface)
             elif lobe.kind in _SUMMED:
                 add_at(found.sums[_SUMMED[lobe.kind]], index, k)
@@ -257,7 +237,7 @@ class Shader(MaterialPoints):
         material = self.materials[surface.material[index[0]]] if len(index) else DEFAULT
         shines = lobe.is_glossy or lobe.kind in ("MIRROR", "REFRACTION")
         is_micro = shines and material.program is not None and material.bump_shadowing != "NONE"
-        if lobe.kind in ("SHEEN", *_LISTED) or not (is_micro or lobe.normal_output >= 0):
+        if CLOSURES[lobe.kind].normal == "POINT" or not (is_micro or lobe.normal_output >= 0):
             return None, k
         n, v = pick(surface.n, index), pick(surface.v, index)
         n = _normal(outputs, lobe.normal_output, n)
@@ -275,7 +255,7 @@ class Shader(MaterialPoints):
             given = material.aovs
             outputs = self._outputs(given, surface, index, kind, queries) if given else []
             for lobe in given.lobes if given else ():
-                first = 4 * int(lobe.exponent)
+                first = 4 * lobe.aov
                 k = self._product(lobe, surface, index, outputs)
                 found[first : first + 3, index] += k
                 found[first + 3, index] = 1
@@ -295,7 +275,7 @@ class Shader(MaterialPoints):
             given = np.maximum(k.sum(0), 0.0)
             size[index] += given
             if isinstance(spot, Surface):
-                square = np.asarray(_index(lobe, outputs)) ** 2
+                square = np.asarray(_numbers(lobe, outputs)["ior"]) ** 2
                 given = given * np.where(spot.outside[index], square, 1 / square)
             narrow[index] += given
 
@@ -335,17 +315,20 @@ def _normal(outputs: list[Array], output: int, mesh: Array) -> Array:
     return np.where(given.any(0), given, mesh)
 
 
-def _index(lobe: Lobe, outputs: list[Array]) -> Array | float:
-    """A lobe's index of refraction: what the program gives where that is one, else its own."""
-    if lobe.ior_output < 0:
-        return lobe.ior
-    given = outputs[lobe.ior_output][0]
-    return np.where((given >= LEAST_IOR) & (given <= LARGEST), given, lobe.ior)
-
-
-def _number(own: float, output: int, outputs: list[Array]) -> Array | float:
-    """A number of a lobe: its own, or what the program gives from 0 to that."""
-    if output < 0:
-        return own
-    given = outputs[output][0]
-    return np.clip(np.where(np.isfinite(given), given, 0.0), 0.0, own)
+def _numbers(lobe: Lobe, outputs: list[Array]) -> dict[str, Array | float]:
+    """The parameters of a lobe by name: its own, or what the program gives from 0 to that; an index
+    of refraction that the program gives is none beyond its range, where the lobe's own stands.
+    """
+    found: dict[str, Array | float] = {}
+    for p in CLOSURES[lobe.kind].parameters:
+        own = getattr(lobe, p.name)
+        output = getattr(lobe, f"{p.name}_output") if p.varies else -1
+        if output < 0:
+            found[p.name] = own
+        elif p.low > 0:
+            given = outputs[output][0]
+            found[p.name] = np.where((given >= p.low) & (given <= p.high), given, own)
+        else:
+            given = np.where(np.isfinite(outputs[output][0]), outputs[output][0], 0.0)
+            found[p.name] = np.clip(given, 0.0, own)
+    return found

@@ -15,7 +15,8 @@ from ..evaluation.surface import Surface
 from ..linear.columns import add_at, dot, pick
 from ..program.execute.inputs import fresnel_dielectric as fresnel
 from .bumps import bump_shadow, lifted
-from .coefficients import Coefficients, Term, taken
+from .closures import Term, taken
+from .coefficients import Coefficients
 from .lobe_light import highlights, matt_lobes
 from .optics import reflected, refracted
 from .path_lamps import around
@@ -141,21 +142,7 @@ def _some_of_term(term: Term, index: Array) -> Term:
     at = np.searchsorted(index, term.index)
     is_there = (at < len(index)) & (index[np.minimum(at, len(index) - 1)] == term.index)
     place = np.flatnonzero(is_there)
-
-    def some(values: Array | None) -> Array | None:
-        return None if values is None else values[..., place]
-
-    return Term(
-        at[place],
-        term.k if term.k.shape[1] == 1 else term.k[:, place],
-        term.lobe,
-        taken(term.exponent, place),
-        taken(term.masking, place),
-        taken(term.ior, place),
-        normal=some(term.normal),
-        stretch=some(term.stretch),
-        lowering=some(term.lowering),
-    )
+    return replace(term.take(place), index=at[place])
 
 
 def glossy_shares(met: Met) -> Array:
@@ -163,12 +150,17 @@ def glossy_shares(met: Met) -> Array:
     terms = met.coefficients.highlights
     size = np.zeros((len(terms), len(met)))
     for row, term in zip(size, terms, strict=True):
-        row[term.index] = np.abs(term.k).max(0) * 8 / (np.asarray(term.exponent) + 2)
+        row[term.index] = np.abs(term.k).max(0) * 8 / (_drawn_exponent(term) + 2)
     glossy, matt = size.sum(0), np.abs(met.coefficients.matt()).max(0)
     whole = np.where(glossy > 0, glossy, 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.where(glossy > 0, np.minimum(glossy / (glossy + matt), MOST_GLOSSY), 0.0)
     return size / whole * share
+
+
+def _drawn_exponent(term: Term) -> Array | float:
+    """Of the half vectors that a highlight draws: any way, where it has none."""
+    return term.numbers.get("exponent", 0.0)
 
 
 def _drawn(met: Met, shares: Array, random: np.random.Generator) -> Array:
@@ -181,7 +173,7 @@ def _drawn(met: Met, shares: Array, random: np.random.Generator) -> Array:
         at = np.flatnonzero((choice < end)[term.index] & (choice >= end - share)[term.index])
         if not len(at):
             continue
-        points, p = term.index[at], taken(term.exponent, at)
+        points, p = term.index[at], taken(_drawn_exponent(term), at)
         h = around(pick(term.normals(surface), at), (1 - u[points]) ** (1 / (p + 1)), v[points])
         l[:, points] = reflected(-pick(surface.v, points), h)
     return l
@@ -192,7 +184,7 @@ def _density(met: Met, shares: Array, l: Array) -> Array:  # noqa: E741, the not
     surface = met.surface
     density = (1 - shares.sum(0)) * np.maximum(dot(surface.n, l), 0.0) / np.pi
     for term, share in zip(met.coefficients.highlights, shares, strict=True):
-        k, n, p = term.index, term.normals(surface), np.asarray(term.exponent)
+        k, n, p = term.index, term.normals(surface), _drawn_exponent(term)
         h = pick(surface.v, k) + pick(l, k)
         size = np.sqrt(dot(h, h))
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -15,8 +15,9 @@ from ..linear.columns import add_at, dot, pick
 from ..program.execute.inputs import fresnel_dielectric
 from ..settings import Settings
 from .bumps import lifted
-from .coefficients import BOUNCED_EXPONENT, Coefficients, Term
-from .gloss import half_vector
+from .closures import Term
+from .closures.microfacet import sample
+from .coefficients import BOUNCED_EXPONENT, Coefficients
 from .lights import LightPoint
 from .optics import reflected, refracted
 from .rays import IncoherentRays, Rays
@@ -299,7 +300,9 @@ def _refracted(stage: Stage, at: Interaction, sample: int, cutoff: float) -> Ite
             # no lobe mirrors what cannot leave, but for what highlights do; they do all of what
             # cannot enter
             shut, back = rough & ~passes & ~some.outside, reflected(-some.v, m)
-            left = np.where(dot(back, n) > 0, 1 - fresnel_dielectric(dot(some.v, m), term.ior), 0.0)
+            left = np.where(
+                dot(back, n) > 0, 1 - fresnel_dielectric(dot(some.v, m), np.asarray(term.ior)), 0.0
+            )
             d, through = np.where(shut, back, d), np.where(shut, left, through)
         k = through * term.k
         go = np.flatnonzero(k.any(0))
@@ -328,7 +331,7 @@ def facet_normal(v: Array, n: Array, exponent: Array | float, point: LightPoint)
     groove the facet that is seen (Heitz, d'Eon 2014).
     """
     share = min(float(np.square(point.disc).sum()), 1 - 2.0**-53)
-    h = half_vector(n, point, share, exponent)
+    h = sample(n, point, share, exponent)
     return np.where(dot(v, h) > 0, h, 2 * dot(n, h) * n - h)
 
 
@@ -343,7 +346,8 @@ def widened(coefficients: Coefficients, widest: Array) -> Coefficients:
             continue
         own = np.broadcast_to(np.asarray(term.exponent, np.float64), term.index.shape)
         least = np.minimum(own, widest[term.index])
-        terms.append(replace(term, k=term.k * ((least + 1) / (own + 1)), exponent=least))
+        wide = term.with_numbers(exponent=least)
+        terms.append(replace(wide, k=term.k * ((least + 1) / (own + 1))))
     return replace(coefficients, highlights=terms)
 
 

@@ -333,10 +333,10 @@ def _is_dense(material: Material) -> bool:
 
 def _is_apart(material: Material) -> bool:
     """Whether it varies over the surface, or sends rays on."""
-    names = ("exponent", "masking", "ior", "normal", "stretch")
     for lobe in material.lobes:
         varies = any(x.texture >= 0 or x.attribute or x.output >= 0 for x in lobe.factors)
-        varies |= any(getattr(lobe, f"{name}_output") >= 0 for name in names)
+        varies |= any(output >= 0 for _, output in lobe.parameters)
+        varies |= lobe.normal_output >= 0 or lobe.stretch_output >= 0
         if varies or lobe.goes_below or lobe.kind not in _FOLDED:
             return True
     return material.normal_output >= 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..evaluation.surface import Surface
 from ..linear.columns import dot, pick
-from .coefficients import Term
+from .closures import Term
 from .gloss import Narrow, Reflections, reflecting
 from .lights import LightPoint
 from .lobe_light import highlights

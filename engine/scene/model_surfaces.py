@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..closures import CLOSURES
 from ..program.program import Program
 
 Array = np.ndarray
@@ -75,51 +76,30 @@ class Input:
         return self.low == -np.inf and self.high == np.inf and not any(self.offset)
 
 
-LOBES = (
-    "AMBIENT",
-    "DIFFUSE",
-    "SPECULAR",
-    "MIRROR",
-    "REFRACTION",
-    "TRANSPARENT",
-    "EMISSION",
-    "SHEEN",
-    "TRANSLUCENT",
-    "HOLDOUT",
-    "TOON_DIFFUSE",
-    "TOON_SPECULAR",
-    "OREN_NAYAR",
-    "OREN_NAYAR_MULTIPLE",
-    "FIBRE_DIFFUSE",
-    "FIBRE_SPECULAR",
-    "FIBRE_TRANSMISSION",
-)
-
-LEAST_IOR, LARGEST = 1e-30, 1e30
-"""Of indices of refraction, of exponents too: squares, and one over them, stay finite."""
-
-
 @dataclass(frozen=True)
 class Lobe:
     """One term of a surface: `kind` times the product of `factors` (the notes' coefficient k).
 
-    exponent: 0 to 1e30, Phong's of a SPECULAR lobe; AMBIENT, DIFFUSE and OREN_NAYAR ones are times
-    (1 - n·v) to that power. ior: 1e-30 to 1e30. On REFRACTION the index inside the surface, on
-    TRANSPARENT that for light to lit points alone, which is less where it comes from a narrower
-    cone inside (SEMANTICS.md, S). `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel
-    reflectance of `ior`, a REFRACTION lobe by one minus it, and a SPECULAR lobe by what it is
-    between v and h.
+    The parameters, which kinds have which and from where to where they are is said in
+    `engine.closures`, what they do in SEMANTICS.md, Surface. exponent: Phong's of a SPECULAR lobe;
+    AMBIENT, DIFFUSE and OREN_NAYAR ones are times (1 - n·v) to that power. masking: the α of
+    Smith's shadowing and masking, as GGX has them, 0 for none. ior: on REFRACTION the index inside
+    the surface, on TRANSPARENT that for light to lit points alone, which is less where it comes
+    from a narrower cone inside (SEMANTICS.md, S). width, lean: of a SHEEN lobe. size, smooth: of a
+    TOON lobe and its smooth edge, shares of a right angle. fan: how far the light of a FIBRE lobe
+    fans out round the tangent, 0 for as far as normals do; tilt: the tangent of half of how far it
+    leans along the fibre, against the tangent. aov: the number of the AOV that an EMISSION lobe of
+    `Material.aovs` is for.
+    …_output: which output of the material's program, a number, gives the parameter instead, kept
+    from 0 to what stands here (an ior stands where the output is not from 1e-30 to 1e30); -1 for
+    none.
+
+    `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel reflectance of `ior`, a REFRACTION
+    lobe by one minus it, and a SPECULAR lobe by what it is between v and h.
     schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵ (Schlick 1994): what a metal's reflectance
     gains towards grazing angles. edge: by 7⁷/6⁶ v·h (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what
-    it may lack some 8 degrees off the surface, where that is 1. masking: 0 to 1, of a SPECULAR
-    lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for none.
-    exponent_output, masking_output: which output of the material's program, a number, gives the
-    exponent or masking instead, kept from 0 to what stands here; -1 for none. ior_output: the same
-    of ior, which stands where the output is not from 1e-30 to 1e30. A SHEEN lobe has its width as
-    exponent and its lean as masking (SEMANTICS.md), a TOON lobe the shares of a right angle of
-    its size, up to 1, and of its smooth edge, FIBRE lobes as masking how far light fans out round
-    the tangent, 0 for as far as normals do, and as ior what `leaning` makes of how far they lean
-    along it. fibre_output: of FIBRE lobes, the output with the fibre's tangent in the world, as
+    it may lack some 8 degrees off the surface, where that is 1.
+    fibre_output: of FIBRE lobes, the output with the fibre's tangent in the world, as
     long as the fibre is thick there, 0 of what is no fibre; -1: all 0. normal_output: of SPECULAR,
     MIRROR and REFRACTION lobes, the output with a shading normal of their own in the world; where
     it is zero or not finite, or -1, they have the point's. stretch_output: of SPECULAR lobes, the
@@ -147,6 +127,29 @@ class Lobe:
     stretch_output: int = -1
     radius: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius_output: int = -1
+    width: float = 0.0
+    width_output: int = -1
+    lean: float = 0.0
+    lean_output: int = -1
+    size: float = 0.0
+    size_output: int = -1
+    smooth: float = 0.0
+    smooth_output: int = -1
+    fan: float = 0.0
+    fan_output: int = -1
+    tilt: float = 0.0
+    aov: int = 0
+
+    @property
+    def parameters(self) -> tuple[tuple[float, int], ...]:
+        """The core's three numbers, and the outputs that take their places; 0, 0 and 1 with none
+        where a lobe of the kind has no parameter.
+        """
+        numbers = [(0.0, -1), (0.0, -1), (1.0, -1)]
+        for p in CLOSURES[self.kind].parameters:
+            output = getattr(self, f"{p.name}_output") if p.varies else -1
+            numbers[p.place] = getattr(self, p.name), output
+        return tuple(numbers)
 
     @property
     def goes_below(self) -> bool:
@@ -157,18 +160,6 @@ class Lobe:
     def passes_light(self) -> bool:
         """Whether it lets light pass a REFRACTION lobe on its way to lit points."""
         return self.kind == "TRANSPARENT" and (self.ior != 1 or self.ior_output >= 0)
-
-    @property
-    def tilt(self) -> float:
-        """Of a FIBRE lobe: the tangent of how far the normals of its highlight lean from across the
-        fibre, against its tangent.
-        """
-        return (self.ior - 1) / (self.ior + 1)
-
-    @staticmethod
-    def leaning(tilt: float) -> float:
-        """The ior of a FIBRE lobe with that tilt, -1 to 1."""
-        return (1 + tilt) / (1 - tilt)
 
     @property
     def is_glossy(self) -> bool:
@@ -248,7 +239,7 @@ class Material:
     as outputs.  normal_output: the output, a vector, that takes the place of the shading normal
     (world space; where it is zero or not finite the mesh's own stays); -1 for none. aovs: what the
     surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
-    whose exponent is the number of the AOV.  medium: what fills the inside of what wears it, the
+    for each.  medium: what fills the inside of what wears it, the
     first one of its materials that have any, its program's textures are the scene's; None for
     nothing.  bump_shadowing: one of `BUMP_SHADOWING`, with another normal than the mesh's; the
     output base_normal_output is what that was bent from, the mesh's normal where it is -1, zero or

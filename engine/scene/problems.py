@@ -86,8 +86,8 @@ def _aovs(scene: Scene) -> Found:
         yield f"scene has {count} AOVs: use at most {MOST_AOVS}"
     for material in scene.materials if count else ():
         for lobe in material.aovs.lobes if material.aovs else ():
-            if lobe.exponent >= count:
-                yield f"{_label(material)}: aovs names number {lobe.exponent:g} of {count}"
+            if not 0 <= lobe.aov < count:
+                yield f"{_label(material)}: aovs names number {lobe.aov} of {count}"
 
 
 def _neighbours(scene: Scene) -> Found:

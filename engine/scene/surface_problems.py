@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..closures import CLOSURES, KINDS
 from ..program.operations import Reference
 from ..program.operations_input import OF_TRIANGLES
 from ..program.problems import program_problems
@@ -28,9 +29,6 @@ from .model_surfaces import (
     ENCODINGS,
     EXTENSIONS,
     INTERPOLATIONS,
-    LARGEST,
-    LEAST_IOR,
-    LOBES,
     Input,
     Lobe,
     Material,
@@ -46,8 +44,8 @@ def material_problems(textures: int, material: Material) -> Found:
     outputs = len(material.program.outputs) if material.program is not None else 0
     if material.aovs is not None:
         given = material.aovs
-        if any(lobe.kind != "EMISSION" or lobe.exponent % 1 for lobe in given.lobes):
-            yield "aovs has other lobes than EMISSION with whole exponents: use these alone"
+        if any(lobe.kind != "EMISSION" for lobe in given.lobes):
+            yield "aovs has other lobes than EMISSION: use these alone"
         if given.aovs is not None:
             yield "aovs has AOVs of its own: use none"
         yield from (
@@ -101,10 +99,13 @@ def _out_of_place(program: Program, is_world: bool) -> Found:
 
 
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
-    yield from one_of("kind", lobe.kind, LOBES)
-    yield from at_least("exponent", lobe.exponent, 0, LARGEST)
-    yield from at_least("ior", lobe.ior, LEAST_IOR, LARGEST)
-    yield from at_least("masking", lobe.masking, 0, 1)
+    yield from one_of("kind", lobe.kind, KINDS)
+    for parameter in CLOSURES[lobe.kind].parameters if lobe.kind in CLOSURES else ():
+        name = parameter.name
+        yield from at_least(name, getattr(lobe, name), parameter.low, parameter.high)
+        if parameter.varies:
+            output = getattr(lobe, f"{name}_output")
+            yield from handle(f"{name}_output", output, outputs, "outputs", none=True)
     if lobe.kind == "SPECULAR" and lobe.fresnel + lobe.schlick + lobe.edge > 1:
         yield "is times two of fresnel, schlick and edge: use one of them"
     yield from (strange := [*numbers("radius", lobe.radius, 3)])
@@ -114,7 +115,7 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from strangers
     for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures, outputs)
-    for name in ("exponent", "masking", "ior", "fibre", "normal", "stretch", "radius"):
+    for name in ("fibre", "normal", "stretch", "radius"):
         output = getattr(lobe, f"{name}_output")
         yield from handle(f"{name}_output", output, outputs, "outputs", none=True)
 

@@ -25,8 +25,8 @@ from ray_tables import table
 RECORDED = Path(__file__).with_name("features.json")
 FREE = ("mirror beside", "glass beside", "texture beside", "4 light samples beside")
 SCENES = (
-    "plain", *FREE, "highlights beside", "alpha beside", "sphere beside",
-    "highlights", "texture", "alpha", "mirror", "glass", "soft light, 4 samples",
+    "plain", *FREE, "highlights beside", "lobes beside", "alpha beside", "sphere beside",
+    "highlights", "lobes", "texture", "alpha", "mirror", "glass", "soft light, 4 samples",
     "smooth", "smooth beside", "offsets beside", "hair beside", "medium beside",
     "middle of a lens", "resting camera frames",
 )  # fmt: skip

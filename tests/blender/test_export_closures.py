@@ -222,8 +222,8 @@ def fibres(result, roughness: float, distribution: str = "MICROFIBER"):
     (table,) = material.program.tables
     rows = np.array(table).reshape(-1, 4)[:, :3]
     np.testing.assert_allclose(rows, sheen_table(float(np.float32(roughness)), distribution))
-    assert (lobe.exponent, lobe.masking) == tuple(rows[:, :2].max(0))
-    assert min(lobe.exponent_output, lobe.masking_output) >= 0
+    assert (lobe.width, lobe.lean) == tuple(rows[:, :2].max(0))
+    assert min(lobe.width_output, lobe.lean_output) >= 0
     return lobe, rows
 
 
@@ -272,7 +272,7 @@ def test_a_sheen_whose_roughness_varies_is_that_of_each_point(scene, roughness):
         material = next(m for m in result.scene.materials if m.name == shader.material.name)
         (lobe,) = of_kind(lobes, "SHEEN")
         outputs = outputs_of(material, result.scene.textures)
-        numbers = [lobe.exponent_output, lobe.masking_output, lobe.factors[0].output]
+        numbers = [lobe.width_output, lobe.lean_output, lobe.factors[0].output]
         seen.append([outputs[k][0] for k in numbers])
         assert not result.notes
     np.testing.assert_allclose(*seen, rtol=1e-6, atol=1e-7)

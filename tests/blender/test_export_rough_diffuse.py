@@ -19,7 +19,7 @@ from export_support import (  # noqa: F401
     total,
 )
 from glint.addon.export.materials.rough_diffuse import oren_nayar
-from glint.engine.reference.optics import NEVER_LOST, lost_once
+from glint.engine.reference.closures.oren_nayar import NEVER_LOST, lost_once
 
 COLOR = np.array(RED[:3])
 ROUGH = ("OREN_NAYAR", "OREN_NAYAR_MULTIPLE")

@@ -13,7 +13,7 @@ from following import Follower
 from glint.addon.export.geometry.hashing import random_of
 from glint.addon.export.geometry.splines import NEAR
 from glint.engine import Settings, render
-from glint.engine.reference.optics import fibre_highlight
+from glint.engine.reference.closures.fibre import fibre_highlight
 from glint.engine.scene import Strands
 from test_fibres import seen_share, sphere
 
@@ -225,7 +225,7 @@ def sent(lobes) -> np.ndarray:
     for lobe in lobes:
         share, behind = 1.0, lobe.kind == "FIBRE_TRANSMISSION"
         if behind or lobe.kind == "FIBRE_SPECULAR":
-            given = fibre_highlight(t, v, l, lobe.exponent, lobe.masking, behind)
+            given = fibre_highlight(t, v, l, lobe.exponent, lobe.fan, behind)
             share = (given * seen_share(turn, behind) * size).sum() / np.pi
         if lobe.kind.startswith("FIBRE"):
             total += share * np.array(lobe.factors[0].value)

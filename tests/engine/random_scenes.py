@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from engine_scenes import checker, look_at, vertex_normals
 from glint.engine import Settings
 from glint.engine import scene as s
+from glint.engine.closures import KINDS
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import Program, compile_program
 from glint.engine.program.table import BY_NAME
@@ -54,7 +55,7 @@ def factors(draw: Any, dice: Dice, textures: int, most: float) -> tuple[s.Input,
 
 @st.composite
 def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
-    kind = draw(st.sampled_from(s.LOBES))
+    kind = draw(st.sampled_from(KINDS))
     share = 0.6 if kind in ("MIRROR", "REFRACTION", "TRANSPARENT") else 1.0
     given = draw(factors(dice, textures, share))
     if program and draw(flags):
@@ -64,19 +65,24 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
     masked = (glossy or toon) and draw(flags)
     fresnel = kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags)
     schlick = masked and glossy and not fresnel and draw(flags)
-    return s.Lobe(
-        kind,
-        given,
-        exponent=float(10 ** dice.uniform(0, 2.5))
+    first = (
+        float(10 ** dice.uniform(0, 2.5))
         if glossy
         else float(dice.uniform(0.05, 0.9))
         if toon
-        else float(draw(st.integers(0, 3))),
+        else float(draw(st.integers(0, 3)))
+    )
+    numbers = first, float(dice.uniform(0.1, 0.9)) if masked else 0.0
+    names = {"SHEEN": ("width", "lean")}.get(kind, ("exponent", "masking"))
+    names = ("size", "smooth") if toon else names
+    return s.Lobe(
+        kind,
+        given,
         ior=float(dice.uniform(1.1, 1.8)),
         fresnel=fresnel,
         schlick=schlick,
         edge=masked and glossy and not (fresnel or schlick) and draw(flags),
-        masking=float(dice.uniform(0.1, 0.9)) if masked else 0.0,
+        **dict(zip(names, numbers, strict=True)),
         radius=rgb(dice, 0.3) if below else (0.0, 0.0, 0.0),
     )
 

@@ -23,9 +23,9 @@ from bounced_scenes import (
     wall_over_ground,
 )
 from glint.engine import Settings, render
-from glint.engine.reference.coefficients import Term
+from glint.engine.reference.closures import Term
+from glint.engine.reference.closures.microfacet import blinn_phong, gloss
 from glint.engine.reference.gloss import even_gloss
-from glint.engine.reference.optics import blinn_phong, gloss
 from glint.engine.scene import Input, Lobe, Material, Medium, Scene
 from media_scenes import filled
 
@@ -147,8 +147,8 @@ def test_what_gloss_gives_back_of_even_light(roughness: float) -> None:
         for size, p in PAINTS[roughness]
     ]
     terms = [
-        Term(np.arange(1), np.full((3, 1), lobe.factors[0].value[0]), lobe, lobe.exponent,
-             lobe.masking, lobe.ior)
+        Term(np.arange(1), np.full((3, 1), lobe.factors[0].value[0]), lobe,
+             {"exponent": lobe.exponent, "masking": lobe.masking, "ior": lobe.ior})
         for lobe in lobes
     ]  # fmt: skip
     for cosine in (1.0, 0.8, 0.5, 0.3):

@@ -209,7 +209,7 @@ def lights() -> dict[str, tuple[s.Light, ...]]:
 
 MATT = s.Lobe("DIFFUSE", constant(0.5, 0.4, 0.3))
 NARROW = s.Lobe("SPECULAR", constant(0.3), 60.0, masking=0.2)
-SHEEN = s.Lobe("SHEEN", constant(0.2), 0.3, masking=0.1)
+SHEEN = s.Lobe("SHEEN", constant(0.2), width=0.3, lean=0.1)
 BELOW = s.Lobe("DIFFUSE", constant(-0.2), 2.0)
 
 

@@ -54,7 +54,7 @@ def test_without_reflective_caustics_nothing_that_shines_throws_light(backend: s
     off = {"reflective_caustics": "OFF"}
     plain = added_to_wall(backend, MATT, **off)
     np.testing.assert_array_equal(added_to_wall(backend, MATT), plain)
-    shine = METAL, Lobe("MIRROR", (Input(COLOR),)), Lobe("TOON_SPECULAR", exponent=0.5)
+    shine = METAL, Lobe("MIRROR", (Input(COLOR),)), Lobe("TOON_SPECULAR", size=0.5)
     for lobe in shine:
         np.testing.assert_allclose(added_to_wall(backend, MATT, lobe, **off), plain, rtol=1e-6)
         assert (added_to_wall(backend, MATT, lobe) > 1.02 * plain).all()

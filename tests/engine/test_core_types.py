@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from glint.engine import film, scene, settings
+from glint.engine.closures import KINDS
 from glint.engine.native import binding, core_types
 from glint.engine.scene.panorama import PROJECTIONS
 from native_tools import needs_core
@@ -96,7 +97,7 @@ def test_constants_have_the_headers_values(tmp_path: Path) -> None:
         (scene.EXTENSIONS, core_types.Extension),
         (scene.INTERPOLATIONS, core_types.Interpolation),
         (scene.CHANNELS, core_types.Channel),
-        (scene.LOBES, core_types.LobeKind),
+        (KINDS, core_types.LobeKind),
         (scene.LIGHTS, core_types.LightKind),
         (scene.CAMERAS, core_types.CameraKind),
         (PROJECTIONS, core_types.Projection),

@@ -14,7 +14,7 @@ from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference.optics import fibre_diffuse, fibre_highlight
+from glint.engine.reference.closures.fibre import fibre_diffuse, fibre_highlight
 from native_tools import lamp, needs_core, pixel_centers, placed, square, view_from_above
 from surface_scenes import SUN, P, balls
 
@@ -123,7 +123,7 @@ def test_a_strand_under_a_sun_in_closed_form(backend, kind, below, lean) -> None
     axis = np.array([np.sin(height), 0.0, -np.cos(height) if below else np.cos(height)])
     sun = replace(SUN, world_from_light=_towards(axis))
     film = render(
-        scene(lobe(kind, 1.0, 8.0, ior=s.Lobe.leaning(np.tan(lean))), lights=(sun,)),
+        scene(lobe(kind, 1.0, 8.0, tilt=np.tan(lean)), lights=(sun,)),
         Settings(samples=1, filter_width=0.0, backend=backend),
     )
     found = film.passes["Combined"][..., 0]
@@ -171,7 +171,7 @@ def scenes() -> dict[str, s.Scene]:
     all_lobes = (
         lobe("DIFFUSE", 0.5),
         lobe("SPECULAR", 0.3, 25.0),
-        lobe("TRANSMISSION", 0.4, 9.0, masking=0.3),
+        lobe("TRANSMISSION", 0.4, 9.0, fan=0.3),
     )
     shine = s.Lobe("SPECULAR", (s.Input((0.3,) * 3),), 60.0, masking=0.2)
     matt = s.Lobe("DIFFUSE", (s.Input((0.2, 0.3, 0.4)),))
@@ -180,16 +180,16 @@ def scenes() -> dict[str, s.Scene]:
         name: scene(*all_lobes, shine, matt, lights=each, geometry=oblique)
         for name, each in lights().items()
     }
-    fan = lobe("SPECULAR", 0.3, 25.0, masking=0.5)
+    fan = lobe("SPECULAR", 0.3, 25.0, fan=0.5)
     made["fan"] = scene(fan, lights=lights()["area"], geometry=oblique)
     leaning = {"geometry": oblique, "lights": lights()["sun"]}
     made["leaning"] = scene(
-        lobe("SPECULAR", 0.3, 25.0, ior=s.Lobe.leaning(0.4)),
-        lobe("TRANSMISSION", 0.4, 9.0, masking=0.3, ior=s.Lobe.leaning(-0.6)),
+        lobe("SPECULAR", 0.3, 25.0, tilt=0.4),
+        lobe("TRANSMISSION", 0.4, 9.0, fan=0.3, tilt=-0.6),
         **leaning,
     )
     made["bare"] = scene(*all_lobes, lights=lights()["sun"])
-    made["glossy"] = scene(lobe("TRANSMISSION", 0.4, 9.0, masking=0.1), lights=lights()["ball"])
+    made["glossy"] = scene(lobe("TRANSMISSION", 0.4, 9.0, fan=0.1), lights=lights()["ball"])
     return made
 
 
@@ -340,7 +340,7 @@ def glowing_and_lit() -> s.Scene:
     given = (
         lobe("DIFFUSE", 0.5),
         lobe("SPECULAR", 0.3, 2.0),
-        lobe("TRANSMISSION", 0.4, 9.0, masking=0.3),
+        lobe("TRANSMISSION", 0.4, 9.0, fan=0.3),
     )
     shine = s.Lobe("SPECULAR", (s.Input((0.3,) * 3),), 60.0, masking=0.2)
     made = scene(

@@ -129,7 +129,7 @@ PAINT = Material(
     "paint",
     (
         Lobe("DIFFUSE", (Input((0.5, 0.4, 0.3)),)),
-        Lobe("SHEEN", (Input((0.2, 0.2, 0.1)),), 0.6, masking=0.2),
+        Lobe("SHEEN", (Input((0.2, 0.2, 0.1)),), width=0.6, lean=0.2),
         Lobe("TRANSLUCENT", (Input((0.1, 0.1, 0.2)),)),
         Lobe("SPECULAR", (Input((3.0,) * 3),), 30.0, ior=1.5, fresnel=True, masking=0.3),
     ),

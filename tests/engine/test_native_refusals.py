@@ -68,7 +68,7 @@ BAD = {
         SOUND, instances=(replace(placed(), world_from_object=np.zeros((1, 4, 4))),)
     ),
     "input 0: texture 0 of 0": lobe_with(factors=(s.Input(texture=0),)),
-    "index of refraction -1 is not between 1e-30 and 1e30": lobe_with(ior=-1.0),
+    "its ior -1 is not between 1e-30 and 1e+30": lobe_with(kind="MIRROR", ior=-1.0),
     "exponent nan is not between": lobe_with(exponent=np.nan),
     "lobe kind 'SHINY' is not one of": lobe_with(kind="SHINY"),
     "texture 0: no pixels": replace(
@@ -134,7 +134,7 @@ def test_memory_that_cannot_be_had_is_named() -> None:
 
 
 def test_many_problems_are_all_told() -> None:
-    lobes = tuple(s.Lobe("DIFFUSE", ior=-1.0) for _ in range(30))
+    lobes = tuple(s.Lobe("MIRROR", ior=-1.0) for _ in range(30))
     text = refusal(replace(SOUND, materials=(material(*lobes),)))
     assert len(text.splitlines()) == 21
     assert text.endswith("and 10 more")

@@ -12,7 +12,7 @@ import pytest
 from glint.engine import Settings
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer
-from glint.engine.reference.optics import NEVER_LOST, lost_once, oren_nayar
+from glint.engine.reference.closures.oren_nayar import NEVER_LOST, lost_once, oren_nayar
 from native_tools import (
     assert_instruction_sets_agree,
     color,
@@ -197,7 +197,7 @@ def many() -> s.Scene:
     lobes = (
         *rough(0.6),
         *rough(0.9, ALBEDO[::-1] / 4, exponent=2.0),
-        s.Lobe("SHEEN", constant(0.1), exponent=0.5, masking=0.2),
+        s.Lobe("SHEEN", constant(0.1), width=0.5, lean=0.2),
         s.Lobe("SPECULAR", constant(0.2), exponent=50.0, masking=0.2, fresnel=True, ior=1.5),
     )
     return lit_ball(AXES, material(*lobes), material(*rough(1.0)))

@@ -13,7 +13,7 @@ from engine_scenes import at, ball_mesh, box_mesh, constant, grid_mesh, look_at
 from floor_views import floor_points, unit, viewing_rays
 from glint import engine
 from glint.engine import scene as s
-from glint.engine.reference.optics import blinn_phong
+from glint.engine.reference.closures.microfacet import blinn_phong
 from glint.engine.sampling import light_points
 from test_reference_support import (
     DIFFUSE,

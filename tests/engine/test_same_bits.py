@@ -90,8 +90,8 @@ LOOKS = {
     "toon": s.Material(
         "toon",
         (
-            s.Lobe("TOON_DIFFUSE", constant(0.5, 0.3, 0.2), exponent=0.4, masking=0.2),
-            s.Lobe("TOON_SPECULAR", constant(0.2), exponent=0.2, masking=0.05),
+            s.Lobe("TOON_DIFFUSE", constant(0.5, 0.3, 0.2), size=0.4, smooth=0.2),
+            s.Lobe("TOON_SPECULAR", constant(0.2), size=0.2, smooth=0.05),
         ),
     ),
     "edge": s.Material(

@@ -196,7 +196,7 @@ def aov_scene() -> s.Scene:
     doubled = graph.apply(BY_NAME["scaled_sum"], uv, graph.constant(2.0), uv)[0]
     of_floor = s.Material(
         "floor's",
-        (s.Lobe("EMISSION", (s.Input(output=0),), exponent=1.0),),
+        (s.Lobe("EMISSION", (s.Input(output=0),), aov=1),),
         program=compile_program(graph, [doubled]),
     )
     of_veil = s.Material(

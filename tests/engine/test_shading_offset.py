@@ -11,8 +11,8 @@ from bounced_scenes import added, wall_over_ground
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference.coefficients import Term
-from glint.engine.reference.gloss import of_even_light
+from glint.engine.reference.closures import Term
+from glint.engine.reference.closures.microfacet import directional_albedo
 from glint.engine.reference.terminator import mean_lowered_gloss
 from glint.engine.scene import Input, Light, Lobe, Material, Scene
 from test_lens import BACKENDS, card, scene, seen
@@ -117,9 +117,10 @@ def test_ambient_light_of_gloss_is_less_by_what_it_sees(backend, varies):
         render(made, settings).passes["Ambient"]
         for made in (lit(material), low(lit(material)), low(lit(plain)))
     )
-    term = Term(np.zeros(1, int), np.ones((3, 1)), METAL, METAL.exponent, METAL.masking, 1.0)
+    numbers = {"exponent": METAL.exponent, "masking": METAL.masking, "ior": 1.0}
+    term = Term(np.zeros(1, int), np.ones((3, 1)), METAL, numbers)
     here = np.array([1.0])
-    gloss = of_even_light(term, here) * np.array(COLOR.value) * LIGHT
+    gloss = directional_albedo(term, here) * np.array(COLOR.value) * LIGHT
     low_gloss = mean_lowered_gloss(np.array([F]), here, METAL.masking)
     middle = full.shape[0] // 2
     rest = gloss * (low_gloss - even_share())

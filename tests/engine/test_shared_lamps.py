@@ -163,7 +163,7 @@ def test_lamps_share_beside_a_sky_bounced_light_and_sheen() -> None:
     """What other lights are set to lights nothing of the lamps' highlights."""
     velvet = Material(
         "velvet",
-        (*GLOSS.lobes, Lobe("SHEEN", (Input((0.5, 0.4, 0.3)),), exponent=0.5, masking=0.3)),
+        (*GLOSS.lobes, Lobe("SHEEN", (Input((0.5, 0.4, 0.3)),), width=0.5, lean=0.3)),
     )
     sky = Light("sky", "DOME", at(0, 0, 0), radiance=np.full((4, 8, 3), 0.1, np.float32))
     scene = scene_of((*grid(), sky), velvet, size=16)

@@ -13,7 +13,7 @@ from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference.optics import sheen
+from glint.engine.reference.closures.sheen import sheen
 from native_tools import lamp, needs_core
 from surface_scenes import SUN, agree, balls, on_ball, plane
 
@@ -21,7 +21,7 @@ WIDTHS_AND_LEANS = [(1.0, 0.0), (0.5, 0.1), (0.1, 0.0), (0.3, 0.9)]
 
 
 def lobe(width: float, lean: float, k: float = 0.7, **more) -> s.Lobe:
-    return s.Lobe("SHEEN", (s.Input((k, k / 2, k / 4)),), width, masking=lean, **more)
+    return s.Lobe("SHEEN", (s.Input((k, k / 2, k / 4)),), width=width, lean=lean, **more)
 
 
 def hemisphere(count: int = 800) -> tuple[np.ndarray, np.ndarray]:
@@ -112,7 +112,7 @@ def test_numbers_of_a_program() -> None:
     normal = graph.apply(BY_NAME["normal"])[0]
     x, y, _ = graph.apply(BY_NAME["separate_xyz"], normal)
     program = compile_program(graph, [x, y])
-    scene = balls(lobe(0.8, 0.5, exponent_output=0, masking_output=1))
+    scene = balls(lobe(0.8, 0.5, width_output=0, lean_output=1))
     material = replace(scene.materials[0], program=program)
     scene = replace(scene, materials=(material,))
     native, exact = (

@@ -10,9 +10,10 @@ import pytest
 
 from glint.engine import Settings, render
 from glint.engine import scene as s
-from glint.engine.reference.coefficients import Coefficients, Term
-from glint.engine.reference.fibre_sampling import FibreSampler, sampled
-from glint.engine.reference.optics import fibre_highlight
+from glint.engine.reference.closures import Term
+from glint.engine.reference.closures.fibre import Sampler, fibre_highlight
+from glint.engine.reference.coefficients import Coefficients
+from glint.engine.reference.fibre_sampling import sampled
 from glint.engine.sampling import BOUNCE_LEVELS
 from native_tools import constant, needs_core
 from test_fibres import lobe, placed, sphere, strand, view_from_above
@@ -45,10 +46,11 @@ class Point:
 
 
 def term(kind: str, exponent: float, fan: float, lean: float, count: int) -> Term:
-    made = replace(lobe(kind, exponent=exponent, masking=fan), ior=s.Lobe.leaning(lean))
+    made = lobe(kind, exponent=exponent, fan=fan, tilt=lean)
+    numbers = {"exponent": exponent, "fan": fan, "tilt": lean}
     along = np.repeat(np.array([[1.0], [0.0], [0.0]]), count, 1)
     every = np.arange(count)
-    return Term(every, np.full((3, count), 0.7), made, exponent, fan, made.ior, fibre=along)
+    return Term(every, np.full((3, count), 0.7), made, numbers, fibre=along)
 
 
 @pytest.mark.parametrize("kind", ["SPECULAR", "TRANSMISSION"])
@@ -59,18 +61,18 @@ def test_directions_are_drawn_as_densely_as_is_told(kind, exponent, fan, lean, h
     """Mean of what the lobe gives there over its pdf: its integral over the sphere."""
     disc = grid()
     point, behind = Point(height, disc.shape[1]), kind == "TRANSMISSION"
-    of = FibreSampler(point, term(kind, exponent, fan, lean, len(point)), np.arange(len(point)))
+    of = Sampler(point, term(kind, exponent, fan, lean, len(point)), np.arange(len(point)))
     l = of.sample(disc)  # noqa: E741
     length = np.sqrt((l * l).sum(0))
     assert ((np.abs(length - 1) < 1e-9) | (length == 0)).all()
-    pdf, tilt = of.pdf(l), lobe(kind, ior=s.Lobe.leaning(lean)).tilt
+    pdf = of.pdf(l)
     t = np.repeat(np.array([[1.0], [0.0], [0.0]]), len(point), 1)
-    found = fibre_highlight(t, point.v, l, exponent, fan, behind, tilt)
+    found = fibre_highlight(t, point.v, l, exponent, fan, behind, lean)
     good = (pdf > 0) & (length > 0)
     mean = np.where(good, found / np.where(good, pdf, 1.0), 0.0).mean()
     every, size, _ = sphere()
     t, v = (np.repeat(x[:, :1], every.shape[1], 1) for x in (t, point.v))
-    expected = (fibre_highlight(t, v, every, exponent, fan, behind, tilt) * size).sum()
+    expected = (fibre_highlight(t, v, every, exponent, fan, behind, lean) * size).sum()
     assert mean == pytest.approx(expected, rel=0.01)
 
 
@@ -155,7 +157,7 @@ def test_strands_send_light_on_as_often_as_bounces_says(backend: str) -> None:
     """Where any bounces, by what is not matt; matt lobes, of strands too, throw it on as often as
     Diffuse Bounces says.
     """
-    shining = [lobe("SPECULAR", 0.5, 9.0), lobe("TRANSMISSION", 0.5, 9.0, masking=0.3)]
+    shining = [lobe("SPECULAR", 0.5, 9.0), lobe("TRANSMISSION", 0.5, 9.0, fan=0.3)]
     hair, matt, both = bundle(*shining), bundle(WHITE), bundle(lobe("DIFFUSE", 0.4), *shining)
     paint = s.Material("matt", (s.Lobe("DIFFUSE", constant(1.0)),))
     dark = material_of(lobe("SPECULAR", 0.0, 9.0))

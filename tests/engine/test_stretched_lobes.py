@@ -15,8 +15,8 @@ from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
-from glint.engine.reference import stretching
-from glint.engine.reference.gloss import half_vector
+from glint.engine.reference.closures import stretching
+from glint.engine.reference.closures.microfacet import sample
 from glint.engine.reference.lights import LightPoint
 from native_tools import assert_instruction_sets_agree, constant, needs_core
 from surface_scenes import balls, plane
@@ -93,7 +93,7 @@ def test_stretching_keeps_what_half_vectors_add_up_to(p: float, size: float) -> 
     radius, turn = np.sqrt(places), 2 * np.pi * np.modf(np.arange(4000) * 0.6180339887)[0]
     found = np.concatenate(
         [
-            half_vector(
+            sample(
                 UP[:, None],
                 LightPoint((0, 0), (r * np.cos(a), r * np.sin(a))),
                 min(r * r, 1 - 2.0**-53),

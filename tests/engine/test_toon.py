@@ -59,7 +59,7 @@ def assert_close(measured: np.ndarray, truth: np.ndarray) -> None:
 @BACKENDS
 @SHAPES
 def test_bands_of_the_diffuse_one(size: float, smooth: float, backend: str) -> None:
-    lobe = s.Lobe("TOON_DIFFUSE", constant(0.8, 0.6, 0.4), exponent=size, masking=smooth)
+    lobe = s.Lobe("TOON_DIFFUSE", constant(0.8, 0.6, 0.4), size=size, smooth=smooth)
     scene = balls(lobe, lights=(lamp("SUN", axes=AXES, strength=np.pi),))
     n, inside = on_ball(RADIUS)
     cosine = n @ AXES[:, 2]
@@ -73,7 +73,7 @@ def test_bands_of_the_diffuse_one(size: float, smooth: float, backend: str) -> N
 @SHAPES
 def test_bands_of_the_glossy_one(size: float, smooth: float, backend: str) -> None:
     """Round the mirrored ray, where the surface faces light and viewer."""
-    lobe = s.Lobe("TOON_SPECULAR", constant(0.5), exponent=size, masking=smooth)
+    lobe = s.Lobe("TOON_SPECULAR", constant(0.5), size=size, smooth=smooth)
     scene = balls(lobe, lights=(lamp("SUN", axes=AXES, strength=np.pi),))
     n, inside = on_ball(RADIUS)
     mirrored = 2 * n[..., 2:] * n - [0, 0, 1]
@@ -87,7 +87,7 @@ def test_bands_of_the_glossy_one(size: float, smooth: float, backend: str) -> No
 @pytest.mark.parametrize(("size", "smooth"), [(0.5, 0.0), (0.4, 0.4), (0.8, 0.6)])
 def test_a_uniform_sky(size: float, smooth: float, backend: str) -> None:
     """Gives back the mean of its level over the solid angle that it reaches."""
-    lobe = s.Lobe("TOON_DIFFUSE", constant(0.5), exponent=size, masking=smooth)
+    lobe = s.Lobe("TOON_DIFFUSE", constant(0.5), size=size, smooth=smooth)
     sky = s.Light("sky", "DOME", np.eye(3, 4), radiance=np.ones((8, 16, 3), np.float32))
     scene = s.Scene(view_from_above(), (square(),), (placed(),), (material(lobe),), lights=(sky,))
     angle = (np.arange(4000) + 0.5) / 4000 * np.pi / 2
@@ -113,7 +113,7 @@ def corner(lobe: s.Lobe) -> s.Scene:
 def test_it_throws_light_on_as_what_is_diffuse(size: float, smooth: float, backend: str) -> None:
     """As what is as bright as its band where light falls straight on it, seen from any side."""
     albedo = share(np.zeros(1), size, smooth)[0]
-    toon = s.Lobe("TOON_DIFFUSE", constant(0.5), exponent=size, masking=smooth)
+    toon = s.Lobe("TOON_DIFFUSE", constant(0.5), size=size, smooth=smooth)
     options = {"backend": backend, "diffuse_bounces": 1, "samples": 4}
     lit, truth = (
         color(corner(lobe), **options) for lobe in (toon, s.Lobe("DIFFUSE", constant(0.5 * albedo)))
@@ -125,8 +125,8 @@ def test_it_throws_light_on_as_what_is_diffuse(size: float, smooth: float, backe
 def many() -> s.Scene:
     """Lobes of both kinds, a metal's edge and a hole, in sun, lamps and bounced light."""
     lobes = (
-        s.Lobe("TOON_DIFFUSE", constant(0.5, 0.3, 0.2), exponent=0.4, masking=0.2),
-        s.Lobe("TOON_SPECULAR", constant(0.2), exponent=0.2, masking=0.05),
+        s.Lobe("TOON_DIFFUSE", constant(0.5, 0.3, 0.2), size=0.4, smooth=0.2),
+        s.Lobe("TOON_SPECULAR", constant(0.2), size=0.2, smooth=0.05),
         s.Lobe("SPECULAR", constant(0.2), exponent=50.0, masking=0.2, fresnel=True, ior=1.5),
         s.Lobe("SPECULAR", constant(-0.1), exponent=50.0, masking=0.2, edge=True),
         s.Lobe("HOLDOUT", constant(0.1)),

@@ -34,7 +34,7 @@ pytestmark = needs_core
 BACKENDS = ("NATIVE", "NUMPY")
 MATT = (
     s.Lobe("DIFFUSE", constant(0.4, 0.5, 0.6)),
-    s.Lobe("SHEEN", constant(0.3, 0.2, 0.1), 0.6, masking=0.2),
+    s.Lobe("SHEEN", constant(0.3, 0.2, 0.1), width=0.6, lean=0.2),
 )
 GLOSS = (
     s.Lobe("SPECULAR", constant(0.4, 0.3, 0.2), 40.0, masking=0.2),

@@ -48,7 +48,7 @@ def aov_material(
             images.expect(images_behind(place))
             terms = evaluator.converted(place)
             factors = [factors_of(term) for term in terms] or [(Input((0.0, 0.0, 0.0)),)]
-            lobes += [Lobe("EMISSION", factor, exponent=float(number)) for factor in factors]
+            lobes += [Lobe("EMISSION", factor, aov=number) for factor in factors]
     if not lobes:
         return None
     return evaluator.expressions.with_program(Material(f"{material.name}: AOVs", tuple(lobes)))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from ....engine.closures import CLOSURES
 from ....engine.program.graph import Value
 from ....engine.scene import Lobe
 from .terms import ZERO, Sum, add, multiply
 
-TOONS = ("TOON_DIFFUSE", "TOON_SPECULAR")
-MATT = frozenset(("DIFFUSE", "OREN_NAYAR", "OREN_NAYAR_MULTIPLE", "TRANSLUCENT", "SHEEN", *TOONS))
+MATT = frozenset(kind for kind, row in CLOSURES.items() if row.normal == "POINT")
 """Kinds of lobes that have the material's shading normal."""
-TURNED = MATT | {"SPECULAR", "MIRROR", "REFRACTION"}
+TURNED = frozenset(kind for kind, row in CLOSURES.items() if row.normal)
 """Those and others to which the shading normal matters, which may have their own."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 from ....engine.program.graph import Graph, Value
 from ....engine.program.operations_math import MathOperation
@@ -155,11 +155,13 @@ class Expressions:
         return self.apply("scaled_sum", columns[0], u, moved)
 
 
+_OUTPUTS = tuple(given.name for given in fields(Lobe) if given.name.endswith("_output"))
+
+
 def _outputs_of(material: Material) -> set[int]:
     named = {material.normal_output, material.base_normal_output}
     for lobe in material.lobes:
-        named |= {lobe.exponent_output, lobe.masking_output, lobe.ior_output, lobe.fibre_output}
-        named |= {lobe.normal_output, lobe.stretch_output, lobe.radius_output}
+        named |= {getattr(lobe, name) for name in _OUTPUTS}
         named |= {f.output for f in lobe.factors}
     return named
 
@@ -168,13 +170,7 @@ def _renumbered(lobe: Lobe, numbers: dict[int, int]) -> Lobe:
     return replace(
         lobe,
         factors=tuple(replace(f, output=numbers[f.output]) for f in lobe.factors),
-        exponent_output=numbers[lobe.exponent_output],
-        masking_output=numbers[lobe.masking_output],
-        ior_output=numbers[lobe.ior_output],
-        fibre_output=numbers[lobe.fibre_output],
-        normal_output=numbers[lobe.normal_output],
-        stretch_output=numbers[lobe.stretch_output],
-        radius_output=numbers[lobe.radius_output],
+        **{name: numbers[getattr(lobe, name)] for name in _OUTPUTS},
     )
 
 

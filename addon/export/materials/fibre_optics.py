@@ -29,7 +29,7 @@ class Way(NamedTuple):
 
     def shares(self) -> tuple[tuple[bool, float, float], ...]:
         """Of each of the FIBRE lobes that together aim so: whether it is behind, its share of the
-        amount, and its `Lobe.masking`.
+        amount, and its `Lobe.fan`.
 
         A lobe without masking has the mean cosine 1/2, before or behind; one with the masking 1 / q
         has q / (q + 1).

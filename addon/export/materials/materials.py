@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ....engine.closures import KINDS
 from ....engine.program.graph import Value
 from ....engine.program.table import BY_NAME
-from ....engine.scene import LOBES, Lobe, Material, Medium, Texture
+from ....engine.scene import Lobe, Material, Medium, Texture
 from ..cache import ExportCache
 from ..geometry.meshes import MeshSource
 from ..geometry.volumes import Volume
@@ -363,24 +364,16 @@ def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
 
 
 def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
-    """The lobes of a closure in the order of `engine.scene.LOBES`; none of weight 0."""
-    ordered = sorted(
-        closure.items(),
-        key=lambda item: (
-            LOBES.index(item[0].kind),
-            item[0].exponent,
-            item[0].ior,
-            item[0].schlick,
-            item[0].edge,
-            item[0].exponent_output,
-            item[0].ior_output,
-            item[0].normal_output,
-            item[0].stretch_output,
-            item[0].radius,
-            item[0].radius_output,
-        ),
-    )
+    """The lobes of a closure in the order of `engine.closures`; none of weight 0."""
+    ordered = sorted(closure.items(), key=lambda item: _order(item[0]))
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
+
+
+def _order(key: LobeKey) -> tuple:
+    (first, its_output), _, (last, output_of_last) = key.parameters
+    weights = first, last, key.schlick, key.edge, its_output, output_of_last
+    beside = key.normal_output, key.stretch_output, key.radius, key.radius_output
+    return KINDS.index(key.kind), *weights, *beside
 
 
 def _lobe(key: LobeKey, factors: tuple) -> Lobe:

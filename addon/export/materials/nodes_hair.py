@@ -14,7 +14,6 @@ from ....engine.program.graph import Value
 from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.operations_vector import VectorMeasure, VectorOperation
 from ....engine.program.table import BY_NAME
-from ....engine.scene import Lobe
 from ..shader_nodes.reader import FIBRE, HAIR
 from .closures import Closure, LobeKey, add_closures
 from .evaluator import CLOSURE_NODES, NodeView
@@ -126,13 +125,13 @@ def _principled_hair(view: NodeView) -> Closure:
         aside = slant.number(lambda sine, k=number: slanted(ior, sine)[k])
         color = multiply(multiply(weight, aside), scale(hair.dimmed(way.radii), way.amount))
         more = roughness.exponent(lambda x, variance=variance: 4 / variance(x))
-        more["ior"] = Lobe.leaning(math.tan(lean * tilt))
+        more["tilt"] = math.tan(lean * tilt)
         lobes += [
             _fibre(
                 view,
                 "TRANSMISSION" if behind else "SPECULAR",
                 scale(color, share),
-                masking=fan,
+                fan=fan,
                 **more,
             )
             for behind, share, fan in way.shares()
@@ -337,7 +336,7 @@ def _hair(view: NodeView) -> Closure:
         kind, power = "SPECULAR", 1.5 + 1 / (2 * across**2)  # it ends at a quarter turn
         # as bright in front
         color = scale(color, min(math.sqrt(8 * math.pi / (2 * power + 0.5)) / (4 * across), 1.0))
-    fan = {"masking": 1 / power, "ior": Lobe.leaning(math.tan(tilt))}
+    fan = {"fan": 1 / power, "tilt": math.tan(tilt)}
     share = along.number(lambda r: _cauchy(r, 3))
     return add_closures(
         *(

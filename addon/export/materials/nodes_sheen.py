@@ -40,10 +40,10 @@ class Fibres:
         width, lean = self._outputs
         lobe = LobeKey(
             "SHEEN",
-            float(self._most[0]),
-            masking=float(self._most[1]),
-            exponent_output=width,
-            masking_output=lean,
+            width=float(self._most[0]),
+            lean=float(self._most[1]),
+            width_output=width,
+            lean_output=lean,
         )
         seen = multiply(color, self.share)
         return {lobe: seen, LobeKey("AMBIENT"): seen}

@@ -14,16 +14,16 @@ from .terms import constant, constant_value, is_constant, multiply
 def _toon(view: NodeView) -> Closure:
     bend(view)
     color = view.reflectance("Color")
-    given = {**_number(view, "Size", "exponent"), **_number(view, "Smooth", "masking")}
+    given = {**_number(view, "Size"), **_number(view, "Smooth")}
     varies = len(given) > 2
-    share = 1.0 if varies else toon_albedo(given["exponent"], given["masking"])
+    share = 1.0 if varies else toon_albedo(given["size"], given["smooth"])
     kind = "TOON_SPECULAR" if view.node.component == "GLOSSY" else "TOON_DIFFUSE"
     return {LobeKey(kind, **given): color, LobeKey("AMBIENT"): multiply(color, constant(share))}
 
 
-def _number(view: NodeView, name: str, of_lobe: str) -> dict[str, Any]:
+def _number(view: NodeView, name: str) -> dict[str, Any]:
     """A number of the lobe from 0 to 1, or the output that gives it."""
-    terms = view.factor(name)
+    terms, of_lobe = view.factor(name), name.lower()
     if is_constant(terms):
         return {of_lobe: constant_value(terms)[0]}
     expressions = view.evaluator.expressions

@@ -17,6 +17,9 @@ namespace {
 const std::vector<int> kDull = {GLINT_DIFFUSE, GLINT_AMBIENT};
 const std::vector<int> kShiny = {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_SPECULAR},
                        kMirroring = {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_MIRROR};
+const std::vector<int> kEachLobe = {
+    GLINT_DIFFUSE,      GLINT_AMBIENT,       GLINT_SPECULAR,   GLINT_SHEEN,
+    GLINT_TOON_DIFFUSE, GLINT_TOON_SPECULAR, GLINT_OREN_NAYAR, GLINT_OREN_NAYAR_MULTIPLE};
 const std::vector<int> kGlass = {GLINT_REFRACTION, GLINT_MIRROR},
                        kVeil = {GLINT_DIFFUSE, GLINT_TRANSPARENT};
 
@@ -37,6 +40,8 @@ const Variant kVariants[] = {
     {"plain", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull},
     {"highlights", false, false, kShiny, {GLINT_POINT_LIGHT}, 0, 1, kDull},
     {"highlights beside", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kShiny},
+    {"lobes", false, false, kEachLobe, {GLINT_POINT_LIGHT}, 0, 1, kDull},
+    {"lobes beside", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kEachLobe},
     {"mirror", false, false, kMirroring, {GLINT_POINT_LIGHT}, 0, 1, kDull},
     {"mirror beside", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kMirroring},
     {"glass", false, false, kGlass, {GLINT_POINT_LIGHT}, 0, 1, kDull},

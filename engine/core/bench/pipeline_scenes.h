@@ -123,6 +123,12 @@ struct Description {
         data.material_count = 1;
   }
 
+  /// Of SHEEN and TOON lobes, both numbers.
+  static double shape_of(int kind) {
+    const bool toon = kind == GLINT_TOON_DIFFUSE || kind == GLINT_TOON_SPECULAR;
+    return toon || kind == GLINT_SHEEN ? 0.4 : 0;
+  }
+
   /// A second thing and its material.
   void place_behind(const Variant& v) {
     GlintGeometry& geometry = geometries[1];
@@ -174,9 +180,10 @@ struct Description {
       materials[m] = {uint32_t(lobes.size()), uint32_t(kinds.size()), 0, 0, 0, 0};
       materials[m].medium = m == 1 && v.special == Variant::kMedium;
       for (int kind : kinds)
-        lobes.push_back({.exponent = kind == GLINT_SPECULAR ? 60.0 : 0.0,
+        lobes.push_back({.exponent = kind == GLINT_SPECULAR ? 60.0 : shape_of(kind),
+                         .masking = shape_of(kind),
                          .ior = kind == GLINT_TRANSPARENT ? 1.0 : 1.5,
-                         .masking = 0,
+                         .radius = {},
                          .first_input = m,
                          .input_count = 1,
                          .kind = kind,

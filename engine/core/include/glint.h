@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 78
+#define GLINT_ABI_VERSION 79
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -146,28 +146,44 @@ enum GlintLobeKind {
   GLINT_FIBRE_TRANSMISSION
 };
 
-/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK and GLINT_EDGE. masking: 0 to 1, Smith's alpha of a
- * SPECULAR lobe, 0 for none. Of a SHEEN lobe exponent is its width and masking its lean, of a TOON
- * lobe they are the shares of a right angle of its size, up to 1, and of its smooth edge, of a
- * TRANSPARENT lobe ior is how much denser it is inside, for light to lit points, 1 for not, of a
- * FIBRE lobe masking how far light fans out round the tangent, 0 for as far as normals do, and ior
- * 1 plus over 1 minus the tangent of how far it leans against it. exponent_slot, masking_slot,
- * ior_slot: 0, or 1 plus the slot of the material's program that takes the place of the number;
- * exponent and masking are kept from 0 to the lobe's own, an ior that is not from 1e-30 to 1e30 is
- * the lobe's own. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of three slots with the
- * fibre's tangent in world space, of any length, 0 of what is no fibre. normal_slot: of SPECULAR,
- * MIRROR and REFRACTION lobes, 0 or 1 plus the first of three slots with a shading normal of their
- * own in world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the first of three slots with a
- * direction across the normal in world space, as long as what slopes along it are times; 0 for
- * none. radius: of DIFFUSE lobes, how far below the surface their light goes in red, green and
- * blue, world units: the d of Christensen and Burley's profile, at least 0, 0 for none;
- * radius_slot: 0, or 1 plus the first of three slots that take its place. reserved: 0. */
+/* Three numbers of a lobe, by its kind, as engine/closures/table.py lists them with their ranges:
+ * its exponent, masking (Smith's alpha of a SPECULAR lobe, 0 for none) and index of refraction (of
+ * a TRANSPARENT lobe how much denser it is inside, for light to lit points, 1 for not); width and
+ * lean of SHEEN; size and smooth edge, shares of a right angle, of TOON; how far the light of FIBRE
+ * fans out round the tangent, 0 for as far as normals do, and the tangent of half of how far it
+ * leans against it; the number of the AOV of an EMISSION lobe that is for one. Their slots: 0, or 1
+ * plus the slot of the material's program that takes the place of the number; those of the first
+ * two are kept from 0 to the lobe's own, an ior that is not from 1e-30 to 1e30 is the lobe's own.
+ * fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK and GLINT_EDGE. fibre_slot: of FIBRE lobes, 0 or 1
+ * plus the first of three slots with the fibre's tangent in world space, of any length, 0 of what
+ * is no fibre. normal_slot: of SPECULAR, MIRROR and REFRACTION lobes, 0 or 1 plus the first of
+ * three slots with a shading normal of their own in world space. stretch_slot: of SPECULAR lobes, 0
+ * or 1 plus the first of three slots with a direction across the normal in world space, as long as
+ * what slopes along it are times; 0 for none. radius: of DIFFUSE lobes, how far below the surface
+ * their light goes in red, green and blue, world units: the d of Christensen and Burley's profile,
+ * at least 0, 0 for none; radius_slot: 0, or 1 plus the first of three slots that take its place.
+ * reserved: 0. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2, GLINT_EDGE = 4 };
 typedef struct GlintLobe {
-  double exponent, ior, masking, radius[3];
+  union {
+    double exponent, width, size, aov;
+  };
+  union {
+    double masking, lean, smooth, fan;
+  };
+  union {
+    double ior, tilt;
+  };
+  double radius[3];
   uint32_t first_input, input_count;
-  int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, fibre_slot;
-  int32_t normal_slot, stretch_slot, radius_slot, reserved;
+  int32_t kind, fresnel;
+  union {
+    int32_t exponent_slot, width_slot, size_slot;
+  };
+  union {
+    int32_t masking_slot, lean_slot, smooth_slot, fan_slot;
+  };
+  int32_t ior_slot, fibre_slot, normal_slot, stretch_slot, radius_slot, reserved;
 } GlintLobe;
 
 /* How light that a bent normal n faces is hidden by the normal m that it was bent from: not at all;

@@ -6,6 +6,7 @@
 
 #include "api/checks.h"
 #include "program/layout.h"
+#include "shading/closure/table.h"
 
 namespace glint {
 namespace {
@@ -77,6 +78,16 @@ void check_program(const GlintSceneData& d, const GlintProgram& g, ull number, R
   }
 }
 
+void check_parameters(const GlintLobe& g, uint64_t number, Report& report) {
+  const double numbers[] = {g.exponent, g.masking, g.ior};
+  for (int place = 0; place < 3; ++place) {
+    const ClosureParameter& of = kClosures[g.kind].parameters[place];
+    report.add(!of.name || (numbers[place] >= of.low && numbers[place] <= of.high),
+               "lobe %llu: its %s %g is not between %g and %g", ull(number), of.name,
+               numbers[place], of.low, of.high);
+  }
+}
+
 /// Slots that a material's lobes and inputs read, by the number that the ABI has for them.
 void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Report& report) {
   const uint32_t slots = m.program > 0 ? d.programs[m.program - 1].slots : 0;
@@ -106,8 +117,8 @@ void check_aovs(const GlintSceneData& d, const GlintMaterial& m, ull number, Rep
   bool good = given.aov == 0 && range(given.first_lobe, given.lobe_count, d.lobe_count);
   for (uint32_t l = 0; good && l < given.lobe_count; ++l) {
     const GlintLobe& lobe = d.lobes[given.first_lobe + l];
-    good = lobe.kind == GLINT_EMISSION && lobe.exponent < d.aov_count &&
-           lobe.exponent == std::floor(lobe.exponent);
+    good =
+        lobe.kind == GLINT_EMISSION && lobe.aov < d.aov_count && lobe.aov == std::floor(lobe.aov);
   }
   report.add(good, "material %llu: AOVs that are not the scene's", number);
 }
@@ -183,16 +194,10 @@ void check_materials(const GlintSceneData& d, Report& report) {
   }
   for (uint64_t i = 0; i < d.lobe_count; ++i) {
     const GlintLobe& g = d.lobes[i];
-    report.add(within(g.kind, GLINT_FIBRE_TRANSMISSION), "lobe %llu: unknown kind %d", ull(i),
-               g.kind);
+    report.add(within(g.kind, kLobeKinds - 1), "lobe %llu: unknown kind %d", ull(i), g.kind);
     report.add(range(g.first_input, g.input_count, d.input_count),
                "lobe %llu: inputs beyond the table", ull(i));
-    report.add(g.exponent >= 0 && g.exponent <= 1e30,
-               "lobe %llu: exponent %g is not between 0 and 1e30", ull(i), g.exponent);
-    report.add(g.masking >= 0 && g.masking <= 1, "lobe %llu: masking %g is not between 0 and 1",
-               ull(i), g.masking);
-    report.add(g.ior >= 1e-30 && g.ior <= 1e30,
-               "lobe %llu: index of refraction %g is not between 1e-30 and 1e30", ull(i), g.ior);
+    if (within(g.kind, kLobeKinds - 1)) check_parameters(g, i, report);
   }
   for (uint64_t i = 0; i < d.program_count && report.good(); ++i)
     check_program(d, d.programs[i], i, report);

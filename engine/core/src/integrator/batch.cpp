@@ -23,8 +23,7 @@ Batch::Batch(const Scene& scene, Passes passes, bool splits)
       passes_(passes),
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.materials.bends_normals),
       splits_(splits),
-      columns_(kFixed + (smooth_ ? kSmooth : 0) +
-               size_t(scene.materials.specular_columns * scene.materials.gathered_rows()) +
+      columns_(kFixed + (smooth_ ? kSmooth : 0) + size_t(scene.materials.rows_of_lobes.columns) +
                size_t(scene.materials.passing_columns * scene.materials.max_passing) +
                (scene.materials.shadows_bumps ? kBumps : 0) +
                (scene.instances.grazing_differs ? 1 : 0) + (scene.instances.lowers_light ? 1 : 0) +
@@ -139,8 +138,9 @@ void Batch::place_columns() {
     if (splits_) three(*to);
   if (has_groups()) three(glow);
   for (double*& column : groups_) column = one();
-  specular = scene_.materials.gathered_rows() > 0 ? columns_[next] : nullptr;
-  next += size_t(scene_.materials.specular_columns * scene_.materials.gathered_rows());
+  const size_t of_lobes = size_t(scene_.materials.rows_of_lobes.columns);
+  specular = of_lobes > 0 ? columns_[next] : nullptr;
+  next += of_lobes;
   passing_columns = scene_.materials.max_passing > 0 ? columns_[next] : nullptr;
   passing_width = scene_.materials.passing_columns;
   stride = columns_.rows();
@@ -208,10 +208,12 @@ ShadeStage Batch::shading() {
   stage.material = material.data();
   stage.terms = (queue->past.reflections > 0 ? all.reflected_terms : all.terms).data();
   stage.specular_terms = all.specular_terms.data();
-  stage.specular_rows = all.gathered_rows();
-  stage.max_specular = max_specular();
+  stage.specular_columns = size_t(all.rows_of_lobes.columns);
+  stage.rows = all.spans.data();
+  stage.row_count = all.apart_count() + size_t(highlights());
+  stage.lobes = &all.rows_of_lobes;
+  stage.highlights = highlights();
   stage.sums = sums;
-  stage.specular_columns = all.specular_columns;
   stage.view_terms = all.view_terms.data();
   stage.max_view = all.max_view;
   for (size_t c = 0; c < 3; ++c) {
@@ -269,8 +271,7 @@ EvaluateStage Batch::evaluation(const Material& of, double* slots) {
     stage.tags = queue->tags();
     stage.offset = points.offset;
   }
-  stage.specular_columns = scene_.materials.specular_columns;
-  stage.mirror_row = scene_.materials.max_specular;
+  stage.layout = &scene_.materials.rows_of_lobes;
   stage.specular = specular;
   stage.passing = passing_columns;
   stage.passing_columns = passing_width;
@@ -290,9 +291,8 @@ void Batch::set_offsets() {
 }
 
 void Batch::clear_specular() {
-  const size_t width = size_t(scene_.materials.specular_columns);
-  for (size_t term = 0; term < size_t(max_specular()); ++term)
-    for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (width * term + c) * stride, count_, 0.0);
+  for (const LobeSpan& row : scene_.materials.spans)
+    for (size_t c = 0; c < 3; ++c) std::fill_n(specular + (row.first + c) * stride, count_, 0.0);
 }
 
 bool Batch::turn_round() {

@@ -43,9 +43,11 @@ class Batch {
   EvaluateStage evaluation(const Material& material, double* slots);
   /// What the points' instances say of light that grazes them, where the scene has such.
   void set_offsets();
-  /// Rows of `specular`: rays of bounced light see mirrors as highlights.
-  int max_specular() const {
-    return queue->gathers() ? scene_.materials.gathered_rows() : scene_.materials.max_specular;
+  /// Rows of `specular` that are highlights of microfacets.
+  int highlights() const { return scene_.materials.highlights(queue->gathers()); }
+  /// The column of a row of `specular`.
+  double* lobe_row(int kind, int number) const {
+    return specular + size_t(scene_.materials.rows_of_lobes.row(kind, number)) * stride;
   }
   /// Highlights show nothing.
   void clear_specular();

@@ -90,16 +90,17 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.lit = batch.lit.data();
   stage_.specular = batch.specular;
   stage_.stride = batch.stride;
-  stage_.max_specular = batch.max_specular();
+  stage_.lobes = &scene_.materials.rows_of_lobes;
+  stage_.highlights = batch.highlights();
   stage_.most_exponent = scene_.materials.most_exponent;
   stage_.shown = plan_.reflections == GLINT_REFLECT_ALL;
   stage_.shows_nothing = batch.queue->gathers();
-  stage_.has_sheen = scene_.materials.has_sheen;
+  stage_.apart = scene_.materials.spans.data();
+  stage_.apart_count = scene_.materials.apart_count();
   stage_.has_fibre = scene_.materials.has_fibre;
   stage_.turns_lobes = scene_.materials.turns_lobes;
   stage_.stretches_lobes = scene_.materials.stretches_lobes;
   stage_.edges_lobes = scene_.materials.edges_lobes;
-  stage_.specular_columns = scene_.materials.specular_columns;
   stage_.evenly = scene_.instances.mirrors_differ;
 }
 
@@ -141,9 +142,9 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
   if (!plan_.photon_map || !batch.queue->gathers())
     return add_lights(batch, sample, counts, [](const Light&) { return true; });
   add_lights(batch, sample, counts, [](const Light& light) { return !throws_photons(light); });
-  stage_.max_specular = scene_.materials.max_specular;
+  stage_.highlights = scene_.materials.highlights(false);
   add_lights(batch, sample, counts, throws_photons);
-  stage_.max_specular = batch.max_specular();
+  stage_.highlights = batch.highlights();
 }
 
 /// Of those that `takes` says. So lights that share shadow rays share them among themselves.
@@ -363,12 +364,9 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count, bool matt) {
 size_t DirectLight::draw_matt(size_t count) {
   const double r = std::sqrt(stage_.radius2);
   for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), count, r * stage_.azimuth[c]);
-  const bool before = stage_.matt_alone;
-  stage_.matt_alone = true;
   stage_.gathers_gloss = false;
   stage_.chooses = nullptr;
   const size_t drawn = stages_.gather(stage_);
-  stage_.matt_alone = before;
   std::fill_n(stage_.t_max, drawn, kInfinity);
   for (size_t k = 0; k < drawn; ++k) {
     const double cosine = dot(row(stage_.n, point_[k]), row(stage_.to, k));

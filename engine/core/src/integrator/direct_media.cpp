@@ -84,7 +84,8 @@ void DirectLight::place_points(const Batch& batch) {
     stage_.end_out[c] = ends_[c];
   }
   stage_.lit = scatters_.data();
-  stage_.max_specular = 0;
+  stage_.highlights = 0;
+  stage_.apart_count = 0;
 }
 
 void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,

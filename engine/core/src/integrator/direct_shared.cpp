@@ -273,7 +273,10 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   stage_.first = first / kPad * kPad;
   stage_.count = last + 1;
   if (!drawn) {  // what it gives is known: the rays alone are wanted, which pass fibres
-    if (!stage_.has_fibre) stage_.max_specular = 0;
+    if (!stage_.has_fibre) {
+      stage_.highlights = 0;
+      stage_.apart_count = 0;
+    }
     stage_.gloss[0] = nullptr;
     stage_.draws = stage_.gloss_alone = false;
     for (const double*& column : stage_.diffuse) column = shared.ones;

@@ -22,11 +22,8 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
   }
   stage_.gathers_gloss = shows_even_gloss(queue);
   stage_.chooses = scene_.instances.has_strands ? choices(batch, at) : nullptr;
-  const bool before = stage_.matt_alone;
-  stage_.matt_alone = true;
   stage_.fibres_alone = !bounces(queue);
   const size_t count = stages_.gather(stage_);
-  stage_.matt_alone = before;
   stage_.chooses = nullptr;
   for (uint32_t part = 0; part < RenderPlan::kBounceParts; ++part)  // of one direction together
     for (size_t k = 0; k < count; ++k) {

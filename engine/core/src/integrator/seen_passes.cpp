@@ -96,20 +96,23 @@ Vec3d Tracer::albedo(size_t k) const {
 /// T times about what of even light the highlights of a lit point give back.
 Tracer::Highlights Tracer::highlights(size_t k) const {
   Highlights sum;
-  for (int term = 0; term < batch_.max_specular(); ++term) {
-    const double* const column =
-        batch_.specular + size_t(scene_.materials.specular_columns * term) * batch_.stride + k;
-    const double exponent = column[SpecularTerm::kExponent * batch_.stride];
-    const Vec3d k_s{column[0], column[batch_.stride], column[2 * batch_.stride]};
-    if (exponent == SpecularTerm::kSheen || exponent == SpecularTerm::kToonDiffuse ||
-        exponent == SpecularTerm::kFibreDiffuse)
-      sum.matt += k_s;
-    else if (exponent == SpecularTerm::kOrenNayar) sum.matt += kNeverLost * k_s;
-    else if (exponent == SpecularTerm::kOrenNayarMultiple) continue;
-    else if (exponent < 0) sum.glossy += k_s;
-    else sum.glossy += 8 / (exponent + 2) * k_s;
-    if (exponent < SpecularTerm::kFibreDiffuse) sum.fibre += k_s;
-  }
+  const auto add = [&](int kind, Vec3d& to, auto share) {
+    const int count = kind == GLINT_SPECULAR ? batch_.highlights()
+                                             : scene_.materials.rows_of_lobes.of[kind].count;
+    for (int number = 0; number < count; ++number) {
+      const double* const row = batch_.lobe_row(kind, number) + k;
+      to += share(row) * Vec3d{row[0], row[batch_.stride], row[2 * batch_.stride]};
+    }
+  };
+  const auto all = [](const double*) { return 1.0; };
+  add(GLINT_SPECULAR, sum.glossy,
+      [&](const double* row) { return 8 / (row[MicrofacetRow::kExponent * batch_.stride] + 2); });
+  add(GLINT_TOON_SPECULAR, sum.glossy, all);
+  for (const int kind : {GLINT_SHEEN, GLINT_TOON_DIFFUSE}) add(kind, sum.matt, all);
+  add(GLINT_OREN_NAYAR, sum.matt, [](const double*) { return kNeverLost; });
+  add(GLINT_FIBRE_DIFFUSE, sum.matt, all);
+  for (const int kind : {GLINT_FIBRE_SPECULAR, GLINT_FIBRE_TRANSMISSION})
+    for (Vec3d* to : {&sum.glossy, &sum.fibre}) add(kind, *to, all);
   return sum;
 }
 

@@ -137,18 +137,22 @@ void Shader::dull(const Batch& batch) const {
     const double cosine = -dot(batch.queue->ray(k).d, row(batch.points.n, k)),
                  seen = std::clamp(cosine, 0.0, 1.0);
     Vec3d kept{};
-    for (int number = 0; number < batch.max_specular(); ++number) {
-      double* const column = batch.specular + size_t(all.specular_columns * number) * batch.stride;
-      const auto at = [&](int of) -> double& { return column[size_t(of) * batch.stride + k]; };
-      const double exponent = at(SpecularTerm::kExponent);
-      if (!(exponent >= 0 || exponent == SpecularTerm::kToonSpecular)) continue;
-      if (exponent >= 0 && all.has_varnish && at(SpecularTerm::kMasking) > 0 &&
-          at(SpecularTerm::kFresnel) > 0)
-        kept += of_even_light(splat(seen), splat(exponent), splat(at(SpecularTerm::kMasking)),
-                              splat(at(SpecularTerm::kFresnel)))[0] *
-                Vec3d{at(0), at(1), at(2)};
-      for (int c = 0; c < 3; ++c) at(c) = 0;
-    }
+    const auto each = [&](int kind, int count, auto body) {
+      for (int number = 0; number < count; ++number) {
+        double* const row = batch.lobe_row(kind, number) + k;
+        body([&](int of) -> double& { return row[size_t(of) * batch.stride]; });
+        for (size_t c = 0; c < 3; ++c) row[c * batch.stride] = 0;
+      }
+    };
+    each(GLINT_SPECULAR, batch.highlights(), [&](auto at) {
+      if (!all.has_varnish || !(at(MicrofacetRow::kMasking) > 0 && at(MicrofacetRow::kFresnel) > 0))
+        return;
+      kept +=
+          of_even_light(splat(seen), splat(at(MicrofacetRow::kExponent)),
+                        splat(at(MicrofacetRow::kMasking)), splat(at(MicrofacetRow::kFresnel)))[0] *
+          Vec3d{at(0), at(1), at(2)};
+    });
+    each(GLINT_TOON_SPECULAR, all.rows_of_lobes.of[GLINT_TOON_SPECULAR].count, [](auto) {});
     const Vec3d T = batch.queue->path(k).T;
     for (int c = 0; c < 3; ++c)
       if (T[c] != 0 && kept[c] != 0) batch.diffuse[c][k] *= 1 + kept[c] / T[c];

@@ -144,10 +144,9 @@ void Tracer::widen(const Queue& queue) {
   if (queue.gathers() && !plan_.reflective_caustics) return shader_.dull(batch_);
   for (size_t k = 0; k < queue.size(); ++k) {
     const double widest = queue.widest(k);
-    for (int number = 0; number < batch_.max_specular(); ++number) {
-      double* const column =
-          batch_.specular + size_t(scene_.materials.specular_columns * number) * batch_.stride + k;
-      double& exponent = column[SpecularTerm::kExponent * batch_.stride];
+    for (int number = 0; number < batch_.highlights(); ++number) {
+      double* const column = batch_.lobe_row(GLINT_SPECULAR, number) + k;
+      double& exponent = column[MicrofacetRow::kExponent * batch_.stride];
       if (!(exponent > widest)) continue;
       for (size_t c = 0; c < 3; ++c) column[c * batch_.stride] *= (widest + 1) / (exponent + 1);
       exponent = widest;

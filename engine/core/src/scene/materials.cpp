@@ -27,12 +27,33 @@ void fold_view(const LobeShape& lobe, Vec3d ambient, double* row) {
   row[ViewTerm::kExponent] = lobe.exponent;
 }
 
-/// Where the next SPECULAR lobe goes, of so many columns, and the next that depends on the view.
+/// The rows of a material: of lobes that lights need, and the next that depends on the view.
 struct Rows {
-  double* specular;
-  int columns;
-  double* view;
+  const LobeLayout& layout;
+  double *lobes, *view;
+  int count[kLobeKinds] = {};
+
+  /// The next row of a kind, with k in it.
+  double* next(int kind, Vec3d k) {
+    double* const row = lobes + layout.row(kind, count[kind]++);
+    for (int c = 0; c < 3; ++c) row[c] = k[c];
+    return row;
+  }
 };
+
+void fold_highlight(const LobeShape& lobe, Vec3d k, Rows& rows) {
+  double* const row = rows.next(GLINT_SPECULAR, k);
+  row[MicrofacetRow::kExponent] = lobe.exponent;
+  if (rows.layout.of[GLINT_SPECULAR].width < MicrofacetRow::kShaped) return;
+  row[MicrofacetRow::kMasking] = lobe.masking * lobe.masking;
+  row[MicrofacetRow::kFresnel] = MicrofacetRow::fresnel(lobe.fresnel, lobe.ior);
+}
+
+void fold_sheen(const LobeShape& lobe, Vec3d k, Rows& rows) {
+  double* const row = rows.next(GLINT_SHEEN, k);
+  row[SheenRow::kWidth] = lobe.width;
+  row[SheenRow::kLean] = lobe.lean;
+}
 
 /// Adds a lobe to the terms of its material.
 void fold(const LobeShape& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
@@ -46,22 +67,8 @@ void fold(const LobeShape& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows
     case GLINT_AMBIENT: add_to(terms.ambient, k * ambient); return add_to(terms.glow, k * ambient);
     case GLINT_EMISSION: add_to(terms.emission, k); return add_to(terms.glow, k);
     case GLINT_DIFFUSE: return add_to(terms.diffuse, k);
-    case GLINT_SPECULAR:
-      for (int c = 0; c < 3; ++c) rows.specular[c] = k[c];
-      rows.specular[SpecularTerm::kExponent] = lobe.exponent;
-      if (rows.columns >= SpecularTerm::kShaped) {
-        rows.specular[SpecularTerm::kMasking] = lobe.masking * lobe.masking;
-        rows.specular[SpecularTerm::kFresnel] = SpecularTerm::fresnel(lobe.fresnel, lobe.ior);
-      }
-      rows.specular += rows.columns;
-      return;
-    case GLINT_SHEEN:
-      for (int c = 0; c < 3; ++c) rows.specular[c] = k[c];
-      rows.specular[SpecularTerm::kExponent] = SpecularTerm::kSheen;
-      rows.specular[SpecularTerm::kMasking] = lobe.exponent;
-      rows.specular[SpecularTerm::kFresnel] = lobe.masking;
-      rows.specular += rows.columns;
-      return;
+    case GLINT_SPECULAR: return fold_highlight(lobe, k, rows);
+    case GLINT_SHEEN: return fold_sheen(lobe, k, rows);
     default: terms.others |= any(k);
   }
 }
@@ -114,18 +121,13 @@ bool same_inputs(const MaterialTable& t, size_t a, size_t b) {
   return good;
 }
 
-void compare_lobes(MaterialTable& t, Material& material) {
+/// widest: a row of microfacets so far.
+void compare_lobes(MaterialTable& t, Material& material, int& widest) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const LobeShape& lobe = t.lobes[material.first_lobe + k];
-    const bool rough = is_oren_nayar(lobe.kind), fibre = is_fibre(lobe.kind),
-               sheen = lobe.kind == GLINT_SHEEN || is_toon(lobe.kind) || rough;
-    const bool shares_row = rough && material.has(lobe.kind);
     const bool highlight = lobe.kind == GLINT_SPECULAR, mirror = lobe.kind == GLINT_MIRROR;
-    material.specular_count += (highlight || sheen || fibre) && !shares_row;
-    material.mirror_count += mirror;
     material.kinds |= 1u << lobe.kind;
-    t.has_fibre = t.has_fibre || fibre;
-    t.has_sheen = t.has_sheen || sheen || fibre;
+    t.has_fibre = t.has_fibre || is_fibre(lobe.kind);
     if (highlight || lobe.kind == GLINT_FIBRE_SPECULAR)
       t.most_exponent = std::max(t.most_exponent, lobe.exponent);
     t.has_translucent = t.has_translucent || lobe.kind == GLINT_TRANSLUCENT;
@@ -143,18 +145,17 @@ void compare_lobes(MaterialTable& t, Material& material) {
     t.has_varnish = t.has_varnish || varnish;
     t.has_toon_gloss = t.has_toon_gloss || lobe.kind == GLINT_TOON_SPECULAR;
     t.has_mirrors = t.has_mirrors || mirror;
-    if (sheen || mirror || (highlight && (lobe.masking > 0 || lobe.fresnel)))
-      t.specular_columns = std::max(t.specular_columns, SpecularTerm::kShaped);
-    if (fibre) t.specular_columns = std::max(t.specular_columns, SpecularTerm::kFibred);
+    if (mirror || (highlight && (lobe.masking > 0 || lobe.fresnel)))
+      widest = std::max(widest, MicrofacetRow::kShaped);
     t.edges_lobes |= highlight && lobe.fresnel & GLINT_EDGE;
     const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);
     if (turns && (highlight || mirror)) {
       t.turns_lobes = true;
-      t.specular_columns = std::max(t.specular_columns, SpecularTerm::kTurned);
+      widest = std::max(widest, MicrofacetRow::kTurned);
     }
     if (lobe.stretch_slot > 0 && highlight) {
       t.stretches_lobes = true;
-      t.specular_columns = SpecularTerm::kStretched;
+      widest = MicrofacetRow::kStretched;
     }
     if (1u << lobe.kind & kPassing && (lobe.exponent_slot > 0 || lobe.ior_slot > 0))
       t.passing_columns = std::max(t.passing_columns, PassingTerm::kShaped);
@@ -166,9 +167,35 @@ void compare_lobes(MaterialTable& t, Material& material) {
   t.has_rough_glass |= material.is_rough_glass;
   t.has_dense |= material.is_dense;
   t.has_subsurface |= material.goes_below;
-  t.max_specular = std::max(t.max_specular, material.specular_count);
-  t.max_mirrors = std::max(t.max_mirrors, material.mirror_count);
   t.max_view = std::max(t.max_view, material.view_count);
+}
+
+/// As many rows of each kind as the material needs that needs most of them.
+void count_rows(MaterialTable& t, const Material& material) {
+  int count[kLobeKinds] = {};
+  for (uint32_t k = 0; k < material.lobe_count; ++k) {
+    const int kind = t.lobes[material.first_lobe + k].kind;
+    const bool shares = kind == GLINT_OREN_NAYAR || kind == GLINT_OREN_NAYAR_MULTIPLE;
+    count[kind] = shares ? 1 : count[kind] + (kClosures[kind].columns > 0);
+    count[GLINT_SPECULAR] += kind == GLINT_FIBRE_SPECULAR;  // where there is no fibre
+  }
+  for (int kind = 0; kind < kLobeKinds; ++kind)
+    t.rows_of_lobes.of[kind].count = std::max(t.rows_of_lobes.of[kind].count, count[kind]);
+}
+
+/// Places the rows of all kinds. widest: of microfacets.
+void lay_out(MaterialTable& t, int widest) {
+  LobeLayout& layout = t.rows_of_lobes;
+  std::vector<LobeSpan> shining;
+  for (int kind = 0; kind < kLobeKinds; ++kind) {
+    LobeRows& rows = layout.of[kind];
+    const bool shines = kind == GLINT_SPECULAR || kind == GLINT_MIRROR;
+    rows.width = shines ? widest : kClosures[kind].columns;
+    rows.first = layout.columns;
+    for (int number = 0; number < rows.count; ++number, layout.columns += rows.width)
+      (shines ? shining : t.spans).push_back({size_t(layout.columns), size_t(rows.width)});
+  }
+  t.spans.insert(t.spans.end(), shining.begin(), shining.end());
 }
 
 /// Compares each input that reads an image with the last few of its material that do.
@@ -189,13 +216,13 @@ void number_reads(MaterialTable& t, const Material& material) {
 
 /// What is the same all over a material; those that vary, or send rays on, are left to the shader.
 void fold_materials(MaterialTable& t, const World& world) {
-  const size_t specular = size_t(t.specular_columns) * size_t(t.gathered_rows()),
+  const size_t specular = size_t(t.rows_of_lobes.columns),
                view = ViewTerm::kColumns * size_t(t.max_view);
   t.specular_terms.assign(specular * (t.size() + 4), 0.0);
   t.view_terms.assign(view * (t.size() + 4), 0.0);
   for (size_t m = 0; m < t.size(); ++m) {
     MaterialTerms terms{};
-    Rows rows{t.specular_terms.data() + specular * m, t.specular_columns,
+    Rows rows{t.rows_of_lobes, t.specular_terms.data() + specular * m,
               t.view_terms.data() + view * m};
     for (uint32_t i = 0; i < t[m].lobe_count; ++i)
       fold(t.lobes[t[m].first_lobe + i], world.ambient, terms, rows);
@@ -264,10 +291,13 @@ MaterialTable compile_materials(const GlintSceneData& data, const World& world) 
     white.kind = kind;
     t.lobes.push_back(white);
   }
+  int widest = MicrofacetRow::kPlain;
   for (Material& material : t.rows) {
-    compare_lobes(t, material);
+    compare_lobes(t, material, widest);
+    count_rows(t, material);
     number_reads(t, material);
   }
+  lay_out(t, widest);
   fold_materials(t, world);
   count_passing(t);
   return t;

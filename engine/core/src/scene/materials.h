@@ -5,23 +5,12 @@
 #include "glint.h"
 #include "math/vec.h"
 #include "scene/programs.h"
+#include "shading/closure/table.h"
 #include "shading/stages.h"
 
 namespace glint {
 
-/// Kinds of lobes that send rays on, and what is a hole for those of the camera.
-constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION |
-                              1u << GLINT_TRANSPARENT | 1u << GLINT_HOLDOUT_LOBE;
-
-inline bool is_fibre(int kind) {
-  return kind >= GLINT_FIBRE_DIFFUSE && kind <= GLINT_FIBRE_TRANSMISSION;
-}
-
-inline bool is_toon(int kind) { return kind == GLINT_TOON_DIFFUSE || kind == GLINT_TOON_SPECULAR; }
-
-inline bool is_oren_nayar(int kind) {
-  return kind == GLINT_OREN_NAYAR || kind == GLINT_OREN_NAYAR_MULTIPLE;
-}
+inline bool is_fibre(int kind) { return kClosures[kind].of_fibre; }
 
 struct Material {
   uint32_t first_lobe = 0, lobe_count = 0;
@@ -29,7 +18,7 @@ struct Material {
   uint32_t crypto = 0;
   int32_t aov = 0, medium = 0, bump_shadowing = 0, base_normal = 0;
   uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
-  int specular_count = 0, mirror_count = 0, view_count = 0;
+  int view_count = 0;
   bool goes_below = false;  // light of some of its DIFFUSE lobes comes out elsewhere
   int passing = 0;          // lobes that send rays on, unless all of these are nothing
   bool is_rough_glass = false;
@@ -75,24 +64,26 @@ struct MaterialTable {
   std::vector<TextureShape> textures;
   std::vector<MaterialTerms> terms, reflected_terms;  // reflected: as rays see them that rough
                                                       // surfaces reflect
-  std::vector<double> specular_terms;  // gathered_rows of specular_columns numbers a material
-  std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
-  // SPECULAR, SHEEN, TOON and FIBRE lobes of a material, and kinds of its OREN_NAYAR ones, at most
-  int max_specular = 0;
-  int max_mirrors = 0;  // MIRROR lobes of a material, at most: gather rays show them as SPECULAR
-                        // ones, in rows after the others
-  int gathered_rows() const { return max_specular + max_mirrors; }
+  std::vector<double> specular_terms;                 // the columns of `rows_of_lobes` a material
+  std::vector<double> view_terms;  // max_view rows of ViewTerm::kColumns a material
+  LobeLayout rows_of_lobes;        // that lights need
+  std::vector<LobeSpan> spans;     // of each, microfacets' last
+  /// Rows of microfacets: rays of bounced light (gathers) see mirrors among them.
+  int highlights(bool gathers) const {
+    const LobeRows* const of = rows_of_lobes.of;
+    return of[GLINT_SPECULAR].count + (gathers ? of[GLINT_MIRROR].count : 0);
+  }
+  /// Those of other lobes, which come first.
+  size_t apart_count() const { return spans.size() - size_t(highlights(true)); }
   double most_exponent = 0;  // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false, has_mirrors = false;
   bool has_toon_gloss = false;             // TOON_SPECULAR lobes, whose surroundings no rays show
   double least_gloss_exponent = HUGE_VAL;  // of SPECULAR lobes with masking
-  bool has_rough_glass = false, has_fibre = false,
-       has_sheen = false;  // SHEEN, TOON, OREN_NAYAR or FIBRE lobes
+  bool has_rough_glass = false, has_fibre = false;
   bool has_translucent = false;
   bool has_dense = false;       // Material::is_dense
   bool has_subsurface = false;  // DIFFUSE lobes whose light comes out elsewhere
-  int specular_columns = 4;     // numbers of each as the stages read them
   int max_view = 0;             // lobes of a material that depend on the view, at most
   int max_passing = 0;          // Material::passing, at most
   int passing_columns = PassingTerm::kPlain;  // of each of these lobes

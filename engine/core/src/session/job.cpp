@@ -33,7 +33,7 @@ bool same_view(const GlintCamera& a, const GlintCamera& b) {
 Passes lights_of(const Scene& scene, const RenderPlan& plan) {
   constexpr Passes all = 7, of_media = 3;  // direct, indirect and, of surfaces, their colour
   Passes lights = all << GLINT_PASS_DIFFUSE_DIRECT;
-  if (scene.materials.max_specular > 0 || scene.features & GLINT_FEATURE_MIRROR)
+  if (scene.materials.rows_of_lobes.columns > 0 || scene.features & GLINT_FEATURE_MIRROR)
     lights |= all << GLINT_PASS_GLOSSY_DIRECT;
   if (scene.features & GLINT_FEATURE_MIRROR)
     lights |= pass_bit(kMirroredLight) | pass_bit(kMirroredColor);

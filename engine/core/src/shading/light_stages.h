@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "glint.h"
+#include "shading/closure/rows.h"
 
 namespace glint {
 
@@ -125,7 +126,10 @@ struct LightStage {
   const double *grazing, *lowering;  // as stage_terminator.h reads them; null: kGrazing and 1
   const double* specular;
   size_t stride;
-  int max_specular, specular_columns;
+  const LobeLayout* lobes;  // of `specular`
+  const LobeSpan* apart;    // its rows of lobes besides microfacets
+  size_t apart_count;
+  int highlights;  // its rows of microfacets that shine
   const int64_t* lit;
   const double* gloss[3];  // kMediumSource: T k of dielectrics' gloss as if matt; or null
   uint32_t* point;  // what follows: a number for each point that the sample reaches, before shadows
@@ -141,10 +145,10 @@ struct LightStage {
                           // left of which is in t_max; else -1. null: there are none
   double shown;           // how much of dielectrics' gloss reflected rays show, 0 or 1
   bool shows_nothing;     // no reflected rays show anything, of metals either
-  bool has_sheen, has_fibre;     // among the lobes
-  bool turns_lobes;              // some SPECULAR lobe may have a normal of its own
-  bool stretches_lobes;          // or be stretched
-  bool edges_lobes;              // or have the weight of edges
+  bool has_fibre;         // among the lobes
+  bool turns_lobes;       // some SPECULAR lobe may have a normal of its own
+  bool stretches_lobes;   // or be stretched
+  bool edges_lobes;       // or have the weight of edges
   bool matt_alone, gloss_alone;  // lights no highlights, or no SHEEN and FIBRE_DIFFUSE ones
 };
 

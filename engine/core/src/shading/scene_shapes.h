@@ -5,6 +5,7 @@
 
 #include "glint.h"
 #include "program/program.h"
+#include "shading/closure/rows.h"
 
 namespace glint {
 
@@ -38,35 +39,6 @@ struct MaterialTerms {
   double ambient[3], emission[3], environment[3];
   double diffuse[3];
   uint32_t others, unlit;  // unlit: lights add nothing
-};
-
-/// A SPECULAR, SHEEN, TOON, OREN_NAYAR or FIBRE lobe: columns of k (three) and the exponent; where
-/// some lobe of the scene is shaped, the square of its masking and what `fresnel` says.
-struct SpecularTerm {
-  /// In the place of the exponent of a SHEEN lobe, of which `masking` has the width and `fresnel`
-  /// the lean.
-  static constexpr double kSheen = -2;
-  /// The same of OREN_NAYAR lobes, whose k is that of all of a kind, as they are seen.
-  static constexpr double kOrenNayar = -3, kOrenNayarMultiple = -4;
-  /// The same of TOON lobes, of which `masking` has the size and `fresnel` the smooth edge.
-  static constexpr double kToonDiffuse = -5, kToonSpecular = -6;
-  /// The same of FIBRE lobes, of which `masking` has the exponent, `fresnel` one over the masking,
-  /// 0 for none, `tangent` three numbers and `tilt` the tangent by which they lean. There SPECULAR
-  /// lobes have a normal of their own, 0 for the point's, and `stretch` a direction across it, as
-  /// long as slopes of half vectors along it are times, and those across both over that; 0 for
-  /// none.
-  static constexpr double kFibreDiffuse = -7, kFibreSpecular = -8, kFibreTransmission = -9;
-  static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6,
-                       kTangent = 6, kTilt = 9, kFibred = 10, kNormal = 6, kTurned = 9,
-                       kStretch = 9, kStretched = 12;
-  /// 0 for none, -1 for Schlick's weight, kEdge for that of edges, or a dielectric's index.
-  static constexpr double kEdge = -2;
-  static double fresnel(int bits, double ior) {
-    return bits & GLINT_EDGE         ? kEdge
-           : bits & GLINT_SCHLICK    ? -1
-           : bits & GLINT_DIELECTRIC ? ior
-                                     : 0;
-  }
 };
 
 /// Of OREN_NAYAR lobes: what A leaves of 1, over B.

@@ -12,9 +12,9 @@ class TakenAmbient {
   TakenAmbient(Doubles lowering, Doubles seen, const double (&ambient)[3])
       : lowering_(lowering), seen_(seen), ambient_(splat3(ambient)) {}
 
-  /// Adds a row of SpecularTerm.
+  /// Adds a highlight, as MicrofacetRow has it.
   void add(const Three& Tk, Doubles exponent, Doubles masking2, Doubles fresnel) {
-    const Mask good = (masking2 > 0) & (exponent >= 0);
+    const Mask good = masking2 > 0;
     if (!any(good & nonzero(Tk))) return;
     const Three given = where(good, of_even_light(seen_, exponent, masking2, fresnel) * Tk);
     gloss_ = gloss_ + ambient_ * given;

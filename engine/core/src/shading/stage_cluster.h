@@ -21,15 +21,21 @@ inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWal
   const LightStage& stage = s.samples[s.clustered].stage;
   for (size_t k = first; k < end; k += kLanes) {
     Doubles far2 = splat(kFar2);
-    for (int number = 0; number < stage.max_specular; ++number) {
-      const Term term(stage, k, number);
-      far2 = choose(nonzero(term.k), larger(term.exponent, far2), far2);
-      Mask apart = term.exponent <= SpecularTerm::kToonDiffuse;
-      if (stage.turns_lobes) apart |= nonzero(Term::normal(stage, k, number, Three{}));
-      if (stage.stretches_lobes) apart |= Stretch(stage, k, number, Three{}).some;
-      far2 = choose(apart & nonzero(term.k), splat(__builtin_inf()), far2);  // looks at each lamp
+    const Doubles never = splat(__builtin_inf());  // looks at each lamp
+    for (int number = 0; number < stage.highlights; ++number) {
+      const Microfacet lobe(stage, k, number);
+      far2 = choose(nonzero(lobe.k), larger(lobe.exponent, far2), far2);
+      Mask apart{};
+      if (stage.turns_lobes) apart |= nonzero(lobe.normal(Three{}));
+      if (stage.stretches_lobes) apart |= Stretch(lobe, Three{}).some;
+      far2 = choose(apart & nonzero(lobe.k), never, far2);
     }
-    if (stage.lowering) far2 = choose(load(stage.lowering + k) > 1, splat(__builtin_inf()), far2);
+    if (stage.apart_count > 0)
+      each_lobe_of(stage, k,
+                   {GLINT_TOON_DIFFUSE, GLINT_TOON_SPECULAR, GLINT_FIBRE_DIFFUSE,
+                    GLINT_FIBRE_SPECULAR, GLINT_FIBRE_TRANSMISSION},
+                   [&](int, int, Doubles size) { far2 = choose(size > 0, never, far2); });
+    if (stage.lowering) far2 = choose(load(stage.lowering + k) > 1, never, far2);
     store(walk.far2 + (k - first), far2);
     store(walk.until + (k - first), choose(load(s.lit + k), splat(0), splat(__builtin_inf())));
   }
@@ -115,10 +121,10 @@ __attribute__((flatten)) inline void add_cluster(const ShareStage& to, const Lam
       const Three I = inverse_square(s, d2) * color;
       Three diffuse = I * (cluster_cosines(c, n, l, cosine, root(d2)) * load3(s.diffuse, k)),
             specular{};
-      if (s.max_specular > 0) {
+      if (s.highlights > 0 || s.apart_count > 0) {
         const Highlights seen = highlights<false, Bent>(s, k, n, l, cosine, nullptr);
         specular = where(far, I * seen.light);
-        if (s.has_sheen) diffuse = diffuse + I * seen.sheen;
+        if (s.apart_count > 0) diffuse = diffuse + I * seen.matt;
       }
       const BumpShadow bump = bump_shadow<Bent>(s, k, n, l);
       if (bump.some) {

@@ -2,13 +2,12 @@
 // pixel, k coefficient of a lobe.
 #pragma once
 #include "program/run.h"
+#include "shading/closure/oren_nayar.h"
 #include "shading/stage_ambient.h"
 #include "shading/stage_bump.h"
 #include "shading/stage_inputs.h"
 #include "shading/stage_math.h"
-#include "shading/stage_oren_nayar.h"
 #include "shading/stage_rows.h"
-#include "shading/stage_toon.h"
 
 namespace glint {
 namespace {
@@ -35,49 +34,65 @@ struct Lobes {
   Three glow, diffuse, translucent;
   Three ambient = {};  // of glow, where some surfaces see light lower
   Mask lit = {}, passes = {};
-  int specular_count = 0, mirror_count = 0, passing_count = 0;
-  int turned_row = -1, again_row = -1;  // of OREN_NAYAR and OREN_NAYAR_MULTIPLE lobes; -1: none yet
+  int rows[kLobeKinds] = {};  // of the layout, that have something
+  int passing_count = 0;
 };
+
+/// The next row of a kind.
+inline double* next_row(const EvaluateStage& s, int kind, Lobes& sum) {
+  return s.specular + size_t(s.layout->row(kind, sum.rows[kind]++)) * s.stride;
+}
 
 /// A number of a lobe: its own, or what the program gives from 0 to that.
 inline Doubles lobe_number(const OnMesh& p, double own, int32_t number) {
   return number == 0 ? splat(own) : clamped(finite_or_zero(slot(p, number)), 0, own);
 }
 
-/// As SpecularTerm has it.
+/// As MicrofacetRow has it.
 inline Doubles specular_fresnel(const OnMesh& p, const LobeShape& lobe) {
-  const bool dielectric = SpecularTerm::fresnel(lobe.fresnel, lobe.ior) > 0;
-  return dielectric ? lobe_ior(p, lobe) : splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior));
+  const double own = MicrofacetRow::fresnel(lobe.fresnel, lobe.ior);
+  return own > 0 ? lobe_ior(p, lobe) : splat(own);
+}
+
+/// A row of a highlight. kind: SPECULAR, or MIRROR for one of theirs.  normal, stretch: 0 for none.
+inline void set_microfacet(const EvaluateStage& s, const Chosen& at, int kind, const Three& Tk,
+                           Doubles exponent, Doubles masking2, Doubles fresnel, const Three& normal,
+                           const Three& stretch, Lobes& sum) {
+  const int width = s.layout->of[kind].width;
+  double* const row = next_row(s, kind, sum);
+  scatter3(row, s.stride, at, Tk);
+  scatter(row + MicrofacetRow::kExponent * s.stride, at, exponent);
+  if (width >= MicrofacetRow::kShaped) {
+    scatter(row + MicrofacetRow::kMasking * s.stride, at, masking2);
+    scatter(row + MicrofacetRow::kFresnel * s.stride, at, fresnel);
+  }
+  if (width >= MicrofacetRow::kTurned)
+    scatter3(row + MicrofacetRow::kNormal * s.stride, s.stride, at, normal);
+  if (width == MicrofacetRow::kStretched)
+    scatter3(row + MicrofacetRow::kStretch * s.stride, s.stride, at, stretch);
+  sum.lit |= nonzero(Tk);
 }
 
 /// A FIBRE lobe. Where there is no fibre it is what stands for it on other surfaces (SEMANTICS.md).
 inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
                       const Three& k, const LobeShape& lobe, Lobes& sum) {
-  double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
+  double* const row = next_row(s, lobe.kind, sum);
   const Three t = lobe.fibre_slot > 0 ? finite_or_zero(slots3(p, lobe.fibre_slot)) : Three{};
   const Mask here = nonzero(t);
-  const Doubles exponent = lobe_number(p, lobe.exponent, lobe.exponent_slot);
-  const bool matt = lobe.kind == GLINT_FIBRE_DIFFUSE, glossy = lobe.kind == GLINT_FIBRE_SPECULAR;
-  const double kind = matt     ? SpecularTerm::kFibreDiffuse
-                      : glossy ? SpecularTerm::kFibreSpecular
-                               : SpecularTerm::kFibreTransmission;
-  const Three elsewhere = where(glossy ? ~here : Mask{}, (exponent + 2) / 8 * Tk),
-              given = where(here, Tk) + elsewhere;
-  scatter3(column, s.stride, at, given);
-  scatter(column + SpecularTerm::kExponent * s.stride, at, choose(here, splat(kind), exponent));
-  scatter(column + SpecularTerm::kMasking * s.stride, at, where(here, exponent));
-  const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
-  const Doubles fan = choose(masking > 0, 1 / masking, splat(0));
-  scatter(column + SpecularTerm::kFresnel * s.stride, at, where(here, fan));
-  if (s.specular_columns == SpecularTerm::kStretched)
-    scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at, Three{});
-  scatter(column + SpecularTerm::kTilt * s.stride, at,
-          where(here, splat((lobe.ior - 1) / (lobe.ior + 1))));
+  const Three given = where(here, Tk);
+  scatter3(row, s.stride, at, given);
   // as long as the fibre is thick, as a scene's lengths are here
-  scatter3(column + SpecularTerm::kTangent * s.stride, s.stride, at,
-           splat(s.tables.view->scale) * t);
+  scatter3(row + FibreRow::kTangent * s.stride, s.stride, at, splat(s.tables.view->scale) * t);
   sum.lit |= nonzero(given);
-  if (matt) sum.diffuse = sum.diffuse + where(~here, k);
+  if (lobe.kind == GLINT_FIBRE_DIFFUSE) return void(sum.diffuse = sum.diffuse + where(~here, k));
+  const Doubles exponent = lobe_number(p, lobe.exponent, lobe.exponent_slot),
+                fan = lobe_number(p, lobe.fan, lobe.fan_slot);
+  scatter(row + FibreRow::kExponent * s.stride, at, exponent);
+  scatter(row + FibreRow::kFan * s.stride, at, choose(fan > 0, 1 / fan, splat(0)));
+  scatter(row + FibreRow::kTilt * s.stride, at, splat(lobe.tilt));
+  if (lobe.kind == GLINT_FIBRE_SPECULAR)
+    set_microfacet(s, at, GLINT_SPECULAR, where(~here, (exponent + 2) / 8 * Tk), exponent, splat(0),
+                   splat(0), Three{}, Three{}, sum);
 }
 
 /// A normal of the program, unit; `other` where it gives none. slot: 0 for that.
@@ -131,61 +146,35 @@ inline Three lobe_stretch(const EvaluateStage& s, const Chosen& at, const OnMesh
   return size * unit(cross(unit(cross(n, t)), n));
 }
 
-/// A lobe that is neither a highlight nor even, as SpecularTerm has it.
-inline void set_apart(const EvaluateStage& s, const Chosen& at, const OnMesh& p, double* column,
-                      const LobeShape& lobe) {
-  const double kind = lobe.kind == GLINT_SHEEN          ? SpecularTerm::kSheen
-                      : lobe.kind == GLINT_TOON_DIFFUSE ? SpecularTerm::kToonDiffuse
-                                                        : SpecularTerm::kToonSpecular;
-  scatter(column + SpecularTerm::kExponent * s.stride, at, splat(kind));
-  scatter(column + SpecularTerm::kMasking * s.stride, at,
-          lobe_number(p, lobe.exponent, lobe.exponent_slot));
-  scatter(column + SpecularTerm::kFresnel * s.stride, at,
-          lobe_number(p, lobe.masking, lobe.masking_slot));
+/// A SHEEN or TOON lobe: its two numbers follow k.
+inline void set_apart(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
+                      const LobeShape& lobe, Lobes& sum) {
+  static_assert(SheenRow::kWidth == ToonRow::kSize && SheenRow::kLean == ToonRow::kSmooth);
+  double* const row = next_row(s, lobe.kind, sum);
+  scatter3(row, s.stride, at, Tk);
+  sum.lit |= nonzero(Tk);
+  scatter(row + SheenRow::kWidth * s.stride, at, lobe_number(p, lobe.width, lobe.width_slot));
+  scatter(row + SheenRow::kLean * s.stride, at, lobe_number(p, lobe.lean, lobe.lean_slot));
 }
 
 inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, Three Tk,
                          const LobeShape& lobe, Lobes& sum) {
-  double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
-  if (lobe.kind == GLINT_SPECULAR) {
-    Three normal{};
-    if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, Tk);
-    if (s.specular_columns >= SpecularTerm::kTurned)
-      scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal);
-    if (s.specular_columns == SpecularTerm::kStretched)
-      scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at,
-               lobe_stretch(s, at, p, lobe, normal));
-  }
-  scatter3(column, s.stride, at, Tk);
-  sum.lit |= nonzero(Tk);
-  if (lobe.kind != GLINT_SPECULAR) return set_apart(s, at, p, column, lobe);
-  scatter(column + SpecularTerm::kExponent * s.stride, at,
-          lobe_number(p, lobe.exponent, lobe.exponent_slot));
-  if (s.specular_columns >= SpecularTerm::kShaped) {
-    const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
-    scatter(column + SpecularTerm::kMasking * s.stride, at, masking * masking);
-    scatter(column + SpecularTerm::kFresnel * s.stride, at, specular_fresnel(p, lobe));
-  }
-}
-
-/// A MIRROR lobe as the SPECULAR one of `thrown` that throws its light on to what is matt: of GGX
-/// as wide as that, by Walter, Marschner, Li, Torrance 2007 (Microfacet models for refraction).
-__attribute__((noinline)) void set_thrown(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
-                                          const LobeShape& lobe, Three Tk, Lobes& sum) {
-  const int row = s.mirror_row + sum.mirror_count++;
-  double* column = s.specular + size_t(s.specular_columns * row) * s.stride;
   Three normal{};
   if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, Tk);
-  if (s.specular_columns >= SpecularTerm::kTurned)
-    scatter3(column + SpecularTerm::kNormal * s.stride, s.stride, at, normal);
-  if (s.specular_columns == SpecularTerm::kStretched)
-    scatter3(column + SpecularTerm::kStretch * s.stride, s.stride, at, Three{});
-  Tk = splat((s.thrown + 2) / 8) * Tk;
-  scatter3(column, s.stride, at, Tk);
-  sum.lit |= nonzero(Tk);
-  scatter(column + SpecularTerm::kExponent * s.stride, at, splat(s.thrown));
-  scatter(column + SpecularTerm::kMasking * s.stride, at, splat(2 / (s.thrown + 2)));
-  scatter(column + SpecularTerm::kFresnel * s.stride, at, specular_fresnel(p, lobe));
+  const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
+  set_microfacet(s, at, GLINT_SPECULAR, Tk, lobe_number(p, lobe.exponent, lobe.exponent_slot),
+                 masking * masking, specular_fresnel(p, lobe), normal,
+                 lobe_stretch(s, at, p, lobe, normal), sum);
+}
+
+/// A MIRROR lobe as the highlight of `thrown` that throws its light on to what is matt: of GGX as
+/// wide as that, by Walter, Marschner, Li, Torrance 2007 (Microfacet models for refraction).
+__attribute__((noinline)) void set_thrown(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                                          const LobeShape& lobe, Three Tk, Lobes& sum) {
+  Three normal{};
+  if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, Tk);
+  set_microfacet(s, at, GLINT_MIRROR, splat((s.thrown + 2) / 8) * Tk, splat(s.thrown),
+                 splat(2 / (s.thrown + 2)), specular_fresnel(p, lobe), normal, Three{}, sum);
 }
 
 inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
@@ -226,29 +215,28 @@ __attribute__((noinline)) void add_rough(const EvaluateStage& s, const Chosen& a
   const Doubles lost = lost_once(seen_cosine(gather3(s.n, at), gather3(s.d, at)));
   k = seen_share(s, at, p, lobe) * k;
   if (again) k = lost * k;
-  int& row = again ? sum.again_row : sum.turned_row;
-  const bool first = row < 0;
-  if (first) row = sum.specular_count++;
-  double* column = s.specular + size_t(s.specular_columns * row) * s.stride;
-  double* const total[3] = {column, column + s.stride, column + 2 * s.stride};
-  const Three Tk = first ? T * k : gather3(total, at) + T * k;
-  scatter3(column, s.stride, at, Tk);
+  const bool first = sum.rows[lobe.kind] == 0;
+  sum.rows[lobe.kind] = 0;
+  double* const row = next_row(s, lobe.kind, sum);
+  const Three Tk = first ? T * k : gather3(row, s.stride, at) + T * k;
+  scatter3(row, s.stride, at, Tk);
   sum.lit |= nonzero(Tk);
-  scatter(column + SpecularTerm::kExponent * s.stride, at,
-          splat(again ? SpecularTerm::kOrenNayarMultiple : SpecularTerm::kOrenNayar));
-  scatter(column + SpecularTerm::kMasking * s.stride, at, splat(0));
-  scatter(column + SpecularTerm::kFresnel * s.stride, at, splat(0));
 }
 
 inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                      const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
-  if (lobe.kind >= GLINT_OREN_NAYAR)
-    return lobe.kind >= GLINT_FIBRE_DIFFUSE ? set_fibre(s, at, p, T * k, k, lobe, sum)
-                                            : add_rough(s, at, p, lobe, T, k, sum);
-  const bool toon = lobe.kind == GLINT_TOON_DIFFUSE;
-  if (toon || lobe.kind == GLINT_TOON_SPECULAR || lobe.kind == GLINT_SPECULAR ||
-      lobe.kind == GLINT_SHEEN)
-    return set_specular(s, at, p, T * k, lobe, sum);
+  switch (lobe.kind) {
+    case GLINT_SPECULAR: return set_specular(s, at, p, T * k, lobe, sum);
+    case GLINT_SHEEN:
+    case GLINT_TOON_DIFFUSE:
+    case GLINT_TOON_SPECULAR: return set_apart(s, at, p, T * k, lobe, sum);
+    case GLINT_OREN_NAYAR:
+    case GLINT_OREN_NAYAR_MULTIPLE: return add_rough(s, at, p, lobe, T, k, sum);
+    case GLINT_FIBRE_DIFFUSE:
+    case GLINT_FIBRE_SPECULAR:
+    case GLINT_FIBRE_TRANSMISSION: return set_fibre(s, at, p, T * k, k, lobe, sum);
+    default: break;
+  }
   const bool ambient = lobe.kind == GLINT_AMBIENT;
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
@@ -359,12 +347,12 @@ __attribute__((noinline)) void set_below(const EvaluateStage& s, size_t begin,
 __attribute__((noinline)) void take_lowered(const EvaluateStage& s, const Chosen& at, Lobes& sum) {
   TakenAmbient taken(gather(s.lowering, at), seen_cosine(gather3(s.n, at), gather3(s.d, at)),
                      s.ambient);
-  for (int row = 0; s.specular_columns >= SpecularTerm::kShaped && row < sum.specular_count;
-       ++row) {
-    double* const column = s.specular + size_t(s.specular_columns * row) * s.stride;
-    const auto number = [&](int of) { return gather(column + of * s.stride, at); };
-    taken.add({number(0), number(1), number(2)}, number(SpecularTerm::kExponent),
-              number(SpecularTerm::kMasking), number(SpecularTerm::kFresnel));
+  const bool shaped = s.layout->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
+  for (int number = 0; shaped && number < sum.rows[GLINT_SPECULAR]; ++number) {
+    const double* const row = s.specular + size_t(s.layout->row(GLINT_SPECULAR, number)) * s.stride;
+    const auto column = [&](int of) { return gather(row + of * s.stride, at); };
+    taken.add({column(0), column(1), column(2)}, column(MicrofacetRow::kExponent),
+              column(MicrofacetRow::kMasking), column(MicrofacetRow::kFresnel));
   }
   const Three less = taken.of(sum.ambient);
   sum.glow = sum.glow - less;

@@ -1,9 +1,8 @@
 // Rays that go on from lit points along directions of their lobes: reflections of other surfaces,
-// and rays that look for bounced light (final gathering). Letters as in stage_highlights.h.
+// and rays that look for bounced light (final gathering). Letters as in closure/lobes.h.
 #pragma once
+#include "shading/closure/lobes.h"
 #include "shading/stage_bump.h"
-#include "shading/stage_fibre.h"
-#include "shading/stage_highlights.h"
 #include "shading/stage_rows.h"
 
 namespace glint {
@@ -18,7 +17,7 @@ size_t reflect_from(const LightStage& s) {
     const Narrow all = reflecting_terms(s, k);
     if (!any(lit & (all.total > 0))) continue;
     const Three n = load3(s.n, k);
-    const Drawn drawn = draw<true, Bent>(s, k, n, all);
+    const Drawn drawn = sample_microfacets<true, Bent>(s, k, n, all);
     const Doubles cosine = dot(n, drawn.l);
     const Highlights seen = highlights<true, Bent>(s, k, n, drawn.l, cosine, &all);
     const Three share = (1 / (kCircle * seen.density)) * seen.light;
@@ -47,9 +46,10 @@ inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l)
   const BumpShadow bump = bump_shadow<true>(s, k, n, l);
   const Doubles cosine = dot(n, l);
   Three T = where(s.fibres_alone ? Mask{} : cosine > 0, load3(s.diffuse, k));
-  if (s.has_sheen) {
-    const Highlights seen = highlights<false, true>(s, k, n, l, cosine, nullptr);
-    Three lobes = where(s.fibres_alone ? Mask{} : cosine > 0, seen.sheen);
+  if (s.apart_count > 0) {
+    Highlights seen{};
+    add_apart(s, k, n, l, cosine, seen);
+    Three lobes = where(s.fibres_alone ? Mask{} : cosine > 0, seen.matt);
     if (s.has_fibre) lobes = lobes + seen.fibre;
     T = T + (1 / larger(magnitude(cosine), splat(0x1p-20))) * lobes;
   }

@@ -1,8 +1,8 @@
 // Light from one sample of one light (notes 4.13-4.16, light.h). Letters: x point, l direction to
 // the light, d distance, z cosine at the light, g n geometric and shading normal, v to the viewer.
 #pragma once
+#include "shading/closure/lobes.h"
 #include "shading/stage_bump.h"
-#include "shading/stage_highlights.h"
 #include "shading/stage_sample.h"
 
 namespace glint {
@@ -160,13 +160,13 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   Three diffuse = cosine * (to_matt * load3(s.diffuse, k)), specular{};
   if (kSoftened<Shape> && s.gloss[0])
     specular = lowered<Bent>(s, k, n, at.l) * cosine * (I * load3(s.gloss, k));
-  if (s.max_specular > 0 && (!(kSoftened<Shape> || s.matt_alone) || s.has_sheen)) {
+  if ((s.highlights > 0 && !(kSoftened<Shape> || s.matt_alone)) || s.apart_count > 0) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen =
         highlights<false, Bent>(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
     if (!kSoftened<Shape> && !s.matt_alone)
       specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-    if (s.has_sheen && !s.gloss_alone) diffuse = diffuse + where(front, to_matt * seen.sheen);
+    if (s.apart_count > 0 && !s.gloss_alone) diffuse = diffuse + where(front, to_matt * seen.matt);
     if (through | turned) diffuse = where(front, diffuse);
     if (through) {
       specular = turned ? specular : where(front, specular);
@@ -185,7 +185,7 @@ __attribute__((always_inline)) inline void give_drawn(const LightStage& s, size_
   const Three n = load3(s.n, k), x = load3(s.points_x, k);
   const Narrow narrow = narrow_terms(s, k, x);
   if (!any(lit & (narrow.total > 0))) return;
-  const Drawn drawn = draw<false, Bent>(s, k, n, narrow);
+  const Drawn drawn = sample_microfacets<false, Bent>(s, k, n, narrow);
   auto at = sample_at<Shape>(s, x, drawn.l);
   Three color = color_of<Shape>(s, at);
   if constexpr (Shape == kSky) {
@@ -259,7 +259,7 @@ size_t gloss_towards_mesh(const LightStage& s) {
     const Three n = load3(s.n, k);
     const Narrow narrow = narrow_terms(s, k, load3(s.points_x, k));
     if (!any(lit & (narrow.total > 0))) continue;
-    const Drawn drawn = draw<false, Bent>(s, k, n, narrow);
+    const Drawn drawn = sample_microfacets<false, Bent>(s, k, n, narrow);
     const Doubles cosine = dot(n, drawn.l);
     const Highlights seen = highlights<false, Bent>(s, k, n, drawn.l, cosine, &narrow);
     const Mask front = Bent && s.turns_lobes ? ~Mask{} : cosine > 0;

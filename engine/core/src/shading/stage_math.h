@@ -56,18 +56,8 @@ class Gloss {
  public:
   Gloss(Doubles nl, Doubles nv, Doubles vh) : nl_(nl), nv_(nv), vh_(vh) {}
 
-  /// A cosine lobe, seen from above, that is stretched to 1 / width and leans over (SEMANTICS.md,
-  /// SHEEN). nv: below 0 where n is turned away from the viewer.
-  Doubles sheen(Doubles width, Doubles lean, Doubles nv) const {
-    const Doubles lv = 2 * vh_ * vh_ - 1, sine2 = 1 - nv * nv,
-                  along = where(sine2 > 0, (lv - nl_ * nv) / root(sine2)),
-                  square = width * width * (1 - nl_ * nl_) - 2 * width * lean * along * nl_ +
-                           (1 + lean * lean) * nl_ * nl_;
-    return nl_ * width * width / (square * square);
-  }
-
-  /// masking2: alpha squared, 0 for none. fresnel: as SpecularTerm has it.  Edged: some lobe of the
-  /// scene may have the weight of edges.
+  /// masking2: alpha squared, 0 for none. fresnel: as MicrofacetRow has it.  Edged: some lobe of
+  /// the scene may have the weight of edges.
   template <bool Edged = false>
   Doubles factor(Doubles masking2, Doubles fresnel) {
     if (bits(masking2 != masking2_)) {
@@ -94,7 +84,7 @@ class Gloss {
     if (bits(fresnel != fresnel_)) {
       fresnel_ = fresnel;
       reflectance_ = choose(fresnel < 0, schlick_weight(), splat(1));
-      const Mask edge = fresnel == SpecularTerm::kEdge;
+      const Mask edge = fresnel == MicrofacetRow::kEdge;
       if (Edged && bits(edge)) reflectance_ = choose(edge, edge_weight(), reflectance_);
       const Mask dielectric = fresnel > 0;
       if (any(dielectric)) {

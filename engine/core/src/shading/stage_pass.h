@@ -2,6 +2,7 @@
 // so that rays of one kind are neighbours. Letters: d direction, n shading normal, g geometric
 // normal, T weight to the pixel, k coefficient of a lobe.
 #pragma once
+#include "shading/closure/table.h"
 #include "shading/stage_bump.h"
 #include "shading/stage_math.h"
 #include "shading/stage_rows.h"
@@ -211,10 +212,7 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
   return count;
 }
 
-inline bool passes(const LobeShape& lobe) {
-  return lobe.kind == GLINT_MIRROR || lobe.kind == GLINT_REFRACTION ||
-         lobe.kind == GLINT_TRANSPARENT || lobe.kind == GLINT_HOLDOUT_LOBE;
-}
+inline bool passes(const LobeShape& lobe) { return kClosures[lobe.kind].passes; }
 
 /// body(lobe, number) for those of the lobes of a kind: their numbers among those that send rays
 /// on.

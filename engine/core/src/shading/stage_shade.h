@@ -16,7 +16,7 @@ struct TermRows {
 
 inline void set_row(const ShadeStage& s, uint32_t material, size_t lane, TermRows& rows) {
   rows.of[lane] = s.terms + material;
-  rows.specular[lane] = s.specular_terms + size_t(s.specular_columns * s.specular_rows) * material;
+  rows.specular[lane] = s.specular_terms + s.specular_columns * material;
   rows.view[lane] = s.view_terms + ViewTerm::kColumns * size_t(s.max_view) * material;
 }
 
@@ -90,18 +90,18 @@ inline void clear_part(double* const (&part)[3], size_t k) {
   if (part[0]) store3(part, k, Three{});
 }
 
-/// Columns of the specular terms; which lanes have any.
+/// Rows of lobes; which lanes have any.
 inline Mask store_specular(const ShadeStage& s, size_t k, const Three& T, const TermRows& rows) {
   Mask lit{};
-  for (int term = 0; term < s.max_specular; ++term) {
-    const size_t at = size_t(s.specular_columns * term);
+  for (size_t row = 0; row < s.row_count; ++row) {
+    const size_t at = s.rows[row].first;
     double* column = s.specular + at * s.stride + k;
     const Three Tk = T * gather3(rows, rows.specular, at);
     store(column, Tk.x);
     store(column + s.stride, Tk.y);
     store(column + 2 * s.stride, Tk.z);
-    for (int c = SpecularTerm::kExponent; c < s.specular_columns; ++c)
-      store(column + size_t(c) * s.stride, gather(rows, rows.specular, at + size_t(c)));
+    for (size_t c = 3; c < s.rows[row].width; ++c)
+      store(column + c * s.stride, gather(rows, rows.specular, at + c));
     lit |= nonzero(Tk);
   }
   return lit;
@@ -118,13 +118,13 @@ __attribute__((noinline)) void take_lowered(const ShadeStage& s) {
     Three given = T * gather3(rows, &MaterialTerms::ambient);
     if (s.max_view > 0 && any_view(rows)) given = given + seen(s, k, T, rows).ambient;
     TakenAmbient taken(lowering, seen_cosine(load3(s.n, k), load3(s.d, k)), s.ambient);
-    for (int term = 0; s.specular_columns >= SpecularTerm::kShaped && term < s.max_specular;
-         ++term) {
-      const size_t at = size_t(s.specular_columns * term);
+    const LobeRows& shining = s.lobes->of[GLINT_SPECULAR];
+    for (int term = 0; shining.width >= MicrofacetRow::kShaped && term < s.highlights; ++term) {
+      const size_t at = size_t(shining.first + shining.width * term);
       taken.add(T * gather3(rows, rows.specular, at),
-                gather(rows, rows.specular, at + SpecularTerm::kExponent),
-                gather(rows, rows.specular, at + SpecularTerm::kMasking),
-                gather(rows, rows.specular, at + SpecularTerm::kFresnel));
+                gather(rows, rows.specular, at + MicrofacetRow::kExponent),
+                gather(rows, rows.specular, at + MicrofacetRow::kMasking),
+                gather(rows, rows.specular, at + MicrofacetRow::kFresnel));
     }
     const Three less = taken.of(given);
     store3(s.sums.total, k, load3(s.sums.total, k) - less);
@@ -158,7 +158,7 @@ size_t shade(const ShadeStage& s) {
     }
     store3(s.diffuse, k, Tk);
     Mask lit = nonzero(Tk);
-    if (s.max_specular > 0) lit |= store_specular(s, k, T, rows);
+    if (s.row_count > 0) lit |= store_specular(s, k, T, rows);
     store(s.lit + k, lit & valid_lanes(k, s.count));
     for (uint32_t m = rows.others; m; m &= m - 1)
       s.others[others++] = uint32_t(k) + uint32_t(__builtin_ctz(m));

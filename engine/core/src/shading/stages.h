@@ -59,15 +59,19 @@ struct ShadeStage {
   const double* T[3];
   const uint32_t* material;
   const MaterialTerms* terms;
-  const double* specular_terms;  // specular_rows of SpecularTerm a material
-  int specular_rows, max_specular, specular_columns;
+  const double* specular_terms;  // specular_columns a material
+  size_t specular_columns;
+  const LobeSpan* rows;  // of these; as many as may have something to these rays
+  size_t row_count;
+  const LobeLayout* lobes;
+  int highlights;            // as LightStage has it
   const double* view_terms;  // max_view rows a material
   int max_view;
   const double *n[3], *d[3];  // read where max_view > 0, and with lowering
   double ambient[3];          // the world's, read with lowering
   SumColumns sums;
   double* diffuse[3];  // T k
-  double* specular;    // columns of SpecularTerm, times T, of the first term, of the second, …
+  double* specular;    // columns of `lobes`, k times T
   size_t stride;       // from a column of `specular` to the next
   int64_t* lit;
   uint32_t* others;  // rays whose material the stage leaves to others
@@ -117,9 +121,8 @@ struct EvaluateStage {
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
-  bool dark;       // EMISSION lobes show nothing
-  int mirror_row;  // the first of theirs, after those of other lobes
-  double thrown;   // exponent of the SPECULAR lobes that MIRROR ones are as well, 0: of none
+  bool dark;      // EMISSION lobes show nothing
+  double thrown;  // exponent of the SPECULAR lobes that MIRROR ones are as well, 0: of none
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];
@@ -129,8 +132,8 @@ struct EvaluateStage {
   /// where none of the material's does.
   double *below[3], *radius[3];
   double* specular;
-  int specular_columns;
-  double* passing;  // PassingTerm's columns for each lobe that sends rays on
+  const LobeLayout* layout;  // of `specular`
+  double* passing;           // PassingTerm's columns for each lobe that sends rays on
   int passing_columns;
   uint32_t* passing_rows;  // points where one of these is not zero
   size_t stride;

@@ -163,7 +163,7 @@ struct Way {
 };
 
 /// unit(a) and length(a).
-inline Way way(const Three& a) {
+__attribute__((always_inline)) inline Way way(const Three& a) {
   const Doubles m = max_abs(a);
   if (!all((m > 1e-100) & (m < 1e100))) return {unit(a), length(a)};
   const Doubles l = length(a);

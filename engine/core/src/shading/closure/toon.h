@@ -1,6 +1,7 @@
 // TOON lobes: even within an angle, and nothing beyond its smooth edge (SEMANTICS.md, TOON).
 #pragma once
 #include "program/functions_trig.h"
+#include "shading/closure/lobe_row.h"
 #include "shading/stage_math.h"
 
 namespace glint {
@@ -21,7 +22,7 @@ struct Toon {
     return 4 * half * half;
   }
   /// What it gives back of light at an angle of that cosine.
-  Doubles at(Doubles cosine) const {
+  Doubles eval(Doubles cosine) const {
     const Doubles angle = acos(smaller(larger(cosine, splat(0)), splat(1))),
                   beside = 1 - (angle - whole) / choose(edge > 0, edge, splat(1)),
                   share = choose(angle < whole, splat(1), where(edge > 0, beside));
@@ -34,6 +35,24 @@ struct Toon {
     return choose(edge > 0, 2 * (1 - lost) / versine(), splat(1));
   }
 };
+
+/// That of a row at a group of points. kind: TOON_DIFFUSE or TOON_SPECULAR.
+inline Toon toon(const LightStage& s, size_t k, int kind, int number) {
+  const LobeRow row(s, k, kind, number);
+  return {row.number(ToonRow::kSize), row.number(ToonRow::kSmooth)};
+}
+
+/// What one gives back of light along l, round n or the mirrored ray; nothing where n is turned
+/// away from that. cosine: n.l.
+__attribute__((noinline)) Doubles eval_toon(const LightStage& s, size_t k, int kind, int number,
+                                            const Three& n, const Three& d, const Three& l,
+                                            Doubles cosine) {
+  if (kind == GLINT_TOON_SPECULAR) {
+    const Doubles nv = -dot(n, d);
+    cosine = where(nv > 0, 2 * nv * cosine + dot(d, l));
+  }
+  return toon(s, k, kind, number).eval(cosine);
+}
 
 }  // namespace
 }  // namespace glint

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..linear.columns import cross, dot, length, unit
+from ...linear.columns import cross, dot, length, unit
 
 Array = np.ndarray
 
