@@ -112,21 +112,26 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
   Gives gives;
   const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
-    const double given = batch.passing_ior(k, i, lobe->ior),
-                 ior = batch.outside[k] ? given : 1 / given;
+    if (!(1u << lobe->kind & kPassing)) continue;
+    const int own = i++;
     const bool mirrors = lobe->kind == GLINT_MIRROR, refracts = lobe->kind == GLINT_REFRACTION;
-    const Vec3d own = batch.passing_normal(k, i, n);
-    const Three at = lifted(splat3(&own.x), splat3(&g.x), -splat3(&d.x));
-    const double cosine = -dot(at, splat3(&d.x))[0],
-                 R = lobe->fresnel && (mirrors || refracts)
-                         ? fresnel_reflectance(splat(cosine), splat(ior))[0]
-                         : 0;
-    if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * batch.passing(k, i);
-    const Vec3d through = refracts ? (1 - R) * batch.passing(k, i) : Vec3d{};
-    gives.refracted += through;
-    if (!(lobe->exponent > 0 && batch.passing_exponent(k, i, lobe->exponent) > 0))
-      gives.clear += through;
-    i += (1u << lobe->kind & kPassing) != 0;
+    const Vec3d coefficient = batch.passing(k, own);
+    if (!(mirrors || refracts) ||
+        !(coefficient[0] != 0 || coefficient[1] != 0 || coefficient[2] != 0))
+      continue;
+    double R = 0;
+    if (lobe->fresnel) {
+      const double given = batch.passing_ior(k, own, lobe->ior),
+                   ior = batch.outside[k] ? given : 1 / given;
+      const Vec3d m = batch.passing_normal(k, own, n);
+      const Three at = lifted(splat3(&m.x), splat3(&g.x), -splat3(&d.x));
+      R = fresnel_reflectance(splat(-dot(at, splat3(&d.x))[0]), splat(ior))[0];
+    }
+    if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * coefficient;
+    if (!refracts) continue;
+    gives.refracted += (1 - R) * coefficient;
+    if (!(lobe->exponent > 0 && batch.passing_exponent(k, own, lobe->exponent) > 0))
+      gives.clear += (1 - R) * coefficient;
   }
   return gives;
 }

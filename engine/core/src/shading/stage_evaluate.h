@@ -36,6 +36,8 @@ struct Lobes {
   Mask lit = {}, passes = {};
   int rows[kLobeKinds] = {};  // of the layout, that have something
   int passing_count = 0;
+  bool has_micro = false;  // whether `micro` is known: the point's normal as microfacets have it
+  Three micro;
 };
 
 /// The next row of a kind.
@@ -117,6 +119,13 @@ inline Three micro_normal(const EvaluateStage& s, const Chosen& at, const Three&
   return choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), -gather3(s.d, at)));
 }
 
+/// The points' own normals as microfacets have them, found once for all lobes.
+inline const Three& micro_normal_of_points(const EvaluateStage& s, const Chosen& at, Lobes& sum) {
+  if (!sum.has_micro) sum.micro = micro_normal(s, at, gather3(s.n, at));
+  sum.has_micro = true;
+  return sum.micro;
+}
+
 /// Whether a lobe that shines has microfacets, which bumps hide.
 inline bool is_micro(const EvaluateStage& s, const LobeShape& lobe) {
   return s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
@@ -125,12 +134,12 @@ inline bool is_micro(const EvaluateStage& s, const LobeShape& lobe) {
 /// The normal of a lobe that shines, 0 where it is the point's. k: 0 where the lobe does not face
 /// the viewer, as microfacets have to.
 inline Three lobe_normal(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
-                         const LobeShape& lobe, Three& k) {
+                         const LobeShape& lobe, Lobes& sum, Three& k) {
   const bool micro = is_micro(s, lobe);
   const Three point = gather3(s.n, at), v = -gather3(s.d, at);
   Three n = given_normal(p, lobe.normal_slot, point);
   if (micro) {
-    n = micro_normal(s, at, n);
+    n = lobe.normal_slot == 0 ? micro_normal_of_points(s, at, sum) : micro_normal(s, at, n);
     k = where(dot(n, v) > 0, k);
   }
   return where(nonzero(n - point), n);
@@ -160,7 +169,7 @@ inline void set_apart(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
 inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, Three Tk,
                          const LobeShape& lobe, Lobes& sum) {
   Three normal{};
-  if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, Tk);
+  if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, sum, Tk);
   const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
   set_microfacet(s, at, GLINT_SPECULAR, Tk, lobe_number(p, lobe.exponent, lobe.exponent_slot),
                  masking * masking, specular_fresnel(p, lobe), normal,
@@ -172,7 +181,7 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
 __attribute__((noinline)) void set_thrown(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                                           const LobeShape& lobe, Three Tk, Lobes& sum) {
   Three normal{};
-  if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, Tk);
+  if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, sum, Tk);
   set_microfacet(s, at, GLINT_MIRROR, splat((s.thrown + 2) / 8) * Tk, splat(s.thrown),
                  splat(2 / (s.thrown + 2)), specular_fresnel(p, lobe), normal, Three{}, sum);
 }
@@ -182,7 +191,7 @@ inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& 
   double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
   if (lobe.kind == GLINT_MIRROR || lobe.kind == GLINT_REFRACTION) {
     Three normal{};
-    if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, k);
+    if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, sum, k);
     if (s.passing_columns == PassingTerm::kTurned)
       scatter3(column + PassingTerm::kNormal * s.stride, s.stride, at, normal);
     if (s.lowering && lobe.kind == GLINT_MIRROR) {
@@ -201,10 +210,10 @@ inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& 
 
 /// 1, or what AMBIENT and DIFFUSE lobes that depend on the view are times.
 inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
-                          const LobeShape& lobe) {
+                          const LobeShape& lobe, Lobes& sum) {
   if (!(lobe.exponent > 0)) return splat(1);
   const Doubles exponent = lobe_number(p, lobe.exponent, lobe.exponent_slot);
-  const Three n = micro_normal(s, at, gather3(s.n, at));
+  const Three& n = micro_normal_of_points(s, at, sum);
   return grazing_power(seen_cosine(n, gather3(s.d, at)), larger(exponent, splat(1e-6)));
 }
 
@@ -213,7 +222,7 @@ __attribute__((noinline)) void add_rough(const EvaluateStage& s, const Chosen& a
                                          const LobeShape& lobe, Three T, Three k, Lobes& sum) {
   const bool again = lobe.kind == GLINT_OREN_NAYAR_MULTIPLE;
   const Doubles lost = lost_once(seen_cosine(gather3(s.n, at), gather3(s.d, at)));
-  k = seen_share(s, at, p, lobe) * k;
+  k = seen_share(s, at, p, lobe, sum) * k;
   if (again) k = lost * k;
   const bool first = sum.rows[lobe.kind] == 0;
   sum.rows[lobe.kind] = 0;
@@ -238,7 +247,7 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
     default: break;
   }
   const bool ambient = lobe.kind == GLINT_AMBIENT;
-  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
+  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe, sum) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
   if (lobe.kind == GLINT_TRANSLUCENT) return void(sum.translucent = sum.translucent + k);
   if (lobe.kind == GLINT_MIRROR && s.thrown > 0) set_thrown(s, at, p, lobe, T * k, sum);
@@ -317,6 +326,7 @@ __attribute__((noinline)) void set_below(const EvaluateStage& s, size_t begin,
   p.slots = slots;
   Three below{}, size{}, spread{}, first{};  // spread: of what is more than the first
   bool is_first = true;
+  Lobes points{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
     const LobeShape& lobe = s.lobes[i];
@@ -324,7 +334,7 @@ __attribute__((noinline)) void set_below(const EvaluateStage& s, size_t begin,
     const bool varies = lobe.radius_slot > 0;
     if (lobe.kind != GLINT_DIFFUSE || !(varies || own[0] > 0 || own[1] > 0 || own[2] > 0)) continue;
     const Three radius = varies ? finite_or_zero(slots3(p, lobe.radius_slot)) : splat3(own);
-    const Three k = seen_share(s, at, p, lobe) * coefficient(s.tables, p, lobe, reads),
+    const Three k = seen_share(s, at, p, lobe, points) * coefficient(s.tables, p, lobe, reads),
                 weight{magnitude(k.x), magnitude(k.y), magnitude(k.z)},
                 least{larger(radius.x, Doubles{}), larger(radius.y, Doubles{}),
                       larger(radius.z, Doubles{})};
