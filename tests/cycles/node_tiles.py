@@ -16,7 +16,8 @@ import cycles_reference as cycles
 from cycles_reference import bpy
 from glint.addon.export.materials.graph import Place
 from glint.addon.export.shader_nodes import TreeReader
-from glint.engine.program import execute as reference
+from glint.engine.program.execute.operations import apply
+from glint.engine.program.execute.run import run
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 
@@ -89,13 +90,13 @@ def add(tree: Any, kind: str, inputs: dict[str, Any], **properties: Any) -> Any:
 
 def _computed(end: Any, positions: np.ndarray) -> np.ndarray:
     """Colours (pixels, 3) of an AOV node at positions (pixels, 3) by reader and reference."""
-    graph, notes = Graph(reference.apply), []
+    graph, notes = Graph(apply), []
     value = TreeReader(graph, None, notes.append).value(Place(end.inputs["Color"]))
     assert not notes, notes
     if value.constant is not None:
         return np.broadcast_to(value.constant, positions.shape)
     program = compile_program(graph, [value])
-    return reference.run(program, Positions(positions.T), len(positions))[0].T
+    return run(program, Positions(positions.T), len(positions))[0].T
 
 
 def _render(builds: Sequence[Build], ends: list) -> tuple[np.ndarray, np.ndarray]:

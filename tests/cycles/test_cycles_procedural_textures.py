@@ -18,8 +18,8 @@ import cycles_reference as cycles
 from cycles_reference import bpy
 from glint.addon.export.materials.graph import Place
 from glint.addon.export.shader_nodes import READERS, TreeReader
-from glint.engine.program import execute as reference
 from glint.engine.program.execute import noise, patterns
+from glint.engine.program.execute.run import run
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 
@@ -461,6 +461,6 @@ def test_program_of_the_node_is_the_function(node):
         graph = Graph()
         emission = next(n for n in material(case).node_tree.nodes if n.type == "EMISSION")
         value = TreeReader(graph, None, notes.append).value(Place(emission.inputs["Color"]))
-        found = reference.run(compile_program(graph, [value]), points, len(positions))[0]
+        found = run(compile_program(graph, [value]), points, len(positions))[0]
         np.testing.assert_allclose(found.T, expected(case, positions), rtol=1e-12, atol=1e-12)
         assert not notes
