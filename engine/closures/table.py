@@ -1,7 +1,7 @@
 """One row for each kind of lobe: its parameters, and what its light counts as.
 
 `engine.scene` checks lobes by it, `engine.native` packs them by it, and
-`packaging/closures_header.py` writes it for the core and into engine/SEMANTICS.md, which says what
+`packaging/closures_table.py` writes it for the core and into engine/SEMANTICS.md, which says what
 each kind gives back.
 """
 

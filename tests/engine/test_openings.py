@@ -13,7 +13,6 @@ from glint.engine import Accelerator, Settings, render
 from glint.engine.lights import openings as found_openings
 from glint.engine.lights.lit import lit_scene
 from glint.engine.lights.openings import opened, openings
-from glint.engine.reference.path_lamps import around
 from glint.engine.scene import (
     Camera,
     Input,
@@ -27,6 +26,7 @@ from glint.engine.scene import (
     Spheres,
     World,
 )
+from path_lamps import around
 
 MATT = Material("matt", (Lobe("DIFFUSE", (Input((0.6, 0.6, 0.6)),)),))
 GLASS = Material("pane", (Lobe("TRANSPARENT", (Input((0.9, 0.9, 0.9)),)),))

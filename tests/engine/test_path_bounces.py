@@ -23,9 +23,9 @@ from glint.engine.lights.interleaving import SIDE
 from glint.engine.native import packing_settings
 from glint.engine.native import render as native_render
 from glint.engine.reference import stage, trace
-from glint.engine.reference.path_tracer import trace_paths
 from glint.engine.sampling import interleaving_classes
 from native_tools import assert_instruction_sets_agree, constant, needs_core, view_from_above
+from path_tracer import trace_paths
 from test_bump_shadow import bumpy
 from test_fibres import TANGENT, of_strands
 from test_path_tracer import box, glowing, level, placed

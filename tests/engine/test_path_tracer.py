@@ -19,7 +19,6 @@ from bounced_scenes import (
     mixed,
     room,
 )
-from glint.engine.reference.path_tracer import trace_paths
 from glint.engine.scene import (
     Camera,
     Input,
@@ -32,6 +31,7 @@ from glint.engine.scene import (
     Scene,
     World,
 )
+from path_tracer import trace_paths
 
 NOISE = 5.0
 """Standard errors that a mean of the seeds here is within."""

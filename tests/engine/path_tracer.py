@@ -16,16 +16,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..evaluation.attributes import Attributes
-from ..evaluation.geometry import ULPS, gather
-from ..evaluation.surface import Surface
-from ..linear.columns import add_at, dot, length, pick, transform, unit
-from ..sampling.motion import is_moving
-from ..scene import EVERYTHING, Camera, Light, Material, Scene
-from .cancellation import Cancellation
-from .materials import Shader
-from .path_lamps import Lamp, Surroundings
-from .path_lobes import (
+from glint.engine.evaluation.attributes import Attributes
+from glint.engine.evaluation.geometry import ULPS, gather
+from glint.engine.evaluation.surface import Surface
+from glint.engine.linear.columns import add_at, dot, length, pick, transform, unit
+from glint.engine.reference.cancellation import Cancellation
+from glint.engine.reference.materials import Shader
+from glint.engine.reference.rays import IncoherentRays, Rays
+from glint.engine.reference.shadows import arriving, bent
+from glint.engine.reference.surface import spot_at, surface_at
+from glint.engine.reference.terminator import start_towards
+from glint.engine.reference.visibility import NOTHING, Passed, Visibility
+from glint.engine.sampling.motion import is_moving
+from glint.engine.scene import EVERYTHING, Camera, Light, Material, Scene
+from path_lamps import Lamp, Surroundings
+from path_lobes import (
     Leave,
     Met,
     Paths,
@@ -36,11 +41,6 @@ from .path_lobes import (
     thrown,
     transmitted,
 )
-from .rays import IncoherentRays, Rays
-from .shadows import arriving, bent
-from .surface import spot_at, surface_at
-from .terminator import start_towards
-from .visibility import NOTHING, Passed, Visibility
 
 Array = np.ndarray
 

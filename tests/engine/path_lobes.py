@@ -11,17 +11,17 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ..evaluation.surface import Surface
-from ..linear.columns import add_at, dot, pick
-from ..program.execute.inputs import fresnel_dielectric as fresnel
-from .bumps import bump_shadow, lifted
-from .closures import Term, taken
-from .coefficients import Coefficients
-from .lobe_light import highlights, matt_lobes
-from .optics import reflected, refracted
-from .path_lamps import around
-from .rays import IncoherentRays
-from .terminator import lowered
+from glint.engine.evaluation.surface import Surface
+from glint.engine.linear.columns import add_at, dot, pick
+from glint.engine.program.execute.inputs import fresnel_dielectric as fresnel
+from glint.engine.reference.bumps import bump_shadow, lifted
+from glint.engine.reference.closures import Term, taken
+from glint.engine.reference.coefficients import Coefficients
+from glint.engine.reference.lobe_light import highlights, matt_lobes
+from glint.engine.reference.optics import reflected, refracted
+from glint.engine.reference.rays import IncoherentRays
+from glint.engine.reference.terminator import lowered
+from path_lamps import around
 
 Array = np.ndarray
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..evaluation.sky import radiance
-from ..evaluation.textures import Image
-from ..linear.columns import basis_around, dot, length, pick, unit
-from ..scene import Light, Scene
+from glint.engine.evaluation.sky import radiance
+from glint.engine.evaluation.textures import Image
+from glint.engine.linear.columns import basis_around, dot, length, pick, unit
+from glint.engine.scene import Light, Scene
 
 Array = np.ndarray
 
