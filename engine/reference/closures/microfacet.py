@@ -66,8 +66,8 @@ def sample(
     exponent: Array | float,
     stretch: Array | None = None,
 ) -> Array:
-    """(3, m) of a lobe round n, in the direction of a disc's point, with `share` of the lobe nearer
-    to n; where it is stretched as that half vector before.
+    """(3, m) half vectors of a lobe round n, in the direction of a disc's point, with `share` of
+    the lobe nearer to n; where it is stretched as that half vector before.
     """
     x, y = point.disc
     radius = np.hypot(x, y)
@@ -85,7 +85,7 @@ def sample(
 
 
 def albedo(term: Term) -> Array | float:
-    """About what of even light it gives back, for k = 1."""
+    """(m,) or one number: about what of even light it gives back, for k = 1."""
     return 8 / (term.exponent + 2)
 
 

@@ -210,7 +210,7 @@ ShadeStage Batch::shading() {
   stage.specular_terms = all.specular_terms.data();
   stage.specular_columns = size_t(all.rows_of_lobes.columns);
   stage.rows = all.spans.data();
-  stage.row_count = all.apart_count() + size_t(highlights());
+  stage.row_count = all.other_count() + size_t(highlights());
   stage.lobes = &all.rows_of_lobes;
   stage.highlights = highlights();
   stage.sums = sums;

@@ -95,8 +95,8 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.most_exponent = scene_.materials.most_exponent;
   stage_.shown = plan_.reflections == GLINT_REFLECT_ALL;
   stage_.shows_nothing = batch.queue->gathers();
-  stage_.apart = scene_.materials.spans.data();
-  stage_.apart_count = scene_.materials.apart_count();
+  stage_.other_lobes = scene_.materials.spans.data();
+  stage_.other_count = scene_.materials.other_count();
   stage_.has_fibre = scene_.materials.has_fibre;
   stage_.turns_lobes = scene_.materials.turns_lobes;
   stage_.stretches_lobes = scene_.materials.stretches_lobes;

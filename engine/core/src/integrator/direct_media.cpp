@@ -85,7 +85,7 @@ void DirectLight::place_points(const Batch& batch) {
   }
   stage_.lit = scatters_.data();
   stage_.highlights = 0;
-  stage_.apart_count = 0;
+  stage_.other_count = 0;
 }
 
 void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,

@@ -275,7 +275,7 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
   if (!drawn) {  // what it gives is known: the rays alone are wanted, which pass fibres
     if (!stage_.has_fibre) {
       stage_.highlights = 0;
-      stage_.apart_count = 0;
+      stage_.other_count = 0;
     }
     stage_.gloss[0] = nullptr;
     stage_.draws = stage_.gloss_alone = false;

@@ -14,9 +14,21 @@ namespace {
 constexpr uint32_t kMostLevels = 64;    // of lobe points
 constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transparent ray
 
-/// What a stage reads of a batch's points and of the rays that arrived there.
-PassStage stage_of(const Batch& batch) {
+/// What a stage reads of a batch's points of one material and of the rays that arrived there, with
+/// room for what leaves.
+PassStage stage_of(const MaterialTable& materials, const Batch& batch, const uint32_t* rows,
+                   size_t count, const Leaving& next) {
+  const Material& material = materials[batch.material[rows[0]]];
   PassStage stage{};
+  stage.rows = rows;
+  stage.count = count;
+  stage.lobes = materials.lobes.data() + material.first_lobe;
+  stage.lobe_count = material.lobe_count;
+  stage.max_straight = kMaxStraight;
+  next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
+  if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
+  stage.straight = next.straight.end();
+  stage.bounced = next.bounced.end();
   stage.from = batch.queue->column(0);
   stage.from_stride = batch.queue->stride();
   stage.from_tags = batch.queue->tags();
@@ -40,23 +52,14 @@ PassStage stage_of(const Batch& batch) {
 void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
                      const Leaving& next, RayCounts& counts, bool straight_alone) const {
   const Material& material = scene_.materials[batch.material[rows[0]]];
-  PassStage stage = stage_of(batch);
-  stage.rows = rows;
-  stage.count = count;
-  stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
-  stage.lobe_count = material.lobe_count;
+  PassStage stage = stage_of(scene_.materials, batch, rows, count, next);
   stage.max_bounces = straight_alone ? 0 : plan_.max_bounces;
-  stage.max_straight = kMaxStraight;
   stage.cutoff = plan_.cutoff;
   if (plan_.interleaving > 1) {
     stage.splits = RenderPlan::kSplits;
     stage.least = RenderPlan::kLeastWeight;
     stage.choice = 0.6180339887498949 * sample;
   }
-  next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
-  if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
-  stage.straight = next.straight.end();
-  stage.bounced = next.bounced.end();
   DiscPlace places[kMostLevels];
   if (material.is_rough_glass) {
     stage.places = places;
@@ -77,18 +80,8 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
 
 void Shader::send_all(const Batch& batch, const uint32_t* rows, size_t count,
                       const Leaving& next) const {
-  const Material& material = scene_.materials[batch.material[rows[0]]];
-  PassStage stage = stage_of(batch);
-  stage.rows = rows;
-  stage.count = count;
-  stage.lobes = scene_.materials.lobes.data() + material.first_lobe;
-  stage.lobe_count = material.lobe_count;
+  PassStage stage = stage_of(scene_.materials, batch, rows, count, next);
   stage.max_bounces = plan_.max_bounces;
-  stage.max_straight = kMaxStraight;
-  next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
-  next.straight.reserve(next.straight.size() + count);
-  stage.straight = next.straight.end();
-  stage.bounced = next.bounced.end();
   const DiscPlace middle = disc_place(0, 0);
   stage.places = &middle;
   stage.levels = 1;

@@ -74,7 +74,7 @@ struct MaterialTable {
     return of[GLINT_SPECULAR].count + (gathers ? of[GLINT_MIRROR].count : 0);
   }
   /// Those of other lobes, which come first.
-  size_t apart_count() const { return spans.size() - size_t(highlights(true)); }
+  size_t other_count() const { return spans.size() - size_t(highlights(true)); }
   double most_exponent = 0;  // of SPECULAR lobes
   // SPECULAR lobes of GGX's masking, and which
   bool has_metals = false, has_varnish = false, has_gloss = false, has_mirrors = false;

@@ -126,9 +126,9 @@ struct LightStage {
   const double *grazing, *lowering;  // as stage_terminator.h reads them; null: kGrazing and 1
   const double* specular;
   size_t stride;
-  const LobeLayout* lobes;  // of `specular`
-  const LobeSpan* apart;    // its rows of lobes besides microfacets
-  size_t apart_count;
+  const LobeLayout* lobes;      // of `specular`
+  const LobeSpan* other_lobes;  // its rows of lobes that are no microfacets
+  size_t other_count;
   int highlights;  // its rows of microfacets that shine
   const int64_t* lit;
   const double* gloss[3];  // kMediumSource: T k of dielectrics' gloss as if matt; or null

@@ -30,7 +30,7 @@ inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWal
       if (stage.stretches_lobes) apart |= Stretch(lobe, Three{}).some;
       far2 = choose(apart & nonzero(lobe.k), never, far2);
     }
-    if (stage.apart_count > 0)
+    if (stage.other_count > 0)
       each_lobe_of(stage, k,
                    {GLINT_TOON_DIFFUSE, GLINT_TOON_SPECULAR, GLINT_FIBRE_DIFFUSE,
                     GLINT_FIBRE_SPECULAR, GLINT_FIBRE_TRANSMISSION},
@@ -121,10 +121,10 @@ __attribute__((flatten)) inline void add_cluster(const ShareStage& to, const Lam
       const Three I = inverse_square(s, d2) * color;
       Three diffuse = I * (cluster_cosines(c, n, l, cosine, root(d2)) * load3(s.diffuse, k)),
             specular{};
-      if (s.highlights > 0 || s.apart_count > 0) {
+      if (s.highlights > 0 || s.other_count > 0) {
         const Highlights seen = highlights<false, Bent>(s, k, n, l, cosine, nullptr);
         specular = where(far, I * seen.light);
-        if (s.apart_count > 0) diffuse = diffuse + I * seen.matt;
+        if (s.other_count > 0) diffuse = diffuse + I * seen.matt;
       }
       const BumpShadow bump = bump_shadow<Bent>(s, k, n, l);
       if (bump.some) {

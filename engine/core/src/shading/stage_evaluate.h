@@ -29,6 +29,35 @@ inline void add_part(double* const (&part)[3], const Chosen& at, const Three& c)
 
 constexpr double kMostStretch = 128;
 
+/// Which of the points are on strands, where bumps hide nothing.
+inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
+  return each_lane<Mask>([&](size_t lane) {
+    const uint32_t group = s.tables.instances[s.instance[at.row[lane]]].group;
+    const bool here = s.tables.geometries[s.tables.groups[group].geometry].kind == GLINT_STRANDS;
+    return here ? int64_t(-1) : int64_t(0);
+  });
+}
+
+/// Normals n as microfacets have them: lifted, where bumps do not leave them.
+inline Three micro_normal(const EvaluateStage& s, const Chosen& at, const Three& n) {
+  if (s.bump_shadowing < GLINT_BUMP_CHIANG) return n;
+  return choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), -gather3(s.d, at)));
+}
+
+/// The points' own normals as microfacets have them, found once for all lobes.
+class MicroNormal {
+ public:
+  const Three& of(const EvaluateStage& s, const Chosen& at) {
+    if (!known_) n_ = micro_normal(s, at, gather3(s.n, at));
+    known_ = true;
+    return n_;
+  }
+
+ private:
+  bool known_ = false;
+  Three n_;
+};
+
 /// What the lobes come to without light, and what lights need of them.
 struct Lobes {
   Three glow, diffuse, translucent;
@@ -36,8 +65,7 @@ struct Lobes {
   Mask lit = {}, passes = {};
   int rows[kLobeKinds] = {};  // of the layout, that have something
   int passing_count = 0;
-  bool has_micro = false;  // whether `micro` is known: the point's normal as microfacets have it
-  Three micro;
+  MicroNormal micro;
 };
 
 /// The next row of a kind.
@@ -104,28 +132,6 @@ inline Three given_normal(const OnMesh& p, int32_t slot, const Three& other) {
   return choose(nonzero(n), n, other);
 }
 
-/// Which of the points are on strands, where bumps hide nothing.
-inline Mask on_strands(const EvaluateStage& s, const Chosen& at) {
-  return each_lane<Mask>([&](size_t lane) {
-    const uint32_t group = s.tables.instances[s.instance[at.row[lane]]].group;
-    const bool here = s.tables.geometries[s.tables.groups[group].geometry].kind == GLINT_STRANDS;
-    return here ? int64_t(-1) : int64_t(0);
-  });
-}
-
-/// Normals n as microfacets have them: lifted, where bumps do not leave them.
-inline Three micro_normal(const EvaluateStage& s, const Chosen& at, const Three& n) {
-  if (s.bump_shadowing < GLINT_BUMP_CHIANG) return n;
-  return choose(on_strands(s, at), n, lifted(n, gather3(s.g, at), -gather3(s.d, at)));
-}
-
-/// The points' own normals as microfacets have them, found once for all lobes.
-inline const Three& micro_normal_of_points(const EvaluateStage& s, const Chosen& at, Lobes& sum) {
-  if (!sum.has_micro) sum.micro = micro_normal(s, at, gather3(s.n, at));
-  sum.has_micro = true;
-  return sum.micro;
-}
-
 /// Whether a lobe that shines has microfacets, which bumps hide.
 inline bool is_micro(const EvaluateStage& s, const LobeShape& lobe) {
   return s.bump_shadowing != GLINT_BUMP_NONE && (lobe.kind != GLINT_SPECULAR || lobe.masking > 0);
@@ -139,7 +145,7 @@ inline Three lobe_normal(const EvaluateStage& s, const Chosen& at, const OnMesh&
   const Three point = gather3(s.n, at), v = -gather3(s.d, at);
   Three n = given_normal(p, lobe.normal_slot, point);
   if (micro) {
-    n = lobe.normal_slot == 0 ? micro_normal_of_points(s, at, sum) : micro_normal(s, at, n);
+    n = lobe.normal_slot == 0 ? sum.micro.of(s, at) : micro_normal(s, at, n);
     k = where(dot(n, v) > 0, k);
   }
   return where(nonzero(n - point), n);
@@ -156,8 +162,8 @@ inline Three lobe_stretch(const EvaluateStage& s, const Chosen& at, const OnMesh
 }
 
 /// A SHEEN or TOON lobe: its two numbers follow k.
-inline void set_apart(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
-                      const LobeShape& lobe, Lobes& sum) {
+inline void set_two_numbers(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                            const Three& Tk, const LobeShape& lobe, Lobes& sum) {
   static_assert(SheenRow::kWidth == ToonRow::kSize && SheenRow::kLean == ToonRow::kSmooth);
   double* const row = next_row(s, lobe.kind, sum);
   scatter3(row, s.stride, at, Tk);
@@ -210,10 +216,10 @@ inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& 
 
 /// 1, or what AMBIENT and DIFFUSE lobes that depend on the view are times.
 inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
-                          const LobeShape& lobe, Lobes& sum) {
+                          const LobeShape& lobe, MicroNormal& micro) {
   if (!(lobe.exponent > 0)) return splat(1);
   const Doubles exponent = lobe_number(p, lobe.exponent, lobe.exponent_slot);
-  const Three& n = micro_normal_of_points(s, at, sum);
+  const Three& n = micro.of(s, at);
   return grazing_power(seen_cosine(n, gather3(s.d, at)), larger(exponent, splat(1e-6)));
 }
 
@@ -222,7 +228,7 @@ __attribute__((noinline)) void add_rough(const EvaluateStage& s, const Chosen& a
                                          const LobeShape& lobe, Three T, Three k, Lobes& sum) {
   const bool again = lobe.kind == GLINT_OREN_NAYAR_MULTIPLE;
   const Doubles lost = lost_once(seen_cosine(gather3(s.n, at), gather3(s.d, at)));
-  k = seen_share(s, at, p, lobe, sum) * k;
+  k = seen_share(s, at, p, lobe, sum.micro) * k;
   if (again) k = lost * k;
   const bool first = sum.rows[lobe.kind] == 0;
   sum.rows[lobe.kind] = 0;
@@ -238,7 +244,7 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
     case GLINT_SPECULAR: return set_specular(s, at, p, T * k, lobe, sum);
     case GLINT_SHEEN:
     case GLINT_TOON_DIFFUSE:
-    case GLINT_TOON_SPECULAR: return set_apart(s, at, p, T * k, lobe, sum);
+    case GLINT_TOON_SPECULAR: return set_two_numbers(s, at, p, T * k, lobe, sum);
     case GLINT_OREN_NAYAR:
     case GLINT_OREN_NAYAR_MULTIPLE: return add_rough(s, at, p, lobe, T, k, sum);
     case GLINT_FIBRE_DIFFUSE:
@@ -247,7 +253,7 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
     default: break;
   }
   const bool ambient = lobe.kind == GLINT_AMBIENT;
-  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe, sum) * k;
+  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe, sum.micro) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
   if (lobe.kind == GLINT_TRANSLUCENT) return void(sum.translucent = sum.translucent + k);
   if (lobe.kind == GLINT_MIRROR && s.thrown > 0) set_thrown(s, at, p, lobe, T * k, sum);
@@ -326,7 +332,7 @@ __attribute__((noinline)) void set_below(const EvaluateStage& s, size_t begin,
   p.slots = slots;
   Three below{}, size{}, spread{}, first{};  // spread: of what is more than the first
   bool is_first = true;
-  Lobes points{};
+  MicroNormal micro;
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
     const LobeShape& lobe = s.lobes[i];
@@ -334,7 +340,7 @@ __attribute__((noinline)) void set_below(const EvaluateStage& s, size_t begin,
     const bool varies = lobe.radius_slot > 0;
     if (lobe.kind != GLINT_DIFFUSE || !(varies || own[0] > 0 || own[1] > 0 || own[2] > 0)) continue;
     const Three radius = varies ? finite_or_zero(slots3(p, lobe.radius_slot)) : splat3(own);
-    const Three k = seen_share(s, at, p, lobe, points) * coefficient(s.tables, p, lobe, reads),
+    const Three k = seen_share(s, at, p, lobe, micro) * coefficient(s.tables, p, lobe, reads),
                 weight{magnitude(k.x), magnitude(k.y), magnitude(k.z)},
                 least{larger(radius.x, Doubles{}), larger(radius.y, Doubles{}),
                       larger(radius.z, Doubles{})};

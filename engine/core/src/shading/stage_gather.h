@@ -46,9 +46,9 @@ inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l)
   const BumpShadow bump = bump_shadow<true>(s, k, n, l);
   const Doubles cosine = dot(n, l);
   Three T = where(s.fibres_alone ? Mask{} : cosine > 0, load3(s.diffuse, k));
-  if (s.apart_count > 0) {
+  if (s.other_count > 0) {
     Highlights seen{};
-    add_apart(s, k, n, l, cosine, seen);
+    add_other_lobes(s, k, n, l, cosine, seen);
     Three lobes = where(s.fibres_alone ? Mask{} : cosine > 0, seen.matt);
     if (s.has_fibre) lobes = lobes + seen.fibre;
     T = T + (1 / larger(magnitude(cosine), splat(0x1p-20))) * lobes;

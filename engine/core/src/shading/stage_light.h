@@ -160,13 +160,13 @@ __attribute__((always_inline)) inline void give(const LightStage& s, size_t k, T
   Three diffuse = cosine * (to_matt * load3(s.diffuse, k)), specular{};
   if (kSoftened<Shape> && s.gloss[0])
     specular = lowered<Bent>(s, k, n, at.l) * cosine * (I * load3(s.gloss, k));
-  if ((s.highlights > 0 && !(kSoftened<Shape> || s.matt_alone)) || s.apart_count > 0) {
+  if ((s.highlights > 0 && !(kSoftened<Shape> || s.matt_alone)) || s.other_count > 0) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
     const Highlights seen =
         highlights<false, Bent>(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
     if (!kSoftened<Shape> && !s.matt_alone)
       specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-    if (s.apart_count > 0 && !s.gloss_alone) diffuse = diffuse + where(front, to_matt * seen.matt);
+    if (s.other_count > 0 && !s.gloss_alone) diffuse = diffuse + where(front, to_matt * seen.matt);
     if (through | turned) diffuse = where(front, diffuse);
     if (through) {
       specular = turned ? specular : where(front, specular);

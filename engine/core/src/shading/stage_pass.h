@@ -60,11 +60,10 @@ inline Doubles place(const PassStage& s, const Chosen& at, Of of) {
 
 inline Three reflect(const Arriving& ray) { return unit(ray.d - (2 * dot(ray.d, ray.n)) * ray.n); }
 
-/// The same rays at the half vectors that lie at the stage's place of a rough lobe, on the side
-/// that they come from (of a V-shaped groove the facet that is seen: Heitz, d'Eon 2014).
-inline Arriving at_facet(const PassStage& s, const Chosen& at, const Arriving& ray,
-                         Doubles exponent) {
-  Arriving rough = ray;
+/// The half vectors that lie at the stage's place of a rough lobe, on the side that the rays come
+/// from (of a V-shaped groove the facet that is seen: Heitz, d'Eon 2014).
+inline Three facet_normal(const PassStage& s, const Chosen& at, const Arriving& ray,
+                          Doubles exponent) {
   const Three n = ray.n;
   const Doubles rest =
       smaller(place(s, at, [](const DiscPlace& p) { return p.radius2; }), splat(1 - 0x1p-53));
@@ -74,9 +73,8 @@ inline Arriving at_facet(const PassStage& s, const Chosen& at, const Arriving& r
   const Doubles across = place(s, at, [](const DiscPlace& p) { return p.azimuth[0]; }),
                 along = place(s, at, [](const DiscPlace& p) { return p.azimuth[1]; });
   const Three up = root(cosine2) * n, aside = root(1 - cosine2) * (across * t1 + along * t2);
-  rough.n = up + aside;
-  rough.n = choose(dot(ray.d, rough.n) < 0, rough.n, up - aside);
-  return rough;
+  const Three h = up + aside;
+  return choose(dot(ray.d, h) < 0, h, up - aside);
 }
 
 inline Three weight(const PassStage& s, const Chosen& at) {
@@ -195,7 +193,7 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
                   index = ray.relative(ior);
     const Doubles exponent = number_of(s, at, number, PassingTerm::kExponent, lobe.exponent);
     Arriving facet = ray;
-    if (rough) facet.n = choose(exponent > 0, at_facet(s, at, ray, exponent).n, ray.n);
+    if (rough) facet.n = choose(exponent > 0, facet_normal(s, at, ray, exponent), ray.n);
     Three d = refract(facet, index);
     Doubles through = lobe.fresnel ? 1 - fresnel(facet, lobe, ior) : splat(1);
     if (rough && lobe.fresnel) {

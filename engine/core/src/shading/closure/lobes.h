@@ -30,8 +30,8 @@ inline void add_lobes(const LightStage& s, size_t k, int kind, Three& sum, Eval 
 
 /// Adds all lobes but highlights of microfacets. cosine: n.l. What each gives back is a function
 /// that is called: else compilers work it out before they know whether anybody has the lobe.
-__attribute__((noinline)) void add_apart(const LightStage& s, size_t k, Three n, Three l,
-                                         Doubles cosine, Highlights& sum) {
+__attribute__((noinline)) void add_other_lobes(const LightStage& s, size_t k, Three n, Three l,
+                                               Doubles cosine, Highlights& sum) {
   const Three d = load3(s.d, k);
   const auto add = [&](int kind, Three& to, auto eval) { add_lobes(s, k, kind, to, eval); };
   add(GLINT_SHEEN, sum.matt, [&](int i) { return eval_sheen(s, k, i, n, d, l, cosine); });
@@ -50,10 +50,10 @@ __attribute__((noinline)) void add_apart(const LightStage& s, size_t k, Three n,
 }
 
 /// Whether some point of a group has one of those.
-inline bool any_apart(const LightStage& s, size_t k) {
+inline bool any_other_lobe(const LightStage& s, size_t k) {
   Mask some{};
-  for (size_t row = 0; row < s.apart_count; ++row) {
-    const double* at = s.specular + s.apart[row].first * s.stride + k;
+  for (size_t row = 0; row < s.other_count; ++row) {
+    const double* at = s.specular + s.other_lobes[row].first * s.stride + k;
     some |= nonzero({load(at), load(at + s.stride), load(at + 2 * s.stride)});
   }
   return bits(some);
@@ -71,7 +71,7 @@ __attribute__((always_inline)) inline Highlights all_highlights(const LightStage
     sum.light = shine.light;
     sum.density = shine.density;
   }
-  if (!Reflecting && any_apart(s, k)) add_apart(s, k, n, l, cosine, sum);
+  if (!Reflecting && any_other_lobe(s, k)) add_other_lobes(s, k, n, l, cosine, sum);
   return sum;
 }
 
