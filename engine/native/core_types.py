@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 79
+ABI_VERSION = 80
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -93,6 +93,7 @@ class Fresnel(IntEnum):
     DIELECTRIC = 1
     SCHLICK = 2
     EDGE = 4
+    OUTSIDE = 8
 
 
 class BumpShadowing(IntEnum):

@@ -23,6 +23,7 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
             Fresnel.DIELECTRIC * lobe.fresnel
             | Fresnel.SCHLICK * lobe.schlick
             | Fresnel.EDGE * lobe.edge
+            | Fresnel.OUTSIDE * lobe.outside
         )
         packer.lobes.append(
             (

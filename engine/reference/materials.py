@@ -97,6 +97,8 @@ class _Found:
         if lobe.kind == "SPECULAR" and lobe.stretch_output >= 0:
             along = outputs[lobe.stretch_output]
             term = replace(term, stretch=stretched(term.normals(surface), along))
+        if lobe.outside:
+            term = term.take(np.flatnonzero(surface.outside[index]))
         self._terms[lobe.kind if row.passes else row.counts].append(term)
 
     def coefficients(self) -> Coefficients:

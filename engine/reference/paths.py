@@ -31,6 +31,8 @@ MOST_STRAIGHT = 128
 """Surfaces in a row that a ray passes and that let only some of it through."""
 MOST_REFRACTIONS = 31
 """That are counted."""
+COLUMNS = ("pixel", "straight", "skyless", "widest", "refractions", "refracted", "share")
+"""(n,) each, of `Paths`."""
 
 
 SPLITS, LEAST_WEIGHT = 2, 1 / 8
@@ -51,8 +53,9 @@ class Paths:
     be dots. skyless: (n,) bool, they do not see the surroundings, which the shadow rays of the
     rough surface that they come from do. widest: (n,) the largest exponent of highlights that they
     meet, that of the narrowest lobe of the roughest surface on their way. refractions: (n,) how
-    many of their bounces were refractions, refracted: (n,) bool, the last one was. transmitted: the
-    first surface that they left refracted them, where passes ask for that. through_glass: they obey
+    many of their bounces were refractions, refracted: (n,) bool, the last one was. share: (n,) by
+    what chance mirrors and glass would send them, if each sent but one. transmitted: the first
+    surface that they left refracted them, where passes ask for that. through_glass: they obey
     `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
     what is matt scattered them last: they look for surfaces that throw light on. bounced: how often
     it did so far. in_medium: a medium did so first. caught: they bring light to a catcher of
@@ -69,6 +72,7 @@ class Paths:
     widest: Array
     refractions: Array
     refracted: Array
+    share: Array
     reflections: int = 0
     transmitted: bool = False
     gathers: bool = False
@@ -83,8 +87,7 @@ class Paths:
 
     def take(self, index: Array) -> Paths:
         """Those at these places."""
-        columns = ("pixel", "straight", "skyless", "widest", "refractions", "refracted")
-        some = {name: getattr(self, name)[index] for name in columns}
+        some = {name: getattr(self, name)[index] for name in COLUMNS}
         return replace(self, rays=self.rays.take(index), weight=self.weight[:, index], **some)
 
     @property
@@ -130,12 +133,15 @@ class Paths:
 
 
 def held_share(settings: Settings, paths: Paths, light: Array) -> Array:
-    """(n,) what is left of the light (3, n) that rays of n pixels bring, where it is more than they
-    may.
+    """(n,) what is left of the light (3, n) that rays of n pixels bring, one each at most, where it
+    is more than they may.
     """
-    most, total = 3 * settings.clamp_indirect, np.abs(light).sum(0)
+    share, total = np.ones(light.shape[1]), np.abs(light).sum(0)
+    share[paths.pixel] = paths.share
+    most = 3 * settings.clamp_indirect * share
     over = (total > most) & np.isfinite(total)
-    if not (most and paths.depth) or paths.caught or paths.comes_out:
+    is_near = not paths.depth or (paths.depth == 1 and not paths.reflections)
+    if not settings.clamp_indirect or is_near or paths.caught or paths.comes_out:
         over = np.zeros_like(over)
     return np.where(over, most / np.where(over, total, 1.0), 1.0)
 
@@ -167,7 +173,8 @@ def camera_paths(rays: Rays, seen: Array) -> Paths:
     n = len(rays)
     zero = np.zeros(n, np.intp)
     no, widest = np.zeros(n, bool), np.full(n, np.inf)
-    return Paths(rays, np.tile(seen, (3, 1)), np.arange(n), zero, 0, no, widest, zero, no)
+    one = np.ones(n)
+    return Paths(rays, np.tile(seen, (3, 1)), np.arange(n), zero, 0, no, widest, zero, no, one)
 
 
 def met(paths: Paths, hit: Array, surface: Surface) -> Surface:
@@ -182,16 +189,10 @@ def joined(paths: list[Paths]) -> Paths:
         np.concatenate([getattr(b, name) for b in parts], 1) for name in ("origin", "direction")
     )
     near, far = (np.concatenate([getattr(b, name) for b in parts]) for name in ("near", "far"))
-    pixel, straight = (
-        np.concatenate([getattr(p, name) for p in paths]) for name in ("pixel", "straight")
-    )
     rays = IncoherentRays.of(origin, direction, near, far)
     weight = np.concatenate([p.weight for p in paths], 1)
-    others = {
-        name: np.concatenate([getattr(p, name) for p in paths])
-        for name in ("skyless", "widest", "refractions", "refracted")
-    }
-    return replace(paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight, **others)
+    columns = {name: np.concatenate([getattr(p, name) for p in paths]) for name in COLUMNS}
+    return replace(paths[0], rays=rays, weight=weight, **columns)
 
 
 def straight_on(at: Interaction, depth: Array, wanted: Array) -> Paths | None:
@@ -204,17 +205,12 @@ def straight_on(at: Interaction, depth: Array, wanted: Array) -> Paths | None:
     if not len(go):
         return None
     mine = hit[go]
-    rays = beyond(paths.rays.take(mine), surface.take(go), depth[go])
+    gone = paths.take(mine)
     return replace(
-        paths,
-        rays=rays,
+        gone,
+        rays=beyond(gone.rays, surface.take(go), depth[go]),
         weight=pick(weight, go),
-        pixel=paths.pixel[mine],
-        straight=paths.straight[mine] + (pick(k, go) != 1).any(0),
-        skyless=paths.skyless[mine],
-        widest=paths.widest[mine],
-        refractions=paths.refractions[mine],
-        refracted=paths.refracted[mine],
+        straight=gone.straight + (pick(k, go) != 1).any(0),
     )
 
 
@@ -231,8 +227,11 @@ def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
     cutoff.
     """
-    cutoff = stage.settings.cutoff
-    mirrored, through = list(_mirrored(at, cutoff)), list(_refracted(stage, at, sample, cutoff))
+    cutoff, held = stage.settings.cutoff, stage.settings.clamp_indirect > 0
+    mirrored: list[Paths] = list(_mirrored(at, cutoff, held))
+    through: list[Paths] = []
+    for paths in _refracted(stage, at, sample, cutoff, held):
+        (through if paths.refracted.all() else mirrored).append(paths)
     if stage.glass_differs:
         through = [replace(paths, through_glass=True) for paths in through]
     if stage.interleaving > 1:
@@ -243,7 +242,7 @@ def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
 
 def sent(stage: Stage, at: Interaction) -> list[Paths]:
     """All refraction rays, then all mirror rays, lobe by lobe, whatever they weigh."""
-    return [*_refracted(stage, at, 0, 0.0), *_mirrored(at, 0.0)]
+    return [*_refracted(stage, at, 0, 0.0, False), *_mirrored(at, 0.0, False)]
 
 
 def _going_on(paths: Paths, sample: int, *, refracted: bool) -> Paths:
@@ -262,8 +261,8 @@ def _going_on(paths: Paths, sample: int, *, refracted: bool) -> Paths:
     return replace(paths, weight=paths.weight / share).take(np.flatnonzero(goes))
 
 
-def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:
-    """Rays that mirrors reflect, those round each normal together."""
+def _mirrored(at: Interaction, cutoff: float, shares: bool) -> Iterator[Paths]:
+    """Rays that mirrors reflect, those round each normal together. shares: with `Paths.share`."""
     surface, mirrors = at.surface, at.coefficients.mirrors
     past = replace(at.paths, skyless=np.zeros(len(at.paths), bool))
     for output in dict.fromkeys(term.lobe.normal_output for term in mirrors):
@@ -275,13 +274,38 @@ def _mirrored(at: Interaction, cutoff: float) -> Iterator[Paths]:
         go = np.flatnonzero(k.any(0))
         some, n = surface.take(go), pick(n, go)
         d = reflected(-some.v, n)
-        yield leaving(past, at.hit[go], some, d, pick(k, go), cutoff)
+        share = _shares(at, go, pick(k, go)) if shares else 1.0
+        yield leaving(past, at.hit[go], some, d, pick(k, go), cutoff, share)
 
 
-def _refracted(stage: Stage, at: Interaction, sample: int, cutoff: float) -> Iterator[Paths]:
-    """Rays that go through glass, or are reflected in it where none can leave."""
+def _shares(at: Interaction, index: Array, k: Array) -> Array:
+    """(m,) which part k (3, m) is of what the points of that index give back: largest channels."""
+    coefficients = at.coefficients
+    weight = _largest(at.weight)
+    matt = _largest(at.weight * coefficients.diffuse)
+    total = matt / np.where(weight > 0, weight, 1.0) + _largest(coefficients.transparent)
+    for term in (*coefficients.mirrors, *coefficients.refractions):
+        some, part = at.surface.take(term.index), _largest(term.k)
+        if term.lobe.fresnel and not term.lobe.is_rough_glass:
+            relative = relative_index(some, term.ior)
+            mirrored = fresnel_dielectric(np.abs(dot(some.v, some.n)), relative)
+            part = part * (mirrored if term.lobe.kind == "MIRROR" else 1 - mirrored)
+        np.add.at(total, term.index, part)
+    own = _largest(k)
+    return own / np.maximum(np.maximum(own, total[index]), 1e-300)
+
+
+def _largest(color: Array) -> Array:
+    return np.abs(color).max(0)
+
+
+def _refracted(
+    stage: Stage, at: Interaction, sample: int, cutoff: float, shares: bool
+) -> Iterator[Paths]:
+    """Rays that go through glass, and those that its facets mirror inside."""
     paths, surface = at.paths, at.surface
     skyless = np.zeros(len(paths), bool)
+    past = replace(paths, skyless=skyless.copy())
     # shadow rays saw the surroundings through these materials
     skyless[at.hit] = paths.skyless[at.hit] & stage.shader.is_transparent(surface.material)
     transmitted = paths.transmitted or (stage.splits and paths.depth == 0)
@@ -293,21 +317,21 @@ def _refracted(stage: Stage, at: Interaction, sample: int, cutoff: float) -> Ite
         rough = np.broadcast_to(np.asarray(term.exponent) > 0, n[0].shape)
         m = np.where(rough, facet_normal(some.v, n, term.exponent, point), n)
         d, passes = refracted(-some.v, m, index)
-        through = np.where(passes, 1.0, 0.0)
-        if term.lobe.fresnel:
-            through = through * (1 - fresnel_dielectric(dot(some.v, m), index))
+        back = fresnel_dielectric(dot(some.v, m), index) if term.lobe.fresnel else 0.0
+        # what goes to the wrong side of the face is lost, as in Cycles
+        through = np.where(passes & (dot(d, some.g) < 0), 1 - back, 0.0)
+        ways = [(paths, d, through * term.k)]
         if term.lobe.fresnel and term.lobe.is_rough_glass:
-            # no lobe mirrors what cannot leave, but for what highlights do; they do all of what
-            # cannot enter
-            shut, back = rough & ~passes & ~some.outside, reflected(-some.v, m)
-            left = np.where(
-                dot(back, n) > 0, 1 - fresnel_dielectric(dot(some.v, m), np.asarray(term.ior)), 0.0
-            )
-            d, through = np.where(shut, back, d), np.where(shut, left, through)
-        k = through * term.k
-        go = np.flatnonzero(k.any(0))
-        hit = at.hit[term.index[go]]
-        yield _counted(leaving(paths, hit, some.take(go), pick(d, go), pick(k, go), cutoff))
+            # what is mirrored inside goes on as well; from outside highlights do that
+            d = reflected(-some.v, m)
+            inside = rough & ~some.outside & (dot(d, n) > 0) & (dot(d, some.g) > 0)
+            ways.append((past, d, np.where(inside, back, 0.0) * term.k))
+        for before, d, k in ways:
+            go = np.flatnonzero(k.any(0))
+            own, k = term.index[go], pick(k, go)
+            share = _shares(at, own, k) if shares else 1.0
+            gone = leaving(before, at.hit[own], some.take(go), pick(d, go), k, cutoff, share)
+            yield gone if before is past else _counted(gone)
 
 
 def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array, Array]:
@@ -369,8 +393,18 @@ def _reflectance(surface: Surface, term: Term) -> Array | float:
     return fresnel_dielectric(dot(some.v, _lifted(surface, term)), relative_index(some, term.ior))
 
 
-def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float) -> Paths:
-    """Rays from the surface along d, started clear of it on the side that d points to."""
+def leaving(
+    paths: Paths,
+    hit: Array,
+    surface: Surface,
+    d: Array,
+    k: Array,
+    cutoff: float,
+    share: Array | float = 1.0,
+) -> Paths:
+    """Rays from the surface along d, started clear of it on the side that d points to. share: (m,)
+    of those that may leave, which they are.
+    """
     weight = pick(paths.weight, hit) * k
     go = np.flatnonzero(weight.any(0) & ~(np.abs(weight).max(0) < cutoff))
     d = pick(d, go)
@@ -388,6 +422,7 @@ def leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cuto
         paths.widest[hit[go]],
         paths.refractions[hit[go]],
         np.zeros(len(go), bool),
+        paths.share[hit[go]] * np.broadcast_to(share, hit.shape)[go],
         paths.reflections,
         transmitted=paths.transmitted,
         bounced=paths.bounced,

@@ -136,7 +136,8 @@ class _PhotonTracer:
         far = np.full(n, np.inf)
         rays = IncoherentRays.of(pick(emitted.origin, go), along, emitted.near[go], far)
         no = np.zeros(n, bool)
-        paths = Paths(rays, np.ones((3, n)), np.arange(n), zero, 0, no, far, zero, no)
+        one = np.ones(n)
+        paths = Paths(rays, np.ones((3, n)), np.arange(n), zero, 0, no, far, zero, no, one)
         return _Queue(paths, zero, False)
 
     def _follow(self, queue: _Queue) -> tuple[Photons, list[_Queue]]:

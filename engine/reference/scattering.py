@@ -261,6 +261,7 @@ def scattered_on(
         widest=paths.widest[hit],
         refractions=paths.refractions[hit],
         refracted=np.zeros(len(go), bool),
+        share=paths.share[hit],
         in_medium=paths.in_medium or not paths.bounced,
     )
     return thrown_on(gone)

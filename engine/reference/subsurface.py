@@ -15,7 +15,7 @@ from ..evaluation.surface import Surface
 from ..linear.columns import across_normals, dot, length, pick
 from ..program.execute.rays import Asked, Met
 from .coefficients import Coefficients
-from .paths import Interaction, Paths, joined
+from .paths import COLUMNS, Interaction, Paths, joined
 from .paths import met as met_by
 from .rays import IncoherentRays
 from .scene_queries import SceneQueries
@@ -204,8 +204,7 @@ def _of_rays(paths: Paths, ray: Array, weight: Array) -> Paths:
     """Rays with the past of these, with other weights."""
     none = np.zeros(len(ray))
     rays = IncoherentRays.of(*paths.rays.lines(ray), none, none + np.inf)
-    columns = ("pixel", "straight", "skyless", "widest", "refractions", "refracted")
-    past = {name: getattr(paths, name)[ray] for name in columns}
+    past = {name: getattr(paths, name)[ray] for name in COLUMNS}
     return replace(paths, rays=rays, weight=weight, comes_out=True, **past)
 
 

@@ -8,7 +8,7 @@ import pytest
 import cycles_reference as cycles
 from cycles_reference import bpy
 from glint_picture import render_glint
-from small_scenes import add, add_camera, moved, new_material, plane
+from small_scenes import add, add_camera, ball, moved, new_material, plane
 
 
 @pytest.mark.parametrize("roughness", [0.2, 0.4, 0.6])
@@ -38,3 +38,28 @@ def test_an_edge_behind_it_is_as_blurred_as_in_cycles(roughness: float) -> None:
     assert abs(found.mean() - truth.mean()) < 0.01
     blurred = (truth > 0.02) & (truth < 0.98)
     assert blurred.sum() > 40 * roughness**2
+
+
+def test_a_ball_in_an_even_world_is_as_bright_as_in_cycles() -> None:
+    """From its middle to where light that it mirrors inside is half of all: rings of a tenth of the
+    radius.
+    """
+    scene = cycles.empty_scene(96, 96)
+    cycles.set_world(scene, (1.0, 1.0, 1.0))
+    material, tree, output = new_material("glass")
+    glass = tree.nodes.new("ShaderNodeBsdfGlass")
+    glass.inputs["Roughness"].default_value, glass.inputs["IOR"].default_value = 0.1, 1.45
+    tree.links.new(glass.outputs[0], output.inputs["Surface"])
+    add(scene, "ball", ball(48, 32, material=material))
+    add_camera(scene, (0, -6, 0), (0, 0, 0), type="ORTHO", ortho_scale=2.0)
+    bpy.context.view_layer.update()
+    glint = render_glint(scene, "NATIVE", samples=64, max_bounces=24, filter_width=0.0)
+    cycles.make_exact(scene, 64, bounces=24)
+    scene.cycles.transmission_bounces = 24
+    reference = cycles.render_passes(scene)["Combined"]
+    found, truth = (np.asarray(x)[..., :3].mean(2) for x in (glint.passes["Combined"], reference))
+    across = (np.arange(96) + 0.5) / 48 - 1
+    ring = (10 * np.hypot(across, across[:, None])).astype(int)
+    for number in range(10):
+        inside = ring == number
+        assert abs(found[inside].mean() - truth[inside].mean()) < 0.015, number

@@ -14,7 +14,17 @@ from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
-from glint.engine.scene import Camera, Input, Instances, Lobe, Material, Polygons, Scene, World
+from glint.engine.scene import (
+    Camera,
+    Input,
+    Instances,
+    Light,
+    Lobe,
+    Material,
+    Polygons,
+    Scene,
+    World,
+)
 
 BACKENDS = ("NATIVE", "NUMPY")
 
@@ -94,24 +104,26 @@ def one_through(exponent: float, fresnel: bool, chance: np.random.Generator) -> 
         cosine, turn = chance.random() ** (1 / (exponent + 1)), 2 * np.pi * chance.random()
         across = np.sqrt(1 - cosine**2) * np.array([np.cos(turn), np.sin(turn), 0.0])
         h = cosine * n + across if d @ (cosine * n + across) < 0 else cosine * n - across
-        d, weight, inside = at_facet(d, h, n, inside, weight, fresnel)
+        d, weight, inside = at_facet(d, h, n, inside, weight, fresnel, chance)
         if not inside:
             return weight
     return 0.0
 
 
-def at_facet(d, h, n, inside: bool, weight: float, fresnel: bool):
+def at_facet(d, h, n, inside: bool, weight: float, fresnel: bool, chance):
     """How a ray goes on: direction, weight, and whether within the slab."""
     index = 1 / 1.45 if inside else 1.45
     cosine = -(d @ h)
     inner2 = 1 - (1 - cosine**2) / index**2
-    if inner2 <= 0:
+    mirrored = reflectance(cosine, index) if inner2 > 0 else 1.0
+    if inside and fresnel and chance.random() < mirrored:
         back = d + 2 * cosine * h
-        left = 1 - reflectance(cosine, 1.45) if fresnel and back @ n > 0 else 0.0
-        return back, weight * left, inside
+        return back, weight * (back @ n > 0), inside
+    if inner2 <= 0:
+        return d, 0.0, inside
     out = d / index + (cosine / index - np.sqrt(inner2)) * h
-    weight *= 1 - reflectance(cosine, index) if fresnel else 1.0
-    return out, weight, inside == (out @ n > 0)
+    weight *= 1 - mirrored if fresnel and not inside else 1.0
+    return out, weight * (out @ n < 0), not inside
 
 
 def reflectance(cosine: float, index: float) -> float:
@@ -130,11 +142,29 @@ def reflectance(cosine: float, index: float) -> float:
 def test_as_much_gets_through_a_slab_as_its_facets_let(
     fresnel: bool, exponent: float, backend: str
 ) -> None:
-    """What is reflected totally is lost without Fresnel, and with it what highlights show of it."""
+    """What facets mirror inside is lost without Fresnel, and what they mirror outside with it."""
     scene = alone(above(slab(), glass(exponent, fresnel=fresnel)))
     scene = replace(scene, camera=replace(scene.camera, resolution=(1, 1)))
     mean = drawn(scene, backend, samples=512, max_bounces=64).mean()
     assert abs(mean - share_through(exponent, fresnel)) < 0.01
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_highlight_of_the_outer_side_is_none_on_the_inner_one(backend: str) -> None:
+    for outside in (False, True):
+        lobe = Lobe("SPECULAR", exponent=20.0, masking=0.3, outside=outside)
+        turned = np.column_stack([np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 1.0)])
+        place = np.column_stack([np.eye(3), (0.0, 0.0, 5.0)])
+        lamp = Light("lamp", "POINT", place, strength=999.0)
+        front = alone(above(pane(), Material("shiny", (lobe,)), background=(0.0, 0.0, 0.0)))
+        front = replace(front, lights=(lamp,))
+        back = replace(front.instances[0], world_from_object=turned[None])
+        seen = [drawn(x, backend) for x in (front, replace(front, instances=(back,)))]
+        assert seen[0][10:14, 10:14].min() > 0.01
+        if outside:
+            assert seen[1].max() == 0
+        else:
+            np.testing.assert_allclose(seen[1], seen[0], atol=1e-3)
 
 
 @pytest.mark.parametrize("geometry", [ball(0.9), pane()], ids=["ball", "pane"])

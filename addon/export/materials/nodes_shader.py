@@ -247,8 +247,9 @@ def kept_by_layer(roughness: Roughness, ior: Ior) -> tuple[Sum, Sum, Sum]:
 
 def glass_closure(reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior) -> Closure:
     """Both sides of a dielectric interface."""
+    coat = coat_closure(reflected, roughness, ior)
     return add_closures(
-        coat_closure(reflected, roughness, ior),
+        {replace(k, outside=k.kind == "SPECULAR"): terms for k, terms in coat.items()},
         refracting(refracted, roughness, ior, fresnel=True),
     )
 

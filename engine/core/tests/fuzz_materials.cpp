@@ -30,7 +30,7 @@ GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   g.exponent = 40 * positive(dice);
   g.ior = 0.2 + positive(dice);
   g.kind = int32_t(dice.below(GLINT_FIBRE_TRANSMISSION + 1));
-  g.fresnel = int32_t(dice.below(4));
+  g.fresnel = int32_t(dice.below(16));
   if (dice.chance(0.3)) g.masking = double(dice.below(65)) / 64.0;
   g.first_input = uint32_t(inputs.size());
   g.input_count = uint32_t(dice.below(3));

@@ -21,6 +21,7 @@ void Queue::push(const Ray& ray, const Path& path) {
   columns_[kTMin][k] = ray.t_min;
   columns_[kTMax][k] = ray.t_max;
   columns_[kFrom][k] = path.from;
+  columns_[kShare][k] = path.share;
   tags_[k] = int64_t(path.slot) | int64_t(path.depth) << RayTag::kDepth |
              int64_t(path.straight) << RayTag::kStraight | path.refractions;
   if (path.widest < HUGE_VAL)
@@ -47,7 +48,7 @@ void Queue::start_at_camera(size_t count) {
   if (count > columns_.rows()) {
     reserve(count);
     for (size_t c = 0; c < kColumns; ++c)
-      std::fill_n(columns_[c], columns_.rows(), c >= kT && c < kT + 3 ? 1.0 : 0.0);
+      std::fill_n(columns_[c], columns_.rows(), (c >= kT && c < kT + 3) || c == kShare ? 1.0 : 0.0);
   }
   size_ = count;
   for (; numbered_ < count; ++numbered_) tags_[numbered_] = int64_t(numbered_);

@@ -14,7 +14,7 @@ namespace glint {
 /// already counted.  slot: number of its camera ray (Paths).
 struct Path {
   Vec3d T, start;
-  double from = 0;
+  double from = 0, share = 1;
   uint32_t slot = 0;
   uint8_t depth = 0, straight = 0;  // mirror and refraction rays so far; transparent ones in a row
   int64_t refractions = 0;          // those bits of its tag
@@ -56,18 +56,12 @@ class Queue : public RayLayout {
     return {at(kO, k), at(kD, k), columns_[kTMin][k], columns_[kTMax][k], visibility};
   }
   Path path(size_t k) const {
-    return {at(kT, k),
-            at(kStart, k),
-            columns_[kFrom][k],
-            slot(k),
-            depth(k),
-            straight(k),
-            tags_[k] & RayTag::kAllRefractions,
-            wants_data(k),
-            is_transmitted(k),
-            is_skyless(k),
-            widest(k)};
+    return {
+        at(kT, k),     at(kStart, k),     columns_[kFrom][k], columns_[kShare][k],
+        slot(k),       depth(k),          straight(k),        tags_[k] & RayTag::kAllRefractions,
+        wants_data(k), is_transmitted(k), is_skyless(k),      widest(k)};
   }
+  double share(size_t k) const { return columns_[kShare][k]; }
   Vec3d weight(size_t k) const { return at(kT, k); }
   uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
   bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }

@@ -25,7 +25,9 @@ PassStage stage_of(const MaterialTable& materials, const Batch& batch, const uin
   stage.lobes = materials.lobes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
   stage.max_straight = kMaxStraight;
-  next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
+  // rough glass refracts and mirrors
+  const size_t most = size_t(material.passing) * (material.is_rough_glass ? 2 : 1);
+  next.bounced.reserve(next.bounced.size() + count * most);
   if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
   stage.straight = next.straight.end();
   stage.bounced = next.bounced.end();
@@ -37,6 +39,7 @@ PassStage stage_of(const MaterialTable& materials, const Batch& batch, const uin
     stage.x[c] = p.x[c];
     stage.g[c] = p.g[c];
     stage.n[c] = p.n[c];
+    stage.matt[c] = batch.diffuse[c];
   }
   stage.t = batch.t;
   stage.offset = p.offset;
@@ -55,6 +58,7 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   PassStage stage = stage_of(scene_.materials, batch, rows, count, next);
   stage.max_bounces = straight_alone ? 0 : plan_.max_bounces;
   stage.cutoff = plan_.cutoff;
+  stage.shares = plan_.clamp_indirect > 0;
   if (plan_.interleaving > 1) {
     stage.splits = RenderPlan::kSplits;
     stage.least = RenderPlan::kLeastWeight;

@@ -306,7 +306,7 @@ void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
 /// The batch's sums to those of the paths, or to those of what rough surfaces reflect.
 void Tracer::keep(const Queue& queue) {
   if (queue.past.caught != Queue::Past::kSeen) return keep_caught(queue);
-  if (queue.visibility != kCamera && !queue.exits && plan_.clamp_indirect > 0) clamp(queue.size());
+  if (queue.visibility != kCamera && !queue.exits && plan_.clamp_indirect > 0) clamp(queue);
   const bool gloss = queue.is_gloss();
   if (gloss) paths_.swap();
   keep_parts(queue);
@@ -314,10 +314,11 @@ void Tracer::keep(const Queue& queue) {
 }
 
 /// Holds what each ray of the batch adds to the most that is wanted.
-void Tracer::clamp(size_t count) {
+void Tracer::clamp(const Queue& queue) {
   const SumColumns& s = batch_.sums;
-  const double most = 3 * plan_.clamp_indirect;
-  for (size_t k = 0; k < count; ++k) {
+  for (size_t k = 0; k < queue.size(); ++k) {
+    if (queue.depth(k) < 2 && queue.past.reflections == 0) continue;
+    const double most = 3 * plan_.clamp_indirect * queue.share(k);
     const Vec3d total = row(s.total, k);
     const double sum = std::fabs(total.x) + std::fabs(total.y) + std::fabs(total.z);
     if (!(sum > most && std::isfinite(sum))) continue;

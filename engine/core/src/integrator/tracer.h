@@ -140,7 +140,7 @@ class Tracer {
                       ProgramPoints& points) const;
   void keep_meetings();
   void keep(const Queue& queue);
-  void clamp(size_t count);
+  void clamp(const Queue& queue);
   void keep_parts(const Queue& queue);
   void wait(Queue queue);
   Queue take(uint32_t visibility, const Queue::Past& past);

@@ -58,7 +58,7 @@ void fold_sheen(const LobeShape& lobe, Vec3d k, Rows& rows) {
 /// Adds a lobe to the terms of its material.
 void fold(const LobeShape& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
   const Vec3d k = coefficient(lobe);
-  terms.others |= !lobe.constant || goes_below(lobe);
+  terms.others |= !lobe.constant || goes_below(lobe) || lobe.fresnel & GLINT_OUTSIDE;
   if (depends_on_view(lobe)) {
     fold_view(lobe, ambient, rows.view);
     return void(rows.view += ViewTerm::kColumns);

@@ -175,6 +175,7 @@ inline void set_two_numbers(const EvaluateStage& s, const Chosen& at, const OnMe
 inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, Three Tk,
                          const LobeShape& lobe, Lobes& sum) {
   Three normal{};
+  if (lobe.fresnel & GLINT_OUTSIDE) Tk = where(gather(s.outside, at), Tk);
   if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, sum, Tk);
   const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
   set_microfacet(s, at, GLINT_SPECULAR, Tk, lobe_number(p, lobe.exponent, lobe.exponent_slot),

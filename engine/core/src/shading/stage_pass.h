@@ -150,6 +150,35 @@ inline Mask goes_on(const PassStage& s, Mask depth, Mask glass, bool refracted, 
   return refracted ? number < share : number >= 1 - share;
 }
 
+inline bool passes(const LobeShape& lobe) { return kClosures[lobe.kind].passes; }
+
+/// Which part of what the points give back is k, by largest channels.
+__attribute__((noinline)) Doubles share_of(const PassStage& s, const Chosen& at, const Three& k) {
+  const Arriving ray(s, at);
+  const Doubles T = largest(weight(s, at)), matt = largest(gather3(s.matt, at)), own = largest(k);
+  Doubles all = where(T > 0, matt / choose(T > 0, T, splat(1)));
+  Three straight{};
+  size_t number = 0;
+  for (uint32_t i = 0; i < s.lobe_count; ++i) {
+    const LobeShape& lobe = s.lobes[i];
+    if (!passes(lobe)) continue;
+    const size_t mine = number++;
+    const Three given = coefficient(s, at, mine);
+    if (lobe.kind == GLINT_TRANSPARENT) straight = straight + given;
+    if (lobe.kind != GLINT_MIRROR && lobe.kind != GLINT_REFRACTION) continue;
+    const bool rough = lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
+    Doubles part = largest(given);
+    if (lobe.fresnel && !rough) {
+      const Doubles mirrored =
+          fresnel(ray, lobe, number_of(s, at, mine, PassingTerm::kIor, lobe.ior));
+      part = part * (lobe.kind == GLINT_MIRROR ? mirrored : 1 - mirrored);
+    }
+    all = all + part;
+  }
+  all = all + largest(straight);
+  return where(own > 0, own / choose(own > all, own, all));
+}
+
 /// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. clear:
 /// shadow rays see the surroundings there too. How many.
 __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Chosen& at,
@@ -160,11 +189,15 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;
+  // what goes to the wrong side of the face is lost, as in Cycles
+  wanted &= refracted ? dot(ray.g, d) < 0 : dot(ray.g, d) > 0;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
   wanted &= goes_on(s, depth, tag, refracted, T);
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
   const NewRays add(s.bounced, lanes);
+  Doubles share = gather(s.from + RayLayout::kShare * s.from_stride, at);
+  if (s.shares) share = share * share_of(s, at, k);
   const Three x = gather3(s.x, at);
   const Doubles offset = gather(s.offset, at);
   add(RayLayout::kO, x + choose(dot(ray.g, d) < 0, -offset, offset) * ray.g);
@@ -174,14 +207,16 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   add(RayLayout::kTMin, splat(0));
   add(RayLayout::kTMax, splat(__builtin_inf()));
   add(RayLayout::kFrom, splat(0));
+  add(RayLayout::kShare, share);
   const Mask kept =
       tag & (int64_t(0xffffffff) | RayTag::kPast) & ~(int64_t(!clear) << RayTag::kSkyless);
   add.tag(kept | first | depth << RayTag::kDepth | glass);
   return add.count();
 }
 
-inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t number) {
-  size_t count = 0;
+/// Rays through glass, and those that its facets mirror inside.
+inline void refract_rows(const PassStage& s, const LobeShape& lobe, size_t number,
+                         PassedRays& count) {
   const bool clear = has(s, GLINT_TRANSPARENT);
   for (size_t i = 0; i < s.count; i += kLanes) {
     const Chosen at = chosen(s.rows, i, s.count);
@@ -194,23 +229,17 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
     const Doubles exponent = number_of(s, at, number, PassingTerm::kExponent, lobe.exponent);
     Arriving facet = ray;
     if (rough) facet.n = choose(exponent > 0, facet_normal(s, at, ray, exponent), ray.n);
-    Three d = refract(facet, index);
-    Doubles through = lobe.fresnel ? 1 - fresnel(facet, lobe, ior) : splat(1);
-    if (rough && lobe.fresnel) {
-      // no lobe mirrors what cannot leave, but for what highlights do, as if it came from outside;
-      // they do all of what cannot enter
-      const Mask shut = (exponent > 0) & ~nonzero(d) & ~ray.outside;
-      const Three back = reflect(facet);
-      d = choose(shut, where(dot(back, ray.n) > 0, back), d);
-      const Doubles shone = fresnel_reflectance(magnitude(dot(facet.d, facet.n)), ior);
-      through = choose(shut, 1 - shone, through);
-    }
-    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k, true, clear);
+    const Three d = refract(facet, index);
+    const Doubles back = lobe.fresnel ? fresnel(facet, lobe, ior) : splat(0);
+    count.refraction +=
+        bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? (1 - back) * k : k, true, clear);
+    if (!rough || !lobe.fresnel) continue;
+    // what facets mirror inside goes on as well; from outside highlights do that
+    const Three l = reflect(facet);
+    const Mask inside = (exponent > 0) & ~ray.outside & (dot(l, ray.n) > 0);
+    if (bits(inside)) count.mirror += bounce(s, at, ray, inside, l, back * k);
   }
-  return count;
 }
-
-inline bool passes(const LobeShape& lobe) { return kClosures[lobe.kind].passes; }
 
 /// body(lobe, number) for those of the lobes of a kind: their numbers among those that send rays
 /// on.
@@ -261,6 +290,7 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   add(RayLayout::kTMin, beyond(t));
   keep(RayLayout::kTMax);
   add(RayLayout::kFrom, t);
+  keep(RayLayout::kShare);
   const Mask kept =
       tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kPast | RayTag::kGlass);
   const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
@@ -291,9 +321,8 @@ inline bool is_first_mirror(const PassStage& s, uint32_t i) {
 
 PassedRays pass(const PassStage& s) {
   PassedRays count{};
-  each_lobe(s, GLINT_REFRACTION, [&](const LobeShape& lobe, size_t number) {
-    count.refraction += refract_rows(s, lobe, number);
-  });
+  each_lobe(s, GLINT_REFRACTION,
+            [&](const LobeShape& lobe, size_t number) { refract_rows(s, lobe, number, count); });
   for (uint32_t i = 0; i < s.lobe_count; ++i)
     if (is_first_mirror(s, i)) count.mirror += mirror_rows(s, s.lobes[i].normal_slot);
   if (has(s, GLINT_TRANSPARENT)) count.transparent = straight_rows(s);

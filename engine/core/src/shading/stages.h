@@ -143,7 +143,7 @@ struct EvaluateStage {
 /// Columns of a queue of rays (queue.h).
 struct RayLayout {
   static constexpr size_t kO = 0, kD = 3, kT = 6, kStart = 9, kTMin = 12, kTMax = 13, kFrom = 14,
-                          kColumns = 15;
+                          kShare = 15, kColumns = 16;
 };
 
 /// What else a ray carries, in one number of 64 bits: from bit 0 on its slot, from these on how
@@ -183,11 +183,13 @@ struct PassStage {
   const int64_t* from_tags;
   const double *t, *x[3], *g[3], *n[3], *offset;
   const int64_t* outside;
+  const double* matt[3];  // T k of DIFFUSE lobes
   const double* passing;  // as EvaluateStage has it
   int passing_columns;
   size_t passing_stride;
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight, splits;
+  bool shares;  // rays keep by what chance they would come, if each surface sent on but one
   double cutoff;
   double least, choice;  // after more than `splits` bounces rays go on that weigh as much, of
                          // others a part, by a number of the sample; least 0: all do  // of weights
