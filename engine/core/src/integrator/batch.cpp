@@ -259,6 +259,7 @@ EvaluateStage Batch::evaluation(const Material& of, double* slots) {
   }
   stage.lifted_bump = lifted_bump;
   stage.lowering = lowering;
+  stage.outside = points.outside;
   if (of.program > 0) {
     stage.program = scene_.programs.of(of.program);
     stage.normal = of.normal;
@@ -267,7 +268,6 @@ EvaluateStage Batch::evaluation(const Material& of, double* slots) {
     stage.bump = bump;
     stage.kind = queue->visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = slots;
-    stage.outside = points.outside;
     stage.tags = queue->tags();
     stage.offset = points.offset;
   }
