@@ -694,6 +694,17 @@ def test_images_of_many_rows_are_read_in_bands(scene, tmp_path, kind, suffix, ch
     assert raw.opaque == (channels in (1, 3)) and raw.is_grey == (channels < 3)
 
 
+@pytest.mark.parametrize("channels", [[0, 1, 2], [4, 2, 0]])
+@pytest.mark.parametrize("rows", [1, 4])
+def test_three_bytes_of_each_pixel_are_spread_into_four(rows, channels):
+    values = np.random.default_rng(1).integers(0, 256, (rows, 3, 5), np.uint8)[:, :, channels]
+    rgba = np.zeros((rows, 3, 4), np.uint8)
+    for some in (values, np.ascontiguousarray(values)):
+        pixels._spread(some, "STRAIGHT", rgba[::-1])
+        np.testing.assert_array_equal(rgba[::-1, :, :3], values)
+        assert (rgba[:, :, 3] == 255).all()
+
+
 def test_a_packed_jpeg_needs_no_suffix(scene, tmp_path):  # noqa: F811
     flat = np.full((8, 8, 3), 0.5, np.float32)
     data = Path(_file(tmp_path / "a.jpg", flat)).read_bytes()
