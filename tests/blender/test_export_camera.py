@@ -355,7 +355,8 @@ def test_an_aperture_that_is_not_finite_is_told(scene, name):  # noqa: F811
 
 
 def test_cross_products_are_numpys_to_the_bit():
-    pairs = np.random.default_rng(1).normal(0, 1, (200, 2, 3)) * 10.0 ** np.arange(-100, 100)[
-        :, None, None
-    ]
+    pairs = (
+        np.random.default_rng(1).normal(0, 1, (200, 2, 3))
+        * 10.0 ** np.arange(-100, 100)[:, None, None]
+    )
     assert [crossed(a, b) for a, b in pairs] == [tuple(np.cross(a, b)) for a, b in pairs]

@@ -679,7 +679,7 @@ def test_images_that_colour_or_bend_the_surface_are_expected(scene):  # noqa: F8
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
-@pytest.mark.parametrize("kind, suffix", [("uint8", "png"), ("float", "exr"), ("float", "tif")])
+@pytest.mark.parametrize(("kind", "suffix"), [("uint8", "png"), ("float", "exr"), ("float", "tif")])
 def test_images_of_many_rows_are_read_in_bands(scene, tmp_path, kind, suffix, channels):  # noqa: F811
     values = np.random.default_rng(1).integers(0, 256, (2 * pixels._BAND + 3, 5, channels)) / 255
     path = _file(tmp_path / f"a.{suffix}", values, kind)

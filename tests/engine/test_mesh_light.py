@@ -326,7 +326,7 @@ def test_an_image_lights_from_where_it_is_bright(backend):
     np.testing.assert_allclose(value, rectangle_form_factor(1, 1, 1) / 2, rtol=0.02)
 
 
-@pytest.mark.parametrize("axis, reads", [(None, 1), (0, 2), (1, 2)])
+@pytest.mark.parametrize(("axis", "reads"), [(None, 1), (0, 2), (1, 2)])
 def test_sides_that_read_an_image_alike_read_it_once(monkeypatch, axis, reads):
     """axis: along which the inner side reads beside the outer one."""
     graph = Graph()

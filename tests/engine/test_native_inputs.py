@@ -141,7 +141,7 @@ def test_attributes(domain: str) -> None:
 
 
 def test_equal_programs_are_packed_once():
-    def shown(value: float) -> Material:
+    def shown(value: float) -> s.Material:
         graph = Graph()
         x = graph.apply(BY_NAME["position"], shift=0)[0]
         moved = graph.apply(BY_NAME["product"], x, graph.constant((value, 1.0, 1.0)))

@@ -277,9 +277,7 @@ def _spread(values: np.ndarray, alpha_mode: str, rgba: np.ndarray) -> None:
     rgba[:, :, 3] = values[:, :, -1] if has_alpha else 255 if values.dtype == np.uint8 else 1
 
 
-def _raw(
-    rgba: np.ndarray, channels: int, linear: bool = False, premultiplied: bool = False
-) -> Raw:
+def _raw(rgba: np.ndarray, channels: int, linear: bool = False, premultiplied: bool = False) -> Raw:
     """Of an image that had so many channels. Raises ImageError where there are no values."""
     if rgba.size == 0 or channels == 0:
         raise ImageError("is empty")
