@@ -5,14 +5,14 @@ whatever the light's own settings.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...engine.program.program import Program, compile_program
 from ...engine.scene import Light, Openings, Texture
-from .camera import inverse_axes
+from .camera import crossed, inverse_axes
 from .images.images import Images
 from .instances import Flags
 from .materials.closures import LobeKey
@@ -66,9 +66,9 @@ class Lights:
         note_light(name, data, self.report)
         trees: dict[tuple, Emission] = {}
         for matrix in matrices:
-            light = self._place(name, data, matrix, flags, trees)
+            light = self._place(name, data, matrix, flags, light_group, trees)
             if light is not None:
-                self.lights.append(replace(light, light_group=light_group))
+                self.lights.append(light)
 
     @property
     def openings(self) -> Openings | None:
@@ -80,7 +80,13 @@ class Lights:
         return Openings(*rows[good].swapaxes(0, 1), shares) if len(good) else None
 
     def _place(
-        self, name: str, data: Any, matrix: np.ndarray, flags: Flags, trees: dict[tuple, Emission]
+        self,
+        name: str,
+        data: Any,
+        matrix: np.ndarray,
+        flags: Flags,
+        light_group: int,
+        trees: dict[tuple, Emission],
     ) -> Light | None:
         """trees: what the light's nodes emit at places before, by `Lamp.key`."""
         frame, sizes = light_frame(matrix)
@@ -115,10 +121,12 @@ class Lights:
                 "Lights whose power is not finite are left out ({}): set their power", name
             )
             return None
-        lamp = _lamp(data, frame, matrix, shape)
-        emission = trees.get(lamp.key) or self._emission(name, data, lamp)
-        if emission.is_shared:
-            trees[lamp.key] = emission
+        emission = Emission()
+        if read_tree(data).tree is not None:
+            lamp = _lamp(data, frame, matrix, shape)
+            emission = trees.get(lamp.key) or self._emission(name, data, lamp)
+            if emission.is_shared:
+                trees[lamp.key] = emission
         color = self._color(name, data, emission)
         if not strength or not any(color):
             self.report.note(
@@ -143,6 +151,7 @@ class Lights:
             lights_media=flags.media,
             program=emission.program,
             textures=emission.textures,
+            light_group=light_group,
             **shape,
         )
 
@@ -150,27 +159,24 @@ class Lights:
         """Colour times temperature times what the light's nodes emit everywhere; a channel that is
         not finite counts as 0.
         """
-        color = np.array(data.color, np.float64)
-        if getattr(data, "use_temperature", False):
-            color = color * np.array(data.temperature_color)
-        color = color * np.array(emission.color)
-        if FARTHEST in np.abs(data.color):
+        color = list(data.color)
+        if FARTHEST in map(abs, color):
             self.report.note(INFINITE, name)
-        if not np.isfinite(color).all():
+        if getattr(data, "use_temperature", False):
+            color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]
+        color = [a * b for a, b in zip(color, emission.color, strict=True)]
+        if not all(map(math.isfinite, color)):
             self.report.note(
                 "Lights have a colour that is not finite ({}): its bad channels are black; set it "
                 "anew",
                 name,
             )
-        return tuple(float(x) if math.isfinite(x) else 0.0 for x in color)
+        return tuple(x if math.isfinite(x) else 0.0 for x in color)
 
     def _emission(self, name: str, data: Any, lamp: Lamp) -> Emission:
         """What the light's node tree multiplies its colour by."""
         read = read_tree(data)
-        tree = read.tree
-        if tree is None:
-            return Emission()
-        surface = end_of(tree, "Surface")
+        surface = end_of(read.tree, "Surface")
         if surface is None:
             self.report.note(
                 "Lights without an output node shed no light ({}): add a Light Output", name
@@ -216,7 +222,7 @@ def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
     if not np.linalg.norm(x) > 1e-6:
         return None, lengths
     x = x / np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z, matrix[:, 3]], -1), lengths
+    return np.array([x, crossed(z, x), z, matrix[:, 3]]).T.copy(), lengths
 
 
 def _portal(data: Any, matrix: np.ndarray) -> np.ndarray:

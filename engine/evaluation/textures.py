@@ -11,6 +11,8 @@ import numpy as np
 from ..scene import Texture
 
 Array = np.ndarray
+Place = tuple[Array, Array]
+"""Rows or columns of an image, and which are outside of one that is cut off."""
 
 
 class Image:
@@ -30,20 +32,23 @@ class Image:
         height, width = self._texture.pixels.shape[:2]
         x, y = _finite(u) * width, _finite(v) * height
         if self._texture.interpolation == "CLOSEST":
-            return self._decoded(self._texels(np.floor(x), np.floor(y)))
+            return self._decoded(self._texels(self._column(np.floor(x)), self._row(np.floor(y))))
         x0, y0 = np.floor(x - 0.5), np.floor(y - 0.5)
         fx, fy = x - 0.5 - x0, y - 0.5 - y0
         if self._texture.interpolation == "CUBIC":
             return self._decoded(self._cubic(x0, y0, fx, fy))
-        below = (1 - fx) * self._texels(x0, y0) + fx * self._texels(x0 + 1, y0)
-        above = (1 - fx) * self._texels(x0, y0 + 1) + fx * self._texels(x0 + 1, y0 + 1)
+        columns = self._column(x0), self._column(x0 + 1)
+        below, above = (
+            (1 - fx) * self._texels(columns[0], row) + fx * self._texels(columns[1], row)
+            for row in (self._row(y0), self._row(y0 + 1))
+        )
         return self._decoded((1 - fy) * below + fy * above)
 
     def _cubic(self, x0: Array, y0: Array, fx: Array, fy: Array) -> Array:
         """(4, n) by the uniform cubic B-spline, over the sixteen texels round the points."""
-        rows = []
-        for j in range(-1, 3):
-            texels = (self._texels(x0 + i, y0 + j) for i in range(-1, 3))
+        columns, rows = [self._column(x0 + i) for i in range(-1, 3)], []
+        for row in (self._row(y0 + j) for j in range(-1, 3)):
+            texels = (self._texels(column, row) for column in columns)
             rows.append(sum(w * t for w, t in zip(_spline(fx), texels, strict=True)))
         return sum(w * row for w, row in zip(_spline(fy), rows, strict=True))
 
@@ -61,14 +66,19 @@ class Image:
         stored = self._decoded((self._pixels / self._scale).T)
         return stored.T.reshape(self._texture.pixels.shape)
 
-    def _texels(self, x: Array, y: Array) -> Array:
-        """(4, n) of whole texel coordinates, extended past the borders."""
-        height, width = self._texture.pixels.shape[:2]
-        (column, left), (row, up) = (
-            _extended(k, size, self._texture.extension) for k, size in ((x, width), (y, height))
-        )
-        values = self._pixels[row * width + column].T / self._scale
-        return np.where(left | up, 0.0, values)
+    def _column(self, x: Array) -> Place:
+        return _extended(x, self._texture.pixels.shape[1], self._texture.extension)
+
+    def _row(self, y: Array) -> Place:
+        return _extended(y, self._texture.pixels.shape[0], self._texture.extension)
+
+    def _texels(self, column: Place, row: Place) -> Array:
+        """(4, n), extended past the borders."""
+        index = row[0] * self._texture.pixels.shape[1] + column[0]
+        values = self._pixels.take(index, 0).T / self._scale
+        if self._texture.extension == "CLIP":
+            values[:, column[1] | row[1]] = 0.0
+        return values
 
 
 def _spline(t: Array) -> tuple[Array, Array, Array, Array]:
@@ -85,10 +95,8 @@ def _finite(a: Array) -> Array:
     return np.where(np.abs(a) < 2.0**31, a, 0.0)
 
 
-def _extended(k: Array, size: int, extension: str) -> tuple[Array, Array]:
-    """Texel numbers within the image for any whole number, and which lie outside of a CLIP
-    image.
-    """
+def _extended(k: Array, size: int, extension: str) -> Place:
+    """Texel numbers within the image for any whole number."""
     k = k.astype(np.int64)
     outside = np.zeros(len(k), bool)
     if extension == "REPEAT":

@@ -44,16 +44,10 @@ def is_soft(light: Light) -> bool:
 
 def is_clustered(light: Light) -> bool:
     """Whether it is one of those that far points see in clusters: a POINT lamp that lights all."""
-    color = np.array(light.color, np.float64) * light.strength
-    return bool(
-        light.kind == "POINT"
-        and may_share(light)
-        and light.receivers == EVERYTHING
-        and light.lights_matt
-        and light.lights_gloss
-        and (color >= 0).all()
-        and color.any()
-    )
+    if light.kind != "POINT" or not may_share(light) or light.receivers != EVERYTHING:
+        return False
+    color = [channel * light.strength for channel in light.color]
+    return bool(light.lights_matt and light.lights_gloss and min(color) >= 0 and any(color))
 
 
 def cluster_levels(lights: Sequence[Light]) -> Array:

@@ -14,6 +14,7 @@ from ..evaluation.attributes import Attributes
 from ..evaluation.geometry import gather
 from ..evaluation.materials import MaterialPoints
 from ..evaluation.surface import Spot, Surface
+from ..evaluation.textures import Image
 from ..program.program import without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
@@ -153,8 +154,8 @@ def _found(scene: Scene, origin: Array) -> Emitters | None:
     with np.errstate(over="ignore", invalid="ignore"):
         front, back = (np.clip(side, -LARGEST, LARGEST) for side in (front, back))
         weight = weight * (np.abs(front) + np.abs(back)).mean(1)
-        found = Emitters(corners, front, back, weight, group)
-        given = weight * found.areas
+        found = Emitters(corners, front, back, weight, group).take(np.flatnonzero(weight > 0))
+        given = found.weight * found.areas
     good = np.flatnonzero((given > 0) & np.isfinite(given))
     return found.take(good) if len(good) else None
 
@@ -177,13 +178,26 @@ def _parts(material: Material, triangles: int) -> int:
     return int(np.clip(np.sqrt(PARTS / triangles), 1, MOST_PARTS)) if _varies(material) else 1
 
 
+class TwiceRead(Image):
+    """An image that both sides of the same points read, one after the other: it is read once."""
+
+    _last: tuple[Array, Array, Array] | None = None
+
+    def read(self, u: Array, v: Array) -> Array:
+        """As `Image.read`; not to be written to."""
+        last = self._last
+        if last is None or not (np.array_equal(last[0], u) and np.array_equal(last[1], v)):
+            self._last = last = u.copy(), v.copy(), super().read(u, v)
+        return last[2]
+
+
 class _Surfaces:
     """What glows of a scene whose coordinates count from an origin."""
 
     def __init__(self, scene: Scene, origin: Array) -> None:
         self._materials, self._geometry = scene.materials, gather(scene, origin)
         glow = replace(scene, materials=tuple(map(_glow_of, scene.materials)))
-        self._glow = MaterialPoints(glow, Attributes(scene), self._geometry)
+        self._glow = MaterialPoints(glow, Attributes(scene), self._geometry, TwiceRead)
 
     def parts(self) -> Iterator[Emitters]:
         """Of each material; weights are but for the radiance, and `Polygons` are left out."""
@@ -235,16 +249,20 @@ class _Surfaces:
         g = self._geometry
         mirrored = g.placements.mirror[g.row[primitive]] < 0
         pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
-        front, back = (self._radiance(primitive, weights, pieces, sign) for sign in (1.0, -1.0))
+        x = pieces.mean(1).T
+        normals = Emitters(pieces, x, x, x, x).normals.T
+        front = self._radiance(primitive, weights, x, normals, True)
+        back = self._radiance(primitive, weights, x, -normals, False)
         blocks = g.placements.instances
         groups = np.array([block.light_group for block in blocks], np.intp)
         group = groups[g.placements.block[g.row[primitive]]]
         return Emitters(pieces, front, back, np.ones(len(pieces)), group)
 
-    def _radiance(self, primitive: Array, weights: Array, pieces: Array, sign: float) -> Array:
-        """(n, 3) in the middle of the pieces, seen straight, from outside where sign is 1."""
-        x, zeros = pieces.mean(1).T, np.zeros(len(primitive))
-        g = sign * Emitters(pieces, x, x, x, x).normals.T
+    def _radiance(
+        self, primitive: Array, weights: Array, x: Array, g: Array, is_outside: bool
+    ) -> Array:
+        """(n, 3) at the points x (3, n), seen straight, against the normals g (3, n)."""
+        zeros = np.zeros(len(primitive))
         surface = Surface(
             **vars(Spot.of(self._geometry, primitive, weights.T)),
             row=self._geometry.row[primitive],
@@ -253,7 +271,7 @@ class _Surfaces:
             n=g,
             v=g,
             start=x,
-            outside=np.full(len(primitive), sign > 0),
+            outside=np.full(len(primitive), is_outside),
             offset=zeros,
             mesh_n=g,
             unbent=np.zeros_like(g),

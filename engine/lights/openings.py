@@ -134,20 +134,25 @@ def _solid(scene: Scene) -> tuple[list[Mesh], list[Instances]]:
     few as differ, for a file of 50 000 objects has as many blocks.
     """
     clear = [any(lobe.kind == "TRANSPARENT" for lobe in m.lobes) for m in scene.materials]
-    placed: dict[tuple, tuple[Mesh, list[Array]]] = {}
+    placed: dict[tuple[int, tuple[int, ...]], list[Array]] = {}
     for block in scene.instances:
-        mesh, materials = scene.geometries[block.geometry], tuple(block.materials)
-        if block.visible_shadow and isinstance(mesh, Mesh):
-            _, places = placed.setdefault((block.geometry, materials), (mesh, []))
-            places.append(block.world_from_object)
+        if block.visible_shadow:
+            key = block.geometry, tuple(block.materials)
+            if key not in placed:
+                placed[key] = []
+            placed[key].append(block.world_from_object)
     meshes: list[Mesh] = []
     blocks: list[Instances] = []
-    for (_, materials), (mesh, places) in placed.items():
+    for (number, materials), places in placed.items():
+        mesh = scene.geometries[number]
+        if not isinstance(mesh, Mesh):
+            continue
         triangles, passed = mesh.triangles, np.array([clear[k] for k in materials], bool)
         if passed.any():
             slots = np.zeros(1, int) if mesh.material_slots is None else mesh.material_slots
             solid = ~passed[np.minimum(slots, len(passed) - 1)]
-            triangles = triangles[np.broadcast_to(solid, len(triangles))]
+            solid = np.flatnonzero(np.broadcast_to(solid, len(triangles)))
+            triangles = triangles.take(solid, 0)
         if len(triangles):
             blocks.append(Instances(mesh.name, len(meshes), np.concatenate(places), ()))
             meshes.append(Mesh(mesh.name, mesh.vertices, triangles))
@@ -156,13 +161,14 @@ def _solid(scene: Scene) -> tuple[list[Mesh], list[Instances]]:
 
 def _probes(meshes: list[Mesh], blocks: list[Instances]) -> tuple[Array, Array]:
     """Points and unit normals (3, m), even by area on each of some placements."""
-    placed = [(block, k) for block in blocks for k in range(len(block.world_from_object))]
-    numbers = np.unique(np.linspace(0, len(placed) - 1, min(len(placed), PLACES)).astype(np.intp))
+    ends = np.cumsum([len(block.world_from_object) for block in blocks], dtype=np.intp)
+    count = int(ends[-1]) if len(ends) else 0
+    numbers = np.unique(np.linspace(0, count - 1, min(count, PLACES)).astype(np.intp))
     found = [np.zeros((2, 0, 3))]
     for number in numbers.tolist():
-        block, k = placed[number]
-        each = max(PROBES // len(numbers), 1)
-        found.append(_on(meshes[block.geometry], block.world_from_object[k], each, number))
+        at = int(np.searchsorted(ends, number, "right"))
+        mesh, matrix = meshes[blocks[at].geometry], blocks[at].world_from_object[number - ends[at]]
+        found.append(_on(mesh, matrix, max(PROBES // len(numbers), 1), number))
     return tuple(np.concatenate(found, 1).transpose(0, 2, 1))
 
 

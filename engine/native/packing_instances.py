@@ -106,6 +106,7 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         | _HOLDOUT * group.holdout
         | _CATCHER * group.catcher
     )
+    name = id_bits(group.name)
     return (
         first_row,
         row_count,
@@ -115,8 +116,8 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         len(group.materials),
         group.object_index,
         group.light_set,
-        id_bits(group.name),
-        id_bits(group.asset or group.name),
+        name,
+        id_bits(group.asset) if group.asset else name,
         1 + group.light_group,
         0,
         group.geometry_offset,

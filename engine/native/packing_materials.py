@@ -84,8 +84,10 @@ def _slot(outputs: tuple[int, ...], output: int) -> int:
 
 def _program(packer: Packer, program: Program) -> int:
     """The program's number; equal ones are packed once."""
-    if program in packer.packed:
-        return packer.packed[program]
+    # asked once: to hash its tables takes longer than to pack them
+    number = packer.packed.setdefault(program, len(packer.packed))
+    if number < len(packer.programs):
+        return number
     table: list[float] = []
     starts: list[int] = []
     for values in program.tables:
@@ -112,7 +114,7 @@ def _program(packer: Packer, program: Program) -> int:
     packer.words += words
     packer.constants += program.constants
     packer.tables += table
-    return packer.packed.setdefault(program, len(packer.packed))
+    return number
 
 
 def _words(step: Instruction, numbers: Mapping[Reference, Sequence[int]]) -> list[int]:

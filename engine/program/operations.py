@@ -75,7 +75,7 @@ class Operation:
     def setting_names(self) -> frozenset[str]:
         return frozenset(name for name, _ in self.settings)
 
-    @property
+    @cached_property
     def words(self) -> int:
         """Length of an instruction: the code, then a slot for each output, where each argument
         is, and the settings.

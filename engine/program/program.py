@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from .graph import Call, Graph, Value, needed
 from .operations import Kind, Operation, Reference
@@ -51,8 +51,7 @@ class Program:
         return max(map(_asked, instructions(self)), default=0)
 
 
-@dataclass(frozen=True)
-class Instruction:
+class Instruction(NamedTuple):
     """One instruction taken apart; the fields as `Program.code` has them."""
 
     operation: Operation

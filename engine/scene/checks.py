@@ -72,7 +72,7 @@ def finite(name: str, value: Any) -> Found:
 
 def at_least(name: str, value: Any, low: float, high: float = np.inf) -> Found:
     """A finite number within [low, high]."""
-    if not (is_real(value) and np.isfinite(value) and low <= value <= high):
+    if not (is_real(value) and low <= value <= high and value != np.inf):
         span = f"{low:g} or more" if np.isinf(high) else f"{low:g} to {high:g}"
         yield f"{name} is {value!r}: use a finite number, {span}"
 

@@ -12,7 +12,7 @@ from mathutils import Euler, Matrix, Vector
 
 from export_support import export, link, mesh_object, scene  # noqa: F401
 from glint.addon.export import ExportError, Looker
-from glint.addon.export.camera import border, inverse_axes
+from glint.addon.export.camera import border, crossed, inverse_axes
 from glint.engine.scene import Camera
 from glint.engine.scene.panorama import Eye
 
@@ -352,3 +352,11 @@ def test_an_aperture_that_is_not_finite_is_told(scene, name):  # noqa: F811
     assert not np.isfinite(getattr(dof, name))
     result = export()
     assert result.scene.camera.lens is None and "not finite" in result.notes[0]
+
+
+def test_cross_products_are_numpys_to_the_bit():
+    pairs = (
+        np.random.default_rng(1).normal(0, 1, (200, 2, 3))
+        * 10.0 ** np.arange(-100, 100)[:, None, None]
+    )
+    assert [crossed(a, b) for a, b in pairs] == [tuple(np.cross(a, b)) for a, b in pairs]

@@ -21,6 +21,7 @@ from export_support import (  # noqa: F401
 from glint.addon.export.materials.expressions import Expressions
 from glint.addon.export.materials.fresnel import fresnel, normal_reflectance
 from glint.addon.export.materials.roughness import (
+    between,
     highlights,
     scattered,
     scattered_narrow,
@@ -495,3 +496,11 @@ def test_a_table_of_colours_asks_once_for_each_row():
     value = expressions.number(expressions.apply("position", shift=0))
     Roughness(value, expressions).color(lambda r: asked.append(r) or (r, r, r))
     assert len(asked) == ROWS
+
+
+def test_values_in_between_are_numpys():
+    places, values = np.sort(np.random.default_rng(1).random((2, 9)), 1).tolist()
+    x = [*np.random.default_rng(2).uniform(-0.5, 1.5, 500).tolist(), *places]
+    found = [between(one, places, values) for one in x]
+    np.testing.assert_array_max_ulp(np.array(found), np.interp(x, places, values), 2)
+    assert found[-9:] == values

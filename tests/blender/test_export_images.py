@@ -678,6 +678,33 @@ def test_images_that_colour_or_bend_the_surface_are_expected(scene):  # noqa: F8
     assert sorted(picture.name for picture, _ in found) == ["Bump", "Color", "Roughness"]
 
 
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+@pytest.mark.parametrize(("kind", "suffix"), [("uint8", "png"), ("float", "exr"), ("float", "tif")])
+def test_images_of_many_rows_are_read_in_bands(scene, tmp_path, kind, suffix, channels):  # noqa: F811
+    values = np.random.default_rng(1).integers(0, 256, (2 * pixels._BAND + 3, 5, channels)) / 255
+    path = _file(tmp_path / f"a.{suffix}", values, kind)
+    raw = pixels.decode(pixels.Source(path, None, "CHANNEL_PACKED"))
+    wanted = _bytes(values) if kind == "uint8" else values.astype(np.float32)
+    colors = wanted[:, :, [0, 0, 0] if channels < 3 else [0, 1, 2]]
+    np.testing.assert_array_equal(raw.rgba[:, :, :3], colors)
+    opaque = np.full(values.shape[:2], 255 if kind == "uint8" else 1)
+    np.testing.assert_array_equal(
+        raw.rgba[:, :, 3], wanted[:, :, -1] if channels in (2, 4) else opaque
+    )
+    assert raw.opaque == (channels in (1, 3)) and raw.is_grey == (channels < 3)
+
+
+@pytest.mark.parametrize("channels", [[0, 1, 2], [4, 2, 0]])
+@pytest.mark.parametrize("rows", [1, 4])
+def test_three_bytes_of_each_pixel_are_spread_into_four(rows, channels):
+    values = np.random.default_rng(1).integers(0, 256, (rows, 3, 5), np.uint8)[:, :, channels]
+    rgba = np.zeros((rows, 3, 4), np.uint8)
+    for some in (values, np.ascontiguousarray(values)):
+        pixels._spread(some, "STRAIGHT", rgba[::-1])
+        np.testing.assert_array_equal(rgba[::-1, :, :3], values)
+        assert (rgba[:, :, 3] == 255).all()
+
+
 def test_a_packed_jpeg_needs_no_suffix(scene, tmp_path):  # noqa: F811
     flat = np.full((8, 8, 3), 0.5, np.float32)
     data = Path(_file(tmp_path / "a.jpg", flat)).read_bytes()

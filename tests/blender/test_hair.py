@@ -11,7 +11,7 @@ import pytest
 from export_support import Shader, export, link, scene, use_nodes  # noqa: F401
 from following import Follower
 from glint.addon.export.geometry.hashing import random_of
-from glint.addon.export.geometry.splines import NEAR
+from glint.addon.export.geometry.splines import NEAR, Keys, cut
 from glint.engine import Settings, render
 from glint.engine.reference.closures.fibre import fibre_highlight
 from glint.engine.scene import Strands
@@ -369,3 +369,10 @@ def test_odd_offsets_lean_no_further(scene, offset):  # noqa: F811
     shader.shader.inputs["Offset"].default_value = offset
     _, lobes = shader.export()
     assert all(0.1 < lobe.ior < 10 for lobe in lobes if lobe.kind.startswith("FIBRE"))
+
+
+def test_keys_beside_one_that_is_not_finite_stay_where_they_are():
+    positions = np.array([[0, 0, 0], [np.nan, 0, 1], [0, 0, 2]], np.float32)
+    radii, slots = np.array([3, 2, 1], np.float32), np.zeros(1, np.uint16)
+    found = cut(Keys(positions, radii, np.array([0, 3]), slots))
+    assert found.at[0].tolist() == [0, 0, 0, 3] and found.at[-1].tolist() == [0, 0, 2, 1]

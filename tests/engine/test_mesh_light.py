@@ -10,6 +10,8 @@ import pytest
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.evaluation import materials
+from glint.engine.evaluation.textures import Image
+from glint.engine.lights import mesh_lights as lights
 from glint.engine.lights.mesh_lights import mesh_lights, mesh_table
 from glint.engine.program.execute.run import run
 from glint.engine.program.graph import Graph
@@ -322,6 +324,31 @@ def test_an_image_lights_from_where_it_is_bright(backend):
     samples = {"NATIVE": 256, "NUMPY": 64}[backend]
     value = drawn(scene(lamp, material=material, textures=(texture,)), backend, samples=samples)
     np.testing.assert_allclose(value, rectangle_form_factor(1, 1, 1) / 2, rtol=0.02)
+
+
+@pytest.mark.parametrize(("axis", "reads"), [(None, 1), (0, 2), (1, 2)])
+def test_sides_that_read_an_image_alike_read_it_once(monkeypatch, axis, reads):
+    """axis: along which the inner side reads beside the outer one."""
+    graph = Graph()
+    inner = graph.apply(BY_NAME["backfacing"])[0]
+    steps = [inner if k == axis else graph.constant(0.0) for k in range(3)]
+    aside = graph.apply(BY_NAME["combine_xyz"], *steps)[0]
+    place = graph.apply(BY_NAME["position"], shift=0)[0]
+    seen = graph.apply(BY_NAME["scaled_sum"], aside, graph.constant(0.25), place)[0]
+    color = graph.apply(BY_NAME["image"], seen, texture=0)[0]
+    material = Material(
+        "screen", (Lobe("EMISSION", (Input(output=0),)),), program=compile_program(graph, [color])
+    )
+    pixels = np.random.default_rng(1).random((5, 7, 4), np.float32)
+    shown = scene(panel(), material=material, textures=(Texture("noise", pixels),))
+    done, decoded = [], Image._decoded
+    monkeypatch.setattr(Image, "_decoded", lambda *given: done.append(1) or decoded(*given))
+    found = mesh_lights(shown)[0].emitters
+    assert len(done) == reads
+    monkeypatch.setattr(lights, "TwiceRead", Image)
+    wanted = mesh_lights(replace(shown, geometries=(FLOOR, panel())))[0].emitters
+    for name in ("front", "back"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
 
 
 def test_programs_run_for_what_glows_alone(monkeypatch):

@@ -6,6 +6,11 @@ import numpy as np
 import pytest
 
 from glint.engine import scene as s
+from glint.engine.native.packer import Packer
+from glint.engine.native.packing_materials import pack_material
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
 from native_tools import (
     color,
     needs_core,
@@ -133,3 +138,16 @@ def test_attributes(domain: str) -> None:
         color(plane(s.Lobe("EMISSION", (s.Input(attribute="none"),)), lights=(), mesh=mesh)).max()
         == 0
     )
+
+
+def test_equal_programs_are_packed_once():
+    def shown(value: float) -> s.Material:
+        graph = Graph()
+        x = graph.apply(BY_NAME["position"], shift=0)[0]
+        moved = graph.apply(BY_NAME["product"], x, graph.constant((value, 1.0, 1.0)))
+        return s.Material("shown", (s.Lobe("DIFFUSE"),), program=compile_program(graph, moved))
+
+    packer = Packer()
+    rows = [pack_material(packer, shown(value)) for value in (2.0, 3.0, 2.0, 4.0, 3.0)]
+    assert [row[3] for row in rows] == [1, 2, 1, 3, 2]
+    assert len(packer.programs) == 3 and len(packer.constants) == 3 * 3

@@ -71,35 +71,35 @@ class Cut(NamedTuple):
 
     def of(self, keys: Keys) -> np.ndarray:
         """(v, 4) float32 of the same vertices when their curves have these keys."""
-        b, t = _bezier(keys, self.key), self.share[:, None].astype(np.float64)
-        at = _along_splines(b, t, keys.is_linear)
-        return (at + self.outward(keys, b)).astype(np.float32)
+        b = _bezier(keys, self.key)
+        at = _along_splines(b, self.share.astype(np.float64), keys.is_linear)
+        return _rows(at + self.outward(keys, b))
 
     def outward(self, keys: Keys, b: list[np.ndarray]) -> np.ndarray:
-        """(v, 4) by how much vertices of parts that are cut lie beside the curves, so that chords
+        """(4, v) by how much vertices of parts that are cut lie beside the curves, so that chords
         are half outside: a chord of a n-th is off by 2/3 of |p''| / 8 n² in the mean. b: the
         control points at each vertex.
         """
-        by = np.zeros((len(self.key), 4))
+        by, b = np.zeros((4, len(self.key))), [points[:3] for points in b]
         if keys.is_linear or (self.step == 1).all():
             return by
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            t = self.share[:, None].astype(np.float64)
+            t = self.share.astype(np.float64)
             after = 6 * ((1 - t) * (b[0] - 2 * b[1] + b[2]) + t * (b[1] - 2 * b[2] + b[3]))
             tangent = (1 - t) ** 2 * (b[1] - b[0]) + 2 * t * (1 - t) * (b[2] - b[1])
             tangent += t * t * (b[3] - b[2])
             # where the part before ends at a key, its own bend and step
-            before, step = after.copy(), self.step[:, None].astype(np.float64)
+            before, step = after.copy(), self.step.astype(np.float64)
             new = np.flatnonzero(self.key[1:] != self.key[:-1]) + 1
-            before[new] = 6 * (b[1] - 2 * b[2] + b[3])[new - 1]
+            b1, b2, b3 = (points[:, new - 1] for points in b[1:])
+            before[:, new] = 6 * (b1 - 2 * b2 + b3)
             last = step.copy()
             last[new] = step[new - 1]
-            bend = (before * last * last + after * step * step)[:, :3] / 2
-            along = tangent[:, :3] / np.sqrt((tangent[:, :3] ** 2).sum(1))[:, None]
-            by[:, :3] = -(bend - (bend * along).sum(1)[:, None] * along) / 12
+            bend = (before * last * last + after * step * step) / 2
+            along = tangent / np.sqrt((tangent**2).sum(0))
+            by[:3] = -(bend - (bend * along).sum(0) * along) / 12
         # between parts that are one chord each keys stay as they are
-        by[self.ends | (np.minimum(last, step)[:, 0] == 1)] = 0.0
-        by[~np.isfinite(by).all(1)] = 0.0
+        by[:, self.ends | (np.minimum(last, step) == 1) | ~np.isfinite(by).all(0)] = 0.0
         return by
 
     @property
@@ -128,8 +128,12 @@ def _outward(keys: Keys, found: Cut, first: int) -> np.ndarray:
     """`Cut.outward` of a block of vertices."""
     before, end = max(first - 1, 0), first + _BLOCK
     some = Cut(*(column[before:end] for column in found))
-    by = some.outward(keys, _bezier(keys, some.key))[first - before :]
-    return by.astype(np.float32)
+    return _rows(some.outward(keys, _bezier(keys, some.key))[:, first - before :])
+
+
+def _rows(columns: np.ndarray) -> np.ndarray:
+    """(v, 4) float32 of (4, v)."""
+    return columns.T.astype(np.float32, order="C")
 
 
 def _pairs(keys: Keys) -> np.ndarray:
@@ -153,17 +157,17 @@ def _smooth(keys: Keys, pairs: np.ndarray) -> Cut:
     total = count + last
     which = np.repeat(np.arange(len(pairs)), total)
     place = np.arange(len(which)) - np.repeat(np.cumsum(total) - total, total)
-    t = (place / count[which])[:, None]
-    at = _along_splines([points[which] for points in b], t, keys.is_linear)
+    t = place / count[which]
+    at = _along_splines([points.take(which, 1) for points in b], t, keys.is_linear)
     # keys as they are: one that is not finite leaves its neighbours in place
-    at[place == 0] = b[0]
-    at[t[:, 0] == 1] = b[3][last]
+    at[:, place == 0] = b[0]
+    at[:, t == 1] = b[3][:, last]
     step = (1 / count[which]).astype(np.float32)
-    return Cut(pairs[which], t[:, 0].astype(np.float32), step, at.astype(np.float32))
+    return Cut(pairs[which], t.astype(np.float32), step, _rows(at))
 
 
 def _along_splines(b: list[np.ndarray], t: np.ndarray, is_linear: bool) -> np.ndarray:
-    """(v, 4) at t, (v, 1), between the control points of each."""
+    """(4, v) at t (v,) between the control points of each."""
     s = 1 - t
     with np.errstate(invalid="ignore", over="ignore"):  # of keys that are not finite
         if is_linear:
@@ -181,8 +185,9 @@ def _goes_on(keys: Keys, pair: int) -> bool:
 
 
 def _bezier(keys: Keys, pairs: np.ndarray) -> list[np.ndarray]:
-    """Four (p, 4) control points, position and radius, of the Catmull-Rom spline from each key to
-    the next; at its ends a curve's first and last key count twice.
+    """Four (4, p) control points, position and radius, of the Catmull-Rom spline from each key to
+    the next; at its ends a curve's first and last key count twice. Column by column: NumPy is slow
+    along rows of four.
     """
     curve = np.searchsorted(keys.offsets, pairs, "right") - 1
     rows = (
@@ -192,10 +197,10 @@ def _bezier(keys: Keys, pairs: np.ndarray) -> list[np.ndarray]:
         np.minimum(pairs + 2, keys.offsets[curve + 1] - 1),
     )
     before, a, b, after = (
-        np.column_stack([keys.positions[row], keys.radii[row]]).astype(np.float64) for row in rows
+        np.array([*keys.positions.take(row, 0).T, keys.radii[row]], np.float64) for row in rows
     )
-    before = np.where(np.isfinite(before).all(1)[:, None], before, a)
-    after = np.where(np.isfinite(after).all(1)[:, None], after, b)
+    before = np.where(np.isfinite(before).all(0), before, a)
+    after = np.where(np.isfinite(after).all(0), after, b)
     with np.errstate(invalid="ignore", over="ignore"):
         return [a, a + (b - before) / 6, b - (after - a) / 6, b]
 
@@ -206,12 +211,12 @@ def _pieces(b: list[np.ndarray]) -> np.ndarray:
     """
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         chord = b[3] - b[0]
-        chord = chord / np.sqrt((chord**2).sum(1))[:, None]
-        bend = np.zeros(len(chord))
+        chord = chord / np.sqrt((chord**2).sum(0))
+        bend = np.zeros(chord.shape[1])
         for second in (b[0] - 2 * b[1] + b[2], b[1] - 2 * b[2] + b[3]):
-            across = second - (second * chord).sum(1)[:, None] * chord
-            bend = np.maximum(bend, 6 * np.sqrt((across**2).sum(1)))
-        radius = np.maximum(b[0][:, 3], b[3][:, 3])
-        length = np.sqrt(((b[3] - b[0])[:, :3] ** 2).sum(1))
+            across = second - (second * chord).sum(0) * chord
+            bend = np.maximum(bend, 6 * np.sqrt((across**2).sum(0)))
+        radius = np.maximum(b[0][3], b[3][3])
+        length = np.sqrt(((b[3] - b[0])[:3] ** 2).sum(0))
         count = np.maximum(np.sqrt(bend / (8 * NEAR * radius)), bend / (TURN * length))
     return np.ceil(np.clip(np.nan_to_num(count, nan=1.0) - 1e-3, 1, MOST)).astype(np.intp)

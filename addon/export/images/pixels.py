@@ -9,7 +9,7 @@ values: bytes come back exactly.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
@@ -141,24 +141,11 @@ def recipe(image: Any) -> tuple | None:
 def decode(origin: Source) -> Raw | ImageError | MemoryError:
     """The values, or why there are none. Asks nothing of Blender: any thread may call it."""
     try:
-        from_bytes = origin.packed is not None
-        values, premultiplied = (
-            _from_bytes(origin.packed, origin.path) if from_bytes else _from_file(origin.path)
-        )
-        return _raw(values, origin.alpha_mode, premultiplied=premultiplied)
+        if origin.packed is not None:
+            return _from_bytes(origin.packed, origin.path, origin.alpha_mode)
+        return _from_file(origin.path, origin.alpha_mode)
     except (ImageError, MemoryError) as error:
         return error
-
-
-def _raw(
-    values: np.ndarray, alpha_mode: str, linear: bool = False, premultiplied: bool = False
-) -> Raw:
-    """From (h, w, 1-4) values. Raises ImageError where there are none."""
-    if values.size == 0:
-        raise ImageError("is empty")
-    rgba = _four_channels(values, alpha_mode)
-    channels = values.shape[2]
-    return Raw(rgba, channels in (1, 3) or _opaque(rgba), channels < 3, linear, premultiplied)
 
 
 def _packed_bytes(image: Any, path: str) -> bytes | None:
@@ -169,12 +156,12 @@ def _packed_bytes(image: Any, path: str) -> bytes | None:
     return bytes((same or files)[0].packed_file.data if (same or files)[0].packed_file else b"")
 
 
-def _from_bytes(data: bytes, path: str) -> tuple[np.ndarray, bool]:
+def _from_bytes(data: bytes, path: str, alpha_mode: str) -> Raw:
     """OpenImageIO's Python API reads files only, so packed bytes pass through a temporary one."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / ("packed" + _suffix(data, path))
         file.write_bytes(data)
-        return _from_file(str(file))
+        return _from_file(str(file), alpha_mode)
 
 
 _FIRST_BYTES = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png", b"v/1\x01": ".exr"}
@@ -191,10 +178,8 @@ def _suffix(data: bytes, path: str) -> str:
     return known or (f".{named}" if named.isalnum() and len(named) <= _LONGEST_SUFFIX else ".png")
 
 
-def _from_file(path: str) -> tuple[np.ndarray, bool]:
-    """(h, w, 1-4) values as they lie in the file, and whether its format holds colours times alpha
-    (OpenEXR does, PNG does not).
-    """
+def _from_file(path: str, alpha_mode: str) -> Raw:
+    """The values as they lie in the file."""
     oiio = openimageio()
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -203,20 +188,47 @@ def _from_file(path: str) -> tuple[np.ndarray, bool]:
         raise ImageError(f"cannot be read: {oiio.geterror().strip()}")
     try:
         spec = file.spec()
-        bytes_only = spec.format == oiio.TypeDesc("uint8")
-        values = file.read_image(0, 0, 0, spec.nchannels, "uint8" if bytes_only else "float")
-        if values is None:
-            raise ImageError(f"cannot be decoded: {file.geterror().strip()}")
-        values, names = np.asarray(values)[::-1], list(spec.channelnames)
-        return values if len(names) <= 4 else values[
-            :, :, _color_channels(names)
-        ], not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
+        is_bytes = spec.format == oiio.TypeDesc("uint8")
+        channels = _color_channels(list(spec.channelnames))
+        rgba = np.empty((spec.height, spec.width, 4), np.uint8 if is_bytes else np.float32)
+        upward = rgba[::-1]
+        for row, band in _bands(file, spec, "uint8" if is_bytes else "float"):
+            values = band if len(channels) == spec.nchannels else band[:, :, channels]
+            _spread(values, alpha_mode, upward[row : row + len(band)])
+        # OpenEXR holds colours times alpha, PNG does not
+        premultiplied = not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
+        return _raw(rgba, len(channels), premultiplied=premultiplied)
     finally:
         file.close()
 
 
+_BAND = 256
+"""Rows: no format packs more of them together, and they are spread while caches hold them."""
+
+
+def _bands(file: Any, spec: Any, kind: str) -> Iterator[tuple[int, np.ndarray]]:
+    """First row and (rows, w, n) values of bands of a file, from the top; of one in tiles all at
+    once.
+    """
+    rows = _BAND if spec.tile_width == 0 else max(spec.height, 1)
+    for row in range(0, spec.height, rows):
+        few = min(rows, spec.height - row)
+        if few == spec.height:
+            values = file.read_image(0, 0, 0, spec.nchannels, kind)
+        else:
+            y = spec.y + row
+            values = file.read_scanlines(y, y + few, 0, 0, spec.nchannels, kind)
+        if values is None:
+            raise ImageError(f"cannot be decoded: {file.geterror().strip()}")
+        yield row, np.asarray(values).reshape(few, spec.width, spec.nchannels)
+
+
 def _color_channels(names: list[str]) -> list[int]:
-    """Red, green, blue and alpha of a file with more than four channels; else its first four."""
+    """Red, green, blue and alpha of a file with more than four channels, or its first four; all of
+    one with fewer.
+    """
+    if len(names) <= 4:
+        return list(range(len(names)))
     last = [name.rsplit(".", 1)[-1].upper() for name in names]
     found = [last.index(letter) for letter in "RGBA" if letter in last]
     return found if len(found) >= 3 else [0, 1, 2, 3]
@@ -236,30 +248,40 @@ def _from_blender(image: Any) -> Raw:
     except (RuntimeError, TypeError) as error:
         raise ImageError(f"cannot be read: {error}") from error
     values = values.reshape(height, width, channels)
-    if image.is_float:
-        return _raw(
-            values,
-            image.alpha_mode,
-            linear=True,
-            premultiplied=image.alpha_mode in ("STRAIGHT", "PREMUL"),
-        )
-    values *= 255  # in place, and rounded by hand: half the time
-    values += 0.5
-    return _raw(values.astype(np.uint8), image.alpha_mode)
+    if not image.is_float:
+        values *= 255  # in place, and rounded by hand: half the time
+        values += 0.5
+        values = values.astype(np.uint8)
+    rgba = np.empty((height, width, 4), values.dtype)
+    _spread(values, image.alpha_mode, rgba)
+    premultiplied = image.is_float and image.alpha_mode in ("STRAIGHT", "PREMUL")
+    return _raw(rgba, channels, image.is_float, premultiplied)
 
 
-def _four_channels(values: np.ndarray, alpha_mode: str) -> np.ndarray:
-    """(h, w, 4): grey and grey-alpha spread out, missing or ignored alpha opaque."""
-    height, width, channels = values.shape
+def _spread(values: np.ndarray, alpha_mode: str, rgba: np.ndarray) -> None:
+    """Values (h, w, 1-4) into (h, w, 4): grey and grey-alpha spread out, missing or ignored alpha
+    opaque.
+    """
+    channels = values.shape[2]
     has_alpha = channels in (2, 4) and alpha_mode != "NONE"
     if channels == 4 and has_alpha:
-        return values
-    rgba = np.full((height, width, 4), 255 if values.dtype == np.uint8 else 1, values.dtype)
+        rgba[:] = values
+        return
+    if channels == 3 and values.dtype == np.uint8 and values.flags.c_contiguous:
+        # four bytes at once take a quarter of the time; those of the last row would end beyond it
+        words = np.ndarray((len(values) - 1, values.shape[1]), "<u4", values, 0, values.strides[:2])
+        np.bitwise_or(words, np.uint32(0xFF000000), out=rgba[:-1].view("<u4")[:, :, 0])
+        values, rgba = values[-1:], rgba[-1:]
     for k in range(3):  # NumPy takes twice as long for the three at once
         rgba[:, :, k] = values[:, :, k if channels >= 3 else 0]
-    if has_alpha:
-        rgba[:, :, 3] = values[:, :, -1]
-    return rgba
+    rgba[:, :, 3] = values[:, :, -1] if has_alpha else 255 if values.dtype == np.uint8 else 1
+
+
+def _raw(rgba: np.ndarray, channels: int, linear: bool = False, premultiplied: bool = False) -> Raw:
+    """Of an image that had so many channels. Raises ImageError where there are no values."""
+    if rgba.size == 0 or channels == 0:
+        raise ImageError("is empty")
+    return Raw(rgba, channels in (1, 3) or _opaque(rgba), channels < 3, linear, premultiplied)
 
 
 def _managed(raw: Raw, image: Any) -> Pixels:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from ....engine.scene import Input
 from ..images.colorspace import LUMA, luma
@@ -68,11 +69,11 @@ def constant_value(terms: Sum) -> RGB:
 
 def add(*sums: Sum) -> Sum:
     """The sum of sums, terms with equal factors merged and black ones left out."""
-    every = [term for terms in sums for term in terms]
-    if len(every) < 2:  # mostly: and hashing factors takes long
-        return tuple(term for term in every if any(term.value))
+    filled = [terms for terms in sums if terms]
+    if len(filled) < 2:  # mostly: and hashing factors takes long
+        return tuple(term for terms in filled for term in terms if any(term.value))
     merged: dict[tuple[Input, ...], RGB] = {}
-    for term in every:
+    for term in chain.from_iterable(filled):
         before = merged.get(term.factors, (0.0, 0.0, 0.0))
         merged[term.factors] = (
             before[0] + term.value[0],
