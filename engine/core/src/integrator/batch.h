@@ -133,7 +133,7 @@ class Batch {
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};
   double *unbent[3] = {}, *bump = nullptr, *grazing = nullptr, *lowering = nullptr;  // as
-                                                                                     // LightStage
+                                                                                     // LitPoints
   SumColumns sums{};  // parts that are not kept are null
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
   double *lit_diffuse[3] = {}, *lit_specular[3] = {}, *lit_volume[3] = {};

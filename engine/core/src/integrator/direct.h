@@ -21,6 +21,7 @@ struct SharedLight {
   bool shows_gloss = false;         // `gloss` is asked for
   uint32_t rays = 0;                // of a point and sample
   std::vector<LampSample> samples;
+  LitPoints white, shining;  // the points where samples are asked for shadows, or drawn directions
   std::vector<const Light*> light;  // of each
   std::vector<uint32_t> groups;     // and its light group, the number of these for none
   const int64_t* lit = nullptr;     // mask: points that take part in this sample
@@ -102,25 +103,27 @@ class DirectLight {
   void add_lights(Batch& batch, uint32_t sample, RayCounts& counts);
   template <class Takes>
   void add_lights(Batch& batch, uint32_t sample, RayCounts& counts, Takes takes);
-  void find_lit(const Batch& batch, const Light& light);
+  const int64_t* find_lit(const Batch& batch, const Light& light);
+  LightPolicy policy_of(const Light& light) const;
+  OnwardStage onward(const int64_t* lit) const;
   void note_hidden(size_t count, uint32_t parts);
-  void add_rest(const Batch& batch, const Light& light, uint32_t sample, uint32_t parts);
-  void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
-               RayCounts& counts);
+  void add_rest(const Batch& batch, const Light& light, const int64_t* lit, uint32_t sample,
+                uint32_t parts);
+  void add_lit(const Batch& batch, const Light& light, const LightSample& from, size_t count,
+               uint8_t* known, RayCounts& counts);
   void aim_around(const std::vector<uint32_t>& points, const double* place);
-  /// Those of the stage.
   Rays shadow_rays(size_t count) const {
-    return {{stage_.o[0], stage_.o[1], stage_.o[2]},
-            {stage_.to[0], stage_.to[1], stage_.to[2]},
+    return {{rays_.o[0], rays_.o[1], rays_.o[2]},
+            {rays_.to[0], rays_.to[1], rays_.to[2]},
             zeros_,
-            stage_.t_max,
+            rays_.t_max,
             count,
             kShadow};
   }
   Vec3d start_towards(uint32_t point, const Vec3d& l) const;
   Vec3d shadow_start(uint32_t point, const Vec3d& origin, const Vec3d& end) const;
-  size_t meet_emitters(const Light& light, size_t count, bool matt);
-  size_t draw_matt(size_t count);
+  size_t meet_emitters(const Light& light, const LampSample& lamp, size_t count, bool matt);
+  size_t draw_diffuse(const Batch& batch, const LampSample& lamp);
   void apply_program(const Light& light, size_t count);
   void find_ends(const Batch& batch);
   void place_points(const Batch& batch);
@@ -130,9 +133,10 @@ class DirectLight {
   void scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
                      const Light& light, uint32_t sample, RayCounts& counts);
   void scatter_sample(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
-                      const Light& light, double share, double count, RayCounts& counts);
+                      const Light& light, const LampSample& lamp, double share, double count,
+                      RayCounts& counts);
   void dim_shadows(const Light& light, size_t count, RayCounts& counts);
-  void find_cut(const Batch& batch, const Light& light) const;
+  void find_cut(const Batch& batch, const Light& light, const int64_t* lit) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool read_shadow_cache(const uint8_t* known, size_t count);
   void add(const Batch& batch, size_t count) const;
@@ -161,13 +165,14 @@ class DirectLight {
   bool alone_ = false;      // catchers of shadows are the only things there
   bool takes_few_ = false;  // only points that `few_` names are lit
   std::vector<uint8_t> few_;
-  std::vector<int64_t> whole_;   // the batch's mask of points that lights may reach
-  bool scattering_ = false;      // points are of media and not of surfaces
-  const bool glassy_;            // some surface lets light through
-  LightStage stage_{};           // what it writes: a row for each point that a light sample reaches
+  std::vector<int64_t> whole_;  // the batch's mask of points that lights may reach
+  bool scattering_ = false;     // points are of media and not of surfaces
+  const bool glassy_;           // some surface lets light through
+  LitPoints points_{};
+  ShadowRays rays_{};
   std::vector<uint8_t> place_;   // RenderPlan::bounce_part of each point
   std::vector<double> disc_[2];  // below the direction of the gather ray of each point; in lobes
-  std::vector<double> choices_;  // as the stage has them
+  std::vector<double> choices_;  // as OnwardStage has them
   Columns columns_;
   double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where

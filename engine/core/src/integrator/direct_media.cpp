@@ -78,14 +78,13 @@ void DirectLight::place_points(const Batch& batch) {
   scatters_.assign(scattered_.rows(), 0);  // also beyond the last ray, where stages look
   at_.resize(scattered_.rows());
   for (size_t c = 0; c < 3; ++c) {
-    stage_.points_x[c] = stage_.origin[c] = scattered_[c];
-    stage_.start_out[c] = nullptr;
-    stage_.diffuse[c] = scattered_[3 + c];
-    stage_.end_out[c] = ends_[c];
+    points_.x[c] = points_.origin[c] = rays_.origin[c] = scattered_[c];
+    rays_.start[c] = nullptr;
+    points_.diffuse[c] = scattered_[3 + c];
+    rays_.end[c] = ends_[c];
   }
-  stage_.lit = scatters_.data();
-  stage_.highlights = 0;
-  stage_.other_count = 0;
+  points_.lobes.highlights = 0;
+  points_.lobes.other_count = 0;
 }
 
 void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,
@@ -132,8 +131,8 @@ void DirectLight::scatter_bounce(const Batch& batch, const MediaSpans& spans, co
               spans.scattering(k, place.t, d, l, 0));
     if (!any(path.T) || !finite(path.T)) continue;
     set_row(x, k, row(rays.o, k) + place.t * d);
-    set_row(stage_.o, k, row(x, k));
-    set_row(stage_.to, k, l);
+    set_row(rays_.o, k, row(x, k));
+    set_row(rays_.to, k, l);
     send(path, x, k, k, gathering, counts);
   }
 }
@@ -145,30 +144,31 @@ void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, con
                  least = one ? 1 : plan_.volume_samples,
                  parts = one || light.endless() ? parts_of_light(all, least) : 1,
                  count = all / parts, each = (least + count - 1) / count;
+  LampSample lamp{{}, policy_of(light), scatters_.data(), false};
   for (uint32_t j = 0; j < count && !cancel_; ++j) {
     const LightPoint point = plan_.light_point(light, sample, sample % parts * count + j);
-    light.set(stage_, point, all, plan_.physical());
+    lamp.light = light.sample(point, all, plan_.physical(), lamp.policy);
     group_ = point.group;
-    stage_.casts_shadow = true;  // so that the ways to it are known
-    stage_.draws = false;
-    if (light.is_medium()) stage_.near2 *= kFewerWider * kFewerWider;
+    double& near2 = light.is_medium() ? lamp.light.medium.near2 : lamp.light.mesh.near2;
+    if (light.is_medium()) near2 *= kFewerWider * kFewerWider;
     if (light.is_tabled()) {
-      const Vec3d end{stage_.end[0], stage_.end[1], stage_.end[2]};
-      depths_.aim(&light, {false, end, 0.5 * std::sqrt(stage_.near2)}, batch.queue->rays());
+      const double* const at = lamp.light.center;
+      depths_.aim(&light, {false, {at[0], at[1], at[2]}, 0.5 * std::sqrt(near2)},
+                  batch.queue->rays());
     } else if (j == 0) {
       depths_.aim(&light, {light.endless(), light.center, light.nearness()}, batch.queue->rays());
     }
     for (uint32_t i = 0; i < each; ++i)
-      scatter_sample(batch, spans, clear, light,
+      scatter_sample(batch, spans, clear, light, lamp,
                      plan_.scatter_share(sample, j * each + i, count * each), double(each) / parts,
                      counts);
   }
 }
 
-/// One point on each ray, in the light of the stage's sample. count: of points that it is for.
+/// One point on each ray, in the light of a sample. count: of points that it is for.
 void DirectLight::scatter_sample(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
-                                 const Light& light, double share, double count,
-                                 RayCounts& counts) {
+                                 const Light& light, const LampSample& lamp, double share,
+                                 double count, RayCounts& counts) {
   const Rays rays = batch.queue->rays();
   double* const x[3] = {scattered_[0], scattered_[1], scattered_[2]};
   double* const weight[3] = {scattered_[3], scattered_[4], scattered_[5]};
@@ -184,15 +184,15 @@ void DirectLight::scatter_sample(const Batch& batch, const MediaSpans& spans, co
     set_row(weight, k, T);
     set_row(x, k, row(rays.o, k) + place.t * row(rays.d, k));
   }
-  const size_t reached = stages_.scatter(stage_);
+  const size_t reached = stages_.scatter(points_, lamp, rays_);
   for (size_t i = 0; i < reached; ++i) {
     const uint32_t k = point_[i];
-    const Vec3d at = spans.scattering(k, at_[k], row(rays.d, k), row(stage_.to, i),
+    const Vec3d at = spans.scattering(k, at_[k], row(rays.d, k), row(rays_.to, i),
                                       light.excluded_sets),
-                given = at * row(stage_.diffuse_out, i);
-    set_row(stage_.diffuse_out, i, finite(given) ? given : Vec3d{});
+                given = at * row(rays_.diffuse, i);
+    set_row(rays_.diffuse, i, finite(given) ? given : Vec3d{});
   }
-  add_lit(batch, light, reached, nullptr, counts);
+  add_lit(batch, light, lamp.light, reached, nullptr, counts);
 }
 
 }  // namespace glint

@@ -106,11 +106,11 @@ void find_clusters(SharedLight& shared) {
     if (k < shared.clustered) continue;
     if (!lamps.empty() && lamps.back().light->group != light->group) plant();
     if (lamps.empty() || lamps.back().light != light)
-      lamps.push_back({light, number, number, number, sample.stage.shape == kDiscSource});
+      lamps.push_back({light, number, number, number, sample.light.shape == LightShape::kDisc});
     lamps.back().end = number + 1;
     if (sample.drawn) continue;
     lamps.back().last = number;
-    sum = sum + 1 / sample.stage.share * light->color;
+    sum = sum + 1 / sample.light.count * light->color;
   }
   for (int c = 0; c < 3; ++c) shared.color_sums.push_back(sum[c]);
   plant();
@@ -142,12 +142,18 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
   if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
                    [](int64_t lit) { return lit != 0; }))
     return;
-  const LightStage before = stage_;
   shared.lit = batch.lit.data();
   place_sums(shared, batch.size());
   place_groups(shared, batch.size());
   list_samples(shared, batch, sample);
   choose(shared, batch, sample);
+  shared.shining = shared.white = points_;
+  // Their contribution is known: the rays alone are wanted, which pass fibres.
+  LobeColumns& lobes = shared.white.lobes;
+  if (!lobes.has_fibre) lobes.highlights = 0;
+  if (!lobes.has_fibre) lobes.other_count = 0;
+  shared.white.gloss[0] = nullptr;
+  for (const double*& column : shared.white.diffuse) column = shared.ones;
   const AskedLamp* begin = shared.sorted.data();
   for (size_t number = 0; number < shared.samples.size() && !cancel_; ++number) {
     const AskedLamp* const end = shared.sorted.data() + shared.ends[number];
@@ -155,7 +161,6 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
     begin = end;
   }
   add_shared(shared, batch);
-  stage_ = before;
 }
 
 /// In how many parts the samples are taken.
@@ -167,16 +172,15 @@ uint32_t DirectLight::shared_parts(const SharedLight& shared) const {
   return parts;
 }
 
-/// Sets the stage of each sample of each lamp, those that are seen in clusters last.
+/// Each sample of each lamp, those that are seen in clusters last.
 void DirectLight::list_samples(SharedLight& shared, const Batch& batch, uint32_t sample) {
   shared.samples.clear();
   shared.light.clear();
   shared.groups.clear();
   shared.receives.clear();
-  for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
+  for (int c = 0; c < 3; ++c) rays_.end[c] = glassy_ ? ends_[c] : nullptr;
   shared.shows_gloss = &shared != &lamps_ && shows_even_gloss(*batch.queue);
-  for (int c = 0; c < 3; ++c) stage_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
-  stage_.lit = shared.lit;
+  for (int c = 0; c < 3; ++c) points_.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   shared.near.resize(shared.columns.rows());
   for (const bool clustered : {false, true}) {
     shared.clustered = shared.samples.size();
@@ -198,17 +202,15 @@ void DirectLight::list_samples_of(SharedLight& shared, const Light& light, uint3
                                   const int64_t* lit) {
   const uint32_t parts = plan_.parts_of(light, false, takes_few_), all = plan_.samples_of(light),
                  count = all / parts, first = sample % parts * count;
+  const LightPolicy policy = policy_of(light);
   for (uint32_t j = first; j < first + count; ++j) {
     const LightPoint point = plan_.light_point(light, sample, j);
-    LightStage stage = stage_;
-    light.set(stage, point, all, plan_.physical());
-    if (parts > 1) stage.share = count;
-    if (!light.lights_matt()) std::fill_n(stage.diffuse, 3, zeros_);
-    if (light.is_medium() && !light.lights_gloss()) stage.gloss[0] = nullptr;
-    stage.lit = lit;
+    LampSample lamp{light.sample(point, all, plan_.physical(), policy), policy, lit, false};
+    if (parts > 1) lamp.light.count = count;
     for (const bool drawn : {false, true}) {
-      if (drawn && !stage.draws) continue;
-      shared.samples.push_back({stage, drawn});
+      if (drawn && !(policy.draws && lamp.light.draws.on)) continue;
+      lamp.drawn = drawn;
+      shared.samples.push_back(lamp);
       shared.light.push_back(&light);
       shared.groups.push_back(std::min(uint32_t(point.group), scene_.light_group_count));
     }
@@ -228,7 +230,7 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   shared.given.resize(3 * kShareBlock * most);
   shared.reaching.resize(most);
   ShareStage stage{};
-  stage.count = batch.size();
+  stage.points = &points_;
   stage.lit = shared.lit;
   stage.samples = shared.samples.data();
   stage.sample_count = shared.samples.size();
@@ -237,8 +239,6 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
   for (int c = 0; c < 3; ++c) {
     stage.diffuse[c] = shared.diffuse[c];
     stage.specular[c] = shared.specular[c];
-    stage.x[c] = batch.points.x[c];
-    stage.n[c] = batch.points.n[c];
   }
   for (int c = 0; c < 3; ++c) stage.gloss[c] = shared.shows_gloss ? shared.gloss[c] : nullptr;
   stage.total = shared.total;
@@ -260,9 +260,11 @@ void DirectLight::choose(SharedLight& shared, const Batch& batch, uint32_t sampl
 void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
                       const AskedLamp* begin, const AskedLamp* end, RayCounts& counts) {
   const Light& light = *shared.light[number];
-  const bool drawn = shared.samples[number].drawn;
-  stage_ = shared.samples[number].stage;
-  stage_.lit = shared.asks.data();
+  LampSample& lamp = shared.samples[number];
+  LitPoints& points = lamp.drawn ? shared.shining : shared.white;
+  lamp.lit = shared.asks.data();
+  if (!lamp.drawn) lamp.policy.draws = false;
+  lamp.policy.on_diffuse = true;
   size_t first = batch.size(), last = 0;
   for (const AskedLamp* p = begin; p != end; ++p) {
     shared.asks[p->point] = -1;
@@ -270,24 +272,16 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
     first = std::min(first, size_t(p->point));
     last = std::max(last, size_t(p->point));
   }
-  stage_.first = first / kPad * kPad;
-  stage_.count = last + 1;
-  if (!drawn) {  // what it gives is known: the rays alone are wanted, which pass fibres
-    if (!stage_.has_fibre) {
-      stage_.highlights = 0;
-      stage_.other_count = 0;
-    }
-    stage_.gloss[0] = nullptr;
-    stage_.draws = stage_.gloss_alone = false;
-    for (const double*& column : stage_.diffuse) column = shared.ones;
-  }
-  const size_t count = drawn ? stages_.gloss(stage_) : stages_.light(stage_);
+  points.first = first / kPad * kPad;
+  points.count = last + 1;
+  const size_t count = (lamp.drawn ? stages_.gloss : stages_.light)(points, lamp, rays_);
   for (size_t k = 0; batch.soft_light && k < count; ++k)
     batch.mark_soft_light(point_[k], Refinement::kReached);
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
-  met_by_ = drawn ? kMirror : kShadow;
+  met_by_ = lamp.drawn ? kMirror : kShadow;
   if (glassy_)
-    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, met_by_);
+    transparent_shadows_.trace(rays_, lamp.light.shape, opacity(light), zeros_, count, shadow_,
+                               counts, met_by_);
   else find_shadows(light, count, nullptr, counts);
   met_by_ = kShadow;
   if (scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
@@ -296,7 +290,7 @@ void DirectLight::ask(SharedLight& shared, const Batch& batch, size_t number,
     const AskedLamp& chosen = begin[shared.place[point]];
     Vec3d asked{chosen.light[0], chosen.light[1], chosen.light[2]};
     if (chosen.middle > 0)
-      asked = stage_.share * beside_middle(light, chosen, row(stage_.diffuse_out, k)) * asked;
+      asked = lamp.light.count * beside_middle(light, chosen, row(rays_.diffuse, k)) * asked;
     const Vec3d open = shadow_[0] ? row(shadow_, k) : Vec3d{1, 1, 1} * double(!blocked_[k]);
     set_row(shared.asked, point, row(shared.asked, point) + asked);
     set_row(shared.passed, point, row(shared.passed, point) + open * asked);

@@ -20,11 +20,11 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
     place_[k] = uint8_t(plan_.bounce_part(pixels[k]));
     for (size_t c = 0; c < 2; ++c) disc_[c][k] = at[place_[k]][c];
   }
-  stage_.gathers_gloss = shows_even_gloss(queue);
-  stage_.chooses = scene_.instances.has_strands ? choices(batch, at) : nullptr;
-  stage_.fibres_alone = !bounces(queue);
-  const size_t count = stages_.gather(stage_);
-  stage_.chooses = nullptr;
+  OnwardStage stage = onward(batch.lit.data());
+  stage.gathers_gloss = shows_even_gloss(queue);
+  stage.chooses = scene_.instances.has_strands ? choices(batch, at) : nullptr;
+  stage.fibres_alone = !bounces(queue);
+  const size_t count = stages_.gather(stage);
   for (uint32_t part = 0; part < RenderPlan::kBounceParts; ++part)  // of one direction together
     for (size_t k = 0; k < count; ++k) {
       const uint32_t from = point_[k];
@@ -32,14 +32,14 @@ void DirectLight::bounce(const Batch& batch, const std::vector<uint32_t>& pixels
       const bool chosen = scene_.instances.has_strands && choices_[from] >= 0;
       Path path = queue.path(from);
       const double whole = max_abs(path.T);
-      path.T = row(stage_.diffuse_out, k);
+      path.T = row(rays_.diffuse, k);
       if (!finite(path.T)) continue;
       if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);
       // of what bounced before, as much goes on as the surface gives back (Russian roulette)
       const double share = bounced > 0 ? std::min(max_abs(path.T) / whole, 1.0) : 1;
-      if (!((chosen ? stage_.t_max[k] : at[part][2]) < share)) continue;
+      if (!((chosen ? rays_.t_max[k] : at[part][2]) < share)) continue;
       path.T = (1 / share) * path.T;
-      if (chosen) send(path, stage_.o, k, k, gathering, counts);  // which may be behind the strand
+      if (chosen) send(path, rays_.o, k, k, gathering, counts);  // which may be behind the strand
       else send(path, batch.points.x, from, k, gathering, counts);
     }
 }
@@ -70,7 +70,7 @@ void DirectLight::send(Path& path, const double* const (&x)[3], uint32_t from, s
   path.skyless = true;
   path.widest = std::min(path.widest, RenderPlan::kBouncedExponent);
   path.depth = uint8_t(std::min(path.depth + 1, 255));
-  gathering.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kDiffuse}, path);
+  gathering.push({row(rays_.o, k), row(rays_.to, k), 0, kInfinity, kDiffuse}, path);
   ++counts.gather;
 }
 

@@ -25,15 +25,15 @@ void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* 
   const double reach = scene_.anchor.scale * scene_.world.occlusion_distance;
   const double height = std::sqrt(std::max(0.0, 1 - place[0] * place[0] - place[1] * place[1]));
   for (size_t k = 0; k < points.size(); ++k) {
-    const Vec3d n = row(stage_.n, points[k]);
+    const Vec3d n = row(points_.n, points[k]);
     const Across across(n);
     const Vec3d l = place[0] * across.t1 + place[1] * across.t2 + height * n;
     point_[k] = points[k];
     const Vec3d origin = start_towards(points[k], l);
-    if (stage_.start_out[0]) set_row(stage_.start_out, k, origin);
-    set_row(stage_.o, k, shadow_start(points[k], origin, origin + l));
-    set_row(stage_.to, k, l);
-    stage_.t_max[k] = reach;
+    if (rays_.start[0]) set_row(rays_.start, k, origin);
+    set_row(rays_.o, k, shadow_start(points[k], origin, origin + l));
+    set_row(rays_.to, k, l);
+    rays_.t_max[k] = reach;
   }
 }
 
@@ -44,14 +44,14 @@ void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32
   if (!(scene_.world.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
   open.assign(count, {});
   const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
-  stage_.shape = kSky;
   const Rays rays = shadow_rays(count);
   const double* place = plan_.occlusion_directions.row(sample, 0);
   for (uint32_t j = 0; j < each && !cancel_; ++j, place += 2) {
     aim_around(points, place);
     for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(points[k]);
     if (glassy_) {
-      transparent_shadows_.trace(stage_, scene_.trees.opacity(), zeros_, count, shadow_, counts);
+      transparent_shadows_.trace(rays_, LightShape::kDome, scene_.trees.opacity(), zeros_, count,
+                                 shadow_, counts);
     } else {
       const Timer timer(counts.tracing);
       scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);
@@ -59,11 +59,11 @@ void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32
     }
     if (dims) {
       media_.find(rays, counts);
-      media_.march(rays, stage_.t_max, sample, RayKind::kShadow, counts);
+      media_.march(rays, rays_.t_max, sample, RayKind::kShadow, counts);
     }
     for (size_t k = 0; k < count; ++k) {
       Vec3d S = glassy_ ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
-      if (dims) S = media_.passed(k, 0, stage_.t_max[k]) * S;
+      if (dims) S = media_.passed(k, 0, rays_.t_max[k]) * S;
       open[k] += 1.0 / each * S;
     }
   }

@@ -10,7 +10,7 @@ namespace glint {
 void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {
   const double* const place = plan_.lobe_point(sample, batch.queue->past.reflections);
   for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), batch.size(), place[c]);
-  const size_t count = stages_.reflect(stage_);
+  const size_t count = stages_.reflect(onward(batch.lit.data()));
   for (size_t k = 0; k < count; ++k) push_reflected(batch, k, glossy, counts);
 }
 
@@ -18,7 +18,7 @@ void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, Ra
 void DirectLight::push_reflected(const Batch& batch, size_t k, Queue& glossy, RayCounts& counts) {
   const uint32_t from = point_[k];
   Path path = batch.queue->path(from);
-  path.T = row(stage_.diffuse_out, k);
+  path.T = row(rays_.diffuse, k);
   const double weight = max_abs(path.T);
   if (path.depth >= plan_.max_bounces || weight < plan_.cutoff || !finite(path.T)) return;
   path.start = row(batch.points.x, from);
@@ -26,11 +26,11 @@ void DirectLight::push_reflected(const Batch& batch, size_t k, Queue& glossy, Ra
   path.straight = 0;
   path.wants_data = false;
   path.skyless = true;
-  path.widest = std::min(path.widest, stage_.t_max[k]);
+  path.widest = std::min(path.widest, rays_.t_max[k]);
   ++path.depth;
   batch.mark_thrown(path.slot, path.T);
   if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);
-  glossy.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kMirror}, path);
+  glossy.push({row(rays_.o, k), row(rays_.to, k), 0, kInfinity, kMirror}, path);
   ++counts.mirror;
 }
 
