@@ -77,6 +77,10 @@ class Batch {
   void mark_thrown(uint32_t slot, Vec3d given) const {
     if (thrown) thrown[slot] = std::max(thrown[slot], max_abs(given));
   }
+  bool is_on_strand(size_t k) const {
+    const auto& all = scene_.instances;
+    return all.has_strands && all.geometry(all.group(instance[k])).kind == GLINT_STRANDS;
+  }
   /// Whether light is told apart by groups of lights.
   bool has_groups() const { return !groups_.empty(); }
   size_t group_count() const { return given_.size(); }

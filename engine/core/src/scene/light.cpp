@@ -301,18 +301,19 @@ bool Light::is_cut(Vec3d x, Vec3d n) const {
   return dot(to, axis) < 0 && z * z < (flags & GLINT_ELLIPSE ? a * a + b * b : (a + b) * (a + b));
 }
 
-LightMeeting Light::meeting(const GlintEmitter& e, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
-                            uint32_t count) const {
+EmitterHit Light::emitter_hit(const GlintEmitter& e, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
+                              uint32_t count) const {
   const Vec3d n = unit(direction(placed, {e.normal[0], e.normal[1], e.normal[2]}));
   const double z = -dot(l, n), share = scale2 * e.spread, d2 = dot(q - x, q - x),
-               near2 = share / merged(count), spread = share * std::fabs(z) / std::max(d2, near2),
+               near2 = share / merged(count),
+               inverse_pdf = share * std::fabs(z) / std::max(d2, near2),
                whole = share * std::fabs(z) / std::max(d2, kNearest * near2),
                apart = rounding(max_abs(q) + std::sqrt(scale2) * e.reach);
   const double* const light = z > 0 ? e.front : e.back;
   return {{saturate(light[0]), saturate(light[1]), saturate(light[2])},
           q + std::copysign(apart, any(origin - x) ? dot(origin - q, n) : z) * n,
-          spread / (kPi * count),
-          spread,
+          inverse_pdf / (kPi * count),
+          inverse_pdf,
           whole,
           z > 0};
 }

@@ -25,12 +25,12 @@ struct LightPoint {
   uint32_t met_by = kShadow;  // what rays of surfaces to it meet
 };
 
-/// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how
-/// densely the light's points fall there (a steradian), and where shadow rays end before it.
-struct LightMeeting {
+/// Where a ray hits a mesh light, as its point sees that: the radiance and its factor, where shadow
+/// rays end before it, and one over the pdf of the light's points there (a steradian).
+struct EmitterHit {
   Vec3d color, end;
-  double factor, spread, whole;  // whole: spread, seen from as near as it is
-  bool front;                    // the outer side is seen
+  double factor, inverse_pdf, whole;  // whole: inverse_pdf, seen from as near as it is
+  bool front;                         // the outer side is seen
 };
 
 /// The direction at the disc point (x, y) of the cone round `axis` with 1 - cos(half angle) =
@@ -112,8 +112,8 @@ struct Light {
 
   /// The place q on an emitter as x sees it in the direction l, beside `count` points a sample;
   /// shadow rays to it start at `origin`.
-  LightMeeting meeting(const GlintEmitter& emitter, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
-                       uint32_t count) const;
+  EmitterHit emitter_hit(const GlintEmitter& emitter, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
+                         uint32_t count) const;
 
   /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's
   /// disc, negative for never.

@@ -19,21 +19,6 @@ struct SumColumns {
 /// One over the cosine below which light grazes smooth surfaces, where instances say nothing else.
 constexpr double kGrazing = 10;
 
-/// What the whole dome gives where nothing hides it, less what the directions of a sample do.
-struct DomeStage {
-  size_t count;
-  const double *n[3], *diffuse[3];
-  const int64_t* lit;
-  const double* drawn;  // rows of 9 numbers, as glint.h has them
-  size_t directions;
-  const double* x[3];
-  const Openings* openings;
-  const OpeningPoint* opening_points;
-  size_t opening_point_count;
-  const DomeCells* dome;
-  double* rest[3];
-};
-
 /// The lobes of points but for what is Lambert's: columns, and what all of them have. shown: how
 /// much of dielectrics' gloss reflected rays show, 0 or 1; shows_nothing: of metals' neither.
 struct LobeColumns {
@@ -61,6 +46,19 @@ struct LitPoints {
   LobeColumns lobes;
 };
 
+/// What the whole dome gives where nothing hides it, less what the directions of a sample do.
+struct DomeStage {
+  const LitPoints* points;
+  const int64_t* lit;
+  const double* drawn;  // rows of 9 numbers, as glint.h has them
+  size_t directions;
+  const Openings* openings;
+  const OpeningPoint* opening_points;
+  size_t opening_point_count;
+  const DomeCells* dome;
+  double* rest[3];
+};
+
 /// What stages write: a row for each point that a sample reaches, before shadows.
 struct ShadowRays {
   uint32_t* point;
@@ -86,10 +84,10 @@ struct OnwardStage {
                           // which is in t_max; else -1. null: there are none
 };
 
-/// A point that looks for what is before a lamp's sample. light: the colour of that, as many times
-/// as marks lie in it; of all channels together a mark is 1. middle: for one that is seen in a
-/// cluster, what n l / d^2 of its middle gives for a colour of 1; else 0.
-struct AskedLamp {
+/// A point that looks for what is before a lamp's sample. light: the colour of that, times how many
+/// of the point's rays fall to it. middle: for one that is seen in a cluster, what n l / d^2 of its
+/// middle gives for a colour of 1; else 0.
+struct ShadowRequest {
   uint32_t sample, point;
   double light[3], middle;
 };
@@ -109,16 +107,16 @@ struct LampCluster {
 /// Points that it works on at once.
 constexpr size_t kShareBlock = 64;
 
-/// What many lamps give before shadows, and which of their samples each point asks for shadows:
-/// those in which the marks j + offset, j = 0 … asked - 1, lie, where what they give stands in a
-/// row that is as long as there are marks.
+/// What many lamps give before shadows, and which of their samples each point asks for shadows, by
+/// systematic resampling: those in which j + offset, j = 0 … rays - 1, lie, where contributions
+/// stand in a row of length `rays`.
 struct ShareStage {
   const LitPoints* points;
   const int64_t* lit;
   const LampSample* samples;
   size_t sample_count;
   double offset;
-  uint32_t asked;
+  uint32_t rays;
   double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
   double* gloss[3];                          // the points', to be found; or null
   /// Those of the samples from `clustered` on; color_sums: a row of three channels before each
@@ -129,10 +127,10 @@ struct ShareStage {
   int64_t* near;       // mask of points that clustered samples may reach by themselves
   uint32_t* reaching;  // room for all samples and clusters: those that may reach a block of points,
                        // a cluster as number of samples plus its own
-  double* given;       // room for a block of points, three times for each of them
-  AskedLamp* chosen;   // room for so many as are asked, for each point
+  double* contributions;       // room for a block of points, three times for each of them
+  ShadowRequest* chosen;       // room for `rays` of each point
   const uint32_t* groups;      // of lights, of each sample; null where nobody asks
-  double* const* group_given;  // three columns for each group, to which what it gives is added
+  double* const* group_total;  // three columns for each group, to which its contribution is added
 };
 
 /// total[point[k]] += given[k] where the ray is free.

@@ -10,7 +10,7 @@ namespace {
 /// The contribution of a sample's directions and its points on openings, times how many directions
 /// there are.
 inline Three contribution_beside_openings(const DomeStage& s, size_t k, const Three& n) {
-  const Three x = load3(s.x, k);
+  const Three x = load3(s.points->x, k);
   Three sum{};
   const auto add = [&](const Three& l, const Three& color, const Doubles& inverse_pdf) {
     const Doubles less = 1 + opening_pdf(*s.openings, x, l) * inverse_pdf;
@@ -30,9 +30,9 @@ inline Three contribution_beside_openings(const DomeStage& s, size_t k, const Th
 }
 
 void dome(const DomeStage& s) {
-  for (size_t k = 0; k < s.count; k += kLanes) {
+  for (size_t k = 0; k < s.points->count; k += kLanes) {
     if (!any(load(s.lit + k))) continue;
-    const Three n = load3(s.n, k);
+    const Three n = load3(s.points->n, k);
     Three sum{};
     for (size_t i = 0; i < s.directions; ++i) {
       const double* const row = s.drawn + kDomeColumns * i;
@@ -40,7 +40,7 @@ void dome(const DomeStage& s) {
     }
     if (s.openings->count) sum = contribution_beside_openings(s, k, n);
     const Three rest = unhidden(*s.dome, n) - splat(1.0 / double(s.directions)) * sum;
-    store3(s.rest, k, load3(s.diffuse, k) * rest);
+    store3(s.rest, k, load3(s.points->diffuse, k) * rest);
   }
 }
 

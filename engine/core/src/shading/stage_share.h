@@ -152,21 +152,21 @@ double middle_light(const ShareStage& s, const LampCluster& c, uint32_t point) {
          ((4 * kCircle * kCircle) * d2);
 }
 
-/// Which lamps' samples of a cluster the marks [from, to) of a point lie in. at: where the cluster
-/// begins in a row that is as long as there are marks; scale: that of light; light: the cluster's.
+/// Which lamps' samples of a cluster the rays [from, to) of a point fall to. at: where the cluster
+/// begins in the row; scale: that of light; light: the cluster's.
 size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, double at,
                      double scale, uint32_t from, uint32_t to, const double* light,
-                     AskedLamp* chosen) {
+                     ShadowRequest* chosen) {
   double each[3], large[3];  // light a colour, and how long it is in the row
   for (size_t i = 0; i < 3; ++i) {
     each[i] = c.color[i] > 0 ? light[i] / c.color[i] : 0;
     large[i] = scale * __builtin_fabs(each[i]);
   }
   const double middle = middle_light(s, c, point);
-  at = s.offset - at + dot3(large, s.color_sums + 3 * c.first);  // of mark 0, as the sums count
+  at = s.offset - at + dot3(large, s.color_sums + 3 * c.first);  // of ray 0, as the sums count
   size_t found = 0;
   for (uint32_t sample = c.first; from < to; ++sample) {
-    for (uint32_t beyond = c.last; sample < beyond;) {  // the first that ends beyond mark `from`
+    for (uint32_t beyond = c.last; sample < beyond;) {  // the first that ends beyond ray `from`
       const uint32_t half = sample + (beyond - sample) / 2;
       if (dot3(large, s.color_sums + 3 * (half + 1)) > at + from) beyond = half;
       else sample = half + 1;
@@ -188,21 +188,21 @@ size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, 
   return found;
 }
 
-/// Those of the marks of a group of points at k that lie in each of the first `count` samples of
+/// Those of the rays of a group of points at k that lie in each of the first `count` samples of
 /// `reaching`. given: of the group, the first sample's.
 size_t choose_samples(const ShareStage& s, size_t k, size_t count, const double* given,
-                      AskedLamp* chosen) {
-  const Doubles total = load(s.total + k), marks = splat(double(s.asked));
+                      ShadowRequest* chosen) {
+  const Doubles total = load(s.total + k), rays = splat(double(s.rays));
   const Mask lit = (total > 0) & valid_lanes(k, s.points->count);
   if (!any(lit)) return 0;
-  const Doubles scale = where(lit, marks / total);
+  const Doubles scale = where(lit, rays / total);
   Doubles sum{}, before{};
   size_t found = 0;
   for (size_t i = 0; i < count; ++i, given += 3 * kShareBlock) {
     const Three light = {load(given), load(given + kShareBlock), load(given + 2 * kShareBlock)};
     const Doubles all = magnitude(light.x) + magnitude(light.y) + magnitude(light.z);
     sum = sum + all;
-    Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), marks);
+    Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), rays);
     const Doubles times = here - before, start = before;
     before = larger(here, before);
     uint32_t lanes = bits(times > 0);
@@ -234,7 +234,7 @@ struct Reached {
   size_t count = 0;
   double* give(const ShareStage& s, size_t number) {
     s.reaching[count] = uint32_t(number);
-    return s.given + 3 * kShareBlock * count++;
+    return s.contributions + 3 * kShareBlock * count++;
   }
 };
 
@@ -263,13 +263,13 @@ void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, 
 /// Adds what was given to the points [first, end) to the groups of lights. Clusters are of one
 /// each.
 void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, size_t end) {
-  const double* given = s.given;
+  const double* given = s.contributions;
   for (size_t i = 0; i < reached.count; ++i, given += 3 * kShareBlock) {
     const uint32_t number = s.reaching[i];
     const uint32_t sample =
         number < s.sample_count ? number : s.clusters[number - s.sample_count].first;
     for (size_t c = 0; c < 3; ++c) {
-      double* const sums = s.group_given[3 * size_t(s.groups[sample]) + c];
+      double* const sums = s.group_total[3 * size_t(s.groups[sample]) + c];
       for (size_t k = first; k < end; k += kLanes)
         store(sums + k, load(sums + k) + load(given + c * kShareBlock + (k - first)));
     }
@@ -302,7 +302,7 @@ size_t share(const ShareStage& s) {
     add_clusters(s, bounds, first, end, reached);
     if (s.groups) add_to_groups(s, reached, first, end);
     for (size_t k = first; k < end; k += kLanes)
-      found += choose_samples(s, k, reached.count, s.given + (k - first), s.chosen + found);
+      found += choose_samples(s, k, reached.count, s.contributions + (k - first), s.chosen + found);
   }
   return found;
 }
