@@ -77,6 +77,10 @@ class Batch {
   void mark_thrown(uint32_t slot, Vec3d given) const {
     if (thrown) thrown[slot] = std::max(thrown[slot], max_abs(given));
   }
+  bool is_on_strand(size_t k) const {
+    const auto& all = scene_.instances;
+    return all.has_strands && all.geometry(all.group(instance[k])).kind == GLINT_STRANDS;
+  }
   /// Whether light is told apart by groups of lights.
   bool has_groups() const { return !groups_.empty(); }
   size_t group_count() const { return given_.size(); }
@@ -133,7 +137,7 @@ class Batch {
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};
   double *unbent[3] = {}, *bump = nullptr, *grazing = nullptr, *lowering = nullptr;  // as
-                                                                                     // LightStage
+                                                                                     // LitPoints
   SumColumns sums{};  // parts that are not kept are null
   /// What lights give to the points of camera rays after shadows; null where nobody asks.
   double *lit_diffuse[3] = {}, *lit_specular[3] = {}, *lit_volume[3] = {};

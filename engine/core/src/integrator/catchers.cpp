@@ -53,7 +53,7 @@ void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
     batch_.lit[point.row] = lit_[point.row];
     lit_[point.row] = 0;  // nothing is reflected there
   }
-  direct_.illuminate_catchers(batch_, sample, counts_);
+  direct_.illuminate_catchers(batch_, sample);
   for (const auto caught : {Queue::Past::kWithAll, Queue::Past::kAlone}) {
     Queue::Past past = queue.past.scattered();
     past.caught = caught;

@@ -5,7 +5,8 @@ namespace glint {
 
 /// Adds it to the batch: light of others that is smooth as it is, and not averaged.
 void Tracer::add_caustics(const Queue& queue, bool to_parts) {
-  if (!plan_.photon_map || !direct_.bounces(queue) || queue.past.caught != Queue::Past::kSeen)
+  if (!plan_.photon_map || !direct_.onward.bounces(queue) ||
+      queue.past.caught != Queue::Past::kSeen)
     return;
   const bool seen = queue.visibility == kCamera;
   double* const thrown = seen && to_parts ? paths_.sums(film_, kPhotonLight) : nullptr;

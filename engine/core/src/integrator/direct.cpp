@@ -5,15 +5,9 @@
 #include "integrator/first_hit_cache.h"
 #include "integrator/photon_emission.h"
 #include "math/math.h"
-#include "scene/surface.h"
-#include "system/timer.h"
 
 namespace glint {
 namespace {
-
-constexpr size_t kColumns =
-    1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 + 3 +
-    2;  // zeros, o, to, t_max, starts, ends, diffuse, specular, shadow, sky, density and distance
 
 /// Paths that bring less than this of what a bounced ray meets ask for few samples of lights.
 constexpr double kFaint = 1.0 / 16;
@@ -26,94 +20,29 @@ double mean_lowered(double lowering) {
 
 }  // namespace
 
-DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
-                         const std::atomic<bool>& cancel, Scratch& scratch)
-    : scene_(scene),
-      plan_(plan),
-      stages_(stages),
-      cancel_(cancel),
-      scratch_(scratch),
-      glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
-      columns_(kColumns),
-      program_(scene, stages),
-      transparent_shadows_(scene, stages, cancel, scratch),
-      media_(scene, scratch),
-      scattered_(6) {
-  find_sharing();
+void EmitterHits::reserve(size_t rows) {
+  distance.reserve(rows);
+  group.resize(rows);
+  for (auto* column : {&emitter, &placement}) column->resize(rows);
+  for (auto* column : {&u, &v}) column->resize(rows);
 }
 
-void DirectLight::prepare(const Batch& batch) {
-  columns_.reserve(batch.size());
-  point_.resize(columns_.rows());
-  blocked_.resize(columns_.rows());
-  size_t next = 0;
-  auto three = [&](double*(&to)[3], bool wanted) {
-    for (double*& column : to) column = wanted ? columns_[next++] : nullptr;
-  };
-  zeros_ = columns_[next++];
-  stage_.t_max = columns_[next++];
-  for (size_t c = 0; c < 2; ++c) {
-    disc_[c].resize(columns_.rows());
-    stage_.disc[c] = disc_[c].data();
-  }
-  stage_.point = point_.data();
-  three(stage_.o, true);
-  three(stage_.to, true);
-  three(stage_.diffuse_out, true);
-  three(stage_.specular_out, batch.sums.diffuse[0]);
-  three(ends_, true);
-  three(shadow_, glassy_);
-  three(stage_.start_out, glassy_ && batch.points.origin[0] != batch.points.x[0]);
-  three(sky_, scene_.features & GLINT_FEATURE_WORLD_LIGHT);
-  if (scene_.features & GLINT_FEATURE_MESH_LIGHT) {
-    stage_.density_out = columns_[next++];
-    distance_ = columns_[next++];
-    for (auto* column : {&emitter_, &placement_}) column->resize(columns_.rows());
-    met_group_.resize(columns_.rows());
-    for (auto* column : {&u_, &v_}) column->resize(columns_.rows());
-  }
-  const PointColumns& p = batch.points;
-  for (int c = 0; c < 3; ++c) {
-    stage_.points_x[c] = p.x[c];
-    stage_.g[c] = p.g[c];
-    stage_.n[c] = p.n[c];
-    stage_.origin[c] = p.origin[c];
-    stage_.d[c] = batch.queue->rays().d[c];
-    stage_.diffuse[c] = batch.diffuse[c];
-    stage_.unbent[c] = batch.unbent[c];
-  }
-  stage_.bump = batch.bump;
-  stage_.grazing = batch.grazing;
-  stage_.lowering = batch.lowering;
-  stage_.count = batch.size();
-  stage_.offset = p.offset;
-  stage_.lit = batch.lit.data();
-  stage_.specular = batch.specular;
-  stage_.stride = batch.stride;
-  stage_.lobes = &scene_.materials.rows_of_lobes;
-  stage_.highlights = batch.highlights();
-  stage_.most_exponent = scene_.materials.most_exponent;
-  stage_.shown = plan_.reflections == GLINT_REFLECT_ALL;
-  stage_.shows_nothing = batch.queue->gathers();
-  stage_.other_lobes = scene_.materials.spans.data();
-  stage_.other_count = scene_.materials.other_count();
-  stage_.has_fibre = scene_.materials.has_fibre;
-  stage_.turns_lobes = scene_.materials.turns_lobes;
-  stage_.stretches_lobes = scene_.materials.stretches_lobes;
-  stage_.edges_lobes = scene_.materials.edges_lobes;
-  stage_.evenly = scene_.instances.mirrors_differ;
-}
+DirectLight::DirectLight(const LightContext& context)
+    : LightContext(context),
+      lit(context),
+      onward(lit),
+      scattered(lit),
+      lamps_(SharedLight::kLamps, lit),
+      glow_(SharedLight::kMedia, lit) {}
 
-void DirectLight::illuminate(Batch& batch, uint32_t sample, bool alone, RayCounts& counts) {
-  sample_ = sample;
-  alone_ = alone;
-  prepare(batch);
-  if (!find_few(batch)) return add_lights(batch, sample, counts);
+void DirectLight::illuminate(Batch& batch, uint32_t sample, bool alone) {
+  lit.begin(batch, sample, alone);
+  if (!find_few(batch)) return add_lights(batch, sample);
   whole_.assign(batch.lit.begin(), batch.lit.end());
   for (const bool few : {false, true}) {
     for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = few_[k] == few ? whole_[k] : 0;
     takes_few_ = few;
-    add_lights(batch, sample, counts);
+    add_lights(batch, sample);
   }
   takes_few_ = false;
   std::copy(whole_.begin(), whole_.end(), batch.lit.begin());
@@ -124,13 +53,13 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, bool alone, RayCount
 bool DirectLight::find_few(const Batch& batch) {
   const Queue& queue = *batch.queue;
   const bool bounced = queue.visibility != kCamera && !queue.gathers(),
-             strands = scene_.instances.has_strands && !queue.gathers();
+             strands = scene.instances.has_strands && !queue.gathers();
   if (!bounced && !strands && !queue.exits) return false;
   few_.resize(batch.size());
   bool found = false;
   for (size_t k = 0; k < batch.size(); ++k) {
     few_[k] = queue.exits || (bounced && max_abs(queue.weight(k)) < kFaint) ||
-              (strands && batch.lit[k] && is_on_strand(batch, k));
+              (strands && batch.lit[k] && batch.is_on_strand(k));
     found |= few_[k] && batch.lit[k];
   }
   return found;
@@ -138,358 +67,184 @@ bool DirectLight::find_few(const Batch& batch) {
 
 /// Where photons bring lamps' light that mirrors throw, lamps do not light these at what rays of
 /// bounced light meet.
-void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts) {
-  if (!plan_.photon_map || !batch.queue->gathers())
-    return add_lights(batch, sample, counts, [](const Light&) { return true; });
-  add_lights(batch, sample, counts, [](const Light& light) { return !throws_photons(light); });
-  stage_.highlights = scene_.materials.highlights(false);
-  add_lights(batch, sample, counts, throws_photons);
-  stage_.highlights = batch.highlights();
+void DirectLight::add_lights(Batch& batch, uint32_t sample) {
+  if (!plan.photon_map || !batch.queue->gathers())
+    return add_lights(batch, sample, [](const Light&) { return true; });
+  add_lights(batch, sample, [](const Light& light) { return !throws_photons(light); });
+  lit.points.lobes.highlights = scene.materials.highlights(false);
+  add_lights(batch, sample, throws_photons);
+  lit.points.lobes.highlights = batch.highlights();
 }
 
 /// Of those that `takes` says. So lights that share shadow rays share them among themselves.
 template <class Takes>
-void DirectLight::add_lights(Batch& batch, uint32_t sample, RayCounts& counts, Takes takes) {
-  stage_.lit = batch.lit.data();
+void DirectLight::add_lights(Batch& batch, uint32_t sample, Takes takes) {
   size_t number = 0;
   bool shared_lamps = false, shared_glow = false;
-  for (const Light& light : scene_.lights) {
+  for (const Light& light : scene.lights) {
     if (!takes(light)) continue;
-    const bool one = batch.queue->gathers();  // each is of many
-    const uint32_t parts = one ? plan_.samples_of(light)
-                               : plan_.parts_of(light, batch.queue->sees_blurred(), takes_few_),
-                   count = plan_.samples_of(light) / parts;
-    if (alone_ && (light.is_mesh() || light.is_medium())) continue;  // catchers do not glow
-    const bool asks_few = light.is_medium(),
-               shares = asks_few || (lamps_.on && lamps_.takes_part[light.number]),
+    if (lit.is_alone() && light.is_tabled()) continue;  // catchers do not glow
+    const uint32_t count = plan.samples_of(light) / parts_of(batch, light);
+    const bool of_lamps = lamps_.takes_part(light), of_glow = glow_.takes_part(light),
+               shares = of_lamps || of_glow,
                notes = batch.soft_light && count > 1 && sample < Refinement::kFirst;
-    if (!shares || notes) find_lit(batch, light);
-    if (notes) find_cut(batch, light);
-    if (shares) {
-      (asks_few ? shared_glow : shared_lamps) = true;
-      if (!asks_few) number += count;
-      continue;
-    }
-    if (light.is_dome()) balance_.assign(batch.size(), 0);
-    for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
-    stage_.evenly =
-        scene_.instances.mirrors_differ || (light.is_dome() && scene_.instances.diffuse_differs);
-    for (int c = 0; c < 3; ++c) stage_.diffuse[c] = light.lights_matt() ? batch.diffuse[c] : zeros_;
-    const uint32_t openings = plan_.opening_samples_of(light) / parts,
-                   first = sample % parts * count,
-                   first_opening = plan_.samples_of(light) + sample % parts * openings;
-    for (uint32_t j = 0; j < count + openings && !cancel_; ++j, ++number) {
-      const uint32_t own = j < count ? first + j : first_opening + (j - count);
-      LightPoint point = plan_.set_sample(stage_, light, sample, own);
-      if (parts > 1) stage_.share = count;
-      if (parts > 1 && light.is_mesh()) point.draws = j == 0;
-      stage_.draws &= !one;  // all lobes are wide there
-      group_ = point.group;
-      stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
-      // What is known of shadows is not told when instances change their sets.
-      uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_ && !takes_few_
-                                 ? batch.first_hits->shadows(number)
-                                 : nullptr;
-      const size_t reached = stages_.light(stage_);
-      met_by_ = point.met_by;
-      add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
-      if (light.is_dome() && j < count) note_hidden(reached, parts);
-      if (stage_.draws && point.draws) {
-        const size_t drawn = stages_.gloss(stage_);
-        met_ = light.is_mesh();
-        met_by_ = kMirror;
-        add_lit(batch, light, met_ ? meet_emitters(light, drawn, false) : drawn, nullptr, counts);
-        met_ = false;
-      }
-      if (stage_.draws_matt && point.draws) {
-        met_by_ = kDiffuse;
-        met_ = true;
-        add_lit(batch, light, meet_emitters(light, draw_matt(batch.size()), true), nullptr, counts);
-        met_ = false;
-      }
-      met_by_ = kShadow;
-    }
-    // where pixels are averaged their few directions would say too seldom what is hidden
-    if (light.is_dome() && light.lights_matt() && plan_.interleaving == 1 && !one)
-      add_rest(batch, light, sample, parts);
+    const int64_t* const mask = !shares || notes ? lit.receivers(batch, light, linked_) : nullptr;
+    if (notes) find_cut(batch, light, mask);
+    if (!shares) add_light(batch, light, mask, sample, number);
+    shared_lamps |= of_lamps;
+    shared_glow |= of_glow;
+    if (!of_glow) number += count;
+    if (!shares) number += plan.opening_samples_of(light) / parts_of(batch, light);
   }
-  stage_.evenly = scene_.instances.mirrors_differ;
-  for (int c = 0; c < 3; ++c) stage_.diffuse[c] = batch.diffuse[c];
-  if (lamps_.on && shared_lamps && !cancel_) share(lamps_, batch, sample, counts);
-  if (glow_.on && shared_glow && !cancel_) share(glow_, batch, sample, counts);
-  stage_.lit = batch.lit.data();  // for reflections
+  if (shared_lamps && !cancel) lamps_.add(batch, sample, takes_few_);
+  if (shared_glow && !cancel) glow_.add(batch, sample, takes_few_);
 }
 
-/// Which points the light may reach.
-void DirectLight::find_lit(const Batch& batch, const Light& light) {
-  stage_.lit = batch.lit.data();
-  if (light.lights_all()) return;
-  linked_.assign(batch.lit.begin(), batch.lit.end());
-  for (size_t k = 0; k < batch.size(); ++k)
-    if (linked_[k] && !light.lights(scene_.instances.group(batch.instance[k]).light_set))
-      linked_[k] = 0;
-  stage_.lit = linked_.data();
+/// In how many parts a light's samples are taken; what rays of bounced light meet takes one, of
+/// many.
+uint32_t DirectLight::parts_of(const Batch& batch, const Light& light) const {
+  return batch.queue->gathers() ? plan.samples_of(light)
+                                : plan.parts_of(light, batch.queue->sees_blurred(), takes_few_);
 }
 
-/// Counts for the `count` points of the stage whether something hides the sample from them, or
-/// dims it for them. Where shadows have colours, `blocked_` may be that of an earlier sample.
+/// mask: of the points that it may reach.  number: of its first sample, of all lights'.
+void DirectLight::add_light(const Batch& batch, const Light& light, const int64_t* mask,
+                            uint32_t sample, size_t number) {
+  const bool one = batch.queue->gathers();
+  const uint32_t parts = parts_of(batch, light), count = plan.samples_of(light) / parts,
+                 openings = plan.opening_samples_of(light) / parts, first = sample % parts * count,
+                 first_opening = plan.samples_of(light) + sample % parts * openings;
+  if (light.is_dome()) balance_.assign(batch.size(), 0);
+  lit.ask_ends(light.program);
+  LampSample lamp{{}, lit.policy_of(light), mask, false};
+  lamp.policy.power_heuristic |= light.is_dome() && scene.instances.diffuse_differs;
+  lamp.policy.draws &= !one;                             // all lobes are wide there
+  lamp.policy.casts_shadow |= light.program != nullptr;  // so that the ends are known
+  for (uint32_t j = 0; j < count + openings && !cancel; ++j, ++number) {
+    const uint32_t own = j < count ? first + j : first_opening + (j - count);
+    const LightPoint point = plan.set_sample(lamp, light, sample, own);
+    if (parts > 1) lamp.light.count = count;
+    lit.group = point.group;
+    lit.visibility = point.met_by;
+    // What is known of shadows is not told when instances change their sets.
+    uint8_t* const known =
+        batch.first_hits && light.passed_sets == 0 && !lit.is_alone() && !takes_few_
+            ? batch.first_hits->shadows(number)
+            : nullptr;
+    const size_t reached = stages.light(lit.points, lamp, lit.rays);
+    lit.add(batch, light, lamp.light, reached, known ? known + batch.first_row : nullptr);
+    if (light.is_dome() && j < count) note_hidden(reached, parts);
+    if (parts > 1 && light.is_mesh() ? j == 0 : point.draws) add_drawn(batch, light, lamp);
+    lit.visibility = kShadow;
+  }
+  // where pixels are averaged their few directions would say too seldom what is hidden
+  if (light.is_dome() && light.lights_matt() && plan.interleaving == 1 && !one)
+    add_rest(batch, light, mask, sample, parts);
+}
+
+/// In directions that lobes draw.
+void DirectLight::add_drawn(const Batch& batch, const Light& light, const LampSample& lamp) {
+  if (light.is_mesh()) emitters_.reserve(lit.rows());
+  if (light.is_mesh()) lit.groups = emitters_.group.data();
+  if (lamp.policy.draws && lamp.light.draws.on) {
+    size_t drawn = stages.gloss(lit.points, lamp, lit.rays);
+    lit.visibility = kMirror;
+    if (light.is_mesh()) drawn = find_emitters(light, lamp, drawn, false);
+    lit.add(batch, light, lamp.light, drawn, nullptr);
+  }
+  if (lamp.policy.draws_diffuse) {
+    const size_t drawn = onward.draw_diffuse(batch, lamp);
+    lit.visibility = kDiffuse;
+    lit.add(batch, light, lamp.light, find_emitters(light, lamp, drawn, true), nullptr);
+  }
+  lit.groups = nullptr;
+}
+
+/// Counts for the `count` points that a sample reaches whether something hides it from them, or
+/// dims it for them.
 void DirectLight::note_hidden(size_t count, uint32_t parts) {
   const int32_t hidden = parts > 1 ? 1 << 16 : 1;  // of few directions one tells enough
-  for (size_t k = 0; k < count; ++k) {
-    bool dimmed = !shadow_[0] && blocked_[k];
-    for (size_t c = 0; shadow_[0] && c < 3; ++c)
-      dimmed |= (stage_.diffuse_out[c][k] != 0 ||
-                 (stage_.specular_out[0] && stage_.specular_out[c][k] != 0)) &&
-                shadow_[c][k] != 1;
-    balance_[point_[k]] += dimmed ? -hidden : 1;
-  }
+  for (size_t k = 0; k < count; ++k) balance_[lit.rays.point[k]] += lit.is_dimmed(k) ? -hidden : 1;
 }
 
 /// What the directions of a sample leave out of a dome, where at least half of them are open (all,
 /// where they are taken in parts): so what stands free has no steps, and its pixels may stop soon.
-void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t sample,
-                           uint32_t parts) {
-  DomeStage stage{};
-  for (int c = 0; c < 3; ++c) {
-    stage.n[c] = stage_.n[c];
-    stage.diffuse[c] = batch.diffuse[c];
-    stage.rest[c] = sky_[c];
-  }
-  stage.count = batch.size();
-  stage.lit = stage_.lit;
-  stage.dome = &plan_.dome;
-  const uint32_t directions = plan_.dome_directions.each / parts, part = sample % parts;
-  stage.drawn = plan_.light_point(light, sample, part * directions).drawn;
-  stage.directions = directions;
-  std::vector<OpeningPoint> points(plan_.opening_samples_of(light) / parts);
+void DirectLight::add_rest(const Batch& batch, const Light& light, const int64_t* mask,
+                           uint32_t sample, uint32_t parts) {
+  sky_.reserve(batch.size());
+  double* const sky[3] = {sky_[0], sky_[1], sky_[2]};
+  const uint32_t directions = plan.dome_directions.each / parts, part = sample % parts;
+  std::vector<OpeningPoint> points(plan.opening_samples_of(light) / parts);
   for (size_t j = 0; j < points.size(); ++j)
-    points[j] = plan_.opening_point(sample, uint32_t(part * points.size() + j));
-  for (int c = 0; c < 3; ++c) stage.x[c] = stage_.points_x[c];
-  stage.openings = &plan_.open;
-  stage.opening_points = points.data();
-  stage.opening_point_count = points.size();
-  stages_.dome(stage);
+    points[j] = plan.opening_point(sample, uint32_t(part * points.size() + j));
+  stages.dome({&lit.points,
+               mask,
+               plan.light_point(light, sample, part * directions).drawn,
+               directions,
+               &plan.open,
+               points.data(),
+               points.size(),
+               &plan.dome,
+               {sky[0], sky[1], sky[2]}});
   for (size_t k = 0; k < batch.size(); ++k) {
-    if (!stage_.lit[k] || balance_[k] < 0) continue;
-    if (batch.lowering) set_row(sky_, k, mean_lowered(batch.lowering[k]) * row(sky_, k));
-    if (batch.has_groups()) batch.add_to_group(light.group, k, row(sky_, k));
-    for (size_t c = 0; c < 3; ++c) {
-      batch.sums.total[c][k] += sky_[c][k];
-      if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
-      if (batch.splits()) batch.lit_diffuse[c][k] += sky_[c][k];
-    }
+    if (!mask[k] || balance_[k] < 0) continue;
+    Vec3d rest = row(sky, k);
+    if (batch.lowering) rest = mean_lowered(batch.lowering[k]) * rest;
+    batch.add_to_group(light.group, k, rest);
+    Batch::add_to(batch.sums.total, k, rest);
+    Batch::add_to(batch.sums.diffuse, k, rest);
+    if (batch.splits()) Batch::add_to(batch.lit_diffuse, k, rest);
   }
 }
 
-/// Adds the `count` points of the stage.
-void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
-                          RayCounts& counts) {
-  if (count == 0) return;
-  if (light.program) apply_program(light, count);
-  const bool soft = batch.soft_light && stage_.share > 1 && !light.is_dome();
-  for (size_t k = 0; soft && k < count; ++k) batch.mark_soft_light(point_[k], Refinement::kReached);
-  const bool casts = light.casts_shadow();
-  for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
-  if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(stage_, opacity(light), zeros_, count, shadow_, counts, met_by_);
-  } else {
-    if (casts) find_shadows(light, count, known, counts);
-    else std::fill_n(blocked_.begin(), count, uint8_t(0));
-    if (glassy_)
-      transparent_shadows_.follow(stage_, blocked_.data(), count, shadow_, counts, met_by_);
-  }
-  if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
-  add(batch, count);
-}
-
-/// Where the shadow ray along l of a point of the batch leaves the surface, as the stage has it.
-Vec3d DirectLight::start_towards(uint32_t point, const Vec3d& l) const {
-  const Vec3d origin = row(stage_.origin, point), x = row(stage_.points_x, point);
-  const double grazing = stage_.grazing ? stage_.grazing[point] : kGrazing,
-               over_n = grazing * dot(row(stage_.n, point), l),
-               over_g = grazing * dot(row(stage_.g, point), l),
-               share = over_n < 1 ? 2 - (over_g + over_n) : 1 - over_g;
-  return grazing > 0 ? x + std::clamp(share, 0.0, 1.0) * (origin - x) : x;
-}
-
-/// Where the shadow ray of a point of the batch starts that leaves the surface at `origin` and ends
-/// at `end`, as the stage has it.
-Vec3d DirectLight::shadow_start(uint32_t point, const Vec3d& origin, const Vec3d& end) const {
-  const Vec3d g = row(stage_.g, point);
-  const double offset = stage_.offset[point];
-  double beside = offset;
-  if (dot(g, end - origin) < 0)
-    beside = dot(origin - row(stage_.points_x, point), g) > 0x1p-25 * offset ? 0 : -offset;
-  return origin + beside * g - (beside < 0 ? 0 : offset) * row(stage_.d, point);
-}
-
-/// What the `count` drawn directions of the stage meet of a mesh light: samples of it, as the stage
-/// has them of other lights. How many do.
-size_t DirectLight::meet_emitters(const Light& light, size_t count, bool matt) {
-  const Rays rays = shadow_rays(count);
-  scene_.trees.emitters(light).closest(
-      rays, {distance_, placement_.data(), emitter_.data(), u_.data(), v_.data()}, scratch_);
+/// What `count` drawn directions hit of a mesh light: samples of it, as the stage has them of other
+/// lights. How many do.
+size_t DirectLight::find_emitters(const Light& light, const LampSample& lamp, size_t count,
+                                  bool matt) {
+  const double samples = lamp.light.count;
+  const ShadowRays& rays = lit.rays;
+  EmitterHits& hits = emitters_;
+  double* const distance = hits.distance[0];
+  scene.trees.emitters(light).closest(
+      lit.shadow_rays(count),
+      {distance, hits.placement.data(), hits.emitter.data(), hits.u.data(), hits.v.data()},
+      scratch);
   size_t kept = 0;
   for (size_t k = 0; k < count; ++k) {
-    if (placement_[k] == Hit::kNone) continue;
-    const GlintEmitter& emitter = scene_.lights.emitters[light.first_emitter + emitter_[k]];
-    const Vec3d from = row(stage_.o, k), l = row(stage_.to, k), q = from + distance_[k] * l;
-    const Vec3d origin = start_towards(point_[k], l);
-    const LightMeeting met = light.meeting(emitter, row(stage_.points_x, point_[k]), origin, q, l,
-                                           uint32_t(stage_.share));
-    const double times = stage_.density_out[k] * (matt ? met.whole / stage_.share : met.spread),
-                 factor = matt            ? met.whole / (kPi * stage_.share) / (times + 1 / times)
-                          : stage_.evenly ? stage_.share * met.factor / (times + 1 / times)
-                                          : met.factor / (1 + times / stage_.share);
-    const Vec3d given = factor * met.color * row(stage_.diffuse_out, k);
-    if (!any(given) || (!met.front && dot(row(stage_.g, point_[k]), l) <= 0)) continue;
-    const Vec3d start = shadow_start(point_[k], origin, met.end), to = met.end - start;
-    point_[kept] = point_[k];
-    met_group_[kept] = emitter.light_group - 1;
-    set_row(stage_.o, kept, start);
-    set_row(stage_.to, kept, unit(to));
-    stage_.t_max[kept] = length(to) - rounding(std::max(max_abs(met.end), max_abs(start)));
-    if (stage_.start_out[0]) set_row(stage_.start_out, kept, origin);
-    if (stage_.end_out[0]) set_row(stage_.end_out, kept, met.end);
-    const bool apart = stage_.specular_out[0] && !matt;
-    set_row(stage_.diffuse_out, kept, apart ? Vec3d{} : given);
-    if (stage_.specular_out[0]) set_row(stage_.specular_out, kept, apart ? given : Vec3d{});
+    if (hits.placement[k] == Hit::kNone) continue;
+    const GlintEmitter& emitter = scene.lights.emitters[light.first_emitter + hits.emitter[k]];
+    const Vec3d from = row(rays.o, k), l = row(rays.to, k), q = from + distance[k] * l;
+    const Vec3d origin = lit.start_towards(rays.point[k], l);
+    const EmitterHit hit = light.emitter_hit(emitter, row(lit.points.x, rays.point[k]), origin, q,
+                                             l, uint32_t(samples));
+    const double times = rays.pdf[k] * (matt ? hit.whole / samples : hit.inverse_pdf),
+                 factor = matt ? hit.whole / (kPi * samples) / (times + 1 / times)
+                          : lamp.policy.power_heuristic ? samples * hit.factor / (times + 1 / times)
+                                                        : hit.factor / (1 + times / samples);
+    const Vec3d given = factor * hit.color * row(rays.diffuse, k);
+    if (!any(given) || (!hit.front && dot(row(lit.points.g, rays.point[k]), l) <= 0)) continue;
+    const Vec3d start = lit.shadow_start(rays.point[k], origin, hit.end), to = hit.end - start;
+    rays.point[kept] = rays.point[k];
+    hits.group[kept] = emitter.light_group - 1;
+    set_row(rays.o, kept, start);
+    set_row(rays.to, kept, unit(to));
+    rays.t_max[kept] = length(to) - rounding(std::max(max_abs(hit.end), max_abs(start)));
+    if (rays.start[0]) set_row(rays.start, kept, origin);
+    if (rays.end[0]) set_row(rays.end, kept, hit.end);
+    const bool apart = rays.specular[0] && !matt;
+    set_row(rays.diffuse, kept, apart ? Vec3d{} : given);
+    if (rays.specular[0]) set_row(rays.specular, kept, apart ? given : Vec3d{});
     ++kept;
   }
-  std::fill_n(stage_.t_max + kept, count - kept, kInfinity);
+  std::fill_n(rays.t_max + kept, count - kept, kInfinity);
   return kept;
 }
 
-/// Directions that what is matt draws at the stage's points, as densely as the cosine: how many.
-size_t DirectLight::draw_matt(size_t count) {
-  const double r = std::sqrt(stage_.radius2);
-  for (size_t c = 0; c < 2; ++c) std::fill_n(disc_[c].begin(), count, r * stage_.azimuth[c]);
-  stage_.gathers_gloss = false;
-  stage_.chooses = nullptr;
-  const size_t drawn = stages_.gather(stage_);
-  std::fill_n(stage_.t_max, drawn, kInfinity);
-  for (size_t k = 0; k < drawn; ++k) {
-    const double cosine = dot(row(stage_.n, point_[k]), row(stage_.to, k));
-    stage_.density_out[k] = cosine / kPi;
-    set_row(stage_.diffuse_out, k, cosine * row(stage_.diffuse_out, k));
-  }
-  return drawn;
-}
-
-/// Multiplies what a sample gives to `count` points by what the light's program says of it there.
-void DirectLight::apply_program(const Light& light, size_t count) {
-  for (size_t first = 0; first < count; first += kBlock) {
-    const size_t here = std::min(kBlock, count - first);
-    for (size_t i = 0; i < (here + kPad - 1) / kPad * kPad; ++i) {
-      const size_t k = first + std::min(i, here - 1);
-      const Vec3d from = row(stage_.points_x, point_[k]), end = row(stage_.end_out, k);
-      program_.put(light, i, from, light.endless() ? row(stage_.to, k) : unit(end - from), end);
-    }
-    program_.run(light, RayKind::kShadow, here);
-    for (size_t i = 0; i < here; ++i) {
-      const Vec3d share = program_.share(light, i);
-      set_row(stage_.diffuse_out, first + i, share * row(stage_.diffuse_out, first + i));
-      if (stage_.specular_out[0])
-        set_row(stage_.specular_out, first + i, share * row(stage_.specular_out, first + i));
-    }
-  }
-}
-
-/// What media on the way take of the light of the stage's `count` points.
-void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
-  const Rays rays = shadow_rays(count);
-  media_.find(rays, counts);
-  if (media_.empty()) return;
-  ends_of_shadows_.resize(count);
-  for (size_t k = 0; k < count; ++k)  // what is dark already is not asked
-    ends_of_shadows_[k] = any(row(shadow_, k)) ? stage_.t_max[k] : 0;
-  media_.march(rays, ends_of_shadows_.data(), sample_, RayKind::kShadow, counts,
-               light.passed_sets != 0 || alone_);
-  for (size_t k = 0; k < count; ++k)
-    set_row(shadow_, k,
-            media_.passed(k, 0, stage_.t_max[k], light.passed_sets, alone_) * row(shadow_, k));
-}
-
 /// Notes the points whose horizon cuts the light.
-void DirectLight::find_cut(const Batch& batch, const Light& light) const {
+void DirectLight::find_cut(const Batch& batch, const Light& light, const int64_t* mask) const {
   for (size_t k = 0; k < batch.size(); ++k)
-    if (stage_.lit[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k)))
+    if (mask[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k)))
       batch.mark_soft_light(k, Refinement::kCut);
-}
-
-/// False where a point's shadow is not known.
-bool DirectLight::read_shadow_cache(const uint8_t* known, size_t count) {
-  bool all = true;
-  for (size_t k = 0; k < count; ++k) {
-    const uint8_t shadow = known[point_[k]];
-    all &= shadow != 0;
-    blocked_[k] = shadow == 2;
-  }
-  return all;
-}
-
-/// known: of the points, as FirstHitCache::shadows has it, or null.
-void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
-                               RayCounts& counts) {
-  if (known && read_shadow_cache(known, count)) return;
-  const Timer timer(counts.tracing);
-  Rays rays = shadow_rays(count);
-  rays.visibility = met_by_;
-  // Else it is asked for after what is solid is known.
-  if (light.passed_sets || alone_) rays.opacity = opacity(light);
-  scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);
-  counts.shadow += count;
-  for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
-}
-
-void DirectLight::add(const Batch& batch, size_t count) const {
-  const SumColumns& sums = batch.sums;
-  if (batch.has_groups()) add_to_groups(batch, count);
-  if (!glassy_ && !sums.diffuse[0]) {
-    LightSum sum{count, point_.data(), blocked_.data(), {}, {}};
-    for (int c = 0; c < 3; ++c) {
-      sum.given[c] = stage_.diffuse_out[c];
-      sum.total[c] = sums.total[c];
-    }
-    return stages_.sum(sum);
-  }
-  LightParts parts{count, point_.data(), blocked_.data(), {}, {}, {}, sums};
-  for (int c = 0; c < 3; ++c) {
-    parts.shadow[c] = shadow_[c];
-    parts.diffuse[c] = stage_.diffuse_out[c];
-    parts.specular[c] = stage_.specular_out[c];
-  }
-  stages_.sum_parts(parts);
-  if (batch.splits()) split(batch, count);
-}
-
-/// The same after shadows, to the light's group.
-void DirectLight::add_to_groups(const Batch& batch, size_t count) const {
-  if (!met_ && size_t(group_) >= batch.group_count()) return;
-  if (!met_ && !shadow_[0] && !stage_.specular_out[0]) {
-    double* const* const to = batch.opened_group(size_t(group_));
-    LightSum sum{count, point_.data(), blocked_.data(), {}, {to[0], to[1], to[2]}};
-    std::copy_n(stage_.diffuse_out, 3, sum.given);
-    return stages_.sum(sum);
-  }
-  for (size_t k = 0; k < count; ++k) {
-    const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
-    Vec3d given = row(stage_.diffuse_out, k);
-    if (stage_.specular_out[0]) given += row(stage_.specular_out, k);
-    batch.add_to_group(met_ ? met_group_[k] : group_, point_[k], S * given);
-  }
-}
-
-/// The same after shadows, by the kind of surface.
-void DirectLight::split(const Batch& batch, size_t count) const {
-  double* const* const diffuse = scattering_ ? batch.lit_volume : batch.lit_diffuse;
-  for (size_t k = 0; k < count; ++k) {
-    const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
-    for (size_t c = 0; c < 3; ++c) {
-      diffuse[c][point_[k]] += S[int(c)] * stage_.diffuse_out[c][k];
-      batch.lit_specular[c][point_[k]] += S[int(c)] * stage_.specular_out[c][k];
-    }
-  }
 }
 
 }  // namespace glint

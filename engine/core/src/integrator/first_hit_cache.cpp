@@ -31,12 +31,9 @@ bool FirstHitCache::is_of(const GlintCamera& camera, const RenderPlan& plan) con
          plan.pixel_offsets[0] == offset_[0] && plan.pixel_offsets[1] == offset_[1];
 }
 
-FirstHitCache::Rays FirstHitCache::rays_of(const LightStage& s) {
-  return {double(s.shape), s.l[0],      s.l[1],      s.l[2],      s.end[0],   s.end[1],
-          s.end[2],        s.center[0], s.center[1], s.center[2], s.axis[0],  s.axis[1],
-          s.axis[2],       s.radius,    s.x,         s.y,         s.right[0], s.right[1],
-          s.right[2],      s.up[0],     s.up[1],     s.up[2],     s.size,     s.half[0],
-          s.half[1],       s.a,         s.b};
+bool FirstHitCache::Column::is_of(const LightSample& sample) const {
+  const SamplePlace& other = sample;
+  return shape == sample.shape && std::memcmp(&place, &other, sizeof place) == 0;
 }
 
 void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
@@ -46,13 +43,11 @@ void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
     if (light.is_medium()) continue;
     const uint32_t count = plan.samples_of(light) + plan.opening_samples_of(light);
     for (uint32_t j = 0; j < count && number < kMaxColumns; ++j, ++number) {
-      LightStage stage{};
-      plan.set_sample(stage, light, 0, j);
-      const Rays rays = rays_of(stage);
-      if (number < columns_.size() && columns_[number].rays == rays) continue;
+      LampSample lamp{};
+      plan.set_sample(lamp, light, 0, j);
+      if (number < columns_.size() && columns_[number].is_of(lamp.light)) continue;
       if (number == columns_.size()) columns_.emplace_back();
-      columns_[number].rays = rays;
-      columns_[number].shadows = ZeroedBuffer<uint8_t>(rows_);
+      columns_[number] = {lamp.light.shape, lamp.light, ZeroedBuffer<uint8_t>(rows_)};
     }
   }
 }

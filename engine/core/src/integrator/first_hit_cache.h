@@ -1,7 +1,6 @@
 // What a first wave found out and a later one of another light, material or world need not trace
 // again: where its rays hit, and which points see which sample of a light.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <mutex>
 #include <vector>
@@ -43,13 +42,13 @@ class FirstHitCache {
   std::mutex mutex;
 
  private:
-  /// Everything of a LightStage on which its shadow rays depend.
-  using Rays = std::array<double, 27>;
+  /// Of a sample of a light, and what its shadow rays depend on.
   struct Column {
-    Rays rays{};
+    LightShape shape;
+    SamplePlace place;
     ZeroedBuffer<uint8_t> shadows;
+    bool is_of(const LightSample& sample) const;
   };
-  static Rays rays_of(const LightStage& stage);
 
   GlintCamera camera_;
   Region region_;

@@ -123,4 +123,22 @@ void Tracer::keep_groups(const Queue& queue) {
     }
 }
 
+/// Rays that bounced show what lights throw on surfaces, and nothing that these give of themselves.
+void Tracer::clear_own_light(const Queue& queue) {
+  for (double* const* sums :
+       {batch_.sums.total, batch_.sums.ambient, batch_.sums.emission, batch_.sums.environment})
+    for (size_t c = 0; sums[0] && c < 3; ++c) std::fill_n(sums[c], queue.size(), 0.0);
+}
+
+/// The batch's light to the parts of the picture: that of surfaces that camera rays meet.
+void Tracer::keep_gathered(const Queue& queue) {
+  for (const bool seen : {true, false}) {
+    double* const sums = paths_.sums(film_, seen ? GLINT_PASS_DIFFUSE : GLINT_PASS_MIRROR);
+    for (size_t c = 0; sums && c < 3; ++c)
+      for (size_t k = 0; k < queue.size(); ++k)
+        if ((queue.depth(k) == queue.past.bounced) == seen)
+          sums[c * paths_.stride() + queue.slot(k)] += batch_.sums.total[c][k];
+  }
+}
+
 }  // namespace glint

@@ -21,50 +21,50 @@ struct Across {
 }  // namespace
 
 /// Rays from the points in the direction over `place`, as far as occlusion looks.
-void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* place) {
-  const double reach = scene_.anchor.scale * scene_.world.occlusion_distance;
+void LitBatch::aim_around(const std::vector<uint32_t>& at, const double* place) {
+  const double reach = scene.anchor.scale * scene.world.occlusion_distance;
   const double height = std::sqrt(std::max(0.0, 1 - place[0] * place[0] - place[1] * place[1]));
-  for (size_t k = 0; k < points.size(); ++k) {
-    const Vec3d n = row(stage_.n, points[k]);
+  for (size_t k = 0; k < at.size(); ++k) {
+    const Vec3d n = row(points.n, at[k]);
     const Across across(n);
     const Vec3d l = place[0] * across.t1 + place[1] * across.t2 + height * n;
-    point_[k] = points[k];
-    const Vec3d origin = start_towards(points[k], l);
-    if (stage_.start_out[0]) set_row(stage_.start_out, k, origin);
-    set_row(stage_.o, k, shadow_start(points[k], origin, origin + l));
-    set_row(stage_.to, k, l);
-    stage_.t_max[k] = reach;
+    point_[k] = at[k];
+    const Vec3d origin = start_towards(at[k], l);
+    if (rays.start[0]) set_row(rays.start, k, origin);
+    set_row(rays.o, k, shadow_start(at[k], origin, origin + l));
+    set_row(rays.to, k, l);
+    rays.t_max[k] = reach;
   }
 }
 
-void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32_t>& points,
-                                    uint32_t sample, std::vector<Vec3d>& open, RayCounts& counts) {
-  const size_t count = points.size();
-  const uint32_t each = plan_.occlusion_directions.each;
-  if (!(scene_.world.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
-  open.assign(count, {});
-  const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
-  stage_.shape = kSky;
-  const Rays rays = shadow_rays(count);
-  const double* place = plan_.occlusion_directions.row(sample, 0);
-  for (uint32_t j = 0; j < each && !cancel_; ++j, place += 2) {
-    aim_around(points, place);
-    for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(points[k]);
+void LitBatch::ambient_occlusion(const Batch& batch, const std::vector<uint32_t>& at,
+                                 uint32_t sample, std::vector<Vec3d>& sky) {
+  const size_t count = at.size();
+  const uint32_t each = plan.occlusion_directions.each;
+  if (!(scene.world.occlusion_distance > 0)) return sky.assign(count, {1, 1, 1});
+  sky.assign(count, {});
+  const bool dims = scene.features & GLINT_FEATURE_MEDIA;
+  const Rays sent = shadow_rays(count);
+  const double* place = plan.occlusion_directions.row(sample, 0);
+  for (uint32_t j = 0; j < each && !cancel; ++j, place += 2) {
+    aim_around(at, place);
+    for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(at[k]);
     if (glassy_) {
-      transparent_shadows_.trace(stage_, scene_.trees.opacity(), zeros_, count, shadow_, counts);
+      transparent_shadows_.trace(rays, LightShape::kDome, scene.trees.opacity(), zeros_, count,
+                                 shadow_, counts);
     } else {
       const Timer timer(counts.tracing);
-      scene_.trees.accel().occluded(rays, blocked_.data(), scratch_);
+      scene.trees.accel().occluded(sent, blocked_.data(), scratch);
       counts.shadow += count;
     }
     if (dims) {
-      media_.find(rays, counts);
-      media_.march(rays, stage_.t_max, sample, RayKind::kShadow, counts);
+      media_.find(sent, counts);
+      media_.march(sent, rays.t_max, sample, RayKind::kShadow, counts);
     }
     for (size_t k = 0; k < count; ++k) {
-      Vec3d S = glassy_ ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
-      if (dims) S = media_.passed(k, 0, stage_.t_max[k]) * S;
-      open[k] += 1.0 / each * S;
+      Vec3d S = open(k);
+      if (dims) S = media_.passed(k, 0, rays.t_max[k]) * S;
+      sky[k] += 1.0 / each * S;
     }
   }
 }
@@ -73,7 +73,7 @@ void DirectLight::ambient_occlusion(const Batch& batch, const std::vector<uint32
 void Tracer::note_occlusion(const Queue& queue, uint32_t sample) {
   find_asked(queue);
   if (occlusion_rows_.empty()) return;
-  direct_.ambient_occlusion(batch_, occlusion_rows_, sample, open_, counts_);
+  direct_.lit.ambient_occlusion(batch_, occlusion_rows_, sample, open_);
   add_asked(queue, paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION));
   note_asked(queue);
 }

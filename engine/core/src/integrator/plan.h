@@ -172,20 +172,18 @@ struct RenderPlan : GlintRenderSettings {
   }
 
   /// Sample j of a light for surfaces, those on openings after its own.
-  LightPoint set_sample(LightStage& stage, const Light& light, uint32_t sample, uint32_t j) const {
+  LightPoint set_sample(LampSample& lamp, const Light& light, uint32_t sample, uint32_t j) const {
     const uint32_t count = samples_of(light);
     const LightPoint point = light_point(light, sample, j < count ? j : 0);
-    light.set(stage, point, count, physical());
+    lamp.light = light.sample(point, count, physical(), lamp.policy);
     if (opening_samples_of(light) == 0) return point;
-    stage.shape = kOpenSky;
-    stage.openings = &open;
-    stage.through = j >= count;
-    if (!stage.through) return point;
+    lamp.light.shape = LightShape::kOpenDome;
+    lamp.light.openings = &open;
+    lamp.light.through = j >= count;
+    if (!lamp.light.through) return point;
     const OpeningPoint on = opening_point(sample, j - count);
-    for (int c = 0; c < 3; ++c) {
-      stage.end[c] = on.at[c];
-      stage.axis[c] = on.normal[c];
-    }
+    std::copy_n(on.at, 3, lamp.light.dome.end);
+    std::copy_n(on.normal, 3, lamp.light.axis);
     LightPoint through = point;
     through.draws = false;
     through.met_by = kDiffuse;
@@ -233,8 +231,8 @@ struct RenderPlan : GlintRenderSettings {
       const size_t number = dome_directions.number(sample, j);
       const double* const table = dome_directions.numbers;
       const double* const row = table + kDomeColumns * number;
-      const double* const place = table + kDomeColumns * (number / kSkyDraws) + 7;
-      LightPoint point{0, 0, place[0], place[1], row, &dome, number % kSkyDraws == 0};
+      const double* const place = table + kDomeColumns * (number / kDomeDraws) + 7;
+      LightPoint point{0, 0, place[0], place[1], row, &dome, number % kDomeDraws == 0};
       point.group = light.group;
       point.met_by = row[9] != 0 ? kShadow : kDiffuse;
       return point;

@@ -32,7 +32,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       first_hits_(first_hits),
       camera_(scene),
       shader_(scene, plan, stages_),
-      direct_(scene, plan, stages_, cancel, scratch_),
+      direct_({scene, plan, stages_, cancel, scratch_, counts_}),
       queries_(scene, plan, stages_, scratch_),
       subsurface_(scene, plan),
       media_(scene, scratch_),
@@ -259,17 +259,16 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (catches_) set_aside_caught(queue);
   if (subsurface_.on()) scatter_below(queue, sample);
   find_pixels(queue);
-  direct_.illuminate(batch_, sample, counts_);
+  direct_.illuminate(batch_, sample);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
-  if (plan_.reflects_gloss && !queue.gathers())
-    direct_.reflect(batch_, sample, next.glossy, counts_);
+  if (plan_.reflects_gloss && !queue.gathers()) direct_.onward.reflect(batch_, sample, next.glossy);
   add_caustics(queue);
   bounce(queue, sample, next.gathering);
   if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
     note_occlusion(queue, sample);
   if (scene_.features & GLINT_FEATURE_MEDIA && queue.past.caught == Queue::Past::kSeen) {
-    direct_.add_glow(batch_, media_, clear_.data());
-    direct_.scatter(batch_, media_, clear_.data(), pixels_, sample, next.scattered, counts_);
+    direct_.scattered.add_glow({batch_, media_, clear_.data()});
+    direct_.scattered.add({batch_, media_, clear_.data()}, pixels_, sample, next.scattered);
   }
   if (scene_.materials.has_translucent) light_behind(queue, sample, next.behind);
   keep(queue);
@@ -283,8 +282,8 @@ void Tracer::find_pixels(const Queue& queue) {
 }
 
 void Tracer::bounce(const Queue& queue, uint32_t sample, Queue& gathering) {
-  if (!direct_.bounces_from_fibres(queue)) return;
-  direct_.bounce(batch_, pixels_, sample, gathering, counts_);
+  if (!direct_.onward.bounces_from_fibres(queue)) return;
+  direct_.onward.bounce(batch_, pixels_, sample, gathering);
 }
 
 /// Adds what TRANSLUCENT lobes let through of the light on the other side: there they are DIFFUSE
@@ -298,7 +297,7 @@ void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
   };
   turn();
   batch_.first_hits = nullptr;  // which knows the shadows of this side
-  direct_.illuminate(batch_, sample, counts_);
+  direct_.illuminate(batch_, sample);
   bounce(queue, sample, gathering);
   turn();
 }

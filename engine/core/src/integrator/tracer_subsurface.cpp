@@ -23,7 +23,7 @@ void Tracer::light_exits(Queue& queue, uint32_t sample) {
   batch_.first_hits = nullptr;
   find_points(queue);
   show_exits(queue);
-  direct_.illuminate(batch_, sample, counts_);
+  direct_.illuminate(batch_, sample);
   Queue gathering = take(kDiffuse, queue.past.scattered());
   find_pixels(queue);
   bounce(queue, sample, gathering);

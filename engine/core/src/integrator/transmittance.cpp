@@ -39,91 +39,91 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
   for (size_t c = 0; c < 3; ++c) stage_.share[c] = shares_[c];
 }
 
-void TransparentShadows::begin(const LightStage& light, size_t count, double* const (&shadow)[3],
-                               const Opacity* opacity, uint32_t visibility) {
+void TransparentShadows::begin(const ShadowRays& sent, LightShape shape, size_t count,
+                               double* const (&shadow)[3], const Opacity* opacity,
+                               uint32_t visibility) {
+  sent_ = &sent;
   opacity_ = opacity;
   visibility_ = visibility;
   stage_.kind = visibility == kDiffuse  ? RayKind::kShadowScattered
                 : visibility == kMirror ? RayKind::kShadowBounced
                                         : RayKind::kShadow;
-  stage_.point = light.point;
-  const bool endless = light.shape == kDirection || light.shape == kSky || light.shape == kOpenSky;
+  stage_.point = sent.point;
   for (size_t c = 0; c < 3; ++c) {
-    stage_.origin[c] = light.origin[c];
-    stage_.start[c] = light.start_out[c];
-    stage_.to[c] = light.to[c];
+    stage_.origin[c] = sent.origin[c];
+    stage_.start[c] = sent.start[c];
+    stage_.to[c] = sent.to[c];
     shadow_[c] = shadow[c];
-    stage_.end[c] = endless ? nullptr : light.end_out[c];
+    stage_.end[c] = is_endless(shape) ? nullptr : sent.end[c];
     std::fill_n(shadow[c], count, 1.0);
   }
   waiting_.begin(count);
-  bends_ = light.shape != kSky && light.shape != kOpenSky;
+  bends_ = !is_dome(shape);
   if (scene_.materials.has_dense) {
     narrowed_.assign(count, 1.0);
     bent_.assign(count, Vec3d{});
   }
 }
 
-void TransparentShadows::trace(const LightStage& light, const Opacity* opacity,
+void TransparentShadows::trace(const ShadowRays& sent, LightShape shape, const Opacity* opacity,
                                const double* starts, size_t count, double* const (&shadow)[3],
                                RayCounts& counts, uint32_t visibility) {
-  begin(light, count, shadow, opacity, visibility);
+  begin(sent, shape, count, shadow, opacity, visibility);
   counts.shadow += count;
-  const double* const* o = light.o;
-  const double* const* d = light.to;
+  const double* const* o = sent.o;
+  const double* const* d = sent.to;
   for (size_t k = 0; k < count && !cancel_; k += kAtOnce) {
     for (uint32_t i = 0; i < kAtOnce; ++i) ray_number_[i] = uint32_t(k) + i;
-    pass(light,
-         {{o[0] + k, o[1] + k, o[2] + k},
+    pass({{o[0] + k, o[1] + k, o[2] + k},
           {d[0] + k, d[1] + k, d[2] + k},
           starts + k,
-          light.t_max + k,
+          sent.t_max + k,
           std::min(count - k, kAtOnce),
           visibility_,
           opacity_},
          counts);
   }
-  go_on(light, counts);
-  narrow(light, count);
+  go_on(counts);
+  narrow(count);
 }
 
-void TransparentShadows::follow(const LightStage& light, const uint8_t* blocked, size_t count,
-                                double* const (&shadow)[3], RayCounts& counts,
+void TransparentShadows::follow(const ShadowRays& sent, LightShape shape, const uint8_t* blocked,
+                                size_t count, double* const (&shadow)[3], RayCounts& counts,
                                 uint32_t visibility) {
-  begin(light, count, shadow, scene_.trees.opacity(), visibility);
+  begin(sent, shape, count, shadow, scene_.trees.opacity(), visibility);
   for (uint32_t k = 0; k < count; ++k)
-    if (blocked[k]) wait(light, k, 0);
-  go_on(light, counts);
-  narrow(light, count);
+    if (blocked[k]) wait(k, 0);
+  go_on(counts);
+  narrow(count);
 }
 
 /// Rays that begin in what is dense see of the light outside what comes in a narrower cone; what a
 /// body bends goes elsewhere.
-void TransparentShadows::narrow(const LightStage& light, size_t count) {
+void TransparentShadows::narrow(size_t count) {
   if (!scene_.materials.has_dense) return;
   for (size_t k = 0; k < count; ++k)
     for (double* column : shadow_) column[k] *= std::min(narrowed_[k], 1.0);
   for (size_t k = 0; bends_ && k < count; ++k) {
-    const Vec3d d = row(light.to, k), across = bent_[k] - dot(bent_[k], d) * d;
+    const Vec3d d = row(sent_->to, k), across = bent_[k] - dot(bent_[k], d) * d;
     const bool is_out = std::fabs(narrowed_[k] - 1) < kAlike;
     if (is_out && dot(across, across) > kMostBent * kMostBent) set_row(shadow_, k, {});
   }
 }
 
 /// Adds a ray to those that look for layers beyond t_min.
-void TransparentShadows::wait(const LightStage& light, uint32_t number, double t_min) {
-  waiting_.add(number, light.o, light.to, number, t_min, light.t_max[number]);
+void TransparentShadows::wait(uint32_t number, double t_min) {
+  waiting_.add(number, sent_->o, sent_->to, number, t_min, sent_->t_max[number]);
 }
 
-void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
+void TransparentShadows::go_on(RayCounts& counts) {
   waiting_.trace(ray_number_, visibility_, opacity_, [&](const Rays& rays) {
-    pass(light, rays, counts);
+    pass(rays, counts);
     if (cancel_) waiting_.drop();
   });
 }
 
 /// Some rays through their nearest layers.
-void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCounts& counts) {
+void TransparentShadows::pass(const Rays& rays, RayCounts& counts) {
   {
     const Timer timer(counts.tracing);
     scene_.trees.accel().find_layers(rays, {hits_.data(), found_}, blocked_, scratch_);
@@ -137,7 +137,7 @@ void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCoun
   list_layers(rays);
   sort_layers();
   read_shares(rays);
-  for (size_t k = 0; k < rays.count; ++k) multiply(light, k);
+  for (size_t k = 0; k < rays.count; ++k) multiply(k);
 }
 
 /// The layers that count: of those at one distance the first, as if rays started again behind it.
@@ -223,7 +223,7 @@ void TransparentShadows::read_shares(const Rays& rays) {
 
 /// What is left of a ray's light behind its layers. Where there are more of them and it has light
 /// left, it waits.
-void TransparentShadows::multiply(const LightStage& light, size_t ray) {
+void TransparentShadows::multiply(size_t ray) {
   const uint32_t number = ray_number_[ray];
   Vec3d S = row(shadow_, number);
   const uint32_t end = end_[ray];
@@ -236,8 +236,7 @@ void TransparentShadows::multiply(const LightStage& light, size_t ray) {
     }
   }
   set_row(shadow_, number, S);
-  if (found_[ray] > Layers::kMost && any(S))
-    wait(light, number, beyond(hits_[layers_[end - 1].hit].t));
+  if (found_[ray] > Layers::kMost && any(S)) wait(number, beyond(hits_[layers_[end - 1].hit].t));
 }
 
 }  // namespace glint

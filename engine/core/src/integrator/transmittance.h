@@ -23,12 +23,14 @@ class TransparentShadows {
   TransparentShadows(const Scene& scene, const Stages& stages, const std::atomic<bool>& cancel,
                      Scratch& scratch);
 
-  /// Of rays of which nothing is known. starts: of the rays, 0. opacity: as of the scene's light.
+  /// Of rays of which nothing is known. shape: of the light. starts: of the
+  /// rays, 0. opacity: as of the scene's light.
   /// visibility: of what they meet.
-  void trace(const LightStage& light, const Opacity* opacity, const double* starts, size_t count,
-             double* const (&shadow)[3], RayCounts& counts, uint32_t visibility = kShadow);
+  void trace(const ShadowRays& sent, LightShape shape, const Opacity* opacity, const double* starts,
+             size_t count, double* const (&shadow)[3], RayCounts& counts,
+             uint32_t visibility = kShadow);
   /// Of rays of which it is known whether anything is on their way.
-  void follow(const LightStage& light, const uint8_t* blocked, size_t count,
+  void follow(const ShadowRays& sent, LightShape shape, const uint8_t* blocked, size_t count,
               double* const (&shadow)[3], RayCounts& counts, uint32_t visibility);
 
  private:
@@ -39,23 +41,24 @@ class TransparentShadows {
     uint32_t hit, material, row;
   };
 
-  void begin(const LightStage& light, size_t count, double* const (&shadow)[3],
+  void begin(const ShadowRays& sent, LightShape shape, size_t count, double* const (&shadow)[3],
              const Opacity* opacity, uint32_t visibility);
-  void wait(const LightStage& light, uint32_t number, double t_min);
-  void go_on(const LightStage& light, RayCounts& counts);
-  void pass(const LightStage& light, const Rays& rays, RayCounts& counts);
+  void wait(uint32_t number, double t_min);
+  void go_on(RayCounts& counts);
+  void pass(const Rays& rays, RayCounts& counts);
   void list_layers(const Rays& rays);
   void sort_layers();
   void place_solids(const Rays& rays);
   void read_shares(const Rays& rays);
-  void multiply(const LightStage& light, size_t ray);
-  void narrow(const LightStage& light, size_t count);
+  void multiply(size_t ray);
+  void narrow(size_t count);
 
   const Scene& scene_;
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   TransmittanceStage stage_{};
+  const ShadowRays* sent_ = nullptr;
   const Opacity* opacity_ = nullptr;
   uint32_t visibility_ = kShadow;
   double* shadow_[3] = {};

@@ -74,7 +74,7 @@ void Tracer::see_surfaces(Queue& queue, Queue& straight, uint32_t sample) {
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (scene_.features & GLINT_FEATURE_MEDIA) {
     dim(queue);
-    direct_.add_glow(batch_, media_, clear_.data());
+    direct_.scattered.add_glow({batch_, media_, clear_.data()});
   }
   Queue bounced = take(kMirror, {});
   const RayCounts before = counts_;

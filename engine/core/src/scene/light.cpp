@@ -41,7 +41,11 @@ bool sound(const GlintLight& g) {
 }
 
 /// By how much wider lobes may be for directions to be drawn from them.
-double wider(const LightStage& stage) { return stage.evenly ? 1.0 / 8 : 1; }
+double wider(const LightPolicy& policy) { return policy.power_heuristic ? 1.0 / 8 : 1; }
+
+void set(double (&to)[3], const Vec3d& v) {
+  for (int c = 0; c < 3; ++c) to[c] = v[c];
+}
 
 }  // namespace
 
@@ -50,12 +54,6 @@ Vec3d direction_in_cone(Vec3d axis, double versine, const LightPoint& p) {
   double r2 = p.x * p.x + p.y * p.y, cosine = 1 - r2 * versine;
   double s = std::sqrt(std::max(0.0, versine * (1 + cosine)));  // sine / r
   return unit(cosine * axis + s * (p.x * frame.t1 + p.y * frame.t2));
-}
-
-void set_place(LightStage& stage, double x, double y) {
-  const DiscPlace place = disc_place(x, y);
-  stage.radius2 = place.radius2;
-  for (int k = 0; k < 2; ++k) stage.azimuth[k] = place.azimuth[k];
 }
 
 Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramTable& programs)
@@ -129,147 +127,142 @@ double Light::along(Vec3d d, bool physical) const {
 bool Light::has_extent() const { return kind == GLINT_AREA && length(right) * length(up) > 0; }
 
 LightShape Light::shape(bool soft, bool physical) const {
-  if (kind == GLINT_SUN) return kDirection;
+  if (kind == GLINT_SUN) return LightShape::kSun;
   if (kind == GLINT_AREA)
     return soft && physical && has_extent() && (tan_spread > 0 || !(flags & GLINT_ELLIPSE))
-               ? kRectangleSource
-               : kPlaneSource;
-  return !soft ? kPointSource : flags & GLINT_SOFT_FALLOFF ? kDiscSource : kSphereSource;
+               ? LightShape::kRectangle
+               : LightShape::kArea;
+  return !soft                        ? LightShape::kPoint
+         : flags & GLINT_SOFT_FALLOFF ? LightShape::kDisc
+                                      : LightShape::kSphere;
 }
 
-/// What lights that may be all around have in common.
-void Light::set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const {
-  stage.physical = true;
-  stage.spot = false;
-  stage.tan_spread = 0;
-  stage.casts_shadow = casts_shadow();
-  stage.share = count;
-  stage.versine = 0;
-  stage.least_near = 0;
-  stage.least = kLeastWide * wider(stage);
-  stage.draws = stage.most_exponent >= stage.least;
-  set_place(stage, p.x, p.y);
+LightPolicy Light::policy() const {
+  return {casts_shadow(),
+          lights_matt(),
+          lights_gloss(),
+          lights_gloss(),
+          is_mesh() && lights_matt(),
+          false,
+          0};
 }
 
-void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const {
-  set_wide(stage, p, count);
-  stage.shape = kSky;
-  stage.factor = 1;
-  stage.spread = p.drawn[6];
-  stage.dome = p.dome;
-  for (int c = 0; c < 3; ++c) {
-    stage.l[c] = p.drawn[c];
-    stage.color[c] = p.drawn[3 + c];
-    stage.center[c] = 0;
-  }
+LightSample Light::sample(const LightPoint& p, uint32_t count, bool physical,
+                          const LightPolicy& policy) const {
+  if (is_dome()) return dome_sample(p, count, policy);
+  return is_tabled() ? tabled_sample(p, count, policy) : lamp_sample(p, count, physical, policy);
 }
 
-void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const {
-  set_wide(stage, p, count);
-  const double* const row = p.drawn;
-  const Vec3d q = point(placed, {row[0], row[1], row[2]}),
-              n = unit(direction(placed, {row[3], row[4], row[5]}));
-  stage.shape = kMeshSource;
-  stage.factor = 1 / kPi;
-  stage.spread = scale2 * row[12];
-  stage.near2 = stage.spread / merged(count);
-  stage.size = rounding(max_abs(q) + std::sqrt(scale2) * row[13]);
-  for (int c = 0; c < 3; ++c) {
-    stage.end[c] = stage.center[c] = q[c];
-    stage.axis[c] = n[c];
-    stage.color[c] = saturate(row[6 + c]);
-    stage.back[c] = saturate(row[9 + c]);
-  }
+/// Of lights that may be all around.
+LightSample Light::wide_sample(LightShape shape, const LightPoint& p, uint32_t count,
+                               const LightPolicy& policy) const {
+  LightSample s{};
+  s.shape = shape;
+  s.physical = true;
+  s.count = count;
+  const double least = kLeastWide * wider(policy);
+  s.draws = {policy.most_exponent >= least, 0, least, disc_place(p.x, p.y)};
+  return s;
 }
 
-void Light::set_medium(LightStage& stage, const LightPoint& p, uint32_t count) const {
-  set_wide(stage, p, count);
+LightSample Light::dome_sample(const LightPoint& p, uint32_t count,
+                               const LightPolicy& policy) const {
+  LightSample s = wide_sample(LightShape::kDome, p, count, policy);
+  s.factor = 1;
+  s.inverse_pdf = p.drawn[6];
+  s.dome_cells = p.dome;
+  std::copy_n(p.drawn, 3, s.dome.l);
+  std::copy_n(p.drawn + 3, 3, s.color);
+  return s;
+}
+
+LightSample Light::tabled_sample(const LightPoint& p, uint32_t count,
+                                 const LightPolicy& policy) const {
+  LightSample s =
+      wide_sample(is_mesh() ? LightShape::kMesh : LightShape::kMedium, p, count, policy);
   const double* const row = p.drawn;
   const Vec3d q = point(placed, {row[0], row[1], row[2]});
-  stage.shape = kMediumSource;
-  stage.draws = false;
-  stage.factor = 1 / kPi;
-  stage.spread = scale2 * row[12];
-  stage.near2 = scale2 * row[13] * row[13];
-  for (int c = 0; c < 3; ++c) {
-    stage.end[c] = stage.center[c] = q[c];
-    stage.color[c] = saturate(row[6 + c]);
+  s.factor = 1 / kPi;
+  s.inverse_pdf = scale2 * row[12];
+  set(s.center, q);
+  for (int c = 0; c < 3; ++c) s.color[c] = saturate(row[6 + c]);
+  if (is_medium()) {
+    s.medium.near2 = scale2 * row[13] * row[13];
+    s.draws.on = false;
+    return s;
   }
+  set(s.axis, unit(direction(placed, {row[3], row[4], row[5]})));
+  for (int c = 0; c < 3; ++c) s.back[c] = saturate(row[9 + c]);
+  s.mesh = {s.inverse_pdf / merged(count), rounding(max_abs(q) + std::sqrt(scale2) * row[13])};
+  return s;
 }
 
-void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
-  set_shape(stage, p, count, physical);
-  stage.matt_alone = !lights_gloss();
-  stage.gloss_alone = !lights_matt();
-  stage.draws = stage.draws && lights_gloss();
-  stage.draws_matt = is_mesh() && lights_matt() && !stage.has_fibre;
-}
-
-void Light::set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
-  if (is_dome()) return set_dome(stage, p, count);
-  if (is_medium()) return set_medium(stage, p, count);
-  if (is_tabled()) return set_mesh(stage, p, count);
-  const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;
+LightSample Light::lamp_sample(const LightPoint& p, uint32_t count, bool physical,
+                               const LightPolicy& policy) const {
+  const bool soft = extended && count > 1;
   const LightPoint q = soft ? p : LightPoint{};
-  const Vec3d l = soft && kind == GLINT_SUN ? direction_in_cone(-axis, versine, p) : -axis;
-  const Vec3d end = center + (ellipse ? q.x : q.a) * right + (ellipse ? q.y : q.b) * up;
-  stage.shape = shape(soft, physical);
-  stage.physical = physical;
-  stage.spot = kind == GLINT_SPOT;
-  stage.tan_spread = tan_spread;
-  stage.even_spread = physical ? even_spread : 1 / tan_spread;
-  stage.casts_shadow = casts_shadow();
-  stage.factor = physical ? (soft ? 2 / (2 - versine) : 1) / kPi : 1;
-  for (int c = 0; c < 3; ++c) {
-    stage.l[c] = l[c];
-    stage.end[c] = end[c];
-    stage.center[c] = center[c];
-    stage.axis[c] = axis[c];
-    stage.color[c] = color[c];
+  LightSample s{};
+  s.shape = shape(soft, physical);
+  s.physical = physical;
+  s.ellipse = flags & GLINT_ELLIPSE;
+  set(s.center, center);
+  set(s.axis, axis);
+  set(s.color, color);
+  s.factor = physical ? (soft ? 2 / (2 - versine) : 1) / kPi : 1;
+  s.inverse_pdf = 2 * kPi * versine;
+  s.count = soft ? count : 1;
+  s.scale2 = scale2;
+  s.spot = {kind == GLINT_SPOT, spot_cosine, (1 - spot_cosine) * spot_blend};
+  s.draws = lobe_draws(q, soft, policy);
+  if (kind == GLINT_SUN) {
+    s.sun.versine = versine;
+    set(s.sun.l, soft ? direction_in_cone(-axis, versine, p) : -axis);
+  } else if (kind == GLINT_AREA) {
+    s.area = area_place(q, physical);
+    if (s.shape == LightShape::kRectangle)
+      s.factor = scale2 / ((s.ellipse ? kPi : 4) * kPi * kPi * length(right) * length(up));
+  } else if (soft) {
+    s.round = {radius, q.x, q.y};
   }
-  stage.radius = radius;
-  stage.scale2 = scale2;
-  stage.spot_cosine = spot_cosine;
-  stage.spot_width = (1 - spot_cosine) * spot_blend;
-  stage.x = q.x;
-  stage.y = q.y;
-  stage.share = soft ? count : 1;
-  stage.versine = versine;
-  stage.spread = 2 * kPi * stage.versine;
-  if (stage.shape == kRectangleSource) set_rectangle(stage, q);
-  set_lobes(stage, q, soft);
+  return s;
 }
 
-/// Where directions are drawn from lobes: those whose solid angle 8 pi / (p + 1), seen straight, is
-/// less than the light's, about area / (d^2 + area / (2 pi)).
-void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
-  const double x = length(right), y = length(up);
-  const bool ellipse = flags & GLINT_ELLIPSE;
-  stage.ellipse = ellipse;
-  stage.area = kind == GLINT_AREA ? (ellipse ? kPi : 4) * x * y : kPi * radius * radius;
-  for (int c = 0; c < 3; ++c) {
-    stage.across[c] = right[c] / (x * x);
-    stage.upward[c] = up[c] / (y * y);
-  }
-  stage.least_near = endless() ? 0 : wider(stage) * (8 * kPi / stage.area);
-  stage.least = wider(stage) * (endless() ? 4 / versine - 1 : 3);
-  stage.draws = soft && (endless() || stage.area > 0) && stage.most_exponent >= stage.least;
-  set_place(stage, q.x, q.y);
+/// Of what is seen; suns have none.
+double Light::area() const {
+  return kind != GLINT_AREA ? kPi * radius * radius
+                            : (flags & GLINT_ELLIPSE ? kPi : 4) * length(right) * length(up);
 }
 
-void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
+/// Directions are drawn from lobes whose solid angle 8 pi / (p + 1), seen straight, is less than
+/// the light's, about area / (d^2 + area / (2 pi)).
+LobeDraws Light::lobe_draws(const LightPoint& p, bool soft, const LightPolicy& policy) const {
+  const double size = area(), least = wider(policy) * (endless() ? 4 / versine - 1 : 3);
+  return {soft && (endless() || size > 0) && policy.most_exponent >= least,
+          endless() ? 0 : wider(policy) * (8 * kPi / size), least, disc_place(p.x, p.y)};
+}
+
+AreaPlace Light::area_place(const LightPoint& p, bool physical) const {
   const double x = length(right), y = length(up), size = std::sqrt(x * x + y * y);
-  stage.factor = scale2 / ((flags & GLINT_ELLIPSE ? kPi : 4) * kPi * kPi * x * y);
-  stage.a = q.a;
-  stage.b = q.b;
-  stage.size = size;
-  stage.half[0] = x / size;
-  stage.half[1] = y / size;
-  stage.near2 = kNear * kNear * size * size;
+  const bool ellipse = flags & GLINT_ELLIPSE;
+  AreaPlace place{};
+  set(place.end, center + (ellipse ? p.x : p.a) * right + (ellipse ? p.y : p.b) * up);
+  place.area = area();
+  place.tan_spread = tan_spread;
+  place.even_spread = physical ? even_spread : 1 / tan_spread;
+  RectanglePlace& whole = place.rectangle;
   for (int c = 0; c < 3; ++c) {
-    stage.right[c] = right[c] / x;
-    stage.up[c] = up[c] / y;
+    place.across[c] = right[c] / (x * x);
+    place.upward[c] = up[c] / (y * y);
+    whole.right[c] = right[c] / x;
+    whole.up[c] = up[c] / y;
   }
+  whole.size = size;
+  whole.half[0] = x / size;
+  whole.half[1] = y / size;
+  whole.near2 = kNear * kNear * size * size;
+  whole.a = p.a;
+  whole.b = p.b;
+  return place;
 }
 
 Light::Part Light::lit_part(Vec3d o, Vec3d d) const {
@@ -308,18 +301,19 @@ bool Light::is_cut(Vec3d x, Vec3d n) const {
   return dot(to, axis) < 0 && z * z < (flags & GLINT_ELLIPSE ? a * a + b * b : (a + b) * (a + b));
 }
 
-LightMeeting Light::meeting(const GlintEmitter& e, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
-                            uint32_t count) const {
+EmitterHit Light::emitter_hit(const GlintEmitter& e, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
+                              uint32_t count) const {
   const Vec3d n = unit(direction(placed, {e.normal[0], e.normal[1], e.normal[2]}));
   const double z = -dot(l, n), share = scale2 * e.spread, d2 = dot(q - x, q - x),
-               near2 = share / merged(count), spread = share * std::fabs(z) / std::max(d2, near2),
+               near2 = share / merged(count),
+               inverse_pdf = share * std::fabs(z) / std::max(d2, near2),
                whole = share * std::fabs(z) / std::max(d2, kNearest * near2),
                apart = rounding(max_abs(q) + std::sqrt(scale2) * e.reach);
   const double* const light = z > 0 ? e.front : e.back;
   return {{saturate(light[0]), saturate(light[1]), saturate(light[2])},
           q + std::copysign(apart, any(origin - x) ? dot(origin - q, n) : z) * n,
-          spread / (kPi * count),
-          spread,
+          inverse_pdf / (kPi * count),
+          inverse_pdf,
           whole,
           z > 0};
 }

@@ -25,20 +25,17 @@ struct LightPoint {
   uint32_t met_by = kShadow;  // what rays of surfaces to it meet
 };
 
-/// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how
-/// densely the light's points fall there (a steradian), and where shadow rays end before it.
-struct LightMeeting {
+/// Where a ray hits a mesh light, as its point sees that: the radiance and its factor, where shadow
+/// rays end before it, and one over the pdf of the light's points there (a steradian).
+struct EmitterHit {
   Vec3d color, end;
-  double factor, spread, whole;  // whole: spread, seen from as near as it is
-  bool front;                    // the outer side is seen
+  double factor, inverse_pdf, whole;  // whole: inverse_pdf, seen from as near as it is
+  bool front;                         // the outer side is seen
 };
 
 /// The direction at the disc point (x, y) of the cone round `axis` with 1 - cos(half angle) =
 /// versine, uniform in solid angle.
 Vec3d direction_in_cone(Vec3d axis, double versine, const LightPoint& p);
-
-/// Where in lobes directions are drawn: a point of the unit disc.
-void set_place(LightStage& stage, double x, double y);
 
 struct Light {
   int kind = GLINT_POINT_LIGHT;
@@ -91,9 +88,11 @@ struct Light {
   }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
-  /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
-  /// the centre).
-  void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
+  /// What counts of it where all that is known is the light.
+  LightPolicy policy() const;
+  /// Sample `p` of `count` (1: the centre).
+  LightSample sample(const LightPoint& p, uint32_t count, bool physical,
+                     const LightPolicy& policy) const;
 
   /// What of a spot's or an area light's radiance leaves along the unit vector d.
   double along(Vec3d d, bool physical) const;
@@ -113,8 +112,8 @@ struct Light {
 
   /// The place q on an emitter as x sees it in the direction l, beside `count` points a sample;
   /// shadow rays to it start at `origin`.
-  LightMeeting meeting(const GlintEmitter& emitter, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
-                       uint32_t count) const;
+  EmitterHit emitter_hit(const GlintEmitter& emitter, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
+                         uint32_t count) const;
 
   /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's
   /// disc, negative for never.
@@ -125,15 +124,17 @@ struct Light {
   Vec3d radiance(Vec3d o, Vec3d d, bool physical) const;
 
  private:
-  void set_shape(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
-  void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;
-  void set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const;
-  void set_medium(LightStage& stage, const LightPoint& p, uint32_t count) const;
-  void set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const;
+  LightSample wide_sample(LightShape shape, const LightPoint& p, uint32_t count,
+                          const LightPolicy& policy) const;
+  LightSample dome_sample(const LightPoint& p, uint32_t count, const LightPolicy& policy) const;
+  LightSample tabled_sample(const LightPoint& p, uint32_t count, const LightPolicy& policy) const;
+  LightSample lamp_sample(const LightPoint& p, uint32_t count, bool physical,
+                          const LightPolicy& policy) const;
   bool has_extent() const;
   LightShape shape(bool soft, bool physical) const;
-  void set_rectangle(LightStage& stage, const LightPoint& q) const;
-  void set_lobes(LightStage& stage, const LightPoint& q, bool soft) const;
+  AreaPlace area_place(const LightPoint& p, bool physical) const;
+  LobeDraws lobe_draws(const LightPoint& p, bool soft, const LightPolicy& policy) const;
+  double area() const;
   double spot(double z) const;
   Part within_cone(Vec3d o, Vec3d d, double cosine2) const;
   double meets_sphere(Vec3d o, Vec3d d) const;

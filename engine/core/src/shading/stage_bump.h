@@ -8,7 +8,7 @@
 namespace glint {
 namespace {
 
-/// What LightStage::bump holds of a point, by m.n: of GGX alpha^2, at least 0; of Chiang's minus
+/// What LitPoints' bump holds of a point, by m.n: of GGX alpha^2, at least 0; of Chiang's minus
 /// |m.n|; 0 where matt lobes get no less than others.
 inline Doubles bump_of(int kind, Doubles mn) {
   const Doubles mn2 = mn * mn;
@@ -40,19 +40,19 @@ struct BumpShadow {
 
 /// Whether lights look at more than one normal or angle of a point, or at edges of metals: stages
 /// are there twice, so that others pay nothing.
-inline bool is_bent(const LightStage& s) {
-  return s.unbent[0] || s.turns_lobes || s.stretches_lobes || s.edges_lobes || s.lowering;
+inline bool is_bent(const LitPoints& s) {
+  return s.unbent[0] || s.lobes.turns || s.lobes.stretches || s.lobes.edges || s.lowering;
 }
 
 /// What the point gives back of light over its normal n is times.
 template <bool Bent>
-inline Doubles lowered(const LightStage& s, size_t k, const Three& n, const Three& l) {
+inline Doubles lowered(const LitPoints& s, size_t k, const Three& n, const Three& l) {
   return Bent && s.lowering ? lowered(load(s.lowering + k), dot(n, l)) : splat(1);
 }
 
 /// The sides of m and n are those of the viewer and of the light: l is before n.
 template <bool Bent>
-inline BumpShadow bump_shadow(const LightStage& s, size_t k, const Three& n, const Three& l) {
+inline BumpShadow bump_shadow(const LitPoints& s, size_t k, const Three& n, const Three& l) {
   if (!Bent || !(s.unbent[0] || s.lowering)) return {};
   const Doubles low = lowered<Bent>(s, k, n, l);
   if (!s.unbent[0]) return {true, Mask{}, low};

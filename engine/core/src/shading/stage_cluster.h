@@ -18,24 +18,24 @@ struct ClusterWalk {
 
 /// Light of a cluster is even over lobes as wide as it: exponents are at most (d / radius)^2.
 inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWalk& walk) {
-  const LightStage& stage = s.samples[s.clustered].stage;
+  const LitPoints& points = *s.points;
   for (size_t k = first; k < end; k += kLanes) {
     Doubles far2 = splat(kFar2);
     const Doubles never = splat(__builtin_inf());  // looks at each lamp
-    for (int number = 0; number < stage.highlights; ++number) {
-      const Microfacet lobe(stage, k, number);
+    for (int number = 0; number < points.lobes.highlights; ++number) {
+      const Microfacet lobe(points, k, number);
       far2 = choose(nonzero(lobe.k), larger(lobe.exponent, far2), far2);
       Mask apart{};
-      if (stage.turns_lobes) apart |= nonzero(lobe.normal(Three{}));
-      if (stage.stretches_lobes) apart |= Stretch(lobe, Three{}).some;
+      if (points.lobes.turns) apart |= nonzero(lobe.normal(Three{}));
+      if (points.lobes.stretches) apart |= Stretch(lobe, Three{}).some;
       far2 = choose(apart & nonzero(lobe.k), never, far2);
     }
-    if (stage.other_count > 0)
-      each_lobe_of(stage, k,
+    if (points.lobes.other_count > 0)
+      each_lobe_of(points, k,
                    {GLINT_TOON_DIFFUSE, GLINT_TOON_SPECULAR, GLINT_FIBRE_DIFFUSE,
                     GLINT_FIBRE_SPECULAR, GLINT_FIBRE_TRANSMISSION},
                    [&](int, int, Doubles size) { far2 = choose(size > 0, never, far2); });
-    if (stage.lowering) far2 = choose(load(stage.lowering + k) > 1, never, far2);
+    if (points.lowering) far2 = choose(load(points.lowering + k) > 1, never, far2);
     store(walk.far2 + (k - first), far2);
     store(walk.until + (k - first), choose(load(s.lit + k), splat(0), splat(__builtin_inf())));
   }
@@ -46,7 +46,7 @@ struct ClusterSeen {
   bool far, near;
 };
 /// Where the plane across what a normal was bent from cuts the ball round the place `to`.
-inline Mask straddles(const LightStage& s, size_t k, const Three& to, double radius2) {
+inline Mask straddles(const LitPoints& s, size_t k, const Three& to, double radius2) {
   const Three m = load3(s.unbent, k);
   const Doubles z = dot(m, to);
   return nonzero(m) & ~(z * z > radius2);
@@ -55,7 +55,7 @@ inline Mask straddles(const LightStage& s, size_t k, const Three& to, double rad
 inline ClusterSeen look(const ShareStage& s, size_t at, size_t first, size_t end,
                         ClusterWalk& walk) {
   const LampCluster& c = s.clusters[at];
-  const LightStage& stage = s.samples[c.first].stage;
+  const LitPoints& points = *s.points;
   const Three center = splat3(c.center);
   uint32_t lit = 0, near = 0;
   for (size_t k = first; k < end; k += kLanes) {
@@ -64,10 +64,10 @@ inline ClusterSeen look(const ShareStage& s, size_t at, size_t first, size_t end
     const Mask open = until <= double(at);
     Mask far{};
     if (any(open)) {
-      const Three to = center - load3(s.x, k);
-      const Doubles z = dot(load3(s.n, k), to);
+      const Three to = center - load3(points.x, k);
+      const Doubles z = dot(load3(points.n, k), to);
       far = open & (dot(to, to) >= c.radius2 * load(walk.far2 + row)) & (z * z > c.radius2);
-      if (stage.unbent[0]) far &= ~straddles(stage, k, to, c.radius2);
+      if (points.unbent[0]) far &= ~straddles(points, k, to, c.radius2);
       store(walk.until + row, choose(far, splat(double(c.next)), until));
       far &= z > 0;
       lit |= bits(far);
@@ -110,21 +110,22 @@ template <bool Bent>
 __attribute__((flatten)) inline void add_cluster(const ShareStage& to, const LampCluster& c,
                                                  const ClusterWalk& walk, size_t first, size_t end,
                                                  double* given) {
-  const LightStage& s = to.samples[c.first].stage;
+  const LitPoints& s = *to.points;
+  const LightSample& light = to.samples[c.first].light;
   const Three center = splat3(c.center), color = splat3(c.color);
   for (size_t k = first; k < end; k += kLanes, given += kLanes) {
     const Mask far = load(walk.far + (k - first));
     Three both{};
     if (any(far)) {
-      const Three n = load3(s.n, k), off = center - load3(s.points_x, k), l = unit(off);
+      const Three n = load3(s.n, k), off = center - load3(s.x, k), l = unit(off);
       const Doubles d2 = dot(off, off), cosine = dot(n, l);
-      const Three I = inverse_square(s, d2) * color;
+      const Three I = inverse_square(light, d2) * color;
       Three diffuse = I * (cluster_cosines(c, n, l, cosine, root(d2)) * load3(s.diffuse, k)),
             specular{};
-      if (s.highlights > 0 || s.other_count > 0) {
+      if (s.lobes.highlights > 0 || s.lobes.other_count > 0) {
         const Highlights seen = highlights<false, Bent>(s, k, n, l, cosine, nullptr);
         specular = where(far, I * seen.light);
-        if (s.other_count > 0) diffuse = diffuse + I * seen.matt;
+        if (s.lobes.other_count > 0) diffuse = diffuse + I * seen.matt;
       }
       const BumpShadow bump = bump_shadow<Bent>(s, k, n, l);
       if (bump.some) {

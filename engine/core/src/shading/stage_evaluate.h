@@ -317,7 +317,7 @@ inline void run_block(const EvaluateStage& s, size_t first, size_t count) {
   if (s.normal > 0) bend_normals(s, first, count);
 }
 
-/// The normal of TRANSLUCENT lobes, and what LightStage::bump holds of it.
+/// The normal of TRANSLUCENT lobes, and what LitPoints' bump holds of it.
 inline void lift_normal(const EvaluateStage& s, const Chosen& at) {
   const Three n = micro_normal(s, at, gather3(s.n, at)), m = gather3(s.unbent, at);
   scatter3(s.lifted, at, n);

@@ -9,52 +9,55 @@ namespace glint {
 namespace {
 
 template <bool Bent>
-size_t reflect_from(const LightStage& s) {
+size_t reflect_from(const OnwardStage& stage) {
+  const LitPoints& s = *stage.points;
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
-    const Mask lit = load(s.lit + k);
+    const Mask lit = load(stage.lit + k);
     if (!any(lit)) continue;
-    const Narrow all = reflecting_terms(s, k);
+    const Narrow all = narrow_terms<true>(s, k, splat(0));
     if (!any(lit & (all.total > 0))) continue;
     const Three n = load3(s.n, k);
-    const Drawn drawn = sample_microfacets<true, Bent>(s, k, n, all);
+    const LobePlace place(load(stage.disc[0] + k), load(stage.disc[1] + k));
+    const Drawn drawn = sample_microfacets<true, Bent>(s, k, n, all, place);
     const Doubles cosine = dot(n, drawn.l);
     const Highlights seen = highlights<true, Bent>(s, k, n, drawn.l, cosine, &all);
     const Three share = (1 / (kCircle * seen.density)) * seen.light;
-    const Mask front = Bent && s.turns_lobes ? ~Mask{} : cosine > 0;
+    const Mask front = Bent && s.lobes.turns ? ~Mask{} : cosine > 0;
     const Mask reached = lit & drawn.good & front & (seen.density > 0) &
                          (dot(drawn.l, load3(s.g, k)) > 0) & nonzero(share);
     const uint32_t lanes = bits(reached);
     if (!lanes) continue;
     const Appender append{lanes, found};
-    append.number(s.point, uint32_t(k));
-    append(s.diffuse_out, share);
-    append(s.t_max, drawn.narrowest);
-    append(s.to, drawn.l);
-    append(s.o, load3(s.points_x, k) + load(s.offset + k) * load3(s.g, k));
+    append.number(stage.rays.point, uint32_t(k));
+    append(stage.rays.diffuse, share);
+    append(stage.rays.t_max, drawn.narrowest);
+    append(stage.rays.to, drawn.l);
+    append(stage.rays.o, load3(s.x, k) + load(s.offset + k) * load3(s.g, k));
     found += size_t(__builtin_popcount(lanes));
   }
   return found;
 }
 
-size_t reflect(const LightStage& s) {
-  return is_bent(s) ? reflect_from<true>(s) : reflect_from<false>(s);
+size_t reflect(const OnwardStage& stage) {
+  return is_bent(*stage.points) ? reflect_from<true>(stage) : reflect_from<false>(stage);
 }
 
 /// What of T a point throws back as what is matt does, of light along l.
-inline Three matt(const LightStage& s, size_t k, const Three& n, const Three& l) {
+inline Three matt(const OnwardStage& stage, size_t k, const Three& n, const Three& l) {
+  const LitPoints& s = *stage.points;
   const BumpShadow bump = bump_shadow<true>(s, k, n, l);
   const Doubles cosine = dot(n, l);
-  Three T = where(s.fibres_alone ? Mask{} : cosine > 0, load3(s.diffuse, k));
-  if (s.other_count > 0) {
+  Three T = where(stage.fibres_alone ? Mask{} : cosine > 0, load3(s.diffuse, k));
+  if (s.lobes.other_count > 0) {
     Highlights seen{};
     add_other_lobes(s, k, n, l, cosine, seen);
-    Three lobes = where(s.fibres_alone ? Mask{} : cosine > 0, seen.matt);
-    if (s.has_fibre) lobes = lobes + seen.fibre;
+    Three lobes = where(stage.fibres_alone ? Mask{} : cosine > 0, seen.matt);
+    if (s.lobes.has_fibre) lobes = lobes + seen.fibre;
     T = T + (1 / larger(magnitude(cosine), splat(0x1p-20))) * lobes;
   }
   if (bump.some) T = bump.share * T;
-  if (s.gathers_gloss && !s.fibres_alone)
+  if (stage.gathers_gloss && !stage.fibres_alone)
     T = T + where(cosine > 0, lowered<true>(s, k, n, l) * even_gloss(s, k));
   return bump.some ? where(~bump.hidden, T) : T;
 }
@@ -67,7 +70,7 @@ struct Onward {
   Doubles way, factor, left;
 };
 
-inline Onward onward(const LightStage& s, size_t k, const Three& n) {
+inline Onward onward(const OnwardStage& s, size_t k, const Three& n) {
   Three t1, t2;
   frame(n, t1, t2);
   const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k);
@@ -87,26 +90,27 @@ inline Onward onward(const LightStage& s, size_t k, const Three& n) {
   return on;
 }
 
-size_t gather(const LightStage& s) {
+size_t gather(const OnwardStage& stage) {
+  const LitPoints& s = *stage.points;
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
-    const Mask lit = load(s.lit + k);
+    const Mask lit = load(stage.lit + k);
     if (!any(lit)) continue;
     const Three n = load3(s.n, k), g = load3(s.g, k);
-    const Onward on = onward(s, k, n);
-    const Three T = on.factor * matt(s, k, n, on.l);
+    const Onward on = onward(stage, k, n);
+    const Three T = on.factor * matt(stage, k, n, on.l);
     const uint32_t lanes = bits(lit & nonzero(T) & (on.way * dot(on.l, g) > 0));
     if (!lanes) continue;
     const Appender append{lanes, found};
-    append.number(s.point, uint32_t(k));
-    append(s.diffuse_out, T);
-    append(s.to, on.l);
-    Three o = load3(s.points_x, k) + on.way * load(s.offset + k) * g;
-    if (s.chooses) {
+    append.number(stage.rays.point, uint32_t(k));
+    append(stage.rays.diffuse, T);
+    append(stage.rays.to, on.l);
+    Three o = load3(s.x, k) + on.way * load(s.offset + k) * g;
+    if (stage.chooses) {
       o = o + way_through(s, k, on.l) * on.l;
-      append(s.t_max, on.left);
+      append(stage.rays.t_max, on.left);
     }
-    append(s.o, o);
+    append(stage.rays.o, o);
     found += size_t(__builtin_popcount(lanes));
   }
   return found;

@@ -6,7 +6,6 @@
 #include "shading/stage_bump.h"
 #include "shading/stage_math.h"
 #include "shading/stage_rows.h"
-#include "shading/stage_sample.h"
 #include "shading/stages.h"
 
 namespace glint {

@@ -8,13 +8,14 @@ namespace {
 
 /// Adds what one sample gives to the points [first, end), and tells it alone in three rows of
 /// `given`.
-template <bool IsDrawn, bool Bent, int Shape>
-__attribute__((flatten)) void add_sample(const ShareStage& to, const LightStage& s, size_t first,
+template <class Shape, bool Bent, bool IsDrawn>
+__attribute__((flatten)) void add_sample(const ShareStage& to, const LampSample& lamp, size_t first,
                                          size_t end, double* given) {
   for (size_t k = first; k < end; k += kLanes, given += kLanes) {
     Three both{};
-    give_either<Shape, Bent, IsDrawn>(
-        s, k, [&](const Sample&, Mask reached, const Three& diffuse, const Three& specular) {
+    contribute<Shape, Bent, IsDrawn>(
+        *to.points, lamp, k,
+        [&](const SeenSample&, Mask reached, const Three& diffuse, const Three& specular) {
           const Three matt = where(reached, diffuse), shiny = where(reached, specular);
           both = matt + shiny;
           store(to.total + k,
@@ -28,34 +29,24 @@ __attribute__((flatten)) void add_sample(const ShareStage& to, const LightStage&
   }
 }
 
-template <int Shape, bool Bent>
-void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
-              double* given) {
-  if constexpr (Shape != kPointSource) {
-    if (sample.drawn) return add_sample<true, Bent, Shape>(to, sample.stage, first, end, given);
-  }
-  add_sample<false, Bent, Shape>(to, sample.stage, first, end, given);
-}
-
 template <bool Bent>
-void add_lamp_as(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
+void add_lamp_as(const ShareStage& to, const LampSample& lamp, size_t first, size_t end,
                  double* given) {
-  switch (sample.stage.shape) {
-    case kDirection: return add_lamp<kDirection, Bent>(to, sample, first, end, given);
-    case kMediumSource:
-      return add_sample<false, Bent, kMediumSource>(to, sample.stage, first, end, given);
-    case kPointSource: return add_lamp<kPointSource, Bent>(to, sample, first, end, given);
-    case kSphereSource: return add_lamp<kSphereSource, Bent>(to, sample, first, end, given);
-    case kDiscSource: return add_lamp<kDiscSource, Bent>(to, sample, first, end, given);
-    case kRectangleSource: return add_lamp<kRectangleSource, Bent>(to, sample, first, end, given);
-    default: return add_lamp<kPlaneSource, Bent>(to, sample, first, end, given);
-  }
+  const LightShape shape = lamp.light.shape;
+  const auto add = [&]<class Shape>() {
+    add_sample<Shape, Bent, false>(to, lamp, first, end, given);
+  };
+  const auto add_drawn = [&]<class Shape>() {
+    add_sample<Shape, Bent, true>(to, lamp, first, end, given);
+  };
+  if (lamp.drawn) with_shape(kDrawnLamps, shape, add_drawn);
+  else with_shape(kSharing, shape, add);
 }
 
-void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
+void add_lamp(const ShareStage& to, const LampSample& lamp, size_t first, size_t end,
               double* given) {
-  if (is_bent(sample.stage)) add_lamp_as<true>(to, sample, first, end, given);
-  else add_lamp_as<false>(to, sample, first, end, given);
+  if (is_bent(*to.points)) add_lamp_as<true>(to, lamp, first, end, given);
+  else add_lamp_as<false>(to, lamp, first, end, given);
 }
 
 /// Round the lit points of a block: a ball, and a cone of their normals.
@@ -74,10 +65,10 @@ bool bound_block(const ShareStage& s, size_t first, size_t end, BlockBounds& b) 
   for (size_t k = first; k < end; ++k) {
     if (!s.lit[k]) continue;
     for (size_t c = 0; c < 3; ++c) {
-      const double x = s.x[c][k];
+      const double x = s.points->x[c][k];
       low[c] = some && low[c] < x ? low[c] : x;
       high[c] = some && high[c] > x ? high[c] : x;
-      b.normal[c] += s.n[c][k];
+      b.normal[c] += s.points->n[c][k];
     }
     some = true;
   }
@@ -92,10 +83,11 @@ bool bound_block(const ShareStage& s, size_t first, size_t end, BlockBounds& b) 
   const double length = __builtin_sqrt(dot3(b.normal, b.normal));
   for (double& x : b.normal) x = length > 0 ? x / length : 0;
   // light passes through fibres from behind, and lobes may have other normals
-  const LightStage& stage = s.samples[0].stage;
-  b.cosine = length > 0 && !stage.has_fibre && !stage.turns_lobes ? 1 : -1;
+  const LobeColumns& lobes = s.points->lobes;
+  b.cosine = length > 0 && !lobes.has_fibre && !lobes.turns ? 1 : -1;
   for (size_t k = first; k < end; ++k) {
-    const double n[3] = {s.n[0][k], s.n[1][k], s.n[2][k]}, cosine = dot3(n, b.normal);
+    const double n[3] = {s.points->n[0][k], s.points->n[1][k], s.points->n[2][k]},
+                 cosine = dot3(n, b.normal);
     if (s.lit[k] && cosine < b.cosine) b.cosine = cosine;
   }
   b.cosine -= 1e-9;
@@ -103,14 +95,20 @@ bool bound_block(const ShareStage& s, size_t first, size_t end, BlockBounds& b) 
   return true;
 }
 
+/// How far from the light's centre its samples lie.
+inline double radius_of(const LightSample& s) {
+  const bool round = s.shape == LightShape::kSphere || s.shape == LightShape::kDisc;
+  return round ? s.round.radius : s.shape == LightShape::kRectangle ? s.area.rectangle.size : 0;
+}
+
 /// Whether the points may be within the cone of a spot whose middle is at -`to` of theirs.
-inline bool may_be_in_cone(const LightStage& s, const BlockBounds& b, const double* to) {
+inline bool may_be_in_cone(const LightSample& s, const BlockBounds& b, const double* to) {
   const double along = -dot3(to, s.axis), across2 = dot3(to, to) - along * along,
-               across = __builtin_sqrt(across2 > 0 ? across2 : 0), cosine = s.spot_cosine,
+               across = __builtin_sqrt(across2 > 0 ? across2 : 0), cosine = s.spot.cosine,
                sine = __builtin_sqrt(cosine < 1 ? 1 - cosine * cosine : 0);
   // beside the cone's surface, or behind its tip where it is no wider than a half space
   return cosine < 0 || cosine * across - sine * along <=
-                           b.radius + s.radius + 1e-9 * (across + __builtin_fabs(along));
+                           b.radius + radius_of(s) + 1e-9 * (across + __builtin_fabs(along));
 }
 
 /// Whether the normals may be turned to something that is no farther than `reach` from the place
@@ -125,52 +123,50 @@ inline bool may_be_above(const BlockBounds& b, const double* to, double reach) {
 }
 
 /// False where it is certain that the sample gives nothing to any point of the block.
-bool may_reach(const LampSample& sample, const BlockBounds& b) {
-  const LightStage& s = sample.stage;
-  if (s.shape == kDirection) return sample.drawn || may_be_above(b, s.l, 0);
-  const bool is_flat = s.shape == kPlaneSource || s.shape == kRectangleSource;
+bool may_reach(const LampSample& lamp, const BlockBounds& b) {
+  const LightSample& s = lamp.light;
+  if (s.shape == LightShape::kSun) return lamp.drawn || may_be_above(b, s.sun.l, 0);
+  const bool is_plane = s.shape == LightShape::kArea,
+             is_flat = is_plane || s.shape == LightShape::kRectangle;
   double to[3];
   for (size_t c = 0; c < 3; ++c) to[c] = s.center[c] - b.center[c];
   const double slack = 1e-9 * __builtin_sqrt(dot3(to, to));
   if (is_flat && -dot3(to, s.axis) + b.radius + slack < 0) return false;
-  if (s.spot && !may_be_in_cone(s, b, to)) return false;
-  if (is_flat && s.shape != kRectangleSource) {
-    if (sample.drawn) return true;
-    for (size_t c = 0; c < 3; ++c) to[c] = s.end[c] - b.center[c];
+  if (s.spot.on && !may_be_in_cone(s, b, to)) return false;
+  if (is_plane) {
+    if (lamp.drawn) return true;
+    for (size_t c = 0; c < 3; ++c) to[c] = s.area.end[c] - b.center[c];
   }
-  const double reach = s.shape == kRectangleSource                                      ? s.size
-                       : s.shape == kPointSource || s.shape == kMediumSource || is_flat ? 0
-                                                                                        : s.radius;
-  return may_be_above(b, to, b.radius + reach);
+  return may_be_above(b, to, b.radius + radius_of(s));
 }
 
 /// What the middle of a cluster gives to a point by n l / d^2 for a colour of 1.
 double middle_light(const ShareStage& s, const LampCluster& c, uint32_t point) {
   double to[3], n[3];
   for (size_t i = 0; i < 3; ++i) {
-    to[i] = c.center[i] - s.x[i][point];
-    n[i] = s.n[i][point];
+    to[i] = c.center[i] - s.points->x[i][point];
+    n[i] = s.points->n[i][point];
   }
   const double d2 = dot3(to, to);
-  return dot3(n, to) / __builtin_sqrt(d2) * s.samples[c.first].stage.scale2 /
+  return dot3(n, to) / __builtin_sqrt(d2) * s.samples[c.first].light.scale2 /
          ((4 * kCircle * kCircle) * d2);
 }
 
-/// Which lamps' samples of a cluster the marks [from, to) of a point lie in. at: where the cluster
-/// begins in a row that is as long as there are marks; scale: that of light; light: the cluster's.
+/// Which lamps' samples of a cluster the rays [from, to) of a point fall to. at: where the cluster
+/// begins in the row; scale: that of light; light: the cluster's.
 size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, double at,
                      double scale, uint32_t from, uint32_t to, const double* light,
-                     AskedLamp* chosen) {
+                     ShadowRequest* chosen) {
   double each[3], large[3];  // light a colour, and how long it is in the row
   for (size_t i = 0; i < 3; ++i) {
     each[i] = c.color[i] > 0 ? light[i] / c.color[i] : 0;
     large[i] = scale * __builtin_fabs(each[i]);
   }
   const double middle = middle_light(s, c, point);
-  at = s.offset - at + dot3(large, s.color_sums + 3 * c.first);  // of mark 0, as the sums count
+  at = s.offset - at + dot3(large, s.color_sums + 3 * c.first);  // of ray 0, as the sums count
   size_t found = 0;
   for (uint32_t sample = c.first; from < to; ++sample) {
-    for (uint32_t beyond = c.last; sample < beyond;) {  // the first that ends beyond mark `from`
+    for (uint32_t beyond = c.last; sample < beyond;) {  // the first that ends beyond ray `from`
       const uint32_t half = sample + (beyond - sample) / 2;
       if (dot3(large, s.color_sums + 3 * (half + 1)) > at + from) beyond = half;
       else sample = half + 1;
@@ -192,21 +188,21 @@ size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, 
   return found;
 }
 
-/// Those of the marks of a group of points at k that lie in each of the first `count` samples of
+/// Those of the rays of a group of points at k that lie in each of the first `count` samples of
 /// `reaching`. given: of the group, the first sample's.
 size_t choose_samples(const ShareStage& s, size_t k, size_t count, const double* given,
-                      AskedLamp* chosen) {
-  const Doubles total = load(s.total + k), marks = splat(double(s.asked));
-  const Mask lit = (total > 0) & valid_lanes(k, s.count);
+                      ShadowRequest* chosen) {
+  const Doubles total = load(s.total + k), rays = splat(double(s.rays));
+  const Mask lit = (total > 0) & valid_lanes(k, s.points->count);
   if (!any(lit)) return 0;
-  const Doubles scale = where(lit, marks / total);
+  const Doubles scale = where(lit, rays / total);
   Doubles sum{}, before{};
   size_t found = 0;
   for (size_t i = 0; i < count; ++i, given += 3 * kShareBlock) {
     const Three light = {load(given), load(given + kShareBlock), load(given + 2 * kShareBlock)};
     const Doubles all = magnitude(light.x) + magnitude(light.y) + magnitude(light.z);
     sum = sum + all;
-    Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), marks);
+    Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), rays);
     const Doubles times = here - before, start = before;
     before = larger(here, before);
     uint32_t lanes = bits(times > 0);
@@ -238,7 +234,7 @@ struct Reached {
   size_t count = 0;
   double* give(const ShareStage& s, size_t number) {
     s.reaching[count] = uint32_t(number);
-    return s.given + 3 * kShareBlock * count++;
+    return s.contributions + 3 * kShareBlock * count++;
   }
 };
 
@@ -253,7 +249,7 @@ void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, 
     const ClusterSeen seen = look(s, at, first, end, walk);
     if (seen.far) {
       double* const given = reached.give(s, s.sample_count + at);
-      if (is_bent(s.samples[c.first].stage)) add_cluster<true>(s, c, walk, first, end, given);
+      if (is_bent(*s.points)) add_cluster<true>(s, c, walk, first, end, given);
       else add_cluster<false>(s, c, walk, first, end, given);
     }
     const bool is_lamp = c.next == at + 1;
@@ -267,13 +263,13 @@ void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, 
 /// Adds what was given to the points [first, end) to the groups of lights. Clusters are of one
 /// each.
 void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, size_t end) {
-  const double* given = s.given;
+  const double* given = s.contributions;
   for (size_t i = 0; i < reached.count; ++i, given += 3 * kShareBlock) {
     const uint32_t number = s.reaching[i];
     const uint32_t sample =
         number < s.sample_count ? number : s.clusters[number - s.sample_count].first;
     for (size_t c = 0; c < 3; ++c) {
-      double* const sums = s.group_given[3 * size_t(s.groups[sample]) + c];
+      double* const sums = s.group_total[3 * size_t(s.groups[sample]) + c];
       for (size_t k = first; k < end; k += kLanes)
         store(sums + k, load(sums + k) + load(given + c * kShareBlock + (k - first)));
     }
@@ -283,14 +279,14 @@ void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, si
 /// What gloss gives back of the samples' light at the points [first, end).
 void find_gloss(const ShareStage& to, size_t first, size_t end) {
   if (!to.gloss[0] || to.sample_count == 0) return;
-  for (size_t k = first; k < end; k += kLanes)
-    store3(to.gloss, k, even_gloss(to.samples[0].stage, k));
+  for (size_t k = first; k < end; k += kLanes) store3(to.gloss, k, even_gloss(*to.points, k));
 }
 
 size_t share(const ShareStage& s) {
+  const size_t count = s.points->count;
   size_t found = 0;
-  for (size_t first = 0; first < s.count; first += kShareBlock) {
-    const size_t end = first + kShareBlock < s.count ? first + kShareBlock : s.count;
+  for (size_t first = 0; first < count; first += kShareBlock) {
+    const size_t end = first + kShareBlock < count ? first + kShareBlock : count;
     for (size_t k = first; k < end; k += kLanes) {
       store(s.total + k, Doubles{});
       store3(s.diffuse, k, Three{});
@@ -306,7 +302,7 @@ size_t share(const ShareStage& s) {
     add_clusters(s, bounds, first, end, reached);
     if (s.groups) add_to_groups(s, reached, first, end);
     for (size_t k = first; k < end; k += kLanes)
-      found += choose_samples(s, k, reached.count, s.given + (k - first), s.chosen + found);
+      found += choose_samples(s, k, reached.count, s.contributions + (k - first), s.chosen + found);
   }
   return found;
 }

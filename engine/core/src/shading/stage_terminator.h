@@ -8,7 +8,7 @@ namespace glint {
 namespace {
 
 /// How much of the way to the lifted point shadow rays along l start at: all for light from behind
-/// the face, nothing where it stands higher over the surface than what grazes it. LightStage's
+/// the face, nothing where it stands higher over the surface than what grazes it. LitPoints'
 /// grazing: one over the cosine below which light does; 0 for never.
 inline Doubles lift_share(Doubles grazing, Doubles nl, Doubles gl) {
   const Doubles over_n = grazing * nl, over_g = grazing * gl,
@@ -17,16 +17,16 @@ inline Doubles lift_share(Doubles grazing, Doubles nl, Doubles gl) {
 }
 
 /// Where the shadow ray along l leaves the surface, where some faces are smooth.
-__attribute__((noinline)) Three smooth_start(const LightStage& s, size_t k, Three l) {
-  const Three origin = load3(s.origin, k), x = load3(s.points_x, k);
+__attribute__((noinline)) Three smooth_start(const LitPoints& s, size_t k, Three l) {
+  const Three origin = load3(s.origin, k), x = load3(s.x, k);
   const Doubles grazing = s.grazing ? load(s.grazing + k) : splat(kGrazing);
   return x + lift_share(grazing, dot(load3(s.n, k), l), dot(load3(s.g, k), l)) * (origin - x);
 }
 
 /// Where the shadow ray along l leaves the surface.
-__attribute__((always_inline)) inline Three start_towards(const LightStage& s, size_t k,
+__attribute__((always_inline)) inline Three start_towards(const LitPoints& s, size_t k,
                                                           const Three& l) {
-  return s.origin[0] == s.points_x[0] ? load3(s.origin, k) : smooth_start(s, k, l);
+  return s.origin[0] == s.x[0] ? load3(s.origin, k) : smooth_start(s, k, l);
 }
 
 /// What light is times that the surface sees lower: the cosine of so many times its angle over its

@@ -54,7 +54,7 @@ struct SurfaceStage {
 /// Constant lobes. Writes every column of the sums; `diffuse`, `specular` and `lit` say what lights
 /// are to add.
 struct ShadeStage {
-  const double* lowering;  // as LightStage has it
+  const double* lowering;  // as LitPoints has it
   size_t count;
   const double* T[3];
   const uint32_t* material;
@@ -64,7 +64,7 @@ struct ShadeStage {
   const LobeSpan* rows;  // of these; as many as may have something to these rays
   size_t row_count;
   const LobeLayout* lobes;
-  int highlights;            // as LightStage has it
+  int highlights;            // as LobeColumns has it
   const double* view_terms;  // max_view rows a material
   int max_view;
   const double *n[3], *d[3];  // read where max_view > 0, and with lowering
@@ -116,7 +116,7 @@ struct EvaluateStage {
   double* bent[3];
   int bump_shadowing;  // GlintBumpShadowing; base_normal: as `normal`, what that was bent from
   int32_t base_normal;
-  double *unbent[3], *bump, *lowering;  // as LightStage has them
+  double *unbent[3], *bump, *lowering;  // as LitPoints has them
   const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
@@ -237,18 +237,16 @@ struct Stages {
   void (*coefficients)(const CoefficientStage&);
   PassedRays (*pass)(const PassStage&);
   void (*dome)(const DomeStage&);
-  size_t (*light)(const LightStage&);    // how many points the sample reaches
-  size_t (*scatter)(const LightStage&);  // the same of points that lie on no surface
-  size_t (*gloss)(
-      const LightStage&);  // how many points the directions drawn from their lobes light
-  size_t (*gather)(const LightStage&);   // how many points have a ray that looks for what throws
-                                         // light on them: o, to, and in diffuse_out what the
-                                         // radiance from there is times
-  size_t (*reflect)(const LightStage&);  // how many points have a ray that goes on from them, along
-                                         // a direction of their lobes: o, to, and in diffuse_out
-                                         // what the light from there is times,
-                                         // in t_max the exponent of the lobe
-  size_t (*share)(const ShareStage&);    // how many `chosen`
+  /// How many points the sample reaches; the same of points that lie on no surface; how many the
+  /// directions drawn from their lobes light.
+  size_t (*light)(const LitPoints&, const LampSample&, const ShadowRays&);
+  size_t (*scatter)(const LitPoints&, const LampSample&, const ShadowRays&);
+  size_t (*gloss)(const LitPoints&, const LampSample&, const ShadowRays&);
+  /// How many points have a ray that looks for what throws light on them; that reflects others, in
+  /// whose t_max is the exponent of the lobe.
+  size_t (*gather)(const OnwardStage&);
+  size_t (*reflect)(const OnwardStage&);
+  size_t (*share)(const ShareStage&);  // how many `chosen`
   void (*transmit)(const TransmittanceStage&);
   void (*sum)(const LightSum&);
   void (*sum_parts)(const LightParts&);

@@ -2,6 +2,7 @@
 #pragma once
 #include "program/run.h"
 #include "shading/stage_camera.h"
+#include "shading/stage_dome.h"
 #include "shading/stage_evaluate.h"
 #include "shading/stage_gather.h"
 #include "shading/stage_light.h"

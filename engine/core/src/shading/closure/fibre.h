@@ -36,7 +36,7 @@ struct FibreAngles {
 };
 
 /// The tangent of a lobe, as long as the fibre is thick; 0 where there is none.
-inline Three fibre_tangent(const LightStage& s, size_t k, int kind, int number) {
+inline Three fibre_tangent(const LitPoints& s, size_t k, int kind, int number) {
   return LobeRow(s, k, kind, number).three(FibreRow::kTangent);
 }
 
@@ -75,14 +75,14 @@ inline Doubles spread_along(const FibreAngles& at, Doubles tilt, Doubles p) {
 }
 
 /// What a FIBRE_DIFFUSE lobe gives back of light along l (Kajiya and Kay). cosine: n.l.
-__attribute__((noinline)) Doubles eval_matt_fibre(const LightStage& s, size_t k, int number,
+__attribute__((noinline)) Doubles eval_matt_fibre(const LitPoints& s, size_t k, int number,
                                                   const Three& l, Doubles cosine) {
   const Doubles to_l = dot(unit(fibre_tangent(s, k, GLINT_FIBRE_DIFFUSE, number)), l);
   return where(cosine > 0, (2 / kCircle) * root(larger(1 - to_l * to_l, splat(0))));
 }
 
 /// The same of a FIBRE_SPECULAR or FIBRE_TRANSMISSION lobe.
-__attribute__((noinline)) Doubles eval_fibre(const LightStage& s, size_t k, int kind, int number,
+__attribute__((noinline)) Doubles eval_fibre(const LitPoints& s, size_t k, int kind, int number,
                                              const Three& l, Doubles cosine) {
   const LobeRow row(s, k, kind, number);
   const bool behind = kind == GLINT_FIBRE_TRANSMISSION;
@@ -95,10 +95,10 @@ __attribute__((noinline)) Doubles eval_fibre(const LightStage& s, size_t k, int 
 
 /// How far light from l goes through the fibres of a group of points that let it through: chords of
 /// cylinders; 0 where it comes from before, or nothing does.
-inline Doubles way_through(const LightStage& s, size_t k, const Three& l) {
+inline Doubles way_through(const LitPoints& s, size_t k, const Three& l) {
   const Doubles behind = larger(-dot(load3(s.n, k), l), splat(0));
   Doubles way = splat(0);
-  for (int number = 0; number < s.lobes->of[GLINT_FIBRE_TRANSMISSION].count; ++number) {
+  for (int number = 0; number < s.lobes.layout->of[GLINT_FIBRE_TRANSMISSION].count; ++number) {
     const Three t = fibre_tangent(s, k, GLINT_FIBRE_TRANSMISSION, number);
     const Mask here = nonzero(t);
     if (!bits(here)) continue;
@@ -117,7 +117,7 @@ struct FibreSampler {
   Three t, v;
   Doubles tilt, way, along2, round2;  // way: -1 for behind.  squares of both widths
 
-  FibreSampler(const LightStage& s, size_t k, int kind, int number)
+  FibreSampler(const LitPoints& s, size_t k, int kind, int number)
       : t(unit(fibre_tangent(s, k, kind, number))),
         v(-load3(s.d, k)),
         way(splat(kind == GLINT_FIBRE_TRANSMISSION ? -1 : 1)) {
@@ -170,16 +170,18 @@ inline Doubles size_of(const Three& k) { return magnitude(k.x) + magnitude(k.y) 
 
 /// body(kind, number, |k|) for the lobes of some kinds at a group of points.
 template <class Body>
-inline void each_lobe_of(const LightStage& s, size_t k, std::initializer_list<int> kinds,
+inline void each_lobe_of(const LitPoints& s, size_t k, std::initializer_list<int> kinds,
                          Body body) {
   for (const int kind : kinds)
-    for (int number = 0; number < s.lobes->of[kind].count; ++number)
+    for (int number = 0; number < s.lobes.layout->of[kind].count; ++number)
       body(kind, number, size_of(LobeRow(s, k, kind, number).k()));
 }
 
 /// One lobe's, chosen by how much each gives back; what is even gives evenly over the front's half
 /// of the sphere. number: of [0, 1), that chooses.
-inline FibreSample sample_fibre(const LightStage& s, size_t k, const Three& n, Doubles number) {
+inline FibreSample sample_fibre(const OnwardStage& stage, size_t k, const Three& n,
+                                Doubles number) {
+  const LitPoints& s = *stage.points;
   const auto each_round = [&](auto body) {
     each_lobe_of(s, k, {GLINT_FIBRE_SPECULAR, GLINT_FIBRE_TRANSMISSION}, body);
   };
@@ -192,10 +194,10 @@ inline FibreSample sample_fibre(const LightStage& s, size_t k, const Three& n, D
                {GLINT_SHEEN, GLINT_TOON_DIFFUSE, GLINT_TOON_SPECULAR, GLINT_OREN_NAYAR,
                 GLINT_OREN_NAYAR_MULTIPLE},
                [&](int, int, Doubles weight) { others |= weight > 0; });
-  even = s.fibres_alone ? splat(0) : even + where(others, round);
+  even = stage.fibres_alone ? splat(0) : even + where(others, round);
   even = choose(even + round > 0, even, splat(1));
   const Doubles total = even + round;
-  const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k),
+  const Doubles x = load(stage.disc[0] + k), y = load(stage.disc[1] + k),
                 rest = larger(1 - x * x - y * y, Doubles{}), at = number * total;
   Three t1, t2;
   frame(n, t1, t2);

@@ -9,8 +9,9 @@ namespace {
 /// Row `number` of a kind at group k of points. Columns are those of the kind's row (rows.h).
 class LobeRow {
  public:
-  LobeRow(const LightStage& s, size_t k, int kind, int number)
-      : first_(s.specular + size_t(s.lobes->row(kind, number)) * s.stride + k), stride_(s.stride) {}
+  LobeRow(const LitPoints& s, size_t k, int kind, int number)
+      : first_(s.lobes.columns + size_t(s.lobes.layout->row(kind, number)) * s.lobes.stride + k),
+        stride_(s.lobes.stride) {}
   Doubles number(int column) const { return load(first_ + size_t(column) * stride_); }
   Three three(int column) const { return {number(column), number(column + 1), number(column + 2)}; }
   Three k() const { return three(0); }

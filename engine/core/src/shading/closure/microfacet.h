@@ -19,7 +19,7 @@ struct Narrow {
 struct Microfacet : LobeRow {
   Three k;
   Doubles exponent;
-  Microfacet(const LightStage& s, size_t at, int row)
+  Microfacet(const LitPoints& s, size_t at, int row)
       : LobeRow(s, at, GLINT_SPECULAR, row),
         k(LobeRow::k()),
         exponent(number(MicrofacetRow::kExponent)) {}
@@ -31,7 +31,7 @@ struct Microfacet : LobeRow {
     return choose(nonzero(own), own, n);
   }
   /// How much of it reflects other surfaces, as rays show them: of GGX's masking, all of a metal's.
-  /// shown: as LightStage has it.
+  /// shown: as LobeColumns has it.
   Doubles reflects(double shown) const {
     return where(masking2() > 0, choose(fresnel() > 0, splat(shown), splat(1)));
   }
@@ -44,10 +44,10 @@ struct Microfacet : LobeRow {
 
 /// What of a lobe reflects, where that is asked for, of any width.
 template <bool Reflecting>
-inline Microfacet microfacet(const LightStage& s, size_t k, int number) {
+inline Microfacet microfacet(const LitPoints& s, size_t k, int number) {
   Microfacet lobe(s, k, number);
   if constexpr (Reflecting) {
-    const Doubles part = lobe.reflects(s.shown);
+    const Doubles part = lobe.reflects(s.lobes.shown);
     lobe.k = where(part > 0, part * lobe.k);
   }
   return lobe;
@@ -83,18 +83,12 @@ inline Doubles stretched_highlight(const Slope& at, Doubles stretched_log, Doubl
   return where(at.sharp, exponential(-0.5 * ((p + q) * stretched_log - q * at.log)));
 }
 
-inline Narrow reflecting_terms(const LightStage& s, size_t k) {
-  Narrow all = {splat(0), Doubles{}};
-  for (int number = 0; number < s.highlights; ++number)
-    all.total = all.total + microfacet<true>(s, k, number).part(all);
-  return all;
-}
-
-inline Narrow narrow_terms(const LightStage& s, size_t k, const Three& x) {
-  const Three to = splat3(s.center) - x;
-  Narrow narrow = {s.least_near * dot(to, to) + s.least, Doubles{}};
-  for (int number = 0; number < s.highlights; ++number)
-    narrow.total = narrow.total + Microfacet(s, k, number).part(narrow);
+/// Of lobes whose exponents are `least` or more.
+template <bool Reflecting>
+inline Narrow narrow_terms(const LitPoints& s, size_t k, Doubles least) {
+  Narrow narrow = {least, Doubles{}};
+  for (int number = 0; number < s.lobes.highlights; ++number)
+    narrow.total = narrow.total + microfacet<Reflecting>(s, k, number).part(narrow);
   return narrow;
 }
 
@@ -108,11 +102,11 @@ struct Shine {
 /// cosine: n.l.  narrow: or null, for no density. Lobes that differ in their Fresnel factor alone
 /// share their power. Where some lobes have normals of their own each gives nothing behind its own.
 template <bool Reflecting, bool Bent>
-__attribute__((always_inline)) inline Shine eval_microfacets(const LightStage& s, size_t k,
+__attribute__((always_inline)) inline Shine eval_microfacets(const LitPoints& s, size_t k,
                                                              const Three& n, const Three& l,
                                                              Doubles cosine, const Narrow* narrow) {
-  const bool turns = Bent && s.turns_lobes, stretches = Bent && s.stretches_lobes,
-             shaped = s.lobes->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
+  const bool turns = Bent && s.lobes.turns, stretches = Bent && s.lobes.stretches,
+             shaped = s.lobes.layout->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
   const Three d = load3(s.d, k), h = l - d;
   const Doubles vh = root(larger(0.5 * (1 - dot(l, d)), splat(0)));
   Slope at = slope(n, h);
@@ -120,7 +114,7 @@ __attribute__((always_inline)) inline Shine eval_microfacets(const LightStage& s
   Three axis = n;  // of `at` and `gloss`
   Doubles exponent = splat(0), power = splat(1);
   Shine sum{};
-  for (int number = 0; number < s.highlights; ++number) {
+  for (int number = 0; number < s.lobes.highlights; ++number) {
     const Microfacet lobe = microfacet<Reflecting>(s, k, number);
     if (!any(nonzero(lobe.k))) continue;
     if (turns) {
@@ -161,48 +155,52 @@ __attribute__((always_inline)) inline Shine eval_microfacets(const LightStage& s
   return sum;
 }
 
-/// The direction in which the half vector at the stage's point of the lobes, of what is reflected
-/// at each point's own, mirrors the ray, and where there is one.
+/// A point of the unit disc as DiscPlace has it: where in a lobe a direction is drawn.
+struct LobePlace {
+  Doubles across, along, radius2;
+  explicit LobePlace(const DiscPlace& p)
+      : across(splat(p.azimuth[0])), along(splat(p.azimuth[1])), radius2(splat(p.radius2)) {}
+  LobePlace(Doubles x, Doubles y) : radius2(x * x + y * y) {
+    const Doubles r = root(radius2);
+    const Mask some = r > 0;
+    across = choose(some, x / r, splat(1));
+    along = choose(some, y / r, splat(0));
+  }
+};
+
+/// The direction in which the half vector at a place of the lobes mirrors the ray, and where there
+/// is one.
 struct Drawn {
   Three l;
   Mask good;
   Doubles narrowest;  // exponent of all lobes that directions are drawn from
 };
 template <bool Reflecting, bool Bent>
-inline Drawn sample_microfacets(const LightStage& s, size_t k, const Three& n,
-                                const Narrow& narrow) {
-  Doubles radius2 = splat(s.radius2), across = splat(s.azimuth[0]), along = splat(s.azimuth[1]);
-  if constexpr (Reflecting) {  // as disc_place has it
-    const Doubles x = load(s.disc[0] + k), y = load(s.disc[1] + k);
-    radius2 = x * x + y * y;
-    const Doubles r = root(radius2);
-    const Mask some = r > 0;
-    across = choose(some, x / r, splat(1));
-    along = choose(some, y / r, splat(0));
-  }
-  const Doubles at = radius2 * narrow.total;
+inline Drawn sample_microfacets(const LitPoints& s, size_t k, const Three& n, const Narrow& narrow,
+                                const LobePlace& place) {
+  const Doubles at = place.radius2 * narrow.total;
   Doubles before{}, rest{}, exponent{}, narrowest{};
   Three axis = n, stretch{};
-  for (int number = 0; number < s.highlights; ++number) {
+  for (int number = 0; number < s.lobes.highlights; ++number) {
     const Microfacet lobe = microfacet<Reflecting>(s, k, number);
     const Doubles part = lobe.part(narrow);
     const Mask here = (part > 0) & (at >= before);
     rest = choose(here, (at - before) / part, rest);
     exponent = choose(here, lobe.exponent, exponent);
     narrowest = larger(narrowest, where(part > 0, lobe.exponent));
-    if (Bent && s.turns_lobes) axis = choose(here, lobe.normal(n), axis);
-    if (Bent && s.stretches_lobes) stretch = choose(here, Stretch(lobe, n).t, stretch);
+    if (Bent && s.lobes.turns) axis = choose(here, lobe.normal(n), axis);
+    if (Bent && s.lobes.stretches) stretch = choose(here, Stretch(lobe, n).t, stretch);
     before = before + part;
   }
   rest = smaller(rest, splat(1 - 0x1p-53));
   const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
   Three t1, t2;
   frame(axis, t1, t2);
-  Three h = root(cosine2) * axis + root(1 - cosine2) * (across * t1 + along * t2);
-  if (Bent && s.stretches_lobes) {
+  Three h = root(cosine2) * axis + root(1 - cosine2) * (place.across * t1 + place.along * t2);
+  if (Bent && s.lobes.stretches) {
     const Mask some = nonzero(stretch);
     const Doubles size2 = choose(some, dot(stretch, stretch), splat(1));
-    const Three aside = across / size2 * stretch + along * cross(axis, stretch);
+    const Three aside = place.across / size2 * stretch + place.along * cross(axis, stretch);
     h = choose(some, unit(root(cosine2) * axis + root(1 - cosine2) * aside), h);
   }
   const Three d = load3(s.d, k);
@@ -212,20 +210,20 @@ inline Drawn sample_microfacets(const LightStage& s, size_t k, const Three& n,
 
 /// About what gloss gives back of even light, as it does straight from above and where it mirrors;
 /// ever less slanting the wider the lobe. Less what rays show, and metals' where any do.
-inline Three microfacet_albedo(const LightStage& s, size_t k) {
+inline Three microfacet_albedo(const LitPoints& s, size_t k) {
   const Doubles seen = seen_cosine(load3(s.n, k), load3(s.d, k));
-  const bool shaped = s.lobes->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
+  const bool shaped = s.lobes.layout->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
   Three sum{};
-  for (int number = 0; shaped && number < s.highlights; ++number) {
+  for (int number = 0; shaped && number < s.lobes.highlights; ++number) {
     const Microfacet lobe(s, k, number);
     const Doubles masking2 = lobe.masking2(), fresnel = lobe.fresnel(), p = lobe.exponent;
     const Mask good = masking2 > 0, dielectric = good & (fresnel > 0);
-    if (!any((s.shows_nothing ? good : dielectric) & nonzero(lobe.k))) continue;
-    if (s.shows_nothing) {
+    if (!any((s.lobes.shows_nothing ? good : dielectric) & nonzero(lobe.k))) continue;
+    if (s.lobes.shows_nothing) {
       sum = sum + where(good, of_even_light(seen, p, masking2, fresnel) * lobe.k);
       continue;
     }
-    const Doubles rest = 1 - splat(s.shown);
+    const Doubles rest = 1 - splat(s.lobes.shown);
     sum = sum + where(dielectric, rest * of_even_light<false>(seen, p, masking2, fresnel) * lobe.k);
   }
   return sum;

@@ -6,7 +6,7 @@ namespace glint {
 namespace {
 
 /// What one gives back of light along l. cosine: n.l. Where n is turned away n.v is below 0.
-__attribute__((noinline)) Doubles eval_sheen(const LightStage& s, size_t k, int number,
+__attribute__((noinline)) Doubles eval_sheen(const LitPoints& s, size_t k, int number,
                                              const Three& n, const Three& d, const Three& l,
                                              Doubles cosine) {
   const LobeRow row(s, k, GLINT_SHEEN, number);

@@ -37,14 +37,14 @@ struct Toon {
 };
 
 /// That of a row at a group of points. kind: TOON_DIFFUSE or TOON_SPECULAR.
-inline Toon toon(const LightStage& s, size_t k, int kind, int number) {
+inline Toon toon(const LitPoints& s, size_t k, int kind, int number) {
   const LobeRow row(s, k, kind, number);
   return {row.number(ToonRow::kSize), row.number(ToonRow::kSmooth)};
 }
 
 /// What one gives back of light along l, round n or the mirrored ray; nothing where n is turned
 /// away from that. cosine: n.l.
-__attribute__((noinline)) Doubles eval_toon(const LightStage& s, size_t k, int kind, int number,
+__attribute__((noinline)) Doubles eval_toon(const LitPoints& s, size_t k, int kind, int number,
                                             const Three& n, const Three& d, const Three& l,
                                             Doubles cosine) {
   if (kind == GLINT_TOON_SPECULAR) {

@@ -1,24 +1,22 @@
-// What comes from a dome, by direction and by normal (glint.h). Letters: l direction, n normal.
+// Domes: what comes from their maps, by direction and by normal (glint.h); directions, and points
+// on openings that these show them through. Letters: l direction, n normal.
 #pragma once
 #include "program/functions_trig.h"
-#include "shading/stage_math.h"
-#include "shading/stage_rows.h"
-#include "shading/stages.h"
+#include "shading/light/shape.h"
 
 namespace glint {
 namespace {
 
-/// What comes from a dome in the direction l, over the density of its directions there, and one
-/// over that.
-struct SkyCell {
+/// What comes from a dome in a direction, over the pdf of its directions there, and one over that.
+struct DomeCell {
   Three color;
-  Doubles spread;
+  Doubles inverse_pdf;
 };
 /// Where a direction is on a dome's maps, 0 to 1.
-struct SkyPlace {
+struct MapPlace {
   Doubles around, upward;
 };
-inline SkyPlace sky_place(const DomeCells& dome, const Three& l) {
+inline MapPlace map_place(const DomeCells& dome, const Three& l) {
   const Doubles x = dot(l, splat3(dome.axes[0])), y = dot(l, splat3(dome.axes[1])),
                 z = dot(l, splat3(dome.axes[2]));
   return {0.5 - atan2(y, x) / (2 * kCircle), 0.5 + atan2(z, root(x * x + y * y)) / kCircle};
@@ -30,8 +28,8 @@ inline Doubles cell_of(Doubles at, size_t cells) {
   return larger(smaller(down(at), splat(last)), splat(0));
 }
 
-inline SkyCell sky_cell(const DomeCells& dome, const Three& l) {
-  const SkyPlace at = sky_place(dome, l);
+inline DomeCell dome_cell(const DomeCells& dome, const Three& l) {
+  const MapPlace at = map_place(dome, l);
   const Mask row = __builtin_convertvector(cell_of(at.upward * double(dome.rows), dome.rows), Mask),
              column = __builtin_convertvector(
                  cell_of(at.around * double(dome.columns), dome.columns), Mask);
@@ -46,7 +44,7 @@ inline SkyCell sky_cell(const DomeCells& dome, const Three& l) {
 /// The irradiance over pi of surfaces with the normal n that nothing hides the dome from.
 inline Three unhidden(const DomeCells& dome, const Three& n) {
   const size_t rows = dome.irradiance_rows - 1, columns = dome.irradiance_columns - 1;
-  const SkyPlace at = sky_place(dome, n);
+  const MapPlace at = map_place(dome, n);
   const Doubles x = at.around * double(columns), y = at.upward * double(rows),
                 left = cell_of(x, columns), low = cell_of(y, rows), a = x - left, b = y - low;
   const Mask i = __builtin_convertvector(left, Mask), j = __builtin_convertvector(low, Mask);
@@ -64,9 +62,9 @@ inline Three unhidden(const DomeCells& dome, const Three& n) {
   return {part(0), part(1), part(2)};
 }
 
-/// How densely, a steradian, points on openings lie in the unit direction l from x, for each of the
-/// directions that are taken beside them.
-inline Doubles opening_density(const Openings& openings, const Three& x, const Three& l) {
+/// The pdf, a steradian, of points on openings in the unit direction l from x, for each of the
+/// directions that are taken besides.
+inline Doubles opening_pdf(const Openings& openings, const Three& x, const Three& l) {
   Doubles total{};
   for (size_t i = 0; i < openings.count; ++i) {
     const Opening& on = openings.rows[i];
@@ -80,42 +78,54 @@ inline Doubles opening_density(const Openings& openings, const Three& x, const T
   return total;
 }
 
-/// What the directions of a sample and its points on openings give together, times how many
-/// directions there are.
-inline Three given_beside_openings(const DomeStage& s, size_t k, const Three& n) {
-  const Three x = load3(s.x, k);
-  Three given{};
-  const auto add = [&](const Three& l, const Three& color, const Doubles& spread) {
-    const Doubles less = 1 + opening_density(*s.openings, x, l) * spread;
-    given = given + (larger(dot(l, n), splat(0)) / less) * color;
-  };
-  for (size_t i = 0; i < s.directions; ++i) {
-    const double* const row = s.drawn + kDomeColumns * i;
-    add(splat3(row), splat3(row + 3), splat(row[6]));
-  }
-  for (size_t j = 0; j < s.opening_point_count; ++j) {
-    const OpeningPoint& on = s.opening_points[j];
-    const Three l = unit(splat3(on.at) - x);
-    const SkyCell cell = sky_cell(*s.dome, l);
-    add(l, where(dot(l, splat3(on.normal)) > 0, cell.spread) * cell.color, cell.spread);
-  }
-  return given;
-}
+/// Directions alone.
+struct Dome : ShapeTraits {
+  static constexpr LightShape kShape = LightShape::kDome;
 
-void dome(const DomeStage& s) {
-  for (size_t k = 0; k < s.count; k += kLanes) {
-    if (!any(load(s.lit + k))) continue;
-    const Three n = load3(s.n, k);
-    Three given{};
-    for (size_t i = 0; i < s.directions; ++i) {
-      const double* const row = s.drawn + kDomeColumns * i;
-      given = given + larger(dot(splat3(row), n), splat(0)) * splat3(row + 3);
-    }
-    if (s.openings->count) given = given_beside_openings(s, k, n);
-    const Three rest = unhidden(*s.dome, n) - splat(1.0 / double(s.directions)) * given;
-    store3(s.rest, k, load3(s.diffuse, k) * rest);
+  static SeenSample sample(const LightSample& s, const Three&) {
+    return {splat3(s.dome.l), splat3(s.dome.l), splat(s.factor), splat(s.inverse_pdf), ~Mask{}};
   }
-}
+  static SeenCell towards(const LightSample& s, const Three&, const Three& l) {
+    const DomeCell cell = dome_cell(*s.dome_cells, l);
+    return {{l, l, splat(s.factor), cell.inverse_pdf, ~Mask{}}, cell.color};
+  }
+
+  using ShapeTraits::color;
+  static Three color(const LightSample&, const SeenCell& at) { return at.color; }
+  using ShapeTraits::share;
+  static void share(const LightSample& s, SeenCell& at) {
+    ShapeTraits::share(s, at);
+    at.factor = at.factor * at.inverse_pdf;
+  }
+  static double draws(const LightSample&) { return 1.0 / kDomeDraws; }
+};
+
+/// Directions and points on openings, weighed by the balance heuristic.
+struct OpenDome : Dome {
+  static constexpr LightShape kShape = LightShape::kOpenDome;
+
+  static SeenCell sample(const LightSample& s, const Three& x) {
+    if (s.through) {
+      SeenCell at = towards(s, x, unit(splat3(s.dome.end) - x));
+      at.good &= dot(at.l, splat3(s.axis)) > 0;
+      return at;
+    }
+    return beside_openings(s, x, splat3(s.dome.l), splat(s.factor),
+                           {splat3(s.color), splat(s.inverse_pdf)});
+  }
+  static SeenCell towards(const LightSample& s, const Three& x, const Three& l) {
+    const DomeCell cell = dome_cell(*s.dome_cells, l);
+    return beside_openings(s, x, l, s.factor * cell.inverse_pdf, cell);
+  }
+  static void share(const LightSample& s, SeenCell& at) { ShapeTraits::share(s, at); }
+
+ private:
+  static SeenCell beside_openings(const LightSample& s, const Three& x, const Three& l,
+                                  const Doubles& factor, const DomeCell& cell) {
+    const Doubles less = 1 + opening_pdf(*s.openings, x, l) * cell.inverse_pdf;
+    return {{l, l, factor / less, cell.inverse_pdf / less, ~Mask{}}, cell.color};
+  }
+};
 
 }  // namespace
 }  // namespace glint
