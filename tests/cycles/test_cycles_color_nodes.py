@@ -320,6 +320,41 @@ def test_constants_beyond_the_ends_of_curves(kind, factor):
     assert greatest_difference(seen, expected) <= 1e-4
 
 
+_SOURCES = {
+    "ShaderNodeMath": lambda x: {0: x, 1: 0.0},
+    "ShaderNodeGamma": lambda x: {"Color": (x, x, x, 1.0), "Gamma": 1.0},
+    "ShaderNodeCombineXYZ": lambda x: {"X": x, "Y": x, "Z": x},
+    "ShaderNodeCombineColor": lambda x: {"Red": x, "Green": x, "Blue": x},
+    "ShaderNodeSeparateColor": lambda x: {"Color": (x, x, x, 1.0)},
+    "ShaderNodeRGBToBW": lambda x: {"Color": (x, x, x, 1.0)},
+}
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+@pytest.mark.parametrize("kind", [*_SOURCES, "ShaderNodeRGB"])
+def test_constants_of_nodes_beyond_the_ends_of_a_float_curve(kind, steps):
+    """Of some Cycles goes beyond the ends, whatever lies between."""
+
+    def curve(value):
+        def build(tree, position):
+            node = add(tree, kind, _SOURCES[kind](value) if kind in _SOURCES else {})
+            if kind == "ShaderNodeRGB":
+                node.outputs[0].default_value = (value, value, value, 1.0)
+            source = node.outputs[0]
+            for _ in range(steps):
+                between = add(tree, "ShaderNodeMath", {1: 0.0})
+                tree.links.new(source, between.inputs[0])
+                source = between.outputs[0]
+            found = add(tree, "ShaderNodeFloatCurve", {"Factor": 1.0})
+            tree.links.new(source, found.inputs["Value"])
+            return found.outputs[0]
+
+        return build
+
+    seen, expected = compared([curve(value) for value in (-1.5, 0.3, 2.5)])
+    assert greatest_difference(seen, expected) <= 1e-4
+
+
 @pytest.mark.parametrize("extend", ["EXTRAPOLATED", "HORIZONTAL"])
 def test_curves_without_width_are_steps(extend):
     """Where Cycles gives one end everywhere, or no number."""

@@ -146,11 +146,11 @@ def _vector_curves(view: NodeInputs) -> Outputs:
 def _float_curve(view: NodeInputs) -> Outputs:
     mapping = view.node.mapping
     table = view.table(lambda: _curve_table(mapping, [mapping.curves[0]] * 3))
-    factor = view.value("Factor" if "Factor" in view.node.inputs else "Fac")
-    value = view.value("Value")
-    # Cycles goes beyond the ends at each point only, not where it folds constants. It does not fold
-    # those of RGB and Combine Color nodes, which are taken for folded here
-    folded = factor.constant is not None and value.constant is not None
+    names = ("Factor" if "Factor" in view.node.inputs else "Fac", "Value")
+    factor, value = (view.value(name) for name in names)
+    # Cycles goes beyond the ends at each point only, not where it folds constants
+    is_constant = factor.constant is not None and value.constant is not None
+    folded = is_constant and all(map(view.is_folded, names))
     extends = 0 if folded else _extends(mapping)
     arguments = (factor, view.vector_of(value))
     found = view.apply("curves", *arguments, extends=extends, table=table)[0]

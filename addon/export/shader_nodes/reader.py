@@ -262,6 +262,21 @@ class TreeReader:
         passed = self._trail(wanted)
         return passed is not None and passed[-1].socket.is_output
 
+    def is_folded(self, wanted: Place) -> bool:
+        """Whether Cycles works out the constant value of this input before it renders: all that
+        feeds it are nodes that it folds.
+        """
+        waiting, seen = [wanted], set()
+        while waiting:
+            for end in self._feeding([waiting.pop()]):
+                if end.node_key in seen:
+                    continue
+                if end.node.bl_idname in _NOT_FOLDED:
+                    return False
+                seen.add(end.node_key)
+                waiting += [end.beside(x) for x in end.node.inputs if x.is_linked]
+        return True
+
     def passed_on(self, wanted: Place) -> Value:
         """The value at the end of a socket's trail, converted on its way."""
         passed = self._trail(wanted)
@@ -346,6 +361,10 @@ class NodeInputs:
         socket = self._socket(name)
         return socket is not None and self.reader.is_fed(self.place.beside(socket))
 
+    def is_folded(self, name: str) -> bool:
+        """Of the input with this identifier or name, as `TreeReader` has it."""
+        return self.reader.is_folded(self.place.beside(self._socket(name)))
+
     def _socket(self, name: str) -> Any:
         """The input with this identifier or name, or None."""
         if self._sockets is None:
@@ -380,6 +399,16 @@ def texture_vector(view: NodeInputs) -> Value:
     """
     given = view.value("Vector") if view.is_linked("Vector") else view.reader.generated()
     return texture_mapped(view, given)
+
+
+_NOT_FOLDED = {
+    f"ShaderNode{name}"
+    for name in (
+        *("RGB", "RGBToBW", "CombineColor", "CombineRGB", "CombineHSV"),
+        *("SeparateColor", "SeparateRGB", "SeparateHSV"),
+    )
+}
+"""Nodes whose constants Cycles works out at each point."""
 
 
 def _width(kind: str) -> int:
