@@ -74,6 +74,11 @@ class Expressions:
         """The alpha of a ramp's table at a number."""
         return self.graph.apply(BY_NAME["ramp"], number, interpolates=1, table=table)[1]
 
+    def looked_up_at_once(self, number: Value, table: tuple[float, ...]) -> list[Value]:
+        """The four channels of a ramp's table at a number."""
+        color, alpha = self.graph.apply(BY_NAME["ramp"], number, interpolates=1, table=table)
+        return [*self.parts(color), alpha]
+
     def bounded(self, value: Value, low: float, high: float) -> Value:
         """A vector with each channel from low to high."""
         return self.apply(

@@ -89,9 +89,8 @@ class WorldShares:
 
     def __init__(self, roughness: Roughness, kind: str, ior: float = Ior.NOMINAL) -> None:
         a0, a1, b0, b1, q = (Of(_share_of_world, (kind, ior, name)) for name in _SHARES)
-        self.a0, self.a1, self.b0, self.b1 = map(roughness.number, (a0, a1, b0, b1))
-        self.less_a0 = roughness.number(Of(_rest, (a0,)))
-        self.minus_a1 = roughness.number(Of(_minus, (a1,)))
+        self.a0, self.a1, self.b0, self.b1 = roughness.numbers(a0, a1, b0, b1)
+        self.less_a0, self.minus_a1 = roughness.numbers(Of(_rest, (a0,)), Of(_minus, (a1,)))
         self.exponent = roughness.exponent(q)
 
 

@@ -4,9 +4,10 @@ sums and as lobes' numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from typing import Any
 
 from ....engine.program.graph import Value
@@ -66,6 +67,12 @@ class Roughness:
             return constant(of(self.value))
         return self._expressions.sum_of(self._looked_up(of))
 
+    def numbers(self, *of: Of) -> list[Sum]:
+        """Of up to four functions, which are looked up at once."""
+        if not self.varies:
+            return [constant(one(self.value)) for one in of]
+        return [self._expressions.sum_of(found) for found in self._looked_up_at_once(of)]
+
     def color(self, of: Callable[[float], RGB]) -> Sum:
         if not self.varies:
             return constant(of(self.value))
@@ -83,21 +90,28 @@ class Roughness:
         if not self.varies:
             return [({"exponent": p, **masking}, constant(s)) for p, s in highlights(self.value)]
 
-        shapes = [
-            (self.exponent(Of(_highlight, (k, 0))), self.number(Of(_highlight, (k, 1))))
-            for k in range(MOST_HIGHLIGHTS)
+        exponents = [Of(_highlight, (k, 0)) for k in range(MOST_HIGHLIGHTS)]
+        sizes = self.numbers(*(Of(_highlight, (k, 1)) for k in range(MOST_HIGHLIGHTS)))
+        found = self._looked_up_at_once(exponents)
+        return [
+            (self._named("exponent", max(map(of, _PLACES)), value) | masking, size)
+            for of, value, size in zip(exponents, found, sizes, strict=True)
         ]
-        return [({**exponent, **masking}, size) for exponent, size in shapes]
 
     def _key(self, name: str, of: Callable[[float], float]) -> dict[str, Any]:
         if not self.varies:
             return {name: of(self.value)}
         table = _table_of(of)
-        output = self._expressions.output(self._expressions.looked_up(self.value, table))
-        return {name: max(table[3::4]), f"{name}_output": output}
+        return self._named(name, max(table[3::4]), self._expressions.looked_up(self.value, table))
+
+    def _named(self, name: str, most: float, value: Value) -> dict[str, Any]:
+        return {name: most, f"{name}_output": self._expressions.output(value)}
 
     def _looked_up(self, of: Callable[[float], float]) -> Value:
         return self._expressions.looked_up(self.value, _table_of(of))
+
+    def _looked_up_at_once(self, of: Sequence[Of]) -> list[Value]:
+        return self._expressions.looked_up_at_once(self.value, _joint_table(tuple(of)))[: len(of)]
 
     def _interpolated(self, column: Iterable[float]) -> Value:
         """Between a function's values at `_PLACES`."""
@@ -131,6 +145,13 @@ def _table_of(of: Callable[[float], float]) -> tuple[float, ...]:
 @lru_cache(maxsize=256)
 def _shared_table(of: Of) -> tuple[float, ...]:
     return _table(map(of, _PLACES))
+
+
+@lru_cache(maxsize=64)
+def _joint_table(of: tuple[Of, ...]) -> tuple[float, ...]:
+    """A ramp's table whose channels are functions' values at `_PLACES`, of up to four."""
+    columns = [_shared_table(one)[3::4] for one in of] + [(0.0,) * ROWS] * (4 - len(of))
+    return tuple(chain.from_iterable(zip(*columns, strict=True)))
 
 
 class Ior:
