@@ -16,27 +16,28 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
   hits_.resize(kMostLayers);
   layers_.reserve(kMostLayers);
   first_of_.resize(scene.materials.size() + 1);
-  shares_.reserve(kRows);
+  columns_.shares.reserve(kRows);
   if (scene.materials.has_dense) {
-    narrows_.resize(kRows);
-    turns_.reserve(kRows);
-    for (size_t c = 0; c < 3; ++c) stage_.bent[c] = turns_[c];
+    columns_.narrows.resize(kRows);
+    columns_.turns.reserve(kRows);
+    for (size_t c = 0; c < 3; ++c) stage_.bent[c] = columns_.turns[c];
   }
-  for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(kRows);
-  u_.resize(kRows);
-  v_.resize(kRows);
+  for (std::vector<uint32_t>* v : {&columns_.number, &columns_.instance, &columns_.primitive})
+    v->resize(kRows);
+  columns_.u.resize(kRows);
+  columns_.v.resize(kRows);
   slots_.resize(size_t(scene.programs.most_slots) * kBlock);
   if (!scene.instances.only_meshes && (scene.materials.has_dense || !scene.programs.rows.empty()))
-    solids_.resize(8 * kRows);
+    columns_.solids.resize(8 * kRows);
   stage_.slots = slots_.data();
   stage_.tables = scene_.input_tables();
   stage_.shapes = scene_.instances.group_shapes.data();
-  stage_.number = number_.data();
-  stage_.instance = instance_.data();
-  stage_.primitive = primitive_.data();
-  stage_.u = u_.data();
-  stage_.v = v_.data();
-  for (size_t c = 0; c < 3; ++c) stage_.share[c] = shares_[c];
+  stage_.number = columns_.number.data();
+  stage_.instance = columns_.instance.data();
+  stage_.primitive = columns_.primitive.data();
+  stage_.u = columns_.u.data();
+  stage_.v = columns_.v.data();
+  for (size_t c = 0; c < 3; ++c) stage_.share[c] = columns_.shares[c];
 }
 
 void TransparentShadows::begin(const ShadowRays& sent, LightShape shape, size_t count,
@@ -169,11 +170,11 @@ void TransparentShadows::sort_layers() {
   for (Layer& layer : layers_) {
     const Hit& hit = hits_[layer.hit];
     const uint32_t row = layer.row = first_of_[layer.material]++;
-    number_[row] = ray_number_[layer.hit / Layers::kMost];
-    instance_[row] = hit.instance;
-    primitive_[row] = hit.primitive;
-    u_[row] = hit.u;
-    v_[row] = hit.v;
+    columns_.number[row] = ray_number_[layer.hit / Layers::kMost];
+    columns_.instance[row] = hit.instance;
+    columns_.primitive[row] = hit.primitive;
+    columns_.u[row] = hit.u;
+    columns_.v[row] = hit.v;
   }
 }
 
@@ -186,7 +187,7 @@ void TransparentShadows::place_solids(const Rays& rays) {
     const uint32_t k = layer.hit / Layers::kMost;
     const Surface s = surface_at(scene_, {rays.o[0][k], rays.o[1][k], rays.o[2][k]},
                                  {rays.d[0][k], rays.d[1][k], rays.d[2][k]}, hit);
-    double* solid = solids_.data() + 8 * size_t(layer.row);
+    double* solid = columns_.solids.data() + 8 * size_t(layer.row);
     for (int c = 0; c < 3; ++c) {
       solid[c] = s.x[c];
       solid[3 + c] = s.g[c];
@@ -201,7 +202,7 @@ void TransparentShadows::read_shares(const Rays& rays) {
   const bool has_solids = !scene_.instances.only_meshes &&
                           (scene_.materials.has_dense || !scene_.programs.rows.empty());
   if (has_solids) place_solids(rays);
-  stage_.solids = has_solids ? solids_.data() : nullptr;
+  stage_.solids = has_solids ? columns_.solids.data() : nullptr;
   size_t first = 0;
   for (uint32_t m : materials_) {
     const size_t end = std::exchange(first_of_[m], 0);
@@ -212,10 +213,11 @@ void TransparentShadows::read_shares(const Rays& rays) {
       stage_.lobes = scene_.materials.lobes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
       stage_.program = material.program > 0 ? scene_.programs.of(material.program) : nullptr;
-      stage_.narrowed = material.is_dense ? narrows_.data() : nullptr;
+      stage_.narrowed = material.is_dense ? columns_.narrows.data() : nullptr;
       stages_.transmit(stage_);
     } else {
-      for (size_t c = 0; c < 3; ++c) std::fill(shares_[c] + first, shares_[c] + end, 0.0);
+      for (size_t c = 0; c < 3; ++c)
+        std::fill(columns_.shares[c] + first, columns_.shares[c] + end, 0.0);
     }
     first = end;
   }
@@ -229,10 +231,11 @@ void TransparentShadows::multiply(size_t ray) {
   const uint32_t end = end_[ray];
   const bool has_dense = scene_.materials.has_dense;
   for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i) {
-    S = S * row({shares_[0], shares_[1], shares_[2]}, layers_[i].row);
+    S = S * row({columns_.shares[0], columns_.shares[1], columns_.shares[2]}, layers_[i].row);
     if (has_dense && scene_.materials[layers_[i].material].is_dense) {
-      narrowed_[number] *= narrows_[layers_[i].row];
-      bent_[number] += row({turns_[0], turns_[1], turns_[2]}, layers_[i].row);
+      narrowed_[number] *= columns_.narrows[layers_[i].row];
+      bent_[number] +=
+          row({columns_.turns[0], columns_.turns[1], columns_.turns[2]}, layers_[i].row);
     }
   }
   set_row(shadow_, number, S);

@@ -41,6 +41,14 @@ class TransparentShadows {
     uint32_t hit, material, row;
   };
 
+  /// As TransmittanceStage has them; narrows, turns: where some material is dense.
+  struct LayerColumns {
+    std::vector<uint32_t> number, instance, primitive;
+    std::vector<float> u, v;
+    Columns shares{3}, turns{3};
+    std::vector<double> narrows, solids;
+  };
+
   void begin(const ShadowRays& sent, LightShape shape, size_t count, double* const (&shadow)[3],
              const Opacity* opacity, uint32_t visibility);
   void wait(uint32_t number, double t_min);
@@ -70,17 +78,13 @@ class TransparentShadows {
   std::vector<Layer> layers_;                   // ray by ray
   uint32_t end_[kAtOnce];                       // of each ray's layers
   std::vector<uint32_t> materials_, first_of_;  // those met; by material, its first row
-  // Of the layers, material by material:
-  Columns shares_{3};
-  // Where some material is dense, by how much layers narrow light, and what each ray passes.
-  std::vector<double> narrows_, narrowed_;
-  // The same of by how much they change the rays' optical momentum; whether that counts.
-  Columns turns_{3};
+  LayerColumns columns_;                        // of the layers, material by material
+  // By how much the layers of each ray narrow its light, where some material is dense, and change
+  // its optical momentum; whether that counts.
+  std::vector<double> narrowed_;
   std::vector<Vec3d> bent_;
   bool bends_ = false;
-  std::vector<uint32_t> number_, instance_, primitive_;
-  std::vector<float> u_, v_;
-  std::vector<double> slots_, solids_;  // of programs; as TransmittanceStage has them
+  std::vector<double> slots_;  // of programs
 };
 
 }  // namespace glint
