@@ -331,7 +331,15 @@ def test_a_lamp_that_moves_a_little_casts_new_shadows():
         live.close()
 
 
-def test_a_rectangle_that_grows_casts_new_shadows():
+@pytest.mark.parametrize(
+    "shape",
+    [
+        lambda step: {"size_x": 1.0 + step},
+        lambda step: {"size_x": 1.0, "spread": np.pi / (1 + step)},
+    ],
+    ids=["size", "spread"],
+)
+def test_a_rectangle_of_another_shape_casts_new_shadows(shape):
     """Its first point lies in the middle of the solid angle, not of the rectangle."""
     from glint.engine.native.live import NativeLive
 
@@ -348,8 +356,8 @@ def test_a_rectangle_that_grows_casts_new_shadows():
                 "AREA",
                 np.c_[frame, [2.0, 1.5, 2.0]],
                 strength=150.0,
-                size_x=1.0 + step,
                 size_y=2.0,
+                **shape(step),
             )
             scene = replace(scene, lights=_with(scene.lights, 1, light))
             assert_same_bits(
