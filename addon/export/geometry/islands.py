@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ....engine.linear.elementary import arccos
 from .hashing import random_of
 
 _EPSILON = np.float32(np.finfo(np.float32).eps)
@@ -54,7 +55,7 @@ def pointiness(mesh: Any) -> np.ndarray:
     total = _summed(ends.ravel(), np.stack([along, -along], 1).reshape(-1, 3), count)
     number = np.bincount(ends.ravel(), minlength=count)
     cosine = (normals * total).sum(1) / np.maximum(number, 1)
-    raw = np.where(number > 0, np.arccos(np.clip(cosine, -1, 1)) / np.pi, 0.0)
+    raw = np.where(number > 0, arccos(np.clip(cosine, -1, 1)) / np.pi, 0.0)
     around = raw + _summed(ends.ravel(), raw[ends[:, ::-1].ravel()], count)
     return (around / (number + 1))[one].astype(np.float32)
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....engine.linear.elementary import arccos
+
 _MIX = 0x9E3779B97F4A7C15
 """Of Fibonacci hashing (Knuth, The Art of Computer Programming 3, 6.4)."""
 
@@ -31,7 +33,7 @@ def tangents(
     across = _unit((t[:, 0] * edges[:, :, 2] - t[:, 2] * edges[:, :, 0]) * sign)
     flat = _unit(_laid(across[:, :, None], normal))
     ahead, back = _unit(_laid(edges, normal)), _unit(_laid(-np.roll(edges, 1, -1), normal))
-    weight = np.arccos(np.clip(_dot(ahead, back), -1.0, 1.0)) * (area != 0)[:, None]
+    weight = arccos(np.clip(_dot(ahead, back), -1.0, 1.0)) * (area != 0)[:, None]
     group = _groups([triangles, *at, *normal, np.repeat(sign, 3).reshape(-1, 3)])
     total = _unit(_sums(group, flat * weight, group.max(initial=-1) + 1))
     result = np.ones((len(uv), 4), np.float32)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....engine.linear.elementary import exp, log
 from .fresnel import fresnel, normal_reflectance
 
 Highlight = tuple[float, float]
@@ -133,7 +134,7 @@ _ROUGHNESS, _ALBEDO, _LIT_ALBEDO = (row.tolist() for row in (ROUGHNESS, ALBEDO, 
 _WORLD = {kind: rows.tolist() for kind, rows in WORLD.items()}
 _COLUMNS = [
     # what falls by a factor from row to row does so in between
-    (rows, (np.log(table) if (table > 0).all() else table).T.tolist(), (table > 0).all())
+    (rows, (log(table) if (table > 0).all() else table).T.tolist(), (table > 0).all())
     for rows, table in LOBES
 ]
 SMALLEST = 0.03
@@ -161,7 +162,7 @@ def highlights(roughness: float) -> tuple[Highlight, ...]:
     roughness = _clamped(roughness)
     rows, columns, is_falling = next(lobes for lobes in _COLUMNS if roughness <= lobes[0][-1])
     row = np.array([between(roughness, rows, column) for column in columns])
-    row = (np.exp(row) if is_falling else row) / roughness**4
+    row = (exp(row) if is_falling else row) / (roughness * roughness) ** 2
     exponents, scales = row[: len(row) // 2], row[len(row) // 2 :]
     scales = scales / (8 * scales / (exponents + 2)).sum()  # as much light as D has
     return tuple(zip(exponents.tolist(), scales.tolist(), strict=True))
