@@ -242,7 +242,8 @@ def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
 
 def sent(stage: Stage, at: Interaction) -> list[Paths]:
     """All refraction rays, then all mirror rays, lobe by lobe, whatever they weigh."""
-    return [*_refracted(stage, at, 0, 0.0, False), *_mirrored(at, 0.0, False)]
+    rays = _refracted(stage, at, 0, 0.0, False, keeps_sides=False)
+    return [*rays, *_mirrored(at, 0.0, False)]
 
 
 def _going_on(paths: Paths, sample: int, *, refracted: bool) -> Paths:
@@ -300,9 +301,16 @@ def _largest(color: Array) -> Array:
 
 
 def _refracted(
-    stage: Stage, at: Interaction, sample: int, cutoff: float, shares: bool
+    stage: Stage,
+    at: Interaction,
+    sample: int,
+    cutoff: float,
+    shares: bool,
+    keeps_sides: bool = True,
 ) -> Iterator[Paths]:
-    """Rays that go through glass, and those that its facets mirror inside."""
+    """Rays through glass, and those that its facets mirror inside. keeps_sides: what would go to
+    the wrong side of the face is lost, as in Cycles.
+    """
     paths, surface = at.paths, at.surface
     skyless = np.zeros(len(paths), bool)
     past = replace(paths, skyless=skyless.copy())
@@ -318,13 +326,14 @@ def _refracted(
         m = np.where(rough, facet_normal(some.v, n, term.exponent, point), n)
         d, passes = refracted(-some.v, m, index)
         back = fresnel_dielectric(dot(some.v, m), index) if term.lobe.fresnel else 0.0
-        # what goes to the wrong side of the face is lost, as in Cycles
-        through = np.where(passes & (dot(d, some.g) < 0), 1 - back, 0.0)
+        behind = (dot(d, some.g) < 0) | (not keeps_sides)
+        through = np.where(passes & behind, 1 - back, 0.0)
         ways = [(paths, d, through * term.k)]
         if term.lobe.fresnel and term.lobe.is_rough_glass:
             # what is mirrored inside goes on as well; from outside highlights do that
             d = reflected(-some.v, m)
-            inside = rough & ~some.outside & (dot(d, n) > 0) & (dot(d, some.g) > 0)
+            inside = rough & ~some.outside & (dot(d, n) > 0)
+            inside &= (dot(d, some.g) > 0) | (not keeps_sides)
             ways.append((past, d, np.where(inside, back, 0.0) * term.k))
         for before, d, k in ways:
             go = np.flatnonzero(k.any(0))

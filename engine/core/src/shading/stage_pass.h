@@ -188,8 +188,7 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;
-  // what goes to the wrong side of the face is lost, as in Cycles
-  wanted &= refracted ? dot(ray.g, d) < 0 : dot(ray.g, d) > 0;
+  if (s.keeps_sides) wanted &= refracted ? dot(ray.g, d) < 0 : dot(ray.g, d) > 0;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
   wanted &= goes_on(s, depth, tag, refracted, T);
   const uint32_t lanes = bits(wanted) & lanes_of(at);

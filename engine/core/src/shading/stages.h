@@ -189,7 +189,8 @@ struct PassStage {
   size_t passing_stride;
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight, splits;
-  bool shares;  // rays keep by what chance they would come, if each surface sent on but one
+  bool keeps_sides;  // what would go to the wrong side of the face is lost
+  bool shares;       // rays keep by what chance they would come, if each surface sent on but one
   double cutoff;
   double least, choice;  // after more than `splits` bounces rays go on that weigh as much, of
                          // others a part, by a number of the sample; least 0: all do  // of weights
