@@ -32,6 +32,7 @@ ENGINES_API = {
     "engine.closures",
     "engine.displacement",
     "engine.lights.dome",
+    "engine.linear.elementary",
     "engine.program.graph",
     "engine.program.operations",
     "engine.program.operations_color",
