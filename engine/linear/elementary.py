@@ -18,10 +18,10 @@ _TERMS = [1 / n for n in range(13, 0, -1)]
 
 
 def exp(x: Array) -> Array:
-    """(...) e to the powers x (...), which are finite."""
-    x = np.asarray(x, np.float64)
-    whole = np.rint(np.clip(x, -800.0, 800.0) / (_LN2_HIGH + _LN2_LOW))
-    rest = (np.clip(x, -800.0, 800.0) - whole * _LN2_HIGH) - whole * _LN2_LOW
+    """(...) float64: e to the powers x (...), which are finite."""
+    x = np.clip(np.asarray(x, np.float64), -800.0, 800.0)  # 0 and infinity beyond
+    whole = np.rint(x / (_LN2_HIGH + _LN2_LOW))
+    rest = (x - whole * _LN2_HIGH) - whole * _LN2_LOW
     total = np.ones_like(rest)
     for over in _TERMS:
         total = 1 + rest * over * total
@@ -29,7 +29,7 @@ def exp(x: Array) -> Array:
 
 
 def log(x: Array) -> Array:
-    """(...) of numbers above 0."""
+    """(...) float64: the natural logarithms of x (...), finite numbers above 0."""
     part, whole = np.frexp(np.asarray(x, np.float64))
     low = part < 0.5**0.5
     part, whole = np.where(low, 2 * part, part), whole - low
@@ -41,7 +41,7 @@ def log(x: Array) -> Array:
 
 
 def arccos(x: Array) -> Array:
-    """(...) from 0 to π, of numbers from -1 to 1."""
+    """(...) float64, radians from 0 to π: the angles whose cosines are x (...), -1 to 1."""
     x = np.asarray(x, np.float64)
     flipped = x < 0  # the tangent of half the angle is at most 1
     size = np.abs(x)

@@ -53,14 +53,14 @@ class Paths:
     be dots. skyless: (n,) bool, they do not see the surroundings, which the shadow rays of the
     rough surface that they come from do. widest: (n,) the largest exponent of highlights that they
     meet, that of the narrowest lobe of the roughest surface on their way. refractions: (n,) how
-    many of their bounces were refractions, refracted: (n,) bool, the last one was. share: (n,) by
-    what chance mirrors and glass would send them, if each sent but one. transmitted: the first
-    surface that they left refracted them, where passes ask for that. through_glass: they obey
-    `visible_transmission`, where that is not `visible_mirror` of all instances and lights. gathers:
-    what is matt scattered them last: they look for surfaces that throw light on. bounced: how often
-    it did so far. in_medium: a medium did so first. caught: they bring light to a catcher of
-    shadows, "with all" things there or "alone", as if catchers were the only ones. comes_out: they
-    end where light comes out that went below other points.
+    many of their bounces were refractions, refracted: (n,) bool, the last one was. share: (n,) the
+    probability with which mirrors and glass would send them, if each chose one ray. transmitted:
+    the first surface that they left refracted them, where passes ask for that. through_glass: they
+    obey `visible_transmission`, where that is not `visible_mirror` of all instances and lights.
+    gathers: what is matt scattered them last: they look for surfaces that throw light on. bounced:
+    how often it did so far. in_medium: a medium did so first. caught: they bring light to a catcher
+    of shadows, "with all" things there or "alone", as if catchers were the only ones. comes_out:
+    they end where light comes out that went below other points.
     """
 
     rays: Rays
@@ -242,8 +242,7 @@ def bounced(stage: Stage, at: Interaction, sample: int) -> list[Paths]:
 
 def sent(stage: Stage, at: Interaction) -> list[Paths]:
     """All refraction rays, then all mirror rays, lobe by lobe, whatever they weigh."""
-    rays = _refracted(stage, at, 0, 0.0, False, keeps_sides=False)
-    return [*rays, *_mirrored(at, 0.0, False)]
+    return [*_refracted(stage, at, 0, 0.0, False), *_mirrored(at, 0.0, False)]
 
 
 def _going_on(paths: Paths, sample: int, *, refracted: bool) -> Paths:
@@ -283,8 +282,8 @@ def _shares(at: Interaction, index: Array, k: Array) -> Array:
     """(m,) which part k (3, m) is of what the points of that index give back: largest channels."""
     coefficients = at.coefficients
     weight = _largest(at.weight)
-    matt = _largest(at.weight * coefficients.diffuse)
-    total = matt / np.where(weight > 0, weight, 1.0) + _largest(coefficients.transparent)
+    diffuse = _largest(at.weight * coefficients.diffuse)
+    total = diffuse / np.where(weight > 0, weight, 1.0) + _largest(coefficients.transparent)
     for term in (*coefficients.mirrors, *coefficients.refractions):
         some, part = at.surface.take(term.index), _largest(term.k)
         if term.lobe.fresnel and not term.lobe.is_rough_glass:
@@ -301,16 +300,9 @@ def _largest(color: Array) -> Array:
 
 
 def _refracted(
-    stage: Stage,
-    at: Interaction,
-    sample: int,
-    cutoff: float,
-    shares: bool,
-    keeps_sides: bool = True,
+    stage: Stage, at: Interaction, sample: int, cutoff: float, shares: bool
 ) -> Iterator[Paths]:
-    """Rays through glass, and those that its facets mirror inside. keeps_sides: what would go to
-    the wrong side of the face is lost, as in Cycles.
-    """
+    """Rays that go through glass, and those that its facets mirror inside."""
     paths, surface = at.paths, at.surface
     skyless = np.zeros(len(paths), bool)
     past = replace(paths, skyless=skyless.copy())
@@ -326,14 +318,13 @@ def _refracted(
         m = np.where(rough, facet_normal(some.v, n, term.exponent, point), n)
         d, passes = refracted(-some.v, m, index)
         back = fresnel_dielectric(dot(some.v, m), index) if term.lobe.fresnel else 0.0
-        behind = (dot(d, some.g) < 0) | (not keeps_sides)
-        through = np.where(passes & behind, 1 - back, 0.0)
+        # what goes to the wrong side of the face is lost, as in Cycles
+        through = np.where(passes & (dot(d, some.g) < 0), 1 - back, 0.0)
         ways = [(paths, d, through * term.k)]
         if term.lobe.fresnel and term.lobe.is_rough_glass:
             # what is mirrored inside goes on as well; from outside highlights do that
             d = reflected(-some.v, m)
-            inside = rough & ~some.outside & (dot(d, n) > 0)
-            inside &= (dot(d, some.g) > 0) | (not keeps_sides)
+            inside = rough & ~some.outside & (dot(d, n) > 0) & (dot(d, some.g) > 0)
             ways.append((past, d, np.where(inside, back, 0.0) * term.k))
         for before, d, k in ways:
             go = np.flatnonzero(k.any(0))

@@ -32,11 +32,14 @@ def ball_over_floor(shader: str, **sockets: float):
 
 @needs_core
 @pytest.mark.parametrize(
-    ("shader", "sockets"),
-    [("ShaderNodeBsdfAnisotropic", {}), ("ShaderNodeBsdfGlass", {"IOR": 1.45})],
+    ("shader", "sockets", "most"),
+    [("ShaderNodeBsdfAnisotropic", {}, 0.05), ("ShaderNodeBsdfGlass", {"IOR": 1.45}, 0.03)],
     ids=["mirror", "glass"],
 )
-def test_balls_throw_as_much_light_as_in_cycles(shader: str, sockets: dict[str, float]) -> None:
+def test_balls_throw_as_much_light_as_in_cycles(
+    shader: str, sockets: dict[str, float], most: float
+) -> None:
+    """most: relative; the mirror throws 4 % less than in Cycles."""
     scene = ball_over_floor(shader, **sockets)
     plan = {"samples": 64, "light_samples": 4, "max_bounces": 8, "diffuse_bounces": 1}
     plan |= {"soft_light": "DEALT", "clamp_indirect": 0.0}
@@ -45,7 +48,7 @@ def test_balls_throw_as_much_light_as_in_cycles(shader: str, sockets: dict[str, 
         render_glint(scene, "NATIVE", **plan, **more).combined[..., :3].astype(float)
         for more in ({"photons": 1 << 17}, off)
     )
-    cycles.make_exact(scene, 2048)
+    cycles.make_exact(scene, 1 << 14)  # of 2048 the difference below varies by 5 %
     own = scene.cycles
     own.pixel_filter_type, own.filter_width = "BLACKMAN_HARRIS", 1.5  # spots are small
     own.max_bounces = own.glossy_bounces = own.transmission_bounces = 8
@@ -57,5 +60,5 @@ def test_balls_throw_as_much_light_as_in_cycles(shader: str, sockets: dict[str, 
         theirs.append(cycles.render_passes(scene)["Combined"][..., :3].astype(float))
     thrown, wanted = (ours - bare).mean(), (theirs[0] - theirs[1]).mean()
     assert wanted > 0.02 * theirs[1].mean()
-    assert thrown / wanted == pytest.approx(1, abs=0.05)
+    assert thrown / wanted == pytest.approx(1, abs=most)
     assert ours.mean() / theirs[0].mean() == pytest.approx(1, abs=0.005)

@@ -72,12 +72,12 @@ class Expressions:
 
     def looked_up(self, number: Value, table: tuple[float, ...]) -> Value:
         """The alpha of a ramp's table at a number."""
-        return self.graph.apply(BY_NAME["ramp"], number, interpolates=1, table=table)[1]
+        return self.ramp(number, table)[1]
 
-    def looked_up_at_once(self, number: Value, table: tuple[float, ...]) -> list[Value]:
-        """The four channels of a ramp's table at a number."""
+    def ramp(self, number: Value, table: tuple[float, ...]) -> tuple[Value, Value]:
+        """Colour and alpha of a table's rows of four, from 0 to 1, at a number."""
         color, alpha = self.graph.apply(BY_NAME["ramp"], number, interpolates=1, table=table)
-        return [*self.parts(color), alpha]
+        return color, alpha
 
     def bounded(self, value: Value, low: float, high: float) -> Value:
         """A vector with each channel from low to high."""

@@ -76,9 +76,8 @@ class Roughness:
     def color(self, of: Callable[[float], RGB]) -> Sum:
         if not self.varies:
             return constant(of(self.value))
-        channels = zip(*map(of, _PLACES), strict=True)
-        parts = [self._interpolated(channel) for channel in channels]
-        return self._expressions.sum_of(self._expressions.apply("combine_xyz", *parts))
+        table = tuple(float(x) for place in _PLACES for x in (*of(place), 0.0))
+        return self._expressions.sum_of(self._expressions.ramp(self.value, table)[0])
 
     def exponent(self, of: Callable[[float], float]) -> dict[str, Any]:
         """The exponent of a lobe, as `LobeKey` takes it."""
@@ -94,7 +93,7 @@ class Roughness:
         sizes = self.numbers(*(Of(_highlight, (k, 1)) for k in range(MOST_HIGHLIGHTS)))
         found = self._looked_up_at_once(exponents)
         return [
-            (self._named("exponent", max(map(of, _PLACES)), value) | masking, size)
+            (self._named("exponent", max(_shared_table(of)[3::4]), value) | masking, size)
             for of, value, size in zip(exponents, found, sizes, strict=True)
         ]
 
@@ -111,11 +110,8 @@ class Roughness:
         return self._expressions.looked_up(self.value, _table_of(of))
 
     def _looked_up_at_once(self, of: Sequence[Of]) -> list[Value]:
-        return self._expressions.looked_up_at_once(self.value, _joint_table(tuple(of)))[: len(of)]
-
-    def _interpolated(self, column: Iterable[float]) -> Value:
-        """Between a function's values at `_PLACES`."""
-        return self._expressions.looked_up(self.value, _table(column))
+        color, alpha = self._expressions.ramp(self.value, _joint_table(tuple(of)))
+        return [*self._expressions.parts(color), alpha][: len(of)]
 
 
 def _is_mirror(roughness: float) -> float:

@@ -401,13 +401,7 @@ def texture_vector(view: NodeInputs) -> Value:
     return texture_mapped(view, given)
 
 
-_NOT_FOLDED = {
-    f"ShaderNode{name}"
-    for name in (
-        *("RGB", "RGBToBW", "CombineColor", "CombineRGB", "CombineHSV"),
-        *("SeparateColor", "SeparateRGB", "SeparateHSV"),
-    )
-}
+_NOT_FOLDED = {f"ShaderNode{name}" for name in ("RGB", "RGBToBW", "CombineColor", "SeparateColor")}
 """Nodes whose constants Cycles works out at each point."""
 
 

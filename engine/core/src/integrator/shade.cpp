@@ -39,7 +39,7 @@ PassStage stage_of(const MaterialTable& materials, const Batch& batch, const uin
     stage.x[c] = p.x[c];
     stage.g[c] = p.g[c];
     stage.n[c] = p.n[c];
-    stage.matt[c] = batch.diffuse[c];
+    stage.diffuse[c] = batch.diffuse[c];
   }
   stage.t = batch.t;
   stage.offset = p.offset;
@@ -58,7 +58,6 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   PassStage stage = stage_of(scene_.materials, batch, rows, count, next);
   stage.max_bounces = straight_alone ? 0 : plan_.max_bounces;
   stage.cutoff = plan_.cutoff;
-  stage.keeps_sides = true;
   stage.shares = plan_.clamp_indirect > 0;
   if (plan_.interleaving > 1) {
     stage.splits = RenderPlan::kSplits;

@@ -154,8 +154,9 @@ inline bool passes(const LobeShape& lobe) { return kClosures[lobe.kind].passes; 
 /// Which part of what the points give back is k, by largest channels.
 __attribute__((noinline)) Doubles share_of(const PassStage& s, const Chosen& at, const Three& k) {
   const Arriving ray(s, at);
-  const Doubles T = largest(weight(s, at)), matt = largest(gather3(s.matt, at)), own = largest(k);
-  Doubles all = where(T > 0, matt / choose(T > 0, T, splat(1)));
+  const Doubles T = largest(weight(s, at)), diffuse = largest(gather3(s.diffuse, at)),
+                own = largest(k);
+  Doubles all = where(T > 0, diffuse / choose(T > 0, T, splat(1)));
   Three straight{};
   size_t number = 0;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
@@ -188,7 +189,8 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;
-  if (s.keeps_sides) wanted &= refracted ? dot(ray.g, d) < 0 : dot(ray.g, d) > 0;
+  // what goes to the wrong side of the face is lost, as in Cycles
+  wanted &= refracted ? dot(ray.g, d) < 0 : dot(ray.g, d) > 0;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
   wanted &= goes_on(s, depth, tag, refracted, T);
   const uint32_t lanes = bits(wanted) & lanes_of(at);

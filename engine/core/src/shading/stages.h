@@ -183,14 +183,13 @@ struct PassStage {
   const int64_t* from_tags;
   const double *t, *x[3], *g[3], *n[3], *offset;
   const int64_t* outside;
-  const double* matt[3];  // T k of DIFFUSE lobes
-  const double* passing;  // as EvaluateStage has it
+  const double* diffuse[3];  // T k of DIFFUSE lobes
+  const double* passing;     // as EvaluateStage has it
   int passing_columns;
   size_t passing_stride;
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight, splits;
-  bool keeps_sides;  // what would go to the wrong side of the face is lost
-  bool shares;       // rays keep by what chance they would come, if each surface sent on but one
+  bool shares;  // rays keep their probability, if each surface chose one (RayLayout::kShare)
   double cutoff;
   double least, choice;  // after more than `splits` bounces rays go on that weigh as much, of
                          // others a part, by a number of the sample; least 0: all do  // of weights
