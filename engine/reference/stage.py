@@ -263,7 +263,8 @@ class Stage:
             return Source(light, self.eye, self.settings.illumination == "PHYSICAL", emission)
         n = self.settings.dome_samples
         seen = OpeningPoints.of(light, self.eye, samples, self.settings.opening_samples, n)
-        return Dome(light, self.eye, dome_table(light, samples, n), n, seen)
+        every = n // self.settings.light_samples
+        return Dome(light, self.eye, dome_table(light, samples, n), n, every, seen)
 
     def _light_points(self) -> list[LightPoint]:
         lamps = [source for source in self.sources if source.points is None]

@@ -33,8 +33,6 @@ FAINT = 1 / 16
 """The largest channel of T from which on it is not."""
 LEAST_WIDE = 8.0
 """Exponents from here on draw directions beside the points of lights that may be all around."""
-SKY_DRAWS = 1 / 8
-"""Directions that highlights draw for each of the sky's."""
 NEAREST = 1e-12
 """Of the least square of the distance of points of MESH lights, the same of what draws directions
 to them.
@@ -102,7 +100,7 @@ class OpeningPoints:
 
 class Dome(Source):
     """A light from all around. samples: directions a sample of a pixel; points on openings come
-    after those of all samples.
+    after those of all samples.  every: of the directions highlights draw one beside so many.
     """
 
     def __init__(
@@ -111,10 +109,12 @@ class Dome(Source):
         eye: Array,
         table: DomeTable,
         samples: int,
+        every: int,
         openings: OpeningPoints | None = None,
     ):
         super().__init__(light, eye, physical=True)
         self._table, self._samples, self._openings = table, samples, openings
+        self._every, self.draws = every, 1 / every
         rows = zip(table.along, table.light, table.points, table.shadowed, strict=True)
         points = [
             DomePoint(along, row[:3], row[3], disc, "shadow" if shadowed else "diffuse")
@@ -123,12 +123,11 @@ class Dome(Source):
         self._directions, self._parts = len(points), 1
         self.points = points if openings is None else [*points, *openings.points()]
 
-    draws = SKY_DRAWS
-
     def drawn_at(self, number: int, point: DomePoint | OpeningPoint) -> DomePoint | None:
-        every = round(1 / SKY_DRAWS)
-        is_drawn = number % every == 0 and number < self._directions
-        return self.points[number // every] if is_drawn else None
+        every, each = self._every, self._samples // self._parts
+        taken = number // self._samples * each + number % each
+        is_drawn = taken % every == 0 and number < self._directions
+        return self.points[taken // every] if is_drawn else None
 
     def in_parts(self, parts: int) -> Dome:
         """The same of which each sample of a pixel takes another part of its directions and points;

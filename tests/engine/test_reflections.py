@@ -210,6 +210,22 @@ def test_metal_reflects_metal():
     assert wrong.any(2).mean() <= 0.01
 
 
+def test_the_sky_that_metal_shows_of_metal_does_not_depend_on_light_samples() -> None:
+    """What rough metal shows takes the sky's directions in parts, of which highlights draw as many
+    of their own as each of these stands for.
+    """
+    both = (placed(0), replace(placed(1), materials=(0,)))
+    scene = replace(under_a_sky(metal(60.0, 0.9)), geometries=(TABLE, WALL), instances=both)
+    dealt = {"samples": 16, "soft_light": "DEALT"}
+    few, many = (drawn(scene, **dealt, light_samples=n)[:6].mean() for n in (2, 16))
+    alone = drawn(scene, **dealt, max_bounces=0)[:6].mean()
+    assert many > 1.2 * alone  # the wall is seen
+    assert few == pytest.approx(many, rel=0.02)
+    core, reference = (drawn(scene, x, **dealt | {"samples": 2}) for x in BACKENDS)
+    wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
+    assert wrong.any(2).mean() <= 0.01
+
+
 def test_bits_are_the_same_for_all_threads_and_regions():
     scene = mutual(60.0)
     whole = drawn(scene, samples=16, threads=1)

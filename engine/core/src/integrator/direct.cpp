@@ -122,7 +122,7 @@ void DirectLight::add_light(const Batch& batch, const Light& light, const int64_
   lamp.policy.casts_shadow |= light.program != nullptr;  // so that the ends are known
   for (uint32_t j = 0; j < count + openings && !cancel; ++j, ++number) {
     const uint32_t own = j < count ? first + j : first_opening + (j - count);
-    const LightPoint point = plan.set_sample(lamp, light, sample, own);
+    const LightPoint point = plan.set_sample(lamp, light, sample, own, parts);
     if (parts > 1) lamp.light.count = count;
     lit.group = point.group;
     lit.visibility = point.met_by;

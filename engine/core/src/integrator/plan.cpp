@@ -70,6 +70,7 @@ RenderPlan::RenderPlan(const GlintRenderSettings& g, const Scene& scene)
   medium_shadows = std::clamp(g.medium_shadows, 1u, medium_points.each);
   lobe_levels = std::max(g.lobe_levels, 1u);
   lobe_tabled = std::max(size_t(g.lobe_count) / lobe_levels, size_t(1));
+  dome.every = std::max(dome_directions.each / std::max(light_samples, 1u), 1u);
   for (int k = 0; k < 9; ++k) dome.axes[k / 3][k % 3] = g.dome_axes[k];
   std::vector<Opening> rows = openings_of(g, dome_directions.each, scene.anchor);
   if (rows.empty()) return;

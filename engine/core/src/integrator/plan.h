@@ -172,9 +172,10 @@ struct RenderPlan : GlintRenderSettings {
   }
 
   /// Sample j of a light for surfaces, those on openings after its own.
-  LightPoint set_sample(LampSample& lamp, const Light& light, uint32_t sample, uint32_t j) const {
+  LightPoint set_sample(LampSample& lamp, const Light& light, uint32_t sample, uint32_t j,
+                        uint32_t parts = 1) const {
     const uint32_t count = samples_of(light);
-    const LightPoint point = light_point(light, sample, j < count ? j : 0);
+    const LightPoint point = light_point(light, sample, j < count ? j : 0, parts);
     lamp.light = light.sample(point, count, physical(), lamp.policy);
     if (opening_samples_of(light) == 0) return point;
     lamp.light.shape = LightShape::kOpenDome;
@@ -225,14 +226,16 @@ struct RenderPlan : GlintRenderSettings {
     return (row % camera_block * camera_block + column % camera_block) * samples;
   }
 
-  /// Point j of a light for pixel sample `sample`.
-  LightPoint light_point(const Light& light, uint32_t sample, uint32_t j) const {
+  /// Point j of a light for pixel sample `sample`, which takes one of so many parts of them. Beside
+  /// every `dome.every` of a dome's that are taken highlights draw one.
+  LightPoint light_point(const Light& light, uint32_t sample, uint32_t j,
+                         uint32_t parts = 1) const {
     if (light.is_dome()) {
-      const size_t number = dome_directions.number(sample, j);
-      const double* const table = dome_directions.numbers;
-      const double* const row = table + kDomeColumns * number;
-      const double* const place = table + kDomeColumns * (number / kDomeDraws) + 7;
-      LightPoint point{0, 0, place[0], place[1], row, &dome, number % kDomeDraws == 0};
+      const uint32_t each = dome_directions.each / parts;
+      const size_t taken = size_t(sample % dome_directions.tabled) * each + j % each;
+      const double* const row = dome_directions.row(sample, j);
+      const double* const place = dome_directions.numbers + kDomeColumns * (taken / dome.every) + 7;
+      LightPoint point{0, 0, place[0], place[1], row, &dome, taken % dome.every == 0};
       point.group = light.group;
       point.met_by = row[9] != 0 ? kShadow : kDiffuse;
       return point;

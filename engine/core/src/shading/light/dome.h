@@ -97,7 +97,7 @@ struct Dome : ShapeTraits {
     ShapeTraits::share(s, at);
     at.factor = at.factor * at.inverse_pdf;
   }
-  static double draws(const LightSample&) { return 1.0 / kDomeDraws; }
+  static double draws(const LightSample& s) { return 1 / double(s.dome_cells->every); }
 };
 
 /// Directions and points on openings, weighed by the balance heuristic.

@@ -29,8 +29,6 @@ constexpr bool is_endless(LightShape shape) { return shape == LightShape::kSun |
 /// them.
 constexpr double kNearest = 1e-12;
 
-/// Highlights draw a direction for so many of a dome's.
-constexpr size_t kDomeDraws = 8;
 constexpr size_t kDomeColumns = 10;  // of rows of GlintRenderSettings.dome_table
 
 /// A point of the unit disc: its direction and the square of its distance from the middle.
@@ -42,11 +40,12 @@ inline DiscPlace disc_place(double x, double y) {
   return {{r > 0 ? x / r : 1, r > 0 ? y / r : 0}, r2};
 }
 
-/// A dome's maps (glint.h).
+/// A dome's maps (glint.h). every: of its directions highlights draw one beside so many.
 struct DomeCells {
   const float *cells = nullptr, *irradiance = nullptr;
   size_t rows = 0, columns = 0, irradiance_rows = 0, irradiance_columns = 0;
   double axes[3][3] = {};
+  size_t every = 1;
 };
 
 /// A rectangle through which a dome is sampled too (glint.h). right, up: half sides; across, along:
