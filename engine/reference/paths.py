@@ -258,7 +258,9 @@ def _going_on(paths: Paths, sample: int, *, refracted: bool) -> Paths:
     at = at - np.floor(at)
     share = np.minimum(np.abs(paths.weight).max(0) / LEAST_WEIGHT, 1.0)
     goes = at < share if refracted else at >= 1 - share
-    return replace(paths, weight=paths.weight / share).take(np.flatnonzero(goes))
+    # fewer rays bring as much, and are held as much less
+    paths = replace(paths, weight=paths.weight / share, share=paths.share / share)
+    return paths.take(np.flatnonzero(goes))
 
 
 def _mirrored(at: Interaction, cutoff: float, shares: bool) -> Iterator[Paths]:

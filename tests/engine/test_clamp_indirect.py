@@ -44,17 +44,17 @@ def test_both_tracers_hold_the_same(name: str) -> None:
         assert (np.abs(core.passes[key] - values) > near).any(-1).mean() <= 3 / 144, key
 
 
-def facing_mirrors(k: float, matt: float = 0.0) -> s.Scene:
-    """Two of reflectance k over a matt layer, one at 45 degrees before the camera, one to its side
-    that shows it the sky.
+def facing_mirrors(k: float, matt: float = 0.0, count: int = 2) -> s.Scene:
+    """Some of reflectance k over a matt layer: one at 45 degrees before the camera, each of the
+    others beside the one before, and the last shows it the sky.
     """
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
     sheet = s.Polygons("sheet", corners, np.array([0, 4], np.uint32), np.arange(4, dtype=np.uint32))
     lobes = [s.Lobe("MIRROR", (s.Input((k,) * 3),))]
     lobes += [s.Lobe("DIFFUSE", (s.Input((matt,) * 3),))] if matt else []
     instances = tuple(
-        s.Instances(f"sheet {x}", 0, placed(x, turn)[None], (0,))
-        for x, turn in ((0.0, np.pi / 4), (3.0, -0.6))
+        s.Instances(f"sheet {x}", 0, placed(x, z, turn)[None], (0,))
+        for x, z, turn in ((0.0, 0.0, np.pi / 4), (3.0, 0.0, -0.6), (4.16, 2.98, -1.385))[:count]
     )
     camera = s.Camera(
         "ORTHOGRAPHIC", np.column_stack([np.eye(3), (0, 0, 5)]), (-0.1, 0.1, -0.1, 0.1), (4, 4)
@@ -63,10 +63,10 @@ def facing_mirrors(k: float, matt: float = 0.0) -> s.Scene:
     return s.Scene(camera, (sheet,), instances, (s.Material("chrome", tuple(lobes)),), world=world)
 
 
-def placed(x: float, turn: float) -> np.ndarray:
-    """Turned round y, at x."""
+def placed(x: float, z: float, turn: float) -> np.ndarray:
+    """Turned round y, at x and z."""
     c, n = np.cos(turn), np.sin(turn)
-    return np.array([(c, 0, n, x), (0, 1, 0, 0), (-n, 0, c, 0)])
+    return np.array([(c, 0, n, x), (0, 1, 0, 0), (-n, 0, c, z)])
 
 
 SKY = np.array([30.0, 60.0, 90.0])
@@ -94,6 +94,18 @@ def test_the_surroundings_in_a_second_mirror_are_held_by_the_chance_of_the_way(
     wanted = k * k * SKY * min(1.0, 3 * chance / (k * k * SKY.sum()))
     brought = (found.combined - free.combined)[..., :3]
     np.testing.assert_allclose(brought, np.broadcast_to(wanted, brought.shape), rtol=1e-4)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_by_chance_fewer_rays_bring_as_much(backend: str) -> None:
+    """Of a third mirror, by Russian roulette: about half of the rays go on for all."""
+    dim = s.Light("dim", "POINT", placed(0.0, 9.0, 0.0), strength=1e-9, radius=0.1)
+    scene = replace(facing_mirrors(0.4, 0.4, count=3), lights=(dim,))  # soft: so there is roulette
+    plan = {"samples": 16, "clamp_indirect": 1.0}
+    deep, less = (film(scene, 0, backend, **plan, max_bounces=n) for n in (4, 2))
+    wanted = 3 * 0.5**3 * SKY / SKY.sum()
+    brought = (deep.combined - less.combined)[..., :3].mean((0, 1))
+    np.testing.assert_allclose(brought, wanted, rtol=0.02)
 
 
 @pytest.mark.parametrize("name", ["mirror", "rough gloss", "fog", "skin"])

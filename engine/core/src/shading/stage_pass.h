@@ -133,8 +133,9 @@ inline bool has(const PassStage& s, int kind) {
 /// Of rays that weigh little after some bounces, a part goes on for all (Russian roulette: Arvo,
 /// Kirk 1990): of one path each surface has a number of its own, by how the path came there. What
 /// it mirrors and what goes through count from opposite ends, so that of two halves just one goes
-/// on. glass: before it. T: their weights.
-inline Mask goes_on(const PassStage& s, Mask depth, Mask glass, bool refracted, Three& T) {
+/// on. glass: before it. T: their weights; share: the chance of their way (Paths).
+inline Mask goes_on(const PassStage& s, Mask depth, Mask glass, bool refracted, Three& T,
+                    Doubles& share) {
   if (!(s.least > 0)) return ~Mask{};
   constexpr double kByDepth = 0.7548776662466927, kByGlass = 0.5698402909980532;
   const Doubles number = each_lane([&](size_t lane) {
@@ -144,9 +145,10 @@ inline Mask goes_on(const PassStage& s, Mask depth, Mask glass, bool refracted, 
     return at - __builtin_floor(at);
   });
   const Mask splits = depth <= int64_t(s.splits);
-  const Doubles share = choose(splits, splat(1), smaller((1 / s.least) * largest(T), splat(1)));
-  T = choose(share < 1, (1 / share) * T, T);
-  return refracted ? number < share : number >= 1 - share;
+  const Doubles part = choose(splits, splat(1), smaller((1 / s.least) * largest(T), splat(1)));
+  T = choose(part < 1, (1 / part) * T, T);
+  share = share / part;  // fewer rays bring as much, and are held as much less
+  return refracted ? number < part : number >= 1 - part;
 }
 
 inline bool passes(const LobeShape& lobe) { return kClosures[lobe.kind].passes; }
@@ -192,11 +194,11 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
   // what goes to the wrong side of the face is lost, as in Cycles
   wanted &= refracted ? dot(ray.g, d) < 0 : dot(ray.g, d) > 0;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
-  wanted &= goes_on(s, depth, tag, refracted, T);
+  Doubles share = gather(s.from + RayLayout::kShare * s.from_stride, at);
+  wanted &= goes_on(s, depth, tag, refracted, T, share);
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
   const NewRays add(s.bounced, lanes);
-  Doubles share = gather(s.from + RayLayout::kShare * s.from_stride, at);
   if (s.shares) share = share * share_of(s, at, k);
   const Three x = gather3(s.x, at);
   const Doubles offset = gather(s.offset, at);
