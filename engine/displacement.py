@@ -1,5 +1,5 @@
 """True displacement: programs that say where the vertices of a mesh go, run before anything is
-traced (engine/SEMANTICS.md, Displacement).
+traced (semantics/programs.md).
 
 Guaranteed: one vertex has one place, that of the first of its triangles' corners whose material
 displaces, so that no mesh is torn; the same bits with any number of threads and, with the core, on

@@ -49,8 +49,8 @@ PASSES = {
     "Vector": 4,
     "Ambient Occlusion": 3,
 }
-"""Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
-says what each holds.
+"""Pass name -> channels, with the settings' own numbers of them (`channels_of`).
+`semantics/passes.md` says what each holds.
 """
 
 CRYPTOMATTES = ("Crypto Object", "Crypto Material", "Crypto Asset")
@@ -96,7 +96,7 @@ hit.
 """
 
 FIRST_ESTIMATE = 4
-"""Samples that every pixel takes before its error is estimated (SEMANTICS.md, Refinement)."""
+"""Samples that every pixel takes before its error is estimated (semantics/stopping.md)."""
 
 UNKNOWN_ERROR = 256.0
 """Error of a pixel with too few samples for an estimate: beyond all levels."""

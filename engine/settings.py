@@ -250,7 +250,7 @@ class Settings:
     """Render settings.
 
     error_threshold: in 8-bit levels of an sRGB screen; a pixel may stop after a wave of 4, 8, 16 …
-    samples (SEMANTICS.md, Refinement). light_samples: 1 is the notes' hard shadow. cutoff: compared
+    samples (semantics/stopping.md). light_samples: 1 is the notes' hard shadow. cutoff: compared
     with the largest channel of what a ray carries to the pixel. acceleration, threads: never change
     a bit of the picture; threads 0 are one per core. filter_width: Blender's pixel filter size in
     pixels (the Blackman-Harris window spans twice that); 0 samples the centre only. crypto_ids:

@@ -1,4 +1,5 @@
-"""Writes the table of closures, `engine/closures/table.py`, for the core and into SEMANTICS.md.
+"""Writes the table of closures, `engine/closures/table.py`, for the core and into
+docs/semantics/lobes.md.
 
 Usage: python packaging/closures_table.py
 A test compares both with what this makes.
@@ -12,7 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 HEADER = ROOT / "engine/core/src/shading/closure/table.inc"
-DOCUMENT = ROOT / "engine/SEMANTICS.md"
+DOCUMENT = ROOT / "docs/semantics/lobes.md"
 PLACES = 3
 
 
@@ -45,7 +46,7 @@ def document(closures) -> str:
 
 
 def documented(text: str, closures) -> str:
-    """SEMANTICS.md with the table as it is."""
+    """The page of lobes with the table as it is."""
     table = document(closures)
     first = table.splitlines()[0]
     return re.sub(re.escape(first) + r"\n(\|.*\n)+", lambda _: table, text)

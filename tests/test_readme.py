@@ -68,6 +68,27 @@ def test_lines_outside_of_tables_have_at_most_100_columns(page):
     assert not [line for line in lines if len(line) > 100 and not line.lstrip().startswith("|")]
 
 
+def test_the_pages_of_semantics_that_code_names_exist():
+    names = {
+        name
+        for folder in ("addon", "engine", "operators", "packaging", "tests")
+        for path in (ROOT / folder).rglob("*")
+        if path.suffix in (".py", ".h", ".cpp", ".inc")
+        for name in re.findall(r"semantics/(\w+\.md)", path.read_text(encoding="utf-8"))
+    }
+    assert names
+    assert not {name for name in names if not (ROOT / "docs" / "semantics" / name).exists()}
+
+
+def test_headings_of_semantics_have_at_most_600_words():
+    parts = [
+        part.split()
+        for page in (ROOT / "docs" / "semantics").glob("*.md")
+        for part in re.split(r"^(?=#)", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    ]
+    assert not [part[:8] for part in parts if len(part) > 600]
+
+
 def test_every_page_is_reached_from_the_readme_by_links():
     reached, waiting = set(), [ROOT / "README.md"]
     while waiting:

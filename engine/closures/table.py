@@ -1,8 +1,8 @@
 """One row for each kind of lobe: its parameters, and what its light counts as.
 
 `engine.scene` checks lobes by it, `engine.native` packs them by it, and
-`packaging/closures_table.py` writes it for the core and into engine/SEMANTICS.md, which says what
-each kind gives back.
+`packaging/closures_table.py` writes it for the core and into docs/semantics/lobes.md, which says
+what each kind gives back.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ Array = np.ndarray
 
 THIN = 1e-8
 """Spheres and strands are left out where the unit columns of their matrix have no larger
-determinant (SEMANTICS.md, Hits).
+determinant (semantics/hits.md).
 """
 
 ULPS = 64 * 2.0**-52

@@ -1,5 +1,5 @@
 """Media that vary from place to place: rays in them are cut to cells, and the media's programs run
-once in each (SEMANTICS.md, Media).
+once in each (semantics/media.md).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """Where rays are inside of closed surfaces that media fill, and what there is of these along them
-(SEMANTICS.md, Media).
+(semantics/media.md).
 """
 
 from __future__ import annotations

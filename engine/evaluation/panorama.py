@@ -1,5 +1,5 @@
-"""Where the points of a panorama's picture look, and where directions are in it (SEMANTICS.md,
-"Panoramas"). Vectors (3, n) are along the camera's axes: right, up, backward.
+"""Where the points of a panorama's picture look, and where directions are in it
+(semantics/camera.md). Vectors (3, n) are along the camera's axes: right, up, backward.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What rays see that hit nothing, where a world's program says it (SEMANTICS.md, Surroundings)."""
+"""What rays see that hit nothing, where a world's program says it (semantics/environment.md)."""
 
 from __future__ import annotations
 

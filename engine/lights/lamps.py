@@ -1,5 +1,5 @@
-"""Many lamps: which share the shadow rays of a sample, and in which order (SEMANTICS.md, Many
-lamps).
+"""Many lamps: which share the shadow rays of a sample, and in which order
+(semantics/many_lamps.md).
 """
 
 from __future__ import annotations

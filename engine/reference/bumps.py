@@ -1,6 +1,6 @@
 """How light is hidden where a material bends the normal: as by the bumps that the bent one is of
-(SEMANTICS.md, Light; Conty Estevez, Lecocq and Stein 2019, A microfacet-based shadowing function to
-solve the bump terminator problem; Chiang, Li and Burley 2019, Taming the shadow terminator).
+(semantics/shadows.md; Conty Estevez, Lecocq and Stein 2019, A microfacet-based shadowing function
+to solve the bump terminator problem; Chiang, Li and Burley 2019, Taming the shadow terminator).
 
 Letters: n bent normal, m the one that it was bent from, l direction to the light.
 """

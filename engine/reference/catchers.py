@@ -1,5 +1,5 @@
 """Catchers of shadows: what other things change of the light on a surface that is not seen itself
-(SEMANTICS.md, Shadow catchers).
+(semantics/environment.md).
 """
 
 from __future__ import annotations

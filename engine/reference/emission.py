@@ -1,4 +1,4 @@
-"""Lights whose programs say how bright they are where they are seen (SEMANTICS.md, Light)."""
+"""Lights whose programs say how bright they are where they are seen (semantics/lights.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Directions sampled from the lobes of strands (SEMANTICS.md, Bounces)."""
+"""Directions sampled from the lobes of strands (semantics/bounces.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Directions drawn from highlights that are narrower than the light (SEMANTICS.md, Light), where
+"""Directions drawn from highlights that are narrower than the light (semantics/lights.md), where
 its points alone would show as dots.
 """
 

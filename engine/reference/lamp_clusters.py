@@ -1,4 +1,4 @@
-"""Clusters of lamps that far points see as one (SEMANTICS.md, Many lamps).
+"""Clusters of lamps that far points see as one (semantics/many_lamps.md).
 
 Letters: x shaded point, n its normal, l unit direction to a cluster's middle, d distance.
 """

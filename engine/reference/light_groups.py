@@ -1,4 +1,4 @@
-"""Light told apart by the groups of what makes it (SEMANTICS.md, Light groups)."""
+"""Light told apart by the groups of what makes it (semantics/passes.md)."""
 
 from __future__ import annotations
 

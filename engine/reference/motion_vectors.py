@@ -1,5 +1,5 @@
-"""Where what pixels show was in the frame before, and will be in the one after (SEMANTICS.md,
-"Passes").
+"""Where what pixels show was in the frame before, and will be in the one after
+(semantics/passes.md).
 """
 
 from __future__ import annotations

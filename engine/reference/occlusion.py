@@ -1,4 +1,4 @@
-"""How much of an even sky is open over what camera rays meet (SEMANTICS.md, "Passes")."""
+"""How much of an even sky is open over what camera rays meet (semantics/passes.md)."""
 
 from __future__ import annotations
 

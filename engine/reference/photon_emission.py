@@ -1,4 +1,4 @@
-"""From where photons leave lamps, towards what is specular (SEMANTICS.md, Photons)."""
+"""From where photons leave lamps, towards what is specular (semantics/photons.md)."""
 
 from __future__ import annotations
 

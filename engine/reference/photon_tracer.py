@@ -1,4 +1,4 @@
-"""Photons from lamps through what is specular to what is not (SEMANTICS.md, Photons)."""
+"""Photons from lamps through what is specular to what is not (semantics/photons.md)."""
 
 from __future__ import annotations
 

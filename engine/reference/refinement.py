@@ -1,5 +1,5 @@
-"""Which pixels are good enough after a wave, and how far each may be from its limit (SEMANTICS.md,
-"Refinement" and "Error").
+"""Which pixels are good enough after a wave, and how far each may be from its limit
+(semantics/stopping.md).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """Light that is sampled at other points by each pixel of a block, averaged over the pixels that
-show the same surface (SEMANTICS.md, "Resolving").
+show the same surface (semantics/resolve.md).
 
 Sources: Keller, Heidrich 2001, Interleaved sampling; Wald, Kollig, Benthin, Keller, Slusallek
 2002, Interactive global illumination using fast ray tracing (the discontinuity buffer); Lee 1980,

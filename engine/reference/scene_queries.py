@@ -1,5 +1,5 @@
-"""What programs ask of the scene: rays from the points that they run over (SEMANTICS.md, Rays that
-nodes ask for). They are traced without shading, so that no program runs another one.
+"""What programs ask of the scene: rays from the points that they run over (semantics/programs.md).
+They are traced without shading, so that no program runs another one.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """Many lamps: all of them light a point, and some are asked for their shadows, which stand for
-those of all (SEMANTICS.md, Many lamps).
+those of all (semantics/many_lamps.md).
 """
 
 from __future__ import annotations

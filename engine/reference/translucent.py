@@ -1,5 +1,5 @@
 """Light that surfaces let through in all directions: what is matt on their other sides
-(SEMANTICS.md, TRANSLUCENT).
+(semantics/lobes.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where samples look through a camera's lens (SEMANTICS.md, "Rays")."""
+"""Where samples look through a camera's lens (semantics/camera.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where cameras and objects that move stand at each sample (SEMANTICS.md, "Rays", "Motion")."""
+"""Where cameras and objects that move stand at each sample (semantics/camera.md, motion.md)."""
 
 from __future__ import annotations
 

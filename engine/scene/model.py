@@ -2,7 +2,7 @@
 
 Everything is a frozen dataclass of NumPy arrays and integer handles; handles index the tuples of
 `Scene`. World quantities are float64, geometry stays in object space as float32 (Blender's own
-precision). `engine/SEMANTICS.md` says which picture a scene stands for; `problems.py`
+precision). `docs/semantics` says which picture a scene stands for; `problems.py`
 checks a scene at the API boundary.
 
 Conventions: right-handed, metres as Blender's units, angles in radians, colours scene-linear RGB. A

@@ -81,15 +81,15 @@ class Lobe:
     """One term of a surface: `kind` times the product of `factors` (the notes' coefficient k).
 
     The parameters, which kinds have which and from where to where they are is said in
-    `engine.closures`, what they do in SEMANTICS.md, Surface. exponent: Phong's of a SPECULAR lobe;
+    `engine.closures`, what they do in semantics/lobes.md. exponent: Phong's of a SPECULAR lobe;
     AMBIENT, DIFFUSE and OREN_NAYAR ones are times (1 - n·v) to that power. masking: the α of
     Smith's shadowing and masking, as GGX has them, 0 for none. ior: on REFRACTION the index inside
     the surface, on TRANSPARENT that for light to lit points alone, which is less where it comes
-    from a narrower cone inside (SEMANTICS.md, S). width, lean: of a SHEEN lobe. size, smooth: of a
-    TOON lobe and its smooth edge, shares of a right angle. fan: how far the light of a FIBRE lobe
-    fans out round the tangent, 0 for as far as normals do; tilt: the tangent of half of how far it
-    leans along the fibre, against the tangent. aov: the number of the AOV that an EMISSION lobe of
-    `Material.aovs` is for.
+    from a narrower cone inside (semantics/shadows.md). width, lean: of a SHEEN lobe. size, smooth:
+    of a TOON lobe and its smooth edge, shares of a right angle. fan: how far the light of a FIBRE
+    lobe fans out round the tangent, 0 for as far as normals do; tilt: the tangent of half of how
+    far it leans along the fibre, against the tangent. aov: the number of the AOV that an EMISSION
+    lobe of `Material.aovs` is for.
     …_output: which output of the material's program, a number, gives the parameter instead, kept
     from 0 to what stands here (an ior stands where the output is not from 1e-30 to 1e30); -1 for
     none.
@@ -105,11 +105,11 @@ class Lobe:
     MIRROR and REFRACTION lobes, the output with a shading normal of their own in the world; where
     it is zero or not finite, or -1, they have the point's. stretch_output: of SPECULAR lobes, the
     output with a direction in the world along the surface: slopes of half vectors along it are
-    times its length, those across it over that (SEMANTICS.md); -1, zero or not finite: none.
+    times its length, those across it over that (semantics/lobes.md); -1, zero or not finite: none.
     radius: of DIFFUSE lobes, RGB, at least 0, world units: how far below the surface their light
-    goes before it comes out again, the d of Christensen and Burley's profile (SEMANTICS.md,
-    Subsurface); 0: it comes out where it goes in. radius_output: the output that takes its place,
-    -1 for none.
+    goes before it comes out again, the d of Christensen and Burley's profile
+    (semantics/subsurface.md); 0: it comes out where it goes in. radius_output: the output that
+    takes its place, -1 for none.
     """
 
     kind: str
@@ -230,7 +230,7 @@ class Medium:
 
 
 BUMP_SHADOWING = ("NONE", "SIDES", "CHIANG", "GGX")
-"""How light that a bent normal faces is hidden by what it was bent from (SEMANTICS.md, Light)."""
+"""How light that a bent normal faces is hidden by what it was bent from (semantics/shadows.md)."""
 
 
 @dataclass(frozen=True)

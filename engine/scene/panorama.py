@@ -1,5 +1,5 @@
 """Cameras whose picture is no plane: what of the directions round the eye it shows, and where an
-eye of a pair stands (SEMANTICS.md, "Panoramas").
+eye of a pair stands (semantics/camera.md).
 """
 
 from __future__ import annotations

@@ -136,7 +136,7 @@ class Strand:
 
 def measured(seen: np.ndarray) -> tuple[float, float, float]:
     """How much of the light there is, its mean cosine round the strand, and the deviation of the
-    distribution along it (SEMANTICS.md, FIBRE lobes) that is nearest in the cube root.
+    distribution along it (semantics/lobes.md) that is nearest in the cube root.
     """
     rows = np.log(np.maximum(seen, 1e-9))
     fine = np.exp(np.array([np.interp(FINE, ELEVATIONS, column) for column in rows.T]))

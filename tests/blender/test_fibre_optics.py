@@ -44,7 +44,7 @@ def test_means_are_those_of_the_distributions(ior: float, roughness: float) -> N
         assert way.aim == pytest.approx((found * np.cos(TURNS)).sum() * turn / total, abs=1e-3)
         shares = way.shares()
         assert sum(share for _, share, _ in shares) == pytest.approx(1.0)
-        # of lobes as SEMANTICS.md has them: (1 +- cos)^q / 2^q, where q is 1 without a fan
+        # of lobes as semantics/lobes.md has them: (1 +- cos)^q / 2^q, where q is 1 without a fan
         aimed = 0.0
         for behind, share, fan in shares:
             q = 1 / fan if fan > 0 else 1.0

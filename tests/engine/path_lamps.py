@@ -1,7 +1,7 @@
 """Lamps and skies as the path tracer has them: a random point of a lamp, what a ray sees of it, and
 the sky's light along a ray.
 
-Written from the physics that SEMANTICS.md states (Light), and from nothing of `lights.py`. Letters:
+Written from the physics that semantics/lights.md states, and from nothing of `lights.py`. Letters:
 x shaded point, c centre of the lamp, q point on it, P its power, L its radiance, d distance, z
 cosine at the lamp.
 """

@@ -9,7 +9,7 @@ but for noise, whose size it tells. Of the reference tracer it takes what rays m
 materials are there; lamps, skies and all sampling are its own (`path_lamps`).
 
 Letters: T weight of a path, l direction to the light, G what lobes give of light from l, times π
-(what SEMANTICS.md's table has for I = 1).
+(what semantics/lobes.md's table has for I = 1).
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def test_the_core_and_the_document_have_the_table(table) -> None:
 
 
 def test_every_kind_is_described() -> None:
-    text = (ROOT / "engine/SEMANTICS.md").read_text()
+    text = (ROOT / "docs/semantics/lobes.md").read_text()
     assert [kind for kind in KINDS if text.count(f"\n| {kind} |") != 2] == []
 
 

@@ -1,5 +1,5 @@
-"""The float32 core against the float64 reference on scenes that use every feature (SEMANTICS.md is
-the text both are written from).
+"""The float32 core against the float64 reference on scenes that use every feature (docs/semantics
+is the text both are written from).
 """
 
 import functools

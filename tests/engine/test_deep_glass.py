@@ -1,4 +1,6 @@
-"""Mirror and glass split at a path's first surfaces, beyond these by chance (SEMANTICS.md)."""
+"""Mirror and glass split at a path's first surfaces, beyond these by chance
+(semantics/mirrors.md).
+"""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def test_the_whole_lobe_in_a_sun(exponent: float, angle: float) -> None:
 
 def lobe_sum(light: s.Light, exponent: float, count: int) -> np.ndarray:
     """(h, w) highlights under the old rule, with points of the light alone: the mean over its
-    shape, straight from SEMANTICS.
+    shape, straight from semantics/lights.md.
     """
     x, o = pixel_centers().reshape(-1, 3), np.array([0.0, 0, 1])
     square_points, disc = light_points(count)

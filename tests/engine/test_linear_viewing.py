@@ -1,5 +1,5 @@
 """Projection of points and boxes to pixels for `engine.scene` cameras, against the viewing rays of
-SEMANTICS.md.
+semantics/camera.md.
 """
 
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""What light loses in media (SEMANTICS.md, Media): Beer and Lambert's law in closed form, and the
+"""What light loses in media (semantics/media.md): Beer and Lambert's law in closed form, and the
 core against the reference.
 """
 

@@ -1,5 +1,5 @@
-"""Lights of the native core on a white plane against the formulas of SEMANTICS.md, worked out here
-in float64.
+"""Lights of the native core on a white plane against the formulas of semantics/lights.md, worked
+out here in float64.
 """
 
 from __future__ import annotations

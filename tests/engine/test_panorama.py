@@ -49,8 +49,8 @@ def seen(panorama: Panorama, size=SIZE, frame=None, window=WIDE, **more) -> Came
 
 
 def direction(p: Panorama, u: float, v: float) -> tuple[float, float, float] | None:
-    """Of one point, right, up and backward, by the formulas of SEMANTICS.md, number by number;
-    None where nothing is seen.
+    """Of one point, right, up and backward, by the formulas of semantics/camera.md, number by
+    number; None where nothing is seen.
     """
     longitude = p.longitude[0] + u * (p.longitude[1] - p.longitude[0])
     if p.projection == "EQUIRECTANGULAR":

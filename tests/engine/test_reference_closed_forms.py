@@ -48,7 +48,7 @@ def test_depth_and_position_are_those_of_the_viewing_rays() -> None:
 def expected_intensity(
     light: s.Light, x: np.ndarray, illumination: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """l (h, w, 3) and I without the light's colour, by the table of SEMANTICS.md."""
+    """l (h, w, 3) and I without the light's colour, by the table of semantics/lights.md."""
     axis, physical = -light.world_from_light[:, 2], illumination == "PHYSICAL"
     to = POINT - x
     d, direction = np.linalg.norm(to, axis=-1), unit(to)

@@ -266,7 +266,7 @@ def test_soft_light_in_a_mirror_counts_too(backend: str) -> None:
 
 
 def apart_on_screen(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(h, w) levels between two (h, w, 4) means, as SEMANTICS.md has it, round b."""
+    """(h, w) levels between two (h, w, 4) means, as semantics/stopping.md has it, round b."""
     d = np.abs(a - b)
     high = np.maximum(np.abs(b), d)[..., :3]
     return np.maximum((srgb_levels(high) - srgb_levels(high - d[..., :3])).max(-1), 255 * d[..., 3])

@@ -1,4 +1,4 @@
-"""Light that media scatter once (SEMANTICS.md, Media): closed forms and integrals worked out
+"""Light that media scatter once (semantics/media.md): closed forms and integrals worked out
 densely, and the core against the reference.
 """
 

@@ -1,4 +1,4 @@
-"""Many lamps that share the shadow rays of a sample (SEMANTICS.md, Many lamps)."""
+"""Many lamps that share the shadow rays of a sample (semantics/many_lamps.md)."""
 
 from __future__ import annotations
 

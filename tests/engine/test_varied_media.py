@@ -1,4 +1,4 @@
-"""Media that vary from place to place (SEMANTICS.md, Media): closed forms, the core against the
+"""Media that vary from place to place (semantics/media.md): closed forms, the core against the
 reference, and what their programs may not do.
 """
 

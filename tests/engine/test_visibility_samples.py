@@ -1,5 +1,5 @@
-"""Camera rays that light does not follow tell how much of a pixel shows what (SEMANTICS.md,
-"Visibility samples").
+"""Camera rays that light does not follow tell how much of a pixel shows what
+(semantics/resolve.md).
 """
 
 from __future__ import annotations

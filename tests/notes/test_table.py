@@ -102,7 +102,7 @@ def test_the_table_leads_to_every_test_of_the_notes():
     [
         ("`engine/linear/vectors.py` `dot`, `cross`", []),
         ("`engine/linear/vectors.py` `d*t`", []),
-        ("`engine/closures/table.py` `KINDS`; `engine/SEMANTICS.md` `Fresnel`", []),
+        ("`engine/closures/table.py` `KINDS`; `docs/semantics/lobes.md` `Fresnel`", []),
         ("`engine/gone.py`", ["engine/gone.py"]),
         ("`engine/linear/vectors.py` `dott`", ["dott in vectors.py"]),
         ("`engine/linear/vectors.py` `z*`", ["z* in vectors.py"]),

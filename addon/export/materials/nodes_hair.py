@@ -1,5 +1,5 @@
-"""The shaders of hair as FIBRE lobes (SEMANTICS.md) round a strand's tangent. What is no strand has
-no tangent and shows them as matt, under a highlight.
+"""The shaders of hair as FIBRE lobes (semantics/lobes.md) round a strand's tangent. What is no
+strand has no tangent and shows them as matt, under a highlight.
 """
 
 from __future__ import annotations

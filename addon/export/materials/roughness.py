@@ -2,9 +2,9 @@
 
 GGX of width α = roughness² reflects D(h) F(v·h) G / (4 n·l n·v) of the light. Power lobes stand for
 D alone, Σ s_k max(0, n·h)^p_k for π D / 4; the lobes' own masking and Fresnel factors are the rest
-(SEMANTICS.md), so that grazing angles come out as in Cycles. Where roughness is small, D spans more
-decades and takes more lobes. tests/cycles/fit_roughness.py makes the tables, and says what is
-minimised.
+(semantics/lobes.md), so that grazing angles come out as in Cycles. Where roughness is small, D
+spans more decades and takes more lobes. tests/cycles/fit_roughness.py makes the tables, and says
+what is minimised.
 
 What of a uniform world a surface reflects is F0 · A + (1 - F0) · B, with A and B nearly a0 + a1 (1
 - n·v)^q and b0 + b1 (1 - n·v)^q.

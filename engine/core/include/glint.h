@@ -2,7 +2,7 @@
  *
  * Numbers: world quantities are double, geometry and textures are float32, uint32, uint16 and uint8
  * as named. A matrix target_from_source is double[12], row by row of a (3, 4) matrix.
- * engine/SEMANTICS.md says which picture a scene stands for.
+ * docs/semantics says which picture a scene stands for.
  *
  * Ownership: the caller keeps every array that a GlintSceneData points at alive and unchanged until
  * glint_scene_destroy, and the arrays of GlintRenderSettings until glint_render_destroy. Only the
@@ -189,7 +189,7 @@ typedef struct GlintLobe {
 
 /* How light that a bent normal n faces is hidden by the normal m that it was bent from: not at all;
  * where it comes from behind m; and besides, by what m and n say of bumps, from matt lobes: Chiang,
- * Li, Burley 2019, or Conty Estevez, Lecocq, Stein 2019 (engine/SEMANTICS.md, Light). */
+ * Li, Burley 2019, or Conty Estevez, Lecocq, Stein 2019 (semantics/shadows.md). */
 enum GlintBumpShadowing { GLINT_BUMP_NONE, GLINT_BUMP_SIDES, GLINT_BUMP_CHIANG, GLINT_BUMP_GGX };
 
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program

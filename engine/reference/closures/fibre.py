@@ -1,4 +1,4 @@
-"""FIBRE lobes: what strands give back, and directions sampled from it (SEMANTICS.md)."""
+"""FIBRE lobes: what strands give back, and directions sampled from it (semantics/lobes.md)."""
 
 from __future__ import annotations
 
@@ -93,9 +93,9 @@ def fibre_highlight(
     tilt: Array | float = 0.0,
 ) -> Array:
     """(m,) what a fibre gives back of light along l, spread along its tangent t with the variance
-    4 / exponent (SEMANTICS.md).  fan: how far light fans out round t from v's side, or from behind,
-    0 to 1; 0 for as far as normals do.  tilt: the tangent of half of how far it leans along the
-    fibre, against t.
+    4 / exponent (semantics/lobes.md).  fan: how far light fans out round t from v's side, or from
+    behind, 0 to 1; 0 for as far as normals do.  tilt: the tangent of half of how far it leans along
+    the fibre, against t.
     """
     at = FibreAngles(unit(t), tilt, v, l)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,5 +1,5 @@
-"""SPECULAR lobes: Blinn-Phong's power, Smith's masking of GGX and a Fresnel factor (SEMANTICS.md,
-Surface), and directions sampled from them.
+"""SPECULAR lobes: Blinn-Phong's power, Smith's masking of GGX and a Fresnel factor
+(semantics/lobes.md), and directions sampled from them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""SHEEN lobes: cosine lobes that are stretched and lean (SEMANTICS.md, Surface)."""
+"""SHEEN lobes: cosine lobes that are stretched and lean (semantics/lobes.md)."""
 
 from __future__ import annotations
 

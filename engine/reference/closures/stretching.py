@@ -1,5 +1,5 @@
 """Highlights that are wider along the surface one way than the other: slopes of half vectors are
-stretched, as anisotropic GGX has them (SEMANTICS.md, Surface).
+stretched, as anisotropic GGX has them (semantics/lobes.md).
 
 Letters: n shading normal, h half vector of any length, t what a lobe is stretched along: slopes
 along it are times its length, those across it over that; 0 where it is not.

@@ -1,4 +1,4 @@
-"""TOON lobes: even within an angle, and nothing beyond its smooth edge (SEMANTICS.md, Surface)."""
+"""TOON lobes: even within an angle, and nothing beyond its smooth edge (semantics/lobes.md)."""
 
 from __future__ import annotations
 

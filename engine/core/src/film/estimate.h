@@ -1,5 +1,5 @@
 // The Error pass: how far a pixel may be from its limit, by how its mean moved from wave to wave
-// (SEMANTICS.md, "Error").
+// (semantics/stopping.md).
 #pragma once
 #include <cstdint>
 

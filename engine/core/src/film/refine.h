@@ -1,5 +1,5 @@
 // Adaptive refinement: which pixels are good enough after a wave, by how far their samples lie
-// apart (SEMANTICS.md, "Refinement").
+// apart (semantics/stopping.md).
 #pragma once
 #include <cstdint>
 #include <vector>

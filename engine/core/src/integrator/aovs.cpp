@@ -1,4 +1,4 @@
-// What materials give to AOVs (SEMANTICS.md, Passes).
+// What materials give to AOVs (semantics/passes.md).
 #include <algorithm>
 
 #include "integrator/tracer.h"

@@ -1,5 +1,5 @@
 // Catchers of shadows: camera rays see how much of its light other things leave to such a surface,
-// or throw onto it, and not the surface (SEMANTICS.md, Shadow catchers).
+// or throw onto it, and not the surface (semantics/environment.md).
 #include <algorithm>
 
 #include "integrator/tracer.h"

@@ -1,4 +1,4 @@
-// Clusters of lamps that far points see as one (SEMANTICS.md, Many lamps).
+// Clusters of lamps that far points see as one (semantics/many_lamps.md).
 #pragma once
 #include <vector>
 

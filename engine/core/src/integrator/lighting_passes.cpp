@@ -1,5 +1,5 @@
 // Passes of light by the kind of surface that gives it back first, and by the group of what makes
-// it (SEMANTICS.md, Passes).
+// it (semantics/passes.md).
 #include "integrator/tracer.h"
 
 namespace glint {

@@ -1,4 +1,4 @@
-// Where rays are inside of media, and what these let through (SEMANTICS.md, Media).
+// Where rays are inside of media, and what these let through (semantics/media.md).
 #pragma once
 #include <vector>
 

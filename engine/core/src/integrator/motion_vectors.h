@@ -1,5 +1,5 @@
-// Where what a pixel shows was in the frame before, and will be in the one after (SEMANTICS.md,
-// "Passes").
+// Where what a pixel shows was in the frame before, and will be in the one after
+// (semantics/passes.md).
 #pragma once
 #include "scene/scene.h"
 #include "scene/surface.h"

@@ -1,4 +1,4 @@
-// How much of an even sky is open over what camera rays meet (SEMANTICS.md, Passes). Letters: x
+// How much of an even sky is open over what camera rays meet (semantics/passes.md). Letters: x
 // point, n shading normal, t1 t2 across it, l direction.
 #include "integrator/tracer.h"
 #include "math/math.h"

@@ -1,5 +1,4 @@
-// Where on rays media scatter light from: places that all pixels choose alike (SEMANTICS.md,
-// Media).
+// Where on rays media scatter light from: places that all pixels choose alike (semantics/media.md).
 #pragma once
 #include <vector>
 

@@ -1,5 +1,5 @@
 // Many samples of lamps, or of media that glow, that share the shadow rays of a pixel's sample
-// (SEMANTICS.md, Many lamps): all of them light a point, and some are asked for their shadows,
+// (semantics/many_lamps.md): all of them light a point, and some are asked for their shadows,
 // which stand for those of all.
 #pragma once
 #include <vector>

@@ -1,4 +1,4 @@
-// Light that goes into a surface and comes out of it elsewhere (SEMANTICS.md, Subsurface).
+// Light that goes into a surface and comes out of it elsewhere (semantics/subsurface.md).
 #pragma once
 #include <vector>
 

@@ -1,4 +1,4 @@
-// Shadow rays on their way through surfaces that let light through (SEMANTICS.md, S).
+// Shadow rays on their way through surfaces that let light through (semantics/shadows.md).
 #pragma once
 #include <atomic>
 #include <vector>

@@ -1,5 +1,5 @@
-// Where the points of a panorama's picture look, and where directions are in it (SEMANTICS.md,
-// "Panoramas"). Vectors are along the camera's axes: right, up, backward.
+// Where the points of a panorama's picture look, and where directions are in it
+// (semantics/camera.md). Vectors are along the camera's axes: right, up, backward.
 #pragma once
 #include "glint.h"
 #include "program/functions.h"

@@ -1,4 +1,4 @@
-// Ambient light on surfaces that see light lower (SEMANTICS.md, Surface).
+// Ambient light on surfaces that see light lower (semantics/shadows.md).
 #pragma once
 #include "shading/stage_math.h"
 #include "shading/stage_terminator.h"

@@ -1,6 +1,6 @@
-// How light is hidden where a material bends the normal (SEMANTICS.md, Light): as by the bumps that
-// the bent one is of. Letters: n bent normal, m the one that it was bent from, l direction to the
-// light.
+// How light is hidden where a material bends the normal (semantics/shadows.md): as by the bumps
+// that the bent one is of. Letters: n bent normal, m the one that it was bent from, l direction to
+// the light.
 #pragma once
 #include "shading/stage_terminator.h"
 #include "simd/lanes.h"

@@ -1,4 +1,4 @@
-// Light from clusters of lamps (SEMANTICS.md, Many lamps). Letters: c cluster, n shading normal, l
+// Light from clusters of lamps (semantics/many_lamps.md). Letters: c cluster, n shading normal, l
 // direction to the cluster's middle, d distance.
 #pragma once
 #include "shading/stage_light.h"

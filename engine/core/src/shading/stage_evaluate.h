@@ -103,7 +103,8 @@ inline void set_microfacet(const EvaluateStage& s, const Chosen& at, int kind, c
   sum.lit |= nonzero(Tk);
 }
 
-/// A FIBRE lobe. Where there is no fibre it is what stands for it on other surfaces (SEMANTICS.md).
+/// A FIBRE lobe. Where there is no fibre it is what stands for it on other surfaces
+/// (semantics/lobes.md).
 inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
                       const Three& k, const LobeShape& lobe, Lobes& sum) {
   double* const row = next_row(s, lobe.kind, sum);

@@ -50,8 +50,8 @@ inline Doubles fresnel_reflectance(Doubles cosine, Doubles relative_ior) {
   return choose(sine2 < 1, 0.5 * (s * s + p * p), splat(1));
 }
 
-/// What a highlight is times beside its power (SEMANTICS.md): cosines n.l, n.v and v.h, one light
-/// and one direction of view a lane.
+/// What a highlight is times beside its power (semantics/lobes.md): cosines n.l, n.v and v.h, one
+/// light and one direction of view a lane.
 class Gloss {
  public:
   Gloss(Doubles nl, Doubles nv, Doubles vh) : nl_(nl), nv_(nv), vh_(vh) {}

@@ -1,5 +1,5 @@
-// What many lamps give to points, and which of them each point asks for shadows (SEMANTICS.md, Many
-// lamps).
+// What many lamps give to points, and which of them each point asks for shadows
+// (semantics/many_lamps.md).
 #pragma once
 #include "shading/stage_cluster.h"
 

@@ -1,4 +1,4 @@
-// What instances say of light that grazes them (SEMANTICS.md, Surface). Letters: x point, g n
+// What instances say of light that grazes them (semantics/shadows.md). Letters: x point, g n
 // geometric and shading normal, l direction to the light.
 #pragma once
 #include "program/functions_trig.h"

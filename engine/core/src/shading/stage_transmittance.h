@@ -1,4 +1,4 @@
-// What surfaces let through of shadow rays (SEMANTICS.md, shadows).
+// What surfaces let through of shadow rays (semantics/shadows.md).
 #pragma once
 #include <algorithm>
 

@@ -1,6 +1,6 @@
-// FIBRE lobes: what strands give back of light, and directions sampled from it (SEMANTICS.md).
-// Letters: l direction to the light, v to the viewer, n shading normal, t tangent, d ray, k number
-// of a group of points.
+// FIBRE lobes: what strands give back of light, and directions sampled from it
+// (semantics/lobes.md). Letters: l direction to the light, v to the viewer, n shading normal, t
+// tangent, d ray, k number of a group of points.
 #pragma once
 #include <initializer_list>
 

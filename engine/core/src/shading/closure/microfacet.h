@@ -1,5 +1,5 @@
 // SPECULAR lobes, and MIRROR ones that throw light on to what is matt: Blinn-Phong's power, Smith's
-// masking of GGX, a Fresnel factor, stretched or not (SEMANTICS.md, Surface). Letters: l direction
+// masking of GGX, a Fresnel factor, stretched or not (semantics/lobes.md). Letters: l direction
 // to the light, n shading normal, d ray, h half vector, k number of a group of points.
 #pragma once
 #include "shading/closure/lobe_row.h"

@@ -1,4 +1,5 @@
-// OREN_NAYAR lobes: what rough matt surfaces give back besides Lambert's share (SEMANTICS.md).
+// OREN_NAYAR lobes: what rough matt surfaces give back besides Lambert's share
+// (semantics/lobes.md).
 #pragma once
 #include "program/functions_trig.h"
 #include "shading/stage_math.h"

@@ -1,4 +1,5 @@
-// SHEEN lobes: a cosine lobe, seen from above, that is stretched and leans over (SEMANTICS.md).
+// SHEEN lobes: a cosine lobe, seen from above, that is stretched and leans over
+// (semantics/lobes.md).
 #pragma once
 #include "shading/closure/lobe_row.h"
 

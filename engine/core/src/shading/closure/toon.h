@@ -1,4 +1,4 @@
-// TOON lobes: even within an angle, and nothing beyond its smooth edge (SEMANTICS.md, TOON).
+// TOON lobes: even within an angle, and nothing beyond its smooth edge (semantics/lobes.md).
 #pragma once
 #include "program/functions_trig.h"
 #include "shading/closure/lobe_row.h"
