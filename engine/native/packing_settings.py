@@ -80,7 +80,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.reflections = number(settings.reflecting, core_types.Reflect, "reflections")
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     dealt = replace(settings, samples=dealt_samples(settings.samples, data.interleaving))
-    if settings.reflecting != "OFF" or _has_rough_glass(scene):
+    has_dome = any(light.kind == "DOME" for light in scene.lights)
+    if settings.reflecting != "OFF" or has_dome or _has_rough_glass(scene):
         points = lobe_points(dealt.samples)
         data.lobe_levels, data.lobe_count = len(points), points.size // 2
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")

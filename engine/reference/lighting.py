@@ -70,7 +70,9 @@ class Lighting:
     first_rod: the first primitive that is of strands. faint: weights of points below this take few
     samples. dealt: pixels of a block deal the samples among themselves, so that each sees few of
     the sky. each_once: of its samples each light takes one, another in each sample of a pixel.
-    draws_matt: what is matt draws directions to MESH lights.  has_photons: they bring the light of
+    draws_matt: what is matt draws directions to MESH lights.  lobe_points: (samples, 2) where in
+    lobes the rays go that show other surfaces, and of a sample's directions to the sky the first
+    that these draw, so that one of both sees something.  has_photons: they bring the light of
     lamps that mirrors throw on to what is matt, so that lamps do not light these.
     """
 
@@ -80,6 +82,7 @@ class Lighting:
     shadows: Shadows
     cancellation: Cancellation
     sets: Array
+    lobe_points: Array
     marks: int = 0
     medium_marks: int = 1
     light_groups: int = 0
@@ -373,6 +376,9 @@ class Lighting:
                 given = replace(given, to_matt=to_matt)
             yield narrow, given, coefficients
             place = source.drawn_at(number, point)
+            if place is not None and isinstance(source, Dome) and number == numbers[0]:
+                at = self.lobe_points[sample % len(self.lobe_points)]
+                place = LightPoint(CENTER.square, at)
             if glows and (once or place is not None):
                 direction = around(surface.n, point.disc)
                 met = replace(glows.sample_at(surface.x, direction, n), met_by="diffuse")

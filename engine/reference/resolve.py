@@ -41,6 +41,8 @@ WIDE = ("Diffuse Indirect", VOLUME[1])
 """What is averaged over blocks of twice the side, over which bounces are dealt; all of it
 of one sample.
 """
+GLOSS = ("Glossy Direct", "Glossy Indirect")
+"""What is told apart from noise together."""
 CAUGHT, ALONE, UNSHADED = "Caught Light", "Light Alone", "Unshaded"
 """The light of catchers with all things there and as if they were alone, and what they show where
 nothing shades them.
@@ -200,13 +202,18 @@ def resolved(
         if of_color in SHARP:
             images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
         light = parts[name] / samples
-        noise: Array | None = _noise(light, color, halves[name], half_color, samples)
+        together = [other for other in (GLOSS if name in GLOSS else (name,)) if other in parts]
+        white = sum((parts[other] / samples).sum(0) for other in together)
+        noise: Array | None = sum(
+            _noise(parts[other] / samples, color, halves[other], half_color, samples)
+            for other in together
+        )
         around, weights = (wide, in_wide_media) if name in WIDE else (block, in_media)
         if of_color:
             weights = [share * guides.alike(x, y) for x, y, share in around]
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
-        one = Resolving(light, color, own_color, noise, images, name in WIDE)
+        one = Resolving(light, white, color, own_color, noise, images, name in WIDE)
         predicted = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
             _resolve_edges(predicted, guides, fine_guides, wide, weights, one)
@@ -239,12 +246,15 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Resolving:
-    """One kind of light. light, color: (3, h, w) means; own_color: of all camera rays. noise: as
-    `_noise`; None where all may be. images: (h, w) how much of the light is of sharp images, of
-    what gives light, which have no points. is_wide: it is averaged over blocks of twice the side.
+    """One kind of light. light, color: (3, h, w) means; own_color: of all camera rays. white:
+    (h, w) sum of the channels of what is looked at: of gloss what lights and other surfaces give it
+    together, as one hides the other. noise: as `_noise`, of that; None where all may be. images:
+    (h, w) how much of the light is of sharp images, of what gives light, which have no points.
+    is_wide: it is averaged over blocks of twice the side.
     """
 
     light: Array
+    white: Array
     color: Array
     own_color: Array
     noise: Array | None
@@ -301,7 +311,8 @@ def _resolved(
 
     lights, colors = over_block(light), over_block(color)
     tint = color.sum(0)
-    white, mean = _over(light.sum(0), tint), _over(lights.sum(0), colors.sum(0))
+    white = _over(one.white, tint)
+    mean = _over(over_block(one.white[None])[0], colors.sum(0))
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
     square = tint**2
     noises, halved = (np.zeros_like(white), 0.0) if noise is None else (noise, 1.0)
@@ -399,7 +410,7 @@ def _resolve_edges(
         slopes = np.linalg.solve(a, b[..., None])[..., 0]
         return slopes[:, 0] * share_here, np.einsum("kni,ni->kn", g, slopes)
 
-    white = light.sum(0)
+    white = one.white
     apart = (weight * (around(white) - fitted(white, tint, own_tint)[1]) ** 2).sum(0)
     sure = np.zeros_like(apart)
     if noise is not None:

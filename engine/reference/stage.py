@@ -93,6 +93,7 @@ class Stage:
         of_media = settings.medium_shadows, settings.medium_samples
         self.shared_media = of_media if media else (0, 0)
         self.media = Media(scene, self.attributes, self.visibility)
+        self._lobe_points = lobe_points(self.samples)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
         self.shadows = shadows
         self.lighting = Lighting(
@@ -102,6 +103,7 @@ class Stage:
             shadows,
             cancellation,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
+            self._lobe_points[0],
             shared_rays(scene.lights, settings),
             medium_marks=settings.medium_shadows,
             light_groups=len(scene.light_groups),
@@ -118,7 +120,6 @@ class Stage:
             source.in_parts(SKY_PARTS) if isinstance(source, Dome) else source
             for source in self.sources
         )
-        self._lobe_points = lobe_points(self.samples)
         self.asks_rays = scene.most_asked > 0
         self._node_points = points_of_nodes(self.samples, scene.most_asked)
         self.photon_map = trace_photons(self)
@@ -129,7 +130,8 @@ class Stage:
             self.caught = caught.astype(bool)
             self.lighting_of_catchers = self.lighting.of_catchers(self.caught)
             self._near_of_catchers = self._lighting_of_near.of_catchers(self.caught)
-        self._lighting_of_blurred = replace(self.lighting, sources=blurred, faint=FAINT)
+        lighting = replace(self.lighting, sources=blurred, faint=FAINT)
+        self._lighting_of_blurred = [replace(lighting, lobe_points=p) for p in self._lobe_points]
         # of what rays meet before they bounce, and after that
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
         self._lighting_of_exits = replace(self.lighting, faint=np.inf)
@@ -195,7 +197,9 @@ class Stage:
             return self._lighting_of_exits
         if paths.gathers:
             return self._near_of_catchers if paths.caught == "alone" else self._lighting_of_near
-        return self._lighting_of_blurred if paths.reflections else self._lighting[paths.depth > 0]
+        if paths.reflections:
+            return self._lighting_of_blurred[paths.reflections % len(self._lobe_points)]
+        return self._lighting[paths.depth > 0]
 
     def lobe_point(self, sample: int, reflections: int) -> LightPoint:
         """Where in the lobes of rough surfaces a sample is reflected that was so often before."""

@@ -433,6 +433,8 @@ def test_directions_begin_again_after_so_many(monkeypatch):
     are those two.
     """
     monkeypatch.setattr(patterns, "MOST_TABLED", 32)
+    monkeypatch.setattr(patterns, "MOST_LOBE_POINTS", 2)
+    monkeypatch.setattr(patterns, "LOBE_LEVELS", 1)
     wanted, few = _around(FRONT), Settings(samples=2, light_samples=2, filter_width=0.0)
     for backend in ("NATIVE", "NUMPY"):
         two, four = (

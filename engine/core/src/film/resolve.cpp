@@ -193,15 +193,13 @@ class LightResolve {
     }
     kind_ = kind_of(light);
     set_ = guides_of(light);
-    halves_ = window_.column(ResolveWindow::kNoise + light);
     is_halved_ = is_halved;
     is_wide_ = is_wide(light);
     set_sharp(light);
     if (set_ != kSeen) find_covered();
-    for (size_t i = 0; i < window_.pixels(); ++i) {
+    for (size_t i = 0; i < window_.pixels(); ++i)
       tint_[i] = color_[0][i] + color_[1][i] + color_[2][i];
-      white_[i] = over(light_[0][i] + light_[1][i] + light_[2][i], tint_[i]);
-    }
+    set_seen(light);
     return true;
   }
 
@@ -214,10 +212,11 @@ class LightResolve {
         add(span_, block.to[k], block.of(k), color_[c], color_sum_[c].data());
       }
     }
-    mean_.resize(span_.count());
+    mean_.assign(span_.count(), 0.0f);
+    for (size_t k = 0; k < block.to.size(); ++k)
+      add(span_, block.to[k], block.of(k), seen_.data(), mean_.data());
     for (size_t i = 0; i < span_.count(); ++i)
-      mean_[i] = over(light_sum_[0][i] + light_sum_[1][i] + light_sum_[2][i],
-                      color_sum_[0][i] + color_sum_[1][i] + color_sum_[2][i]);
+      mean_[i] = over(mean_[i], color_sum_[0][i] + color_sum_[1][i] + color_sum_[2][i]);
     for (int c = 0; c < 3; ++c) {
       coarse_[c].resize(span_.count());
       fine_[c].resize(span_.count());
@@ -398,6 +397,24 @@ class LightResolve {
     return least;
   }
 
+  /// What is looked at of pixels, and how far its means are off: of gloss what lights and other
+  /// surfaces give it together, as one hides the other.
+  void set_seen(int light) {
+    const bool is_gloss = light == kGlossyDirect || light == kGlossyIndirect;
+    seen_.assign(window_.pixels(), 0.0f);
+    halves_.assign(window_.pixels(), 0.0f);
+    for (const int part : {is_gloss ? kGlossyDirect : light, is_gloss ? kGlossyIndirect : -1}) {
+      if (part < 0) continue;
+      const float* const own = window_.column(ResolveWindow::kLight + 3 * part);
+      const float* const half = window_.column(ResolveWindow::kNoise + part);
+      for (size_t i = 0, n = window_.pixels(); i < n; ++i) {
+        seen_[i] += own[i] + own[n + i] + own[2 * n + i];
+        halves_[i] += half[i];
+      }
+    }
+    for (size_t i = 0; i < window_.pixels(); ++i) white_[i] = over(seen_[i], tint_[i]);
+  }
+
   /// How much of the light of pixels is of sharp images: what of it mirrors and clear glass show.
   void set_sharp(int light) {
     const int number = kind_of(light) - kFirstSharp;
@@ -435,7 +452,7 @@ class LightResolve {
   const Span span_;
   const uint32_t side_;
   std::optional<Changes> changes_[kGuideSets];
-  const float *light_[3] = {}, *color_[3] = {}, *halves_ = nullptr;
+  const float *light_[3] = {}, *color_[3] = {};
   int kind_ = 0;
   GuideSet set_ = kSeen;
   bool is_halved_ = false, is_wide_ = false;
@@ -447,6 +464,7 @@ class LightResolve {
   std::vector<Near> near_;       // of the block of one pixel
   Floats covered_;               // of the span
   Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
+  Floats seen_, halves_;
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_, sure_;
   Floats coarse_[3],
       fine_[3];  // of the span: predictions of its samples' light, and of all its rays'
