@@ -179,10 +179,7 @@ void Batch::find_points(const Stages& stages, uint32_t missed) {
   SurfaceStage stage{};
   stage.count = count_;
   stage.points = points;
-  for (size_t c = 0; c < 3; ++c) {
-    stage.start[c] = queue->column(Queue::kStart + c);
-    stage.d[c] = queue->column(Queue::kD + c);
-  }
+  static_cast<RayColumns&>(stage) = queue->columns();
   stage.instance = instance.data();
   stage.primitive = primitive.data();
   stage.u = u.data();
@@ -203,6 +200,7 @@ void Batch::find_points(const Stages& stages, uint32_t missed) {
 ShadeStage Batch::shading() {
   const MaterialTable& all = scene_.materials;
   ShadeStage stage{};
+  static_cast<RayColumns&>(stage) = queue->columns();
   stage.lowering = lowering;
   stage.count = count_;
   stage.material = material.data();
@@ -218,9 +216,7 @@ ShadeStage Batch::shading() {
   stage.max_view = all.max_view;
   for (size_t c = 0; c < 3; ++c) {
     stage.n[c] = points.n[c];
-    stage.d[c] = queue->column(Queue::kD + c);
     stage.ambient[c] = scene_.world.ambient[int(c)];
-    stage.T[c] = queue->column(Queue::kT + c);
     stage.diffuse[c] = diffuse[c];
   }
   stage.specular = specular;
@@ -232,6 +228,7 @@ ShadeStage Batch::shading() {
 
 EvaluateStage Batch::evaluation(const Material& of, double* slots) {
   EvaluateStage stage{};
+  static_cast<RayColumns&>(stage) = queue->columns();
   stage.tables = scene_.input_tables();
   stage.instance = instance.data();
   stage.primitive = primitive.data();
@@ -239,19 +236,16 @@ EvaluateStage Batch::evaluation(const Material& of, double* slots) {
   stage.lobe_count = of.lobe_count;
   stage.sums = sums;
   for (size_t c = 0; c < 3; ++c) {
-    stage.T[c] = queue->column(Queue::kT + c);
     stage.diffuse[c] = diffuse[c];
     stage.translucent[c] = of.has(GLINT_TRANSLUCENT) ? translucent[c] : nullptr;
     stage.lifted[c] = lifted[c];
     stage.ambient[c] = scene_.world.ambient[int(c)];
     stage.n[c] = points.n[c];
-    stage.d[c] = queue->column(Queue::kD + c);
     if (c < 2) stage.weights[c] = points.weights[c];
     stage.x[c] = points.x[c];
     stage.g[c] = points.g[c];
     stage.bent[c] = points.n[c];
     stage.unbent[c] = unbent[c];
-    stage.start[c] = queue->column(Queue::kStart + c);
   }
   for (size_t c = 0; of.goes_below && c < 3; ++c) {
     stage.below[c] = below[c];
@@ -268,7 +262,6 @@ EvaluateStage Batch::evaluation(const Material& of, double* slots) {
     stage.bump = bump;
     stage.kind = queue->visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = slots;
-    stage.tags = queue->tags();
     stage.offset = points.offset;
   }
   stage.layout = &scene_.materials.rows_of_lobes;

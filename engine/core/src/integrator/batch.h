@@ -180,13 +180,4 @@ class Batch {
   mutable std::vector<uint8_t> given_;
 };
 
-inline Vec3d row(const double* const (&columns)[3], size_t k) {
-  return {columns[0][k], columns[1][k], columns[2][k]};
-}
-inline void set_row(double* const (&columns)[3], size_t k, Vec3d v) {
-  columns[0][k] = v.x;
-  columns[1][k] = v.y;
-  columns[2][k] = v.z;
-}
-
 }  // namespace glint

@@ -263,13 +263,9 @@ void LitBatch::split(const Batch& batch, size_t count) const {
 }
 
 void LitBatch::push_gather_ray(Path path, Vec3d start, Vec3d o, Vec3d l, Queue& gathering) const {
-  path.start = start;
-  path.from = 0;
-  path.straight = 0;
-  path.wants_data = false;
-  path.skyless = true;
-  path.widest = std::min(path.widest, RenderPlan::kBouncedExponent);
-  path.depth = uint8_t(std::min(path.depth + 1, 255));
+  path.leave(start);
+  path.widen(RenderPlan::kBouncedExponent);
+  path.depth = uint8_t(std::min(int(path.depth) + 1, 255));
   gathering.push({o, l, 0, kInfinity, kDiffuse}, path);
   ++counts.gather;
 }

@@ -92,12 +92,8 @@ void OnwardRays::push_reflected(const Batch& batch, size_t k, Queue& glossy) {
   path.T = row(rays.diffuse, k);
   const double weight = max_abs(path.T);
   if (path.depth >= plan.max_bounces || weight < plan.cutoff || !finite(path.T)) return;
-  path.start = row(batch.points.x, from);
-  path.from = 0;
-  path.straight = 0;
-  path.wants_data = false;
-  path.skyless = true;
-  path.widest = std::min(path.widest, rays.t_max[k]);
+  path.leave(row(batch.points.x, from));
+  path.widen(rays.t_max[k]);
   ++path.depth;
   batch.mark_thrown(path.slot, path.T);
   if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);

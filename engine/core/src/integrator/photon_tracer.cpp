@@ -45,7 +45,6 @@ void PhotonTracer::emit(uint32_t first, uint32_t last) {
     const EmittedPhoton photon = beam_->photon(i);
     if (!(photon.share > 0)) continue;
     Path path;
-    path.T = {1, 1, 1};
     path.start = photon.o;
     path.slot = uint32_t(ways_.size());
     now_.push({photon.o, photon.d, 0, kInfinity, kShadow}, path);
@@ -106,8 +105,7 @@ void PhotonTracer::dim(Queue& queue) {
   for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? kInfinity : batch_.t[k];
   media_.march(rays, ends_.data(), 0, RayKind::kBounced, counts_);
   for (size_t k = 0; k < queue.size(); ++k) {
-    const Vec3d T = media_.passed(k, rays.t_min[k], ends_[k]) * queue.weight(k);
-    for (int c = 0; c < 3; ++c) queue.column(Queue::kT + size_t(c))[k] = T[c];
+    set_row(queue.end().T, k, media_.passed(k, rays.t_min[k], ends_[k]) * queue.weight(k));
   }
 }
 
@@ -180,7 +178,7 @@ void PhotonTracer::go_on(const Queue& queue) {
     Path path = rays.path(r);
     path.T = (whole / size) * path.T;
     const bool turns = path.depth > queue.depth(k);
-    if (turns) turn(way, path, k, rays.is_refracted(r));
+    if (turns) turn(way, path, k, rays.refracted(r));
     if (turns && queue.visibility == kShadow && beam_->light->program) asks_.push_back(slot);
     (path.depth > 0 ? bent_ : next_).push(rays.ray(r), path);
   });
@@ -202,7 +200,7 @@ double PhotonTracer::allowed(const Queue& queue, const Queue& rays, size_t ray) 
   const Vec3d T = rays.weight(ray);
   const double size = finite(T) ? max_abs(T) : 0;
   if (rays.depth(ray) == queue.depth(k)) return size;
-  const bool refracted = rays.is_refracted(ray);
+  const bool refracted = rays.refracted(ray);
   if (!(refracted ? plan_.refractive_caustics : plan_.reflective_caustics)) return 0;
   if (refracted && scene_.materials[batch_.material[k]].is_rough_glass) return 0;
   if (queue.visibility != kShadow) return size;

@@ -11,29 +11,22 @@ void Queue::reserve(size_t count) {
   tags_.resize(columns_.rows());
 }
 
-void Queue::push(const Ray& ray, const Path& path) {
+void Queue::push(const Ray& ray, Path path) {
   const size_t k = size_++;
   reserve(size_);
-  put(kO, k, ray.o);
-  put(kD, k, ray.d);
-  put(kT, k, path.T);
-  put(kStart, k, path.start);
-  columns_[kTMin][k] = ray.t_min;
-  columns_[kTMax][k] = ray.t_max;
-  columns_[kFrom][k] = path.from;
-  columns_[kShare][k] = path.share;
-  tags_[k] = int64_t(path.slot) | int64_t(path.depth) << RayTag::kDepth |
-             int64_t(path.straight) << RayTag::kStraight | path.refractions;
-  if (path.widest < HUGE_VAL)
-    tags_[k] |= int64_t(1 + std::clamp(std::ilogb(path.widest), 0, 60)) << RayTag::kWidth;
-  if (path.transmitted) tags_[k] |= int64_t(1) << RayTag::kTransmitted;
-  if (path.skyless) tags_[k] |= int64_t(1) << RayTag::kSkyless;
-  if (path.wants_data) want_data(k);
+  path.o = ray.o;
+  path.d = ray.d;
+  path.t_min = ray.t_min;
+  path.t_max = ray.t_max;
+  const RayEnd at = end();
+#define RAY_COLUMN(name, width, first, kept) set_row(at.name, k, path.name);
+#include "shading/path_state.inc"
+  at.tags[k] = std::bit_cast<int64_t>(PathBits(path));
 }
 
 void Queue::append(const Queue& from, size_t k) {
   reserve(size_ + 1);
-  for (size_t c = 0; c < kColumns; ++c) columns_[c][size_] = from.columns_[c][k];
+  for (size_t c = 0; c < columns_.count(); ++c) columns_[c][size_] = from.columns_[c][k];
   tags_[size_++] = from.tags_[k];
   if (exits) hits_.push_back(from.hits_[k]);
 }
@@ -41,25 +34,27 @@ void Queue::append(const Queue& from, size_t k) {
 void Queue::give_refracted(Queue& to) {
   const size_t count = size_;
   size_ = 0;
-  for (size_t k = 0; k < count; ++k) (is_refracted(k) ? to : *this).append(*this, k);
+  for (size_t k = 0; k < count; ++k) (refracted(k) ? to : *this).append(*this, k);
 }
 
 void Queue::start_at_camera(size_t count) {
   if (count > columns_.rows()) {
     reserve(count);
-    for (size_t c = 0; c < kColumns; ++c)
-      std::fill_n(columns_[c], columns_.rows(), (c >= kT && c < kT + 3) || c == kShare ? 1.0 : 0.0);
+    RayEnd at = end();
+#define RAY_COLUMN(name, width, first, kept) \
+  for (double* column : columns_of(at.name)) std::fill_n(column, columns_.rows(), first);
+#include "shading/path_state.inc"
   }
   size_ = count;
   for (; numbered_ < count; ++numbered_) tags_[numbered_] = int64_t(numbered_);
 }
 
 Rays Queue::rays() const {
-  const Columns& c = columns_;
-  return {{c[kO], c[kO + 1], c[kO + 2]},
-          {c[kD], c[kD + 1], c[kD + 2]},
-          c[kTMin],
-          c[kTMax],
+  const RayColumns at = columns();
+  return {{at.o[0], at.o[1], at.o[2]},
+          {at.d[0], at.d[1], at.d[2]},
+          at.t_min,
+          at.t_max,
           size(),
           visibility};
 }

@@ -31,9 +31,7 @@ PassStage stage_of(const MaterialTable& materials, const Batch& batch, const uin
   if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
   stage.straight = next.straight.end();
   stage.bounced = next.bounced.end();
-  stage.from = batch.queue->column(0);
-  stage.from_stride = batch.queue->stride();
-  stage.from_tags = batch.queue->tags();
+  static_cast<RayColumns&>(stage) = batch.queue->columns();
   const PointColumns& p = batch.points;
   for (size_t c = 0; c < 3; ++c) {
     stage.x[c] = p.x[c];
@@ -173,7 +171,7 @@ Vec3d Shader::transparency(const Batch& batch, size_t k, const Material& materia
   ProgramPoints points;
   for (size_t i = 0; i < kPad; ++i)
     set_point(points, i, scene_, batch.surface(k), path.start, batch.queue->ray(k).d,
-              batch.queue->tags()[k]);
+              batch.queue->columns().tags[k]);
   std::vector<double> slots(material.program > 0 ? scene_.programs.most_slots * kBlock : 0);
   if (material.program > 0)
     stages_.program({scene_.input_tables(), scene_.programs.of(material.program), &points,

@@ -131,10 +131,11 @@ void Tracer::start_paths() {
   if (catches_) caught_paths_.assign(paths_.size(), {});
   first_.start_at_camera(paths_.size());
   for (size_t c = 0; scene_.features & GLINT_FEATURE_MEDIA && c < 3; ++c)  // dimmed earlier
-    std::fill_n(first_.column(Queue::kT + c), paths_.size(), 1.0);
+    std::fill_n(first_.end().T[c], paths_.size(), 1.0);
   for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
-    if (paths_.is_first(k)) first_.want_data(k);
-  for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k) first_.want_aovs(k);
+    if (paths_.is_first(k)) first_.want(k, RayTag::kWantsData);
+  for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k)
+    first_.want(k, RayTag::kWantsAovs);
 }
 
 /// One path through a surely_empty tile stands for all.
@@ -291,9 +292,8 @@ void Tracer::bounce(const Queue& queue, uint32_t sample, Queue& gathering) {
 void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
   if (!batch_.turn_round()) return;
   const auto turn = [&] {
-    for (size_t c = 0; c < 3; ++c)
-      for (size_t k = 0; k < queue.size(); ++k)
-        queue.column(Queue::kD + c)[k] = -queue.column(Queue::kD + c)[k];
+    for (double* const d : queue.end().d)
+      for (size_t k = 0; k < queue.size(); ++k) d[k] = -d[k];
   };
   turn();
   batch_.first_hits = nullptr;  // which knows the shadows of this side

@@ -1,0 +1,62 @@
+// What path_state.inc is made into: columns of rays, and the bits of their tags. Plain data only:
+// nothing here may emit code.
+#pragma once
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+namespace glint {
+
+/// Of as many numbers a row as `width`.
+template <int width, class Number = double>
+using Column = std::conditional_t<width == 1, Number*, Number* [width]>;
+
+/// Rays of a queue, where they arrive.
+template <class Number, class Tag>
+struct RayColumnsOf {
+#define RAY_COLUMN(name, width, first, kept) Column<width, Number> name;
+#include "shading/path_state.inc"
+  Tag* tags;  // RayTag
+};
+using RayColumns = RayColumnsOf<const double, const int64_t>;
+
+/// The end of a queue that has room for what is added.
+struct RayEnd : RayColumnsOf<double, int64_t> {
+  size_t* size;
+};
+
+/// What a ray carries beside its columns.
+struct PathBits {
+#define PATH_BITS(name, constant, bits) uint64_t name : bits = 0;
+#include "shading/path_state.inc"
+};
+
+/// Those from one to another.
+constexpr int64_t bit_range(int first, int last) {
+  return int64_t(~uint64_t(0) >> (63 - last) & ~uint64_t(0) << first);
+}
+
+/// Where these are in the ray's tag.
+struct TagPlaces {
+  enum : int {
+#define PATH_BITS(name, constant, bits) constant, constant##Last = constant + bits - 1,
+#include "shading/path_state.inc"
+    kBits
+  };
+};
+static_assert(TagPlaces::kBits == 64 && sizeof(PathBits) == 8);
+
+struct RayTag {
+#define PATH_BITS(name, constant, bits) \
+  static constexpr int constant = TagPlaces::constant, constant##Last = TagPlaces::constant##Last;
+#include "shading/path_state.inc"
+  static constexpr int64_t kWants = bit_range(kWantsData, kWantsAovs);
+  /// What rays keep of those that they come from.
+  static constexpr int64_t kPast = bit_range(kSlot, kSlotLast) | bit_range(kWidth, kTransmitted);
+  static constexpr int64_t kAllRefractions = bit_range(kRefractions, kRefractionsLast),
+                           kMostRefractions = kAllRefractions >> kRefractions,
+                           kGlass = bit_range(kRefracted, kRefractionsLast);
+};
+
+}  // namespace glint
