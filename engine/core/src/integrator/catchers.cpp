@@ -47,8 +47,8 @@ void Tracer::set_aside_caught(const Queue& queue) {
 void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
   std::vector<Vec3d> with;
   for (const Caught& point : caught_) with.push_back(point.glow + take_sums(point.row));
-  lit_.assign(batch_.lit.begin(), batch_.lit.end());
-  std::fill(batch_.lit.begin(), batch_.lit.end(), int64_t(0));
+  lit_.assign(batch_.lit, batch_.lit + queue.size());
+  std::fill_n(batch_.lit, queue.size(), int64_t(0));
   for (const Caught& point : caught_) {
     batch_.lit[point.row] = lit_[point.row];
     lit_[point.row] = 0;  // nothing is reflected there
@@ -61,7 +61,7 @@ void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
     bounce(queue, sample, gathering);
     wait(std::move(gathering));
   }
-  std::copy(lit_.begin(), lit_.end(), batch_.lit.begin());  // in place: reflections read it there
+  std::copy(lit_.begin(), lit_.end(), batch_.lit);  // in place: reflections read it there
   for (size_t i = 0; i < caught_.size(); ++i) {
     const uint32_t k = caught_[i].row;
     CaughtPath& path = caught_paths_[queue.slot(k)];

@@ -113,7 +113,7 @@ void PhotonTracer::dim(Queue& queue) {
 void PhotonTracer::shade(const Queue& queue) {
   const size_t others = stages_.shade(batch_.shading());
   for (size_t first = 0, count; first < others; first += count) {
-    const uint32_t* const rows = batch_.others.data() + first;
+    const uint32_t* const rows = batch_.others + first;
     const Material& material = scene_.materials[batch_.material[rows[0]]];
     EvaluateStage varying = batch_.evaluation(material, slots_.data());
     count = 1;
@@ -124,8 +124,7 @@ void PhotonTracer::shade(const Queue& queue) {
     if (varying.program && varying.program->asks_rays)
       varying.queries = queries_.at(batch_, 0, counts_);
     const size_t leaving = stages_.vary(varying);
-    if (leaving > 0)
-      shader_.send_all(batch_, batch_.passing_rows.data(), leaving, {straight_, turned_});
+    if (leaving > 0) shader_.send_all(batch_, batch_.passing_rows, leaving, {straight_, turned_});
   }
 }
 
@@ -139,7 +138,7 @@ void PhotonTracer::arrive(const Queue& queue, std::vector<Photon>& arrived) {
     const Way& way = ways_[queue.slot(k)];
     const Vec3d flux = queue.weight(k) * way.color;
     if (!matt || !any(flux) || !finite(flux) || comes_straight(way, queue.ray(k).d)) continue;
-    arrived.push_back({row(batch_.points.x, k), Vec3f(row(batch_.points.g, k)), Vec3f(flux)});
+    arrived.push_back({row(batch_.x, k), Vec3f(row(batch_.g, k)), Vec3f(flux)});
   }
 }
 
@@ -227,7 +226,7 @@ void PhotonTracer::apply_program(const Queue& queue) {
     const size_t count = std::min(kBlock, asks_.size() - first);
     for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
       const uint32_t slot = asks_[first + std::min(i, count - 1)], k = row_of_[slot];
-      program_.put(light, i, row(batch_.points.x, k), -queue.ray(k).d, ways_[slot].from);
+      program_.put(light, i, row(batch_.x, k), -queue.ray(k).d, ways_[slot].from);
     }
     program_.run(light, RayKind::kShadow, count);
     for (size_t i = 0; i < count; ++i) {

@@ -78,7 +78,7 @@ void ScatteredLight::place_points(const Batch& batch) {
   scatters_.assign(columns_.rows(), 0);  // also beyond the last ray, where stages look
   at_.resize(columns_.rows());
   for (size_t c = 0; c < 3; ++c) {
-    lit_.points.x[c] = lit_.points.origin[c] = lit_.rays.origin[c] = columns_[c];
+    lit_.rays.origin[c] = lit_.points.x[c] = lit_.points.origin[c] = columns_[c];
     lit_.points.diffuse[c] = columns_[3 + c];
     lit_.rays.start[c] = nullptr;
   }

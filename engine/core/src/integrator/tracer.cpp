@@ -244,7 +244,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& n
   if (is_first_ && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
   for (size_t c = 0; gives_aovs && scene_.materials.bends_normals && c < 3; ++c)
-    mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
+    mesh_normals_[c].assign(batch_.n[c], batch_.n[c] + queue.size());
   shade(queue, straight, next.bounced);
   if (queue.gathers()) clear_own_light(queue);
   else if (batch_.has_groups()) note_glow(queue);

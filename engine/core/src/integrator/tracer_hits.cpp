@@ -10,8 +10,8 @@ namespace glint {
 
 /// The queue's camera rays hit nothing, and nobody asks where they lead.
 void Tracer::miss(const Queue& queue) {
-  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone);
-  std::fill_n(batch_.material.data(), queue.size(), missed(queue));
+  std::fill_n(batch_.instance, queue.size(), Hit::kNone);
+  std::fill_n(batch_.material, queue.size(), missed(queue));
 }
 
 void Tracer::camera_rays() {

@@ -49,7 +49,7 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
 /// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How
 /// many they are.
 size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
-  const uint32_t* rows = batch_.others.data() + first;
+  const uint32_t* rows = batch_.others + first;
   const Material& material = scene_.materials[batch_.material[rows[0]]];
   EvaluateStage stage = varying(queue, material);
   while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
@@ -67,7 +67,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
 /// Adds what the world's program gives to those of the batch's `others` from `first` on, of
 /// `count`, that hit nothing. How many they are.
 size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
-  const uint32_t* rows = batch_.others.data() + first;
+  const uint32_t* rows = batch_.others + first;
   size_t seen = 0;
   while (seen < count && batch_.material[rows[seen]] == scene_.materials.surroundings()) {
     const uint32_t* some = rows + seen;
@@ -114,7 +114,7 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
 
 /// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
 void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
-  uint32_t* const all = batch_.passing_rows.data();
+  uint32_t* const all = batch_.passing_rows;
   size_t shown = count;  // those beyond are on catchers and holdouts
   if (catches_)
     shown = size_t(

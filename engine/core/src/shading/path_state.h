@@ -21,6 +21,31 @@ struct RayColumnsOf {
 };
 using RayColumns = RayColumnsOf<const double, const int64_t>;
 
+/// The points where rays end; null where nothing needs a column.
+struct PointColumns {
+#define POINT_COLUMN(name, width, needed, zeroed) Column<width> name;
+#define POINT_NUMBERS(type, name, needed) type* name;
+#include "shading/path_state.inc"
+};
+
+struct ClosureColumns {
+#define CLOSURE_COLUMN(name, width, needed, zeroed) Column<width> name;
+#define CLOSURE_ROWS(name, width) double* name;
+#define CLOSURE_NUMBERS(type, name) type* name;
+#include "shading/path_state.inc"
+  int passing_columns;  // PassingTerm's
+  size_t stride;        // from a column of `specular` or `passing` to the next
+};
+
+/// What stages read and write of a batch.
+struct BatchColumns : RayColumns, PointColumns, ClosureColumns {};
+
+/// Sums of a batch, a column a channel; null where a part was not asked for. total: Combined.
+struct SumColumns {
+#define SUM_COLUMN(name, pass, needed, beyond) Column<3> name;
+#include "shading/path_state.inc"
+};
+
 /// The end of a queue that has room for what is added.
 struct RayEnd : RayColumnsOf<double, int64_t> {
   size_t* size;

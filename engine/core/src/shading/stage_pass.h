@@ -25,7 +25,7 @@ struct Arriving {
   void turn(const PassStage& s, const Chosen& at, size_t number) {
     if (s.passing_columns == PassingTerm::kTurned) {
       const size_t first = size_t(s.passing_columns) * number + PassingTerm::kNormal;
-      const Three own = gather3(s.passing + first * s.passing_stride, s.passing_stride, at);
+      const Three own = gather3(s.passing + first * s.stride, s.stride, at);
       n = choose(nonzero(own), own, n);
     }
     if (any(nonzero(n - g))) n = lifted(n, g, -d);
@@ -80,8 +80,7 @@ inline Three weight(const PassStage& s, const Chosen& at) { return gather3(s.T, 
 
 /// The coefficient of the lobe of that number among those that send rays on.
 inline Three coefficient(const PassStage& s, const Chosen& at, size_t number) {
-  return gather3(s.passing + size_t(s.passing_columns) * number * s.passing_stride,
-                 s.passing_stride, at);
+  return gather3(s.passing + size_t(s.passing_columns) * number * s.stride, s.stride, at);
 }
 
 /// A column of PassingTerm of that lobe, or its own number where the scene has none of a program.
@@ -89,7 +88,7 @@ inline Doubles number_of(const PassStage& s, const Chosen& at, size_t number, in
                          double own) {
   if (s.passing_columns == PassingTerm::kPlain) return splat(own);
   const size_t first = size_t(s.passing_columns) * number + size_t(column);
-  return gather(s.passing + first * s.passing_stride, at);
+  return gather(s.passing + first * s.stride, at);
 }
 
 inline Doubles largest(const Three& a) {

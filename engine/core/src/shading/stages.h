@@ -5,7 +5,6 @@
 // of kPad numbers, and stages may write that far.
 #pragma once
 #include "shading/light_stages.h"
-#include "shading/path_state.h"
 #include "shading/scene_shapes.h"
 
 namespace glint {
@@ -29,34 +28,19 @@ struct CameraStage {
   const GlintCamera* eye;               // null where the camera's place is the eye
 };
 
-/// Points of surfaces in anchored space, as surface.h has them one by one. Masks are 0 or -1.
-struct PointColumns {
-  double *x[3], *g[3], *n[3],
-      *origin[3];     // origin: of shadow rays. n may be g, and origin x, where no mesh is smooth
-  double* behind[3];  // origins on the other side; null where nobody asks
-  double *offset, *weights[2];  // weights: of the second and third vertex
-  int64_t* outside;
-  uint32_t* material;
-};
-
 /// Rays and hits to points. Rays that hit nothing get the material `missed`, other hits than of
 /// meshes kNoMaterial.
-struct SurfaceStage : RayColumns {
+struct SurfaceStage : BatchColumns {
   size_t count;
-  const uint32_t *instance, *primitive;
-  const float *u, *v;
   const InstanceShape* instances;
   const GroupShape* groups;
   uint32_t missed;
-  PointColumns points;
 };
 
 /// Constant lobes. Writes every column of the sums; `diffuse`, `specular` and `lit` say what lights
 /// are to add.
-struct ShadeStage : RayColumns {
-  const double* lowering;  // as LitPoints has it
+struct ShadeStage : BatchColumns {
   size_t count;
-  const uint32_t* material;
   const MaterialTerms* terms;
   const double* specular_terms;  // specular_columns a material
   size_t specular_columns;
@@ -66,14 +50,8 @@ struct ShadeStage : RayColumns {
   int highlights;            // as LobeColumns has it
   const double* view_terms;  // max_view rows a material
   int max_view;
-  const double* n[3];  // read as d is where max_view > 0, and with lowering
-  double ambient[3];   // the world's, read with lowering
+  double ambient[3];  // the world's, read with lowering
   SumColumns sums;
-  double* diffuse[3];  // T k
-  double* specular;    // columns of `lobes`, k times T
-  size_t stride;       // from a column of `specular` to the next
-  int64_t* lit;
-  uint32_t* others;  // rays whose material the stage leaves to others
 };
 
 /// A program over a block of points. slots: kBlock numbers each, what they hold afterwards is what
@@ -99,8 +77,9 @@ struct CoefficientStage {
 };
 
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
-/// `specular` and `lit`, as ShadeStage does, and `passing`.
-struct EvaluateStage : RayColumns {
+/// `specular` and `lit`, as ShadeStage does, and `passing`; `translucent` and `below` are null
+/// where the material has no such lobes.
+struct EvaluateStage : BatchColumns {
   InputTables tables;
   size_t count;
   const uint32_t* rows;         // of its points
@@ -108,48 +87,23 @@ struct EvaluateStage : RayColumns {
   RayKind kind;
   double* slots;
   const RayQueries* queries;
-  const double *x[3], *g[3];
-  const double* offset;
-  const int64_t* outside;
-  int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
-  double* bent[3];
+  int32_t normal;      // 0, or 1 plus the slot of the normals that take the place of `n`
   int bump_shadowing;  // GlintBumpShadowing; base_normal: as `normal`, what that was bent from
   int32_t base_normal;
-  double *unbent[3], *bump, *lowering;  // as LitPoints has them
-  const double *weights[2], *n[3];
-  const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
   bool dark;      // EMISSION lobes show nothing
   double thrown;  // exponent of the SPECULAR lobes that MIRROR ones are as well, 0: of none
   double ambient[3];
   SumColumns sums;
-  double* diffuse[3];
-  double* translucent[3];           // T k; null where the material has no such lobes
-  double *lifted[3], *lifted_bump;  // n and bump as these have it; null where no bumps hide light
-  /// What of `diffuse` comes out of the surface elsewhere, and how far away, world units; null
-  /// where none of the material's does.
-  double *below[3], *radius[3];
-  double* specular;
   const LobeLayout* layout;  // of `specular`
-  double* passing;           // PassingTerm's columns for each lobe that sends rays on
-  int passing_columns;
-  uint32_t* passing_rows;  // points where one of these is not zero
-  size_t stride;
-  int64_t* lit;
 };
 
 /// Rays that leave points which share a material. Of a path's rays those of the lobes come in the
 /// lobes' order: refracted ones, then one mirrored, then one that goes straight on.
-struct PassStage : RayColumns {
+struct PassStage : BatchColumns {
   size_t count;
   const uint32_t* rows;  // of the points, of different paths
-  const double *t, *x[3], *g[3], *n[3], *offset;
-  const int64_t* outside;
-  const double* diffuse[3];  // T k of DIFFUSE lobes
-  const double* passing;     // as EvaluateStage has it
-  int passing_columns;
-  size_t passing_stride;
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight, splits;
   bool shares;  // rays keep their probability, if each surface chose one (RayColumns::share)
@@ -173,7 +127,7 @@ struct TransmittanceStage {
   const GroupShape* shapes;
   const uint32_t* number;  // of the ray in the sample; rays have several hits
   const uint32_t *instance, *primitive;
-  const float *u, *v;
+  float *u, *v;
   const uint32_t* point;  // of each ray of the sample, as what follows but `origin`
   const double *origin[3], *to[3],
       *end[3];  // origin: of each point, where `start` is null.  end: null where `to` is exact
