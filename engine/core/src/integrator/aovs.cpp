@@ -5,6 +5,11 @@
 
 namespace glint {
 
+/// Those of the meshes, before materials bend them.
+void Tracer::keep_mesh_normals() {
+  for (size_t c = 0; c < 3; ++c) mesh_normals_[c].assign(batch_.n[c], batch_.n[c] + batch_.size());
+}
+
 /// What the surfaces that camera rays meet give to AOVs, up to the first that lets less than half
 /// through: material by material.
 void Tracer::note_aovs(const Queue& queue) {

@@ -75,6 +75,10 @@ class Batch : public BatchColumns {
   void charge(size_t k) const {
     if (cost) cost[queue->slot(k)] += 1;
   }
+  /// The same of all rays.
+  void charge() const {
+    for (size_t k = 0; cost && k < count_; ++k) charge(k);
+  }
   /// Notes what of a soft light point k has met: Refinement::SoftLight.
   void mark_soft_light(size_t k, uint8_t met) const { soft_light[queue->slot(k)] |= met; }
   /// Notes that a rough surface gives back that much of what its ray meets.

@@ -8,6 +8,7 @@ namespace glint {
 
 /// Data passes of the hits on materials that let nothing through.
 void Tracer::record(const Queue& queue) {
+  if (!is_first_) return;
   const bool depth_alone = film_.wants_depth_alone();
   for (size_t k = 0; k < queue.size(); ++k) {
     const uint32_t material = batch_.material[k];

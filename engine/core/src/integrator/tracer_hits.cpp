@@ -86,6 +86,7 @@ void Tracer::find_hits(const Queue& queue) {
 }
 
 void Tracer::find_points(const Queue& queue) {
+  if (surely_empty_) return miss(queue);
   find_hits(queue);
   batch_.find_points(stages_, missed(queue));
   for (size_t k = 0; queue.past.reflections > 0 && k < queue.size(); ++k)
@@ -93,7 +94,8 @@ void Tracer::find_points(const Queue& queue) {
 }
 
 /// How far behind the first hits of the camera rays the next ones lie.
-void Tracer::find_gaps() {
+void Tracer::find_gaps(const Queue& queue) {
+  if (!is_first_ || &queue != &first_) return;
   std::vector<Ray> rays;
   std::vector<uint32_t> from;
   for (uint32_t k = 0; k < first_.size(); ++k) {
