@@ -70,7 +70,7 @@ void Tracer::set_aov_points(const Queue& queue, const uint32_t* rows, size_t cou
     const uint32_t k = points.row[i] = rows[std::min(i, count - 1)];
     Surface s = batch_.surface(k);
     if (bent) s.n = {mesh_normals_[0][k], mesh_normals_[1][k], mesh_normals_[2][k]};
-    set_point(points, i, scene_, s, queue.path(k).start, queue.ray(k).d, queue.columns().tags[k]);
+    set_point(points, i, scene_, s, queue.path(k).start, queue.ray(k).d, queue.tags[k]);
   }
 }
 

@@ -20,17 +20,14 @@ Batch::Batch(const Scene& scene, Passes passes, bool splits)
   passing_columns = materials_.passing_columns;
 }
 
-/// each(columns, their number, whether they are zeroed) for members that are needed.
+/// each(members, their number of columns, whether these are zeroed) for what is needed.
 template <class Each>
 void Batch::each_column(Each each) {
-#define CLOSURE_COLUMN(name, width, needed, zeroed) \
-  if (needed) each(columns_of(name), size_t(width), zeroed);
 #define POINT_COLUMN(name, width, needed, zeroed) \
-  if (needed) each(columns_of(name), size_t(width), zeroed);
-#define CLOSURE_ROWS(name, width) \
-  if (width > 0) each(columns_of(name), size_t(width), false);
+  if (needed) each(columns_of(name), size_t(width) * size_t(needed), zeroed);
+#define CLOSURE_COLUMN POINT_COLUMN
 #define SUM_COLUMN(name, pass, needed, beyond) \
-  if (needed) each(columns_of(parts_.name), size_t(3), false);
+  if (needed || wants(pass)) each(columns_of(parts_.name), size_t(3), false);
 #include "shading/path_state.inc"
 }
 
@@ -38,7 +35,7 @@ void Batch::begin(const Queue& rays) {
   queue = &rays;
   count_ = rays.size();
   if (count_ > columns_.rows() || !t) reserve(count_);
-  static_cast<RayColumns&>(*this) = rays.columns();
+  static_cast<RayColumns&>(*this) = rays;
   each_column([&](std::span<double*> columns, size_t, bool zeroed) {
     for (double* column : columns) std::fill_n(column, zeroed ? count_ : 0, 0.0);
   });
@@ -66,11 +63,8 @@ void Batch::reserve(size_t rows) {
   place(groups_, groups_.size(), false);
   if (!is_smooth_) std::copy_n(g, 3, n);
   if (!is_smooth_) std::copy_n(x, 3, origin);
-#define POINT_NUMBERS(type, name, needed) \
-  if (needed) name##_.resize(stride);     \
-  name = name##_.data();
-#define CLOSURE_NUMBERS(type, name) \
-  name##_.resize(stride);           \
+#define POINT_NUMBERS(type, name) \
+  name##_.resize(stride);         \
   name = name##_.data();
 #include "shading/path_state.inc"
 }

@@ -169,8 +169,7 @@ class Batch : public BatchColumns {
   const bool is_smooth_, splits_, shows_light_;
   size_t count_ = 0;
   Columns columns_;
-#define POINT_NUMBERS(type, name, needed) std::vector<type> name##_;
-#define CLOSURE_NUMBERS(type, name) std::vector<type> name##_;
+#define POINT_NUMBERS(type, name) std::vector<type> name##_;
 #include "shading/path_state.inc"
   SumColumns parts_{};
   std::vector<double*> groups_;  // three for each light group, none where nobody asks

@@ -105,7 +105,7 @@ void PhotonTracer::dim(Queue& queue) {
   for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? kInfinity : batch_.t[k];
   media_.march(rays, ends_.data(), 0, RayKind::kBounced, counts_);
   for (size_t k = 0; k < queue.size(); ++k) {
-    set_row(queue.end().T, k, media_.passed(k, rays.t_min[k], ends_[k]) * queue.weight(k));
+    set_row(queue.T, k, media_.passed(k, rays.t_min[k], ends_[k]) * queue.weight(k));
   }
 }
 

@@ -9,6 +9,11 @@ void Queue::reserve(size_t count) {
   if (count <= columns_.rows()) return;
   columns_.reserve(std::max({size_t(64), 2 * size_, count}));
   tags_.resize(columns_.rows());
+  tags = tags_.data();
+  size_t next = 0;
+#define RAY_COLUMN(name, width, first, kept) \
+  for (double*& column : columns_of(name)) column = columns_[next++];
+#include "shading/path_state.inc"
 }
 
 void Queue::push(const Ray& ray, Path path) {
@@ -18,17 +23,16 @@ void Queue::push(const Ray& ray, Path path) {
   path.d = ray.d;
   path.t_min = ray.t_min;
   path.t_max = ray.t_max;
-  const RayEnd at = end();
-#define RAY_COLUMN(name, width, first, kept) set_row(at.name, k, path.name);
+#define RAY_COLUMN(name, width, first, kept) set_row(name, k, path.name);
 #include "shading/path_state.inc"
-  at.tags[k] = std::bit_cast<int64_t>(PathBits(path));
+  tags[k] = std::bit_cast<int64_t>(PathBits(path));
 }
 
-void Queue::append(const Queue& from, size_t k) {
+void Queue::append(const Queue& other, size_t k) {
   reserve(size_ + 1);
-  for (size_t c = 0; c < columns_.count(); ++c) columns_[c][size_] = from.columns_[c][k];
-  tags_[size_++] = from.tags_[k];
-  if (exits) hits_.push_back(from.hits_[k]);
+  for (size_t c = 0; c < columns_.count(); ++c) columns_[c][size_] = other.columns_[c][k];
+  tags_[size_++] = other.tags_[k];
+  if (exits) hits_.push_back(other.hits_[k]);
 }
 
 void Queue::give_refracted(Queue& to) {
@@ -40,9 +44,8 @@ void Queue::give_refracted(Queue& to) {
 void Queue::start_at_camera(size_t count) {
   if (count > columns_.rows()) {
     reserve(count);
-    RayEnd at = end();
 #define RAY_COLUMN(name, width, first, kept) \
-  for (double* column : columns_of(at.name)) std::fill_n(column, columns_.rows(), first);
+  for (double* column : columns_of(name)) std::fill_n(column, columns_.rows(), first);
 #include "shading/path_state.inc"
   }
   size_ = count;
@@ -50,13 +53,7 @@ void Queue::start_at_camera(size_t count) {
 }
 
 Rays Queue::rays() const {
-  const RayColumns at = columns();
-  return {{at.o[0], at.o[1], at.o[2]},
-          {at.d[0], at.d[1], at.d[2]},
-          at.t_min,
-          at.t_max,
-          size(),
-          visibility};
+  return {{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, t_min, t_max, size(), visibility};
 }
 
 std::vector<Queue> split(const Queue& queue, size_t limit) {
@@ -64,17 +61,19 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
   std::iota(order.begin(), order.end(), 0u);
   std::stable_sort(order.begin(), order.end(),
                    [&](uint32_t a, uint32_t b) { return queue.slot(a) < queue.slot(b); });
-  Queue none(queue.visibility);
-  none.past = queue.past;
-  none.exits = queue.exits;
-  std::vector<Queue> pieces(1, none);
+  std::vector<Queue> pieces;
+  const auto open = [&] {
+    Queue& piece = pieces.emplace_back(queue.visibility);
+    piece.past = queue.past;
+    piece.exits = queue.exits;
+  };
+  open();
   for (size_t begin = 0, end; begin < order.size(); begin = end) {
     for (end = begin + 1; end < order.size() && queue.slot(order[end]) == queue.slot(order[begin]);)
       ++end;
-    if (pieces.back().size() > 0 && pieces.back().size() + (end - begin) > limit)
-      pieces.push_back(none);
+    if (pieces.back().size() > 0 && pieces.back().size() + (end - begin) > limit) open();
     for (size_t k = begin; k < end; ++k) {
-      if (pieces.back().size() == limit) pieces.push_back(none);
+      if (pieces.back().size() == limit) open();
       pieces.back().append(queue, order[k]);
     }
   }

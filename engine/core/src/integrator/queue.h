@@ -37,9 +37,11 @@ struct Path : PathBits {
 
 /// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror,
 /// kDiffuse of gather rays, or kTransmission, where instances differ in these.
-class Queue {
+class Queue : public RayColumns {
  public:
-  explicit Queue(uint32_t visibility_ = kMirror) : visibility(visibility_) {}
+  explicit Queue(uint32_t visibility_ = kMirror) : RayColumns{}, visibility(visibility_) {}
+  Queue(Queue&&) = default;
+  Queue& operator=(Queue&&) = default;
 
   size_t size() const { return size_; }
   void clear() {
@@ -55,42 +57,32 @@ class Queue {
     hits_.push_back(hit);
   }
   /// Adds ray k of another queue as it is; of this one where at most k rays are left in it.
-  void append(const Queue& from, size_t k);
+  void append(const Queue& other, size_t k);
   /// Moves the rays whose last bounce was a refraction to another queue, in order.
   void give_refracted(Queue& to);
-  /// Its rays' columns, and where a stage adds rays.
-  RayColumns columns() const { return place<RayColumns>(columns_, tags_.data()); }
-  RayEnd end() {
-    RayEnd end = place<RayEnd>(columns_, tags_.data());
-    end.size = &size_;
-    return end;
-  }
+  /// Where a stage adds rays.
+  RayEnd end() { return {*this, &size_}; }
   /// `count` rays from o = start = 0 with weight 1, but for what was written there after an earlier
   /// call; directions, bounds and who wants data are to be filled in. Nothing is ever pushed here.
   void start_at_camera(size_t count);
 
-  Ray ray(size_t k) const {
-    const RayColumns at = columns();
-    return {row(at.o, k), row(at.d, k), at.t_min[k], at.t_max[k], visibility};
-  }
+  Ray ray(size_t k) const { return {row(o, k), row(d, k), t_min[k], t_max[k], visibility}; }
   /// Ray k for what leaves its hit: that is no refraction yet, and has no AOVs of its own.
   Path path(size_t k) const {
-    const RayColumns at = columns();
     Path path{bits(k)};
     path.wants_aovs = path.refracted = 0;
-#define RAY_COLUMN(name, width, first, kept) path.name = row(at.name, k);
+#define RAY_COLUMN(name, width, first, kept) path.name = row(name, k);
 #include "shading/path_state.inc"
     return path;
   }
-  double share(size_t k) const { return columns().share[k]; }
-  Vec3d weight(size_t k) const { return row(columns().T, k); }
-  PathBits bits(size_t k) const { return std::bit_cast<PathBits>(tags_[k]); }
+  Vec3d weight(size_t k) const { return row(T, k); }
+  PathBits bits(size_t k) const { return std::bit_cast<PathBits>(tags[k]); }
 #define PATH_BITS(name, constant, count) \
   uint32_t name(size_t k) const { return uint32_t(bits(k).name); }
 #include "shading/path_state.inc"
   /// One of the bits of what a ray wants.
   void want(size_t k, int bit) {
-    tags_[k] |= int64_t(1) << bit;
+    tags[k] |= int64_t(1) << bit;
     numbered_ = 0;
   }
   Rays rays() const;
@@ -132,19 +124,6 @@ class Queue {
   const Hit& hit(size_t k) const { return hits_[k]; }
 
  private:
-  template <class To>
-  static To place(auto& block, auto* tags) {
-    To to{};
-    size_t next = 0;
-    const auto put = [&](auto columns) {
-      for (auto*& column : columns) column = block[next++];
-    };
-#define RAY_COLUMN(name, width, first, kept) put(columns_of(to.name));
-#include "shading/path_state.inc"
-    to.tags = tags;
-    return to;
-  }
-
 #define RAY_COLUMN(name, width, first, kept) +width
   Columns columns_{0
 #include "shading/path_state.inc"

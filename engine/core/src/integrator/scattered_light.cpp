@@ -54,7 +54,7 @@ void ScatteredLight::add_glow(const CrossedMedia& media) {
   const auto& [batch, spans, clear] = media;
   if (spans.empty() || !scene.media.emits || batch.queue->gathers()) return;
   find_ends(batch);
-  const double* const begin = batch.queue->columns().t_min;
+  const double* const begin = batch.queue->t_min;
   for (size_t k = 0; k < batch.size(); ++k) {
     spans.list_pieces(k, begin[k], ends_[k], pieces_);
     const Vec3d glow = glow_of(pieces_);

@@ -157,7 +157,7 @@ Vec3d Shader::transparency(const Batch& batch, size_t k, const Material& materia
   ProgramPoints points;
   for (size_t i = 0; i < kPad; ++i)
     set_point(points, i, scene_, batch.surface(k), path.start, batch.queue->ray(k).d,
-              batch.queue->columns().tags[k]);
+              batch.queue->tags[k]);
   std::vector<double> slots(material.program > 0 ? scene_.programs.most_slots * kBlock : 0);
   if (material.program > 0)
     stages_.program({scene_.input_tables(), scene_.programs.of(material.program), &points,

@@ -132,7 +132,7 @@ void Tracer::start_paths() {
   if (catches_) caught_paths_.assign(paths_.size(), {});
   first_.start_at_camera(paths_.size());
   for (size_t c = 0; scene_.features & GLINT_FEATURE_MEDIA && c < 3; ++c)  // dimmed earlier
-    std::fill_n(first_.end().T[c], paths_.size(), 1.0);
+    std::fill_n(first_.T[c], paths_.size(), 1.0);
   for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
     if (paths_.is_first(k)) first_.want(k, RayTag::kWantsData);
   for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k)
@@ -202,37 +202,36 @@ std::vector<Tracer::Step> Tracer::steps() const {
   using W = Wave;
   const bool media = scene_.features & GLINT_FEATURE_MEDIA, aovs = film_.wants(GLINT_PASS_AOV);
   std::vector<Step> all = {
-      {true, kAll, [](T& t, W& w) { t.find_points(w.queue); }},
-      {true, kExitRays, [](T& t, W& w) { t.show_exits(w.queue); }},
+      {true, kAll, &on_queue<&T::find_points>},
+      {true, kExitRays, &on_queue<&T::show_exits>},
       {true, kPaths, [](T& t, W&) { t.batch_.charge(); }},
-      {media, kPaths, [](T& t, W& w) { t.dim(w.queue); }},
-      {film_.wants(GLINT_PASS_GAP), kCameraRays, [](T& t, W& w) { t.find_gaps(w.queue); }},
+      {media, kPaths, &on_queue<&T::dim>},
+      {film_.wants(GLINT_PASS_GAP), kCameraRays, &on_queue<&T::find_gaps>},
       {aovs && scene_.materials.bends_normals, kCameraRays,
        [](T& t, W&) { t.keep_mesh_normals(); }},
       {true, kPaths, [](T& t, W& w) { t.shade(w.queue, w.onward(), w.bounced); }},
-      {true, kGatherRays, [](T& t, W& w) { t.clear_own_light(w.queue); }},
-      {batch_.has_groups(), kPaths & ~kGatherRays, [](T& t, W& w) { t.note_glow(w.queue); }},
-      {true, kBlurredRays | kGatherRays, [](T& t, W& w) { t.widen(w.queue); }},
-      {film_.wants_data(), kCameraRays, [](T& t, W& w) { t.record(w.queue); }},
-      {film_.wants_seen(), kCameraRays, [](T& t, W& w) { t.note_seen(w.queue); }},
-      {film_.resolves(), kCameraRays, [](T& t, W& w) { t.note_guides(w.queue); }},
-      {aovs, kCameraRays, [](T& t, W& w) { t.note_aovs(w.queue); }},
-      {film_.keeps_lighting(), kCameraRays, [](T& t, W& w) { t.note_colors(w.queue); }},
-      {film_.resolves(), kMirrorRays, [](T& t, W& w) { t.note_images(w.queue); }},
-      {catches_, kPaths, [](T& t, W& w) { t.set_aside_caught(w.queue); }},
-      {subsurface_.on(), kCameraRays | kMirrorRays, [](T& t, W& w) { t.scatter_below(w.queue); }},
-      {plan_.bounces > 0, kAll, [](T& t, W& w) { t.find_pixels(w.queue); }},
+      {true, kGatherRays, &on_queue<&T::clear_own_light>},
+      {batch_.has_groups(), kPaths & ~kGatherRays, &on_queue<&T::note_glow>},
+      {true, kBlurredRays | kGatherRays, &on_queue<&T::widen>},
+      {film_.wants_data(), kCameraRays, &on_queue<&T::record>},
+      {film_.wants_seen(), kCameraRays, &on_queue<&T::note_seen>},
+      {film_.resolves(), kCameraRays, &on_queue<&T::note_guides>},
+      {aovs, kCameraRays, &on_queue<&T::note_aovs>},
+      {film_.keeps_lighting(), kCameraRays, &on_queue<&T::note_colors>},
+      {film_.resolves(), kMirrorRays, &on_queue<&T::note_images>},
+      {catches_, kPaths, &on_queue<&T::set_aside_caught>},
+      {subsurface_.on(), kCameraRays | kMirrorRays, &on_queue<&T::scatter_below>},
+      {plan_.bounces > 0, kAll, &on_queue<&T::find_pixels>},
       {true, kAll, [](T& t, W&) { t.direct_.illuminate(t.batch_, t.sample_); }},
-      {catches_, kPaths, [](T& t, W& w) { t.settle_caught(w.queue); }},
+      {catches_, kPaths, &on_queue<&T::settle_caught>},
       {plan_.reflects_gloss, kPaths & ~kGatherRays, [](T& t, W& w) { t.reflect(w.glossy); }},
       {plan_.throws_photons(), kPaths, [](T& t, W& w) { t.add_caustics(w.queue); }},
       {plan_.bounces > 0, kAll, [](T& t, W& w) { t.bounce(w.queue, w.gathering); }},
-      {film_.wants(GLINT_PASS_AMBIENT_OCCLUSION), kCameraRays,
-       [](T& t, W& w) { t.note_occlusion(w.queue); }},
+      {film_.wants(GLINT_PASS_AMBIENT_OCCLUSION), kCameraRays, &on_queue<&T::note_occlusion>},
       {media, kPaths, [](T& t, W& w) { t.scatter(w.queue, w.scattered); }},
       {scene_.materials.has_translucent, kPaths,
        [](T& t, W& w) { t.light_behind(w.queue, w.behind); }},
-      {true, kAll, [](T& t, W& w) { t.keep(w.queue); }}};
+      {true, kAll, &on_queue<&T::keep>}};
   std::erase_if(all, [](const Step& step) { return !step.wanted; });
   return all;
 }
@@ -314,7 +313,7 @@ void Tracer::scatter(const Queue& queue, Queue& scattered) {
 void Tracer::light_behind(Queue& queue, Queue& gathering) {
   if (!batch_.turn_round()) return;
   const auto turn = [&] {
-    for (double* const d : queue.end().d)
+    for (double* const d : queue.d)
       for (size_t k = 0; k < queue.size(); ++k) d[k] = -d[k];
   };
   turn();
@@ -339,7 +338,7 @@ void Tracer::clamp(const Queue& queue) {
   const SumColumns& s = batch_.sums;
   for (size_t k = 0; k < queue.size(); ++k) {
     if (queue.depth(k) < 2 && queue.past.reflections == 0) continue;
-    const double most = 3 * plan_.clamp_indirect * queue.share(k);
+    const double most = 3 * plan_.clamp_indirect * queue.share[k];
     const Vec3d total = row(s.total, k);
     const double sum = std::fabs(total.x) + std::fabs(total.y) + std::fabs(total.z);
     if (!(sum > most && std::isfinite(sum))) continue;

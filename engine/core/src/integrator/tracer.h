@@ -84,6 +84,10 @@ class Tracer {
     uint32_t kinds;  // of rays
     void (*run)(Tracer&, Wave&);
   };
+  template <auto run>
+  static void on_queue(Tracer& tracer, Wave& wave) {
+    (tracer.*run)(wave.queue);
+  }
   std::vector<Step> steps() const;
   static uint32_t kind_of(const Queue& queue);
   void follow_queue(Queue& queue);

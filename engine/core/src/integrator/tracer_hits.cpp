@@ -23,11 +23,10 @@ void Tracer::camera_rays() {
   stage.lens_y = paths_.lens(1);
   stage.bend = stage.lens_x ? 1 / plan_.lens_focus : 0;
   for (size_t c = 0; c < 12; ++c) stage.frame[c] = paths_.frame(c);
-  const RayEnd rays = first_.end();
-  std::copy_n(rays.o, 3, stage.o);
-  std::copy_n(rays.d, 3, stage.d);
-  stage.t_min = rays.t_min;
-  stage.t_max = rays.t_max;
+  std::copy_n(first_.o, 3, stage.o);
+  std::copy_n(first_.d, 3, stage.d);
+  stage.t_min = first_.t_min;
+  stage.t_max = first_.t_max;
   stage.latest = &camera_ends_.latest;
   stage.earliest = &camera_ends_.earliest;
   stages_.camera(stage);
@@ -41,7 +40,7 @@ void Tracer::camera_rays() {
     for (size_t i = 0; i < stage.count; ++i)
       stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
   for (size_t k = 0; (beside || any(eye)) && k < 3; ++k)
-    std::copy_n(stage.o[k], stage.count, rays.start[k]);
+    std::copy_n(stage.o[k], stage.count, first_.start[k]);
   if (stage.panorama) leave_out_unseen(stage);
 }
 
@@ -49,7 +48,7 @@ void Tracer::camera_rays() {
 void Tracer::leave_out_unseen(const CameraStage& stage) {
   for (size_t k = 0; k < stage.count; ++k) {
     const double seen = stage.t_max[k] >= 0 ? 1 : 0;
-    set_row(first_.end().T, k, {seen, seen, seen});
+    set_row(first_.T, k, {seen, seen, seen});
   }
 }
 
@@ -128,7 +127,7 @@ void Tracer::dim(Queue& queue) {
   if (scene_.media.scatters) media_.sum_depths();
   for (size_t k = 0; k < queue.size(); ++k) {
     clear_[k] = queue.path(k).T;
-    set_row(queue.end().T, k, media_.passed(k, rays.t_min[k], ends_[k]) * clear_[k]);
+    set_row(queue.T, k, media_.passed(k, rays.t_min[k], ends_[k]) * clear_[k]);
   }
 }
 

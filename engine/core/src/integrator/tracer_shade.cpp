@@ -77,7 +77,7 @@ size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
     const double* const slot = run_sky(queue, some, here);
     for (size_t i = 0; i < here; ++i)
       for (size_t c = 0; c < 3; ++c) {
-        const double radiance = slot[c * kBlock + i], T = queue.columns().T[c][some[i]];
+        const double radiance = slot[c * kBlock + i], T = queue.T[c][some[i]];
         const double light = std::isfinite(radiance) ? T * radiance : 0;
         batch_.sums.total[c][some[i]] += light;
         if (batch_.sums.environment[c]) batch_.sums.environment[c][some[i]] += light;
@@ -96,7 +96,7 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
   for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
     const uint32_t k = rows[std::min(i, count - 1)];
     points.outside[i] = -1;
-    points.tags[i] = queue.columns().tags[k];
+    points.tags[i] = queue.tags[k];
     const Vec3d o = queue.ray(k).o, d = queue.ray(k).d;
     const double far = view.scale / length(d);
     for (int c = 0; c < 3; ++c)  // what the camera sees of the direction

@@ -9,29 +9,25 @@
 namespace glint {
 
 /// Of as many numbers a row as `width`.
-template <int width, class Number = double>
-using Column = std::conditional_t<width == 1, Number*, Number* [width]>;
+template <int width>
+using Column = std::conditional_t<width == 1, double*, double* [width]>;
 
-/// Rays of a queue, where they arrive.
-template <class Number, class Tag>
-struct RayColumnsOf {
-#define RAY_COLUMN(name, width, first, kept) Column<width, Number> name;
+/// Rays of a queue.
+struct RayColumns {
+#define RAY_COLUMN(name, width, first, kept) Column<width> name;
 #include "shading/path_state.inc"
-  Tag* tags;  // RayTag
+  int64_t* tags;  // RayTag
 };
-using RayColumns = RayColumnsOf<const double, const int64_t>;
 
 /// The points where rays end; null where nothing needs a column.
 struct PointColumns {
 #define POINT_COLUMN(name, width, needed, zeroed) Column<width> name;
-#define POINT_NUMBERS(type, name, needed) type* name;
+#define POINT_NUMBERS(type, name) type* name;
 #include "shading/path_state.inc"
 };
 
 struct ClosureColumns {
 #define CLOSURE_COLUMN(name, width, needed, zeroed) Column<width> name;
-#define CLOSURE_ROWS(name, width) double* name;
-#define CLOSURE_NUMBERS(type, name) type* name;
 #include "shading/path_state.inc"
   int passing_columns;  // PassingTerm's
   size_t stride;        // from a column of `specular` or `passing` to the next
@@ -47,7 +43,7 @@ struct SumColumns {
 };
 
 /// The end of a queue that has room for what is added.
-struct RayEnd : RayColumnsOf<double, int64_t> {
+struct RayEnd : RayColumns {
   size_t* size;
 };
 
