@@ -5,6 +5,11 @@
 
 namespace glint {
 
+/// Those of the meshes, before materials bend them.
+void Tracer::keep_mesh_normals() {
+  for (size_t c = 0; c < 3; ++c) mesh_normals_[c].assign(batch_.n[c], batch_.n[c] + batch_.size());
+}
+
 /// What the surfaces that camera rays meet give to AOVs, up to the first that lets less than half
 /// through: material by material.
 void Tracer::note_aovs(const Queue& queue) {
@@ -65,7 +70,7 @@ void Tracer::set_aov_points(const Queue& queue, const uint32_t* rows, size_t cou
     const uint32_t k = points.row[i] = rows[std::min(i, count - 1)];
     Surface s = batch_.surface(k);
     if (bent) s.n = {mesh_normals_[0][k], mesh_normals_[1][k], mesh_normals_[2][k]};
-    set_point(points, i, scene_, s, queue.path(k).start, queue.ray(k).d, queue.tags()[k]);
+    set_point(points, i, scene_, s, queue.path(k).start, queue.ray(k).d, queue.tags[k]);
   }
 }
 

@@ -13,7 +13,7 @@ namespace glint {
 
 class FirstHitCache;
 
-class Batch {
+class Batch : public BatchColumns {
  public:
   /// `passes`: the parts to keep for camera rays; all that others bring is Mirror. splits: light is
   /// told apart by kinds of surface.
@@ -26,14 +26,18 @@ class Batch {
   void begin(const Queue& rays);
   size_t size() const { return count_; }
 
-  Hits hits() {
-    return {t,        instance.data(), primitive.data(),
-            u.data(), v.data(),        fallbacks ? fallbacks_.data() : nullptr};
-  }
+  Hits hits() { return {t, instance, primitive, u, v, fallbacks ? retries : nullptr}; }
   Hit hit(size_t k) const { return {t[k], instance[k], primitive[k], u[k], v[k]}; }
   bool missed(size_t k) const { return instance[k] == Hit::kNone; }
   Surface surface(size_t k) const;
   void set_surface(size_t k, const Surface& s);
+  /// A stage over the batch, of which nothing else is said yet.
+  template <class Stage>
+  Stage stage() const {
+    Stage stage{};
+    static_cast<BatchColumns&>(stage) = *this;
+    return stage;
+  }
   /// The points of the rays' hits. missed: the material of rays that hit nothing.
   void find_points(const Stages& stages, uint32_t missed);
   /// How the points are shaded whose materials do not vary.
@@ -71,6 +75,10 @@ class Batch {
   void charge(size_t k) const {
     if (cost) cost[queue->slot(k)] += 1;
   }
+  /// The same of all rays.
+  void charge() const {
+    for (size_t k = 0; cost && k < count_; ++k) charge(k);
+  }
   /// Notes what of a soft light point k has met: Refinement::SoftLight.
   void mark_soft_light(size_t k, uint8_t met) const { soft_light[queue->slot(k)] |= met; }
   /// Notes that a rough surface gives back that much of what its ray meets.
@@ -100,24 +108,24 @@ class Batch {
     for (int i = 0; i < 3; ++i) columns[i][k] += c[i];
   }
   /// Whether lights' light is told apart there.
-  bool splits() const { return splits_ && queue->visibility == kCamera; }
+  bool splits() const { return splits_ && is_seen(); }
   /// Adds what `hits` counted of float tests that could not decide.
   void charge_fallbacks() const {
-    for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slot(k)] += fallbacks_[k];
+    for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slot(k)] += retries[k];
   }
   /// Coefficient of the lobe number `lobe` of those that send rays on from point k.
-  Vec3d passing(size_t k, int lobe) const {
-    const double* column = passing_columns + size_t(passing_width) * size_t(lobe) * stride + k;
+  Vec3d passing_term(size_t k, int lobe) const {
+    const double* column = passing + size_t(passing_columns) * size_t(lobe) * stride + k;
     return {column[0], column[stride], column[2 * stride]};
   }
 
-  /// Its normal; n where it has none of its own.
-  Vec3d passing_normal(size_t k, int lobe, Vec3d n) const {
-    if (passing_width != PassingTerm::kTurned) return n;
-    const size_t first = size_t(passing_width) * size_t(lobe) + PassingTerm::kNormal;
-    const double* const own = passing_columns + first * stride + k;
+  /// Its normal; `other` where it has none of its own.
+  Vec3d passing_normal(size_t k, int lobe, Vec3d other) const {
+    if (passing_columns != PassingTerm::kTurned) return other;
+    const size_t first = size_t(passing_columns) * size_t(lobe) + PassingTerm::kNormal;
+    const double* const own = passing + first * stride + k;
     const Vec3d m{own[0], own[stride], own[2 * stride]};
-    return any(m) ? m : n;
+    return any(m) ? m : other;
   }
 
   /// Its index of refraction, and its exponent; `own` where the scene has none of a program.
@@ -129,26 +137,7 @@ class Batch {
   }
 
   const Queue* queue = nullptr;
-  double* t = nullptr;
-  std::vector<uint32_t> instance, primitive, material,
-      others;  // others: rays whose material the shade stage leaves to others
-  std::vector<uint32_t> passing_rows;  // as EvaluateStage has it
-  std::vector<float> u, v;
-  std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
-  PointColumns points{};
-  double *unbent[3] = {}, *bump = nullptr, *grazing = nullptr, *lowering = nullptr;  // as
-                                                                                     // LitPoints
   SumColumns sums{};  // parts that are not kept are null
-  /// What lights give to the points of camera rays after shadows; null where nobody asks.
-  double *lit_diffuse[3] = {}, *lit_specular[3] = {}, *lit_volume[3] = {};
-  double* glow[3] = {};  // of surfaces; null where no light groups are asked for
-  double *diffuse[3] = {}, *translucent[3] = {};   // T k; translucent: null without such lobes
-  double *lifted[3] = {}, *lifted_bump = nullptr;  // as EvaluateStage has them
-  double *below[3] = {}, *radius[3] = {};          // so too; null where nothing comes out elsewhere
-  double* specular = nullptr;                      // as ShadeStage has it
-  double* passing_columns = nullptr;               // as EvaluateStage has it
-  int passing_width = PassingTerm::kPlain;
-  size_t stride = 0;
   double
       *cost = nullptr,
       *fallbacks =
@@ -162,31 +151,29 @@ class Batch {
 
  private:
   double passing_number(size_t k, int lobe, int column, double own) const {
-    if (passing_width == PassingTerm::kPlain) return own;
-    return passing_columns[size_t(passing_width * lobe + column) * stride + k];
+    if (passing_columns == PassingTerm::kPlain) return own;
+    return passing[size_t(passing_columns * lobe + column) * stride + k];
   }
   void reserve(size_t rows);
   void clear_group(size_t group) const;
-  void place_columns();
+  template <class Each>
+  void each_column(Each each);
+  bool is_seen() const { return queue && queue->visibility == kCamera; }
+  bool wants(int pass) const { return passes_ >> pass & 1; }
+  /// Whether it is known where light was made.
+  bool tells_apart() const { return splits_ || has_groups(); }
 
   const Scene& scene_;
+  const MaterialTable& materials_;
   const Passes passes_;
-  const bool smooth_, splits_;
+  const bool is_smooth_, splits_, shows_light_;
   size_t count_ = 0;
   Columns columns_;
-  std::vector<uint8_t> fallbacks_;
+#define POINT_NUMBERS(type, name) std::vector<type> name##_;
+#include "shading/path_state.inc"
   SumColumns parts_{};
   std::vector<double*> groups_;  // three for each light group, none where nobody asks
   mutable std::vector<uint8_t> given_;
 };
-
-inline Vec3d row(const double* const (&columns)[3], size_t k) {
-  return {columns[0][k], columns[1][k], columns[2][k]};
-}
-inline void set_row(double* const (&columns)[3], size_t k, Vec3d v) {
-  columns[0][k] = v.x;
-  columns[1][k] = v.y;
-  columns[2][k] = v.z;
-}
 
 }  // namespace glint

@@ -44,24 +44,25 @@ void Tracer::set_aside_caught(const Queue& queue) {
 
 /// What the catchers' points have of light, now that the lights were added to them as to all
 /// others, and the rays by which more of it bounces to them.
-void Tracer::settle_caught(const Queue& queue, uint32_t sample) {
+void Tracer::settle_caught(const Queue& queue) {
+  if (caught_.empty()) return;
   std::vector<Vec3d> with;
   for (const Caught& point : caught_) with.push_back(point.glow + take_sums(point.row));
-  lit_.assign(batch_.lit.begin(), batch_.lit.end());
-  std::fill(batch_.lit.begin(), batch_.lit.end(), int64_t(0));
+  lit_.assign(batch_.lit, batch_.lit + queue.size());
+  std::fill_n(batch_.lit, queue.size(), int64_t(0));
   for (const Caught& point : caught_) {
     batch_.lit[point.row] = lit_[point.row];
     lit_[point.row] = 0;  // nothing is reflected there
   }
-  direct_.illuminate_catchers(batch_, sample);
+  direct_.illuminate_catchers(batch_, sample_);
   for (const auto caught : {Queue::Past::kWithAll, Queue::Past::kAlone}) {
     Queue::Past past = queue.past.scattered();
     past.caught = caught;
     Queue gathering = take(kDiffuse, past);
-    bounce(queue, sample, gathering);
+    bounce(queue, gathering);
     wait(std::move(gathering));
   }
-  std::copy(lit_.begin(), lit_.end(), batch_.lit.begin());  // in place: reflections read it there
+  std::copy(lit_.begin(), lit_.end(), batch_.lit);  // in place: reflections read it there
   for (size_t i = 0; i < caught_.size(); ++i) {
     const uint32_t k = caught_[i].row;
     CaughtPath& path = caught_paths_[queue.slot(k)];

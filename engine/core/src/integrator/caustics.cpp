@@ -12,7 +12,7 @@ void Tracer::add_caustics(const Queue& queue, bool to_parts) {
   double* const thrown = seen && to_parts ? paths_.sums(film_, kPhotonLight) : nullptr;
   for (size_t k = 0; k < queue.size(); ++k) {
     if (batch_.missed(k) || is_caught(queue, k)) continue;
-    const Vec3d x = row(batch_.points.x, k), g = row(batch_.points.g, k);
+    const Vec3d x = row(batch_.x, k), g = row(batch_.g, k);
     const auto add = [&](Vec3d side, Vec3d given) {
       if (!any(given)) return;
       plan_.photon_map->find(x, side, photons_);

@@ -38,14 +38,14 @@ DirectLight::DirectLight(const LightContext& context)
 void DirectLight::illuminate(Batch& batch, uint32_t sample, bool alone) {
   lit.begin(batch, sample, alone);
   if (!find_few(batch)) return add_lights(batch, sample);
-  whole_.assign(batch.lit.begin(), batch.lit.end());
+  whole_.assign(batch.lit, batch.lit + batch.size());
   for (const bool few : {false, true}) {
     for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = few_[k] == few ? whole_[k] : 0;
     takes_few_ = few;
     add_lights(batch, sample);
   }
   takes_few_ = false;
-  std::copy(whole_.begin(), whole_.end(), batch.lit.begin());
+  std::copy(whole_.begin(), whole_.end(), batch.lit);
 }
 
 /// Which points take few samples of lights: strands, of which each sample of a pixel meets others,
@@ -248,7 +248,7 @@ size_t DirectLight::find_emitters(const Light& light, const LampSample& lamp, si
 /// Notes the points whose horizon cuts the light.
 void DirectLight::find_cut(const Batch& batch, const Light& light, const int64_t* mask) const {
   for (size_t k = 0; k < batch.size(); ++k)
-    if (mask[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k)))
+    if (mask[k] && light.is_cut(row(batch.x, k), row(batch.n, k)))
       batch.mark_soft_light(k, Refinement::kCut);
 }
 

@@ -36,7 +36,7 @@ void LayersAhead::closest(const Queue& queue, const Hits& hits) {
 void LayersAhead::list_unknown(const Queue& queue, const Hits& hits) {
   rows_.clear();
   for (uint32_t k = 0; k < queue.size(); ++k)
-    if (!take_known(queue.slot(k), queue.column(Queue::kTMin)[k], k, hits)) rows_.push_back(k);
+    if (!take_known(queue.slot(k), queue.t_min[k], k, hits)) rows_.push_back(k);
 }
 
 /// The first hit behind t_min to row k, or none; false where it is not known.
@@ -58,10 +58,11 @@ void LayersAhead::look_ahead(const Queue& queue, const Hits& hits) {
   found_.resize(count * kMost);
   count_.resize(count);
   blocked_.resize(count);
-  const size_t from[] = {Queue::kO,     Queue::kO + 1, Queue::kO + 2, Queue::kD,
-                         Queue::kD + 1, Queue::kD + 2, Queue::kTMin,  Queue::kTMax};
+  const Rays at = queue.rays();
+  const double* const from[] = {at.o[0], at.o[1], at.o[2],  at.d[0],
+                                at.d[1], at.d[2], at.t_min, at.t_max};
   for (size_t c = 0; c < kT; ++c)
-    for (size_t i = 0; i < count; ++i) rays_[c][i] = queue.column(from[c])[rows_[i]];
+    for (size_t i = 0; i < count; ++i) rays_[c][i] = from[c][rows_[i]];
   Opacity onward = *scene_.trees.opacity();
   onward.onward = true;
   const Rays rays{{rays_[kO], rays_[kO + 1], rays_[kO + 2]},

@@ -40,7 +40,7 @@ int Tracer::image_of(const Queue& queue, size_t k, int blurred) {
   if (queue.is_gloss() ||
       film_.column_of(kMirroredLight) < 0 && film_.column_of(kRefractedLight) < 0)
     return blurred;
-  const bool through = queue.is_transmitted(k);
+  const bool through = queue.transmitted(k);
   if (through && paths_.rough_glass()[queue.slot(k)]) return blurred;
   const int image = through ? kRefractedLight : kMirroredLight;
   return film_.column_of(image) < 0 ? blurred : image;
@@ -88,7 +88,7 @@ void Tracer::keep_lighting(const Queue& queue) {
         continue;
       }
       const int first =
-          queue.is_transmitted(k) ? GLINT_PASS_TRANSMISSION_DIRECT : GLINT_PASS_GLOSSY_DIRECT;
+          queue.transmitted(k) ? GLINT_PASS_TRANSMISSION_DIRECT : GLINT_PASS_GLOSSY_DIRECT;
       const int by_others = image_of(queue, k, first + 1);
       const bool is_made = queue.depth(k) == 1 || queue.past.reflections == 0;
       const double made = is_made ? s.emission[c][k] + s.environment[c][k] : 0;

@@ -40,23 +40,11 @@ void LitBatch::begin(const Batch& batch, uint32_t sample, bool alone) {
   three(rays.specular, batch.sums.diffuse[0]);
   three(ends_, true);
   three(shadow_, glassy_);
-  three(rays.start, glassy_ && batch.points.origin[0] != batch.points.x[0]);
+  three(rays.start, glassy_ && batch.origin[0] != batch.x[0]);
   rays.pdf = columns_[next++];
-  const PointColumns& p = batch.points;
-  for (int c = 0; c < 3; ++c) {
-    points.x[c] = p.x[c];
-    points.g[c] = p.g[c];
-    points.n[c] = p.n[c];
-    points.origin[c] = rays.origin[c] = p.origin[c];
-    points.d[c] = batch.queue->rays().d[c];
-    points.diffuse[c] = batch.diffuse[c];
-    points.unbent[c] = batch.unbent[c];
-  }
-  points.bump = batch.bump;
-  points.grazing = batch.grazing;
-  points.lowering = batch.lowering;
+  static_cast<BatchColumns&>(points) = batch;
+  std::copy_n(batch.origin, 3, rays.origin);
   points.count = batch.size();
-  points.offset = p.offset;
   points.lobes.columns = batch.specular;
   points.lobes.stride = batch.stride;
   points.lobes.layout = &scene.materials.rows_of_lobes;
@@ -85,8 +73,8 @@ LightPolicy LitBatch::policy_of(const Light& light) const {
 
 const int64_t* LitBatch::receivers(const Batch& batch, const Light& light,
                                    std::vector<int64_t>& mask) const {
-  if (light.lights_all()) return batch.lit.data();
-  mask.assign(batch.lit.begin(), batch.lit.end());
+  if (light.lights_all()) return batch.lit;
+  mask.assign(batch.lit, batch.lit + batch.stride);
   for (size_t k = 0; k < batch.size(); ++k)
     if (mask[k] && !light.lights(scene.instances.group(batch.instance[k]).light_set)) mask[k] = 0;
   return mask.data();
@@ -263,13 +251,9 @@ void LitBatch::split(const Batch& batch, size_t count) const {
 }
 
 void LitBatch::push_gather_ray(Path path, Vec3d start, Vec3d o, Vec3d l, Queue& gathering) const {
-  path.start = start;
-  path.from = 0;
-  path.straight = 0;
-  path.wants_data = false;
-  path.skyless = true;
-  path.widest = std::min(path.widest, RenderPlan::kBouncedExponent);
-  path.depth = uint8_t(std::min(path.depth + 1, 255));
+  path.leave(start);
+  path.widen(RenderPlan::kBouncedExponent);
+  path.depth = uint8_t(std::min(int(path.depth) + 1, 255));
   gathering.push({o, l, 0, kInfinity, kDiffuse}, path);
   ++counts.gather;
 }

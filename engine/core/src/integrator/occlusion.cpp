@@ -70,10 +70,10 @@ void LitBatch::ambient_occlusion(const Batch& batch, const std::vector<uint32_t>
 }
 
 /// What the passes of the queue's paths have of the points that they meet.
-void Tracer::note_occlusion(const Queue& queue, uint32_t sample) {
+void Tracer::note_occlusion(const Queue& queue) {
   find_asked(queue);
   if (occlusion_rows_.empty()) return;
-  direct_.lit.ambient_occlusion(batch_, occlusion_rows_, sample, open_);
+  direct_.lit.ambient_occlusion(batch_, occlusion_rows_, sample_, open_);
   add_asked(queue, paths_.sums(film_, GLINT_PASS_AMBIENT_OCCLUSION));
   note_asked(queue);
 }

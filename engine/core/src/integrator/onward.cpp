@@ -21,7 +21,7 @@ void OnwardRays::bounce(const Batch& batch, const std::vector<uint32_t>& pixels,
     place_[k] = uint8_t(plan.bounce_part(pixels[k]));
     for (size_t c = 0; c < 2; ++c) disc_[c][k] = at[place_[k]][c];
   }
-  OnwardStage going = stage(batch.lit.data());
+  OnwardStage going = stage(batch.lit);
   going.gathers_gloss = lit_.shows_even_gloss(queue);
   going.chooses = scene.instances.has_strands ? choices(batch, at) : nullptr;
   going.fibres_alone = !bounces(queue);
@@ -41,7 +41,7 @@ void OnwardRays::bounce(const Batch& batch, const std::vector<uint32_t>& pixels,
       const double share = bounced > 0 ? std::min(max_abs(path.T) / whole, 1.0) : 1;
       if (!((chosen ? rays.t_max[k] : at[part][2]) < share)) continue;
       path.T = (1 / share) * path.T;
-      const Vec3d o = row(rays.o, k), start = chosen ? o : row(batch.points.x, from);
+      const Vec3d o = row(rays.o, k), start = chosen ? o : row(batch.x, from);
       lit_.push_gather_ray(path, start, o, row(rays.to, k), gathering);
     }
 }
@@ -80,7 +80,7 @@ size_t OnwardRays::draw_diffuse(const Batch& batch, const LampSample& lamp) {
 void OnwardRays::reflect(const Batch& batch, uint32_t sample, Queue& glossy) {
   const double* const place = plan.lobe_point(sample, batch.queue->past.reflections);
   place_all(batch, place[0], place[1]);
-  const size_t count = stages.reflect(stage(batch.lit.data()));
+  const size_t count = stages.reflect(stage(batch.lit));
   for (size_t k = 0; k < count; ++k) push_reflected(batch, k, glossy);
 }
 
@@ -92,12 +92,8 @@ void OnwardRays::push_reflected(const Batch& batch, size_t k, Queue& glossy) {
   path.T = row(rays.diffuse, k);
   const double weight = max_abs(path.T);
   if (path.depth >= plan.max_bounces || weight < plan.cutoff || !finite(path.T)) return;
-  path.start = row(batch.points.x, from);
-  path.from = 0;
-  path.straight = 0;
-  path.wants_data = false;
-  path.skyless = true;
-  path.widest = std::min(path.widest, rays.t_max[k]);
+  path.leave(row(batch.x, from));
+  path.widen(rays.t_max[k]);
   ++path.depth;
   batch.mark_thrown(path.slot, path.T);
   if (batch.soft_light) batch.mark_soft_light(from, Refinement::kReached);

@@ -45,7 +45,6 @@ void PhotonTracer::emit(uint32_t first, uint32_t last) {
     const EmittedPhoton photon = beam_->photon(i);
     if (!(photon.share > 0)) continue;
     Path path;
-    path.T = {1, 1, 1};
     path.start = photon.o;
     path.slot = uint32_t(ways_.size());
     now_.push({photon.o, photon.d, 0, kInfinity, kShadow}, path);
@@ -106,8 +105,7 @@ void PhotonTracer::dim(Queue& queue) {
   for (size_t k = 0; k < queue.size(); ++k) ends_[k] = batch_.missed(k) ? kInfinity : batch_.t[k];
   media_.march(rays, ends_.data(), 0, RayKind::kBounced, counts_);
   for (size_t k = 0; k < queue.size(); ++k) {
-    const Vec3d T = media_.passed(k, rays.t_min[k], ends_[k]) * queue.weight(k);
-    for (int c = 0; c < 3; ++c) queue.column(Queue::kT + size_t(c))[k] = T[c];
+    set_row(queue.T, k, media_.passed(k, rays.t_min[k], ends_[k]) * queue.weight(k));
   }
 }
 
@@ -115,7 +113,7 @@ void PhotonTracer::dim(Queue& queue) {
 void PhotonTracer::shade(const Queue& queue) {
   const size_t others = stages_.shade(batch_.shading());
   for (size_t first = 0, count; first < others; first += count) {
-    const uint32_t* const rows = batch_.others.data() + first;
+    const uint32_t* const rows = batch_.others + first;
     const Material& material = scene_.materials[batch_.material[rows[0]]];
     EvaluateStage varying = batch_.evaluation(material, slots_.data());
     count = 1;
@@ -126,8 +124,7 @@ void PhotonTracer::shade(const Queue& queue) {
     if (varying.program && varying.program->asks_rays)
       varying.queries = queries_.at(batch_, 0, counts_);
     const size_t leaving = stages_.vary(varying);
-    if (leaving > 0)
-      shader_.send_all(batch_, batch_.passing_rows.data(), leaving, {straight_, turned_});
+    if (leaving > 0) shader_.send_all(batch_, batch_.passing_rows, leaving, {straight_, turned_});
   }
 }
 
@@ -141,7 +138,7 @@ void PhotonTracer::arrive(const Queue& queue, std::vector<Photon>& arrived) {
     const Way& way = ways_[queue.slot(k)];
     const Vec3d flux = queue.weight(k) * way.color;
     if (!matt || !any(flux) || !finite(flux) || comes_straight(way, queue.ray(k).d)) continue;
-    arrived.push_back({row(batch_.points.x, k), Vec3f(row(batch_.points.g, k)), Vec3f(flux)});
+    arrived.push_back({row(batch_.x, k), Vec3f(row(batch_.g, k)), Vec3f(flux)});
   }
 }
 
@@ -180,7 +177,7 @@ void PhotonTracer::go_on(const Queue& queue) {
     Path path = rays.path(r);
     path.T = (whole / size) * path.T;
     const bool turns = path.depth > queue.depth(k);
-    if (turns) turn(way, path, k, rays.is_refracted(r));
+    if (turns) turn(way, path, k, rays.refracted(r));
     if (turns && queue.visibility == kShadow && beam_->light->program) asks_.push_back(slot);
     (path.depth > 0 ? bent_ : next_).push(rays.ray(r), path);
   });
@@ -202,7 +199,7 @@ double PhotonTracer::allowed(const Queue& queue, const Queue& rays, size_t ray) 
   const Vec3d T = rays.weight(ray);
   const double size = finite(T) ? max_abs(T) : 0;
   if (rays.depth(ray) == queue.depth(k)) return size;
-  const bool refracted = rays.is_refracted(ray);
+  const bool refracted = rays.refracted(ray);
   if (!(refracted ? plan_.refractive_caustics : plan_.reflective_caustics)) return 0;
   if (refracted && scene_.materials[batch_.material[k]].is_rough_glass) return 0;
   if (queue.visibility != kShadow) return size;
@@ -229,7 +226,7 @@ void PhotonTracer::apply_program(const Queue& queue) {
     const size_t count = std::min(kBlock, asks_.size() - first);
     for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
       const uint32_t slot = asks_[first + std::min(i, count - 1)], k = row_of_[slot];
-      program_.put(light, i, row(batch_.points.x, k), -queue.ray(k).d, ways_[slot].from);
+      program_.put(light, i, row(batch_.x, k), -queue.ray(k).d, ways_[slot].from);
     }
     program_.run(light, RayKind::kShadow, count);
     for (size_t i = 0; i < count; ++i) {

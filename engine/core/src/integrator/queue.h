@@ -1,33 +1,47 @@
 // Rays on their way, with what each carries to its pixel, by component.
 #pragma once
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <vector>
 
 #include "bvh/accel.h"
 #include "integrator/columns.h"
 #include "math/vec.h"
+#include "shading/path_state.h"
 
 namespace glint {
 
-/// T: the weight to the pixel.  start: where the ray starts exactly, before it was moved clear of
-/// its surface; surfaces are met from there. from: ray parameter up to which visible lights were
-/// already counted.  slot: number of its camera ray (Paths).
-struct Path {
-  Vec3d T, start;
-  double from = 0, share = 1;
-  uint32_t slot = 0;
-  uint8_t depth = 0, straight = 0;  // mirror and refraction rays so far; transparent ones in a row
-  int64_t refractions = 0;          // those bits of its tag
-  bool wants_data = false, transmitted = false;  // transmitted: refracted by its first surface
-  bool skyless = false;                          // see RayTag, as the next
-  double widest = HUGE_VAL;
+/// A ray of a queue by itself, of the depth and the slot that it has there; first what a camera ray
+/// is.
+struct Path : PathBits {
+#define RAY_COLUMN(name, width, first, kept) Row<width> name = all_of<width>(first);
+#include "shading/path_state.inc"
+
+  /// The largest exponent of highlights that it meets: a power of two, that of the narrowest lobe
+  /// of the roughest surface on its way.
+  double widest() const { return width == 0 ? HUGE_VAL : std::ldexp(1.0, int(width) - 1); }
+  void widen(double exponent) {
+    if (const double most = std::min(widest(), exponent); most < HUGE_VAL)
+      width = uint64_t(1 + std::clamp(std::ilogb(most), 0, 60)) & 63;
+  }
+  /// It leaves a point along a direction of its lobes.
+  void leave(Vec3d point) {
+    start = point;
+    from = 0;
+    straight = 0;
+    wants_data = false;
+    skyless = true;
+  }
 };
 
 /// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror,
 /// kDiffuse of gather rays, or kTransmission, where instances differ in these.
-class Queue : public RayLayout {
+class Queue : public RayColumns {
  public:
-  explicit Queue(uint32_t visibility_ = kMirror) : visibility(visibility_) {}
+  explicit Queue(uint32_t visibility_ = kMirror) : RayColumns{}, visibility(visibility_) {}
+  Queue(Queue&&) = default;
+  Queue& operator=(Queue&&) = default;
 
   size_t size() const { return size_; }
   void clear() {
@@ -36,54 +50,42 @@ class Queue : public RayLayout {
   }
   /// Room for so many rays in all.
   void reserve(size_t count);
-  void push(const Ray& ray, const Path& path);
+  void push(const Ray& ray, Path path);
   /// Of a queue of `exits`, with what the ray meets.
   void push(const Ray& ray, const Path& path, const Hit& hit) {
     push(ray, path);
     hits_.push_back(hit);
   }
   /// Adds ray k of another queue as it is; of this one where at most k rays are left in it.
-  void append(const Queue& from, size_t k);
+  void append(const Queue& other, size_t k);
   /// Moves the rays whose last bounce was a refraction to another queue, in order.
   void give_refracted(Queue& to);
   /// Where a stage adds rays.
-  RayEnd end() { return {columns_[0], columns_.stride(), tags_.data(), &size_}; }
+  RayEnd end() { return {*this, &size_}; }
   /// `count` rays from o = start = 0 with weight 1, but for what was written there after an earlier
   /// call; directions, bounds and who wants data are to be filled in. Nothing is ever pushed here.
   void start_at_camera(size_t count);
 
-  Ray ray(size_t k) const {
-    return {at(kO, k), at(kD, k), columns_[kTMin][k], columns_[kTMax][k], visibility};
-  }
+  Ray ray(size_t k) const { return {row(o, k), row(d, k), t_min[k], t_max[k], visibility}; }
+  /// Ray k for what leaves its hit: that is no refraction yet, and has no AOVs of its own.
   Path path(size_t k) const {
-    return {
-        at(kT, k),     at(kStart, k),     columns_[kFrom][k], columns_[kShare][k],
-        slot(k),       depth(k),          straight(k),        tags_[k] & RayTag::kAllRefractions,
-        wants_data(k), is_transmitted(k), is_skyless(k),      widest(k)};
+    Path path{bits(k)};
+    path.wants_aovs = path.refracted = 0;
+#define RAY_COLUMN(name, width, first, kept) path.name = row(name, k);
+#include "shading/path_state.inc"
+    return path;
   }
-  double share(size_t k) const { return columns_[kShare][k]; }
-  Vec3d weight(size_t k) const { return at(kT, k); }
-  uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
-  bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }
-  void want_data(size_t k) {
-    tags_[k] |= int64_t(1) << RayTag::kWantsData;
+  Vec3d weight(size_t k) const { return row(T, k); }
+  PathBits bits(size_t k) const { return std::bit_cast<PathBits>(tags[k]); }
+#define PATH_BITS(name, constant, count) \
+  uint32_t name(size_t k) const { return uint32_t(bits(k).name); }
+#include "shading/path_state.inc"
+  /// One of the bits of what a ray wants.
+  void want(size_t k, int bit) {
+    tags[k] |= int64_t(1) << bit;
     numbered_ = 0;
   }
-  bool wants_aovs(size_t k) const { return tags_[k] >> RayTag::kWantsAovs & 1; }
-  void want_aovs(size_t k) {
-    tags_[k] |= int64_t(1) << RayTag::kWantsAovs;
-    numbered_ = 0;
-  }
-  bool is_refracted(size_t k) const { return tags_[k] >> RayTag::kRefracted & 1; }
-  /// What lies behind everything is not seen.
-  bool is_skyless(size_t k) const { return tags_[k] >> RayTag::kSkyless & 1; }
-  bool is_transmitted(size_t k) const { return tags_[k] >> RayTag::kTransmitted & 1; }
-  uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }
   Rays rays() const;
-  double* column(size_t c) { return columns_[c]; }
-  const double* column(size_t c) const { return columns_[c]; }
-  size_t stride() const { return columns_.stride(); }
-  const int64_t* tags() const { return tags_.data(); }
 
   uint32_t visibility;
   /// What happened before to all of its rays.
@@ -120,25 +122,12 @@ class Queue : public RayLayout {
   /// back all of it there.
   bool exits = false;
   const Hit& hit(size_t k) const { return hits_[k]; }
-  /// The largest exponent of highlights that ray k meets: a power of two, that of the narrowest
-  /// lobe of the roughest surface on its way.
-  double widest(size_t k) const {
-    const int64_t code = (tags_[k] & RayTag::kWidths) >> RayTag::kWidth;
-    return code == 0 ? HUGE_VAL : std::ldexp(1.0, int(code - 1));
-  }
 
  private:
-  uint8_t straight(size_t k) const { return uint8_t(tags_[k] >> RayTag::kStraight); }
-  Vec3d at(size_t column, size_t k) const {
-    return {columns_[column][k], columns_[column + 1][k], columns_[column + 2][k]};
-  }
-  void put(size_t column, size_t k, Vec3d v) {
-    columns_[column][k] = v.x;
-    columns_[column + 1][k] = v.y;
-    columns_[column + 2][k] = v.z;
-  }
-
-  Columns columns_{kColumns};
+#define RAY_COLUMN(name, width, first, kept) +width
+  Columns columns_{0
+#include "shading/path_state.inc"
+  };
   std::vector<int64_t> tags_;       // RayTag
   std::vector<Hit> hits_;           // of exits
   size_t size_ = 0, numbered_ = 0;  // numbered_: tags that are but their number

@@ -54,7 +54,7 @@ void ScatteredLight::add_glow(const CrossedMedia& media) {
   const auto& [batch, spans, clear] = media;
   if (spans.empty() || !scene.media.emits || batch.queue->gathers()) return;
   find_ends(batch);
-  const double* const begin = batch.queue->column(Queue::kTMin);
+  const double* const begin = batch.queue->t_min;
   for (size_t k = 0; k < batch.size(); ++k) {
     spans.list_pieces(k, begin[k], ends_[k], pieces_);
     const Vec3d glow = glow_of(pieces_);
@@ -78,7 +78,7 @@ void ScatteredLight::place_points(const Batch& batch) {
   scatters_.assign(columns_.rows(), 0);  // also beyond the last ray, where stages look
   at_.resize(columns_.rows());
   for (size_t c = 0; c < 3; ++c) {
-    lit_.points.x[c] = lit_.points.origin[c] = lit_.rays.origin[c] = columns_[c];
+    lit_.rays.origin[c] = lit_.points.x[c] = lit_.points.origin[c] = columns_[c];
     lit_.points.diffuse[c] = columns_[3 + c];
     lit_.rays.start[c] = nullptr;
   }

@@ -187,7 +187,7 @@ AskedHits SceneQueries::placed() {
   stage.v = v_.data();
   stage.instances = scene_.instances.shapes.data();
   stage.groups = scene_.instances.group_shapes.data();
-  PointColumns& at = stage.points;
+  PointColumns& at = stage;
   AskedHits hits{hits_, point_.data(),  instance_.data(), primitive_.data(), {}, {}, {},
                  {},    outside_.data()};
   for (size_t c = 0; c < 3; ++c) {

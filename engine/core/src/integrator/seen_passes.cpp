@@ -8,13 +8,14 @@ namespace glint {
 
 /// Data passes of the hits on materials that let nothing through.
 void Tracer::record(const Queue& queue) {
+  if (!is_first_) return;
   const bool depth_alone = film_.wants_depth_alone();
   for (size_t k = 0; k < queue.size(); ++k) {
     const uint32_t material = batch_.material[k];
     if (!queue.wants_data(k) || material >= scene_.materials.size() ||
         scene_.materials[material].passing > 0)
       continue;
-    if (depth_alone) film_.set_depth(pixel(queue, k), camera_.depth(row(batch_.points.x, k)));
+    if (depth_alone) film_.set_depth(pixel(queue, k), camera_.depth(row(batch_.x, k)));
     else shader_.record(batch_, k, film_, pixel(queue, k));
   }
 }
@@ -29,7 +30,7 @@ void Tracer::note_seen(const Queue& queue) {
     if (clear) {
       const Vec3d stays{1 - std::clamp(passed.x, 0.0, 1.0), 1 - std::clamp(passed.y, 0.0, 1.0),
                         1 - std::clamp(passed.z, 0.0, 1.0)};
-      const double distance = camera_.distance(row(batch_.points.x, k));
+      const double distance = camera_.distance(row(batch_.x, k));
       clear[queue.slot(k)] -= (1 - scene_.world.mist.at(distance)) * mean(T * stays);
     }
     const double weight = mean(T) * (1 - mean(passed));
@@ -46,7 +47,7 @@ void Tracer::note_seen(const Queue& queue) {
 /// Adds that much of point k's surface to those of its set.
 void Tracer::add_guides(const Queue& queue, size_t k, GuideSet set, double share) {
   double* const guides = paths_.guide(film_, kGuidesOfOne * set) + queue.slot(k);
-  const Vec3d n = row(batch_.points.n, k), x = row(batch_.points.x, k);
+  const Vec3d n = row(batch_.n, k), x = row(batch_.x, k);
   for (size_t c = 0; c < 3; ++c) {
     guides[(kGuideNormal + c) * paths_.stride()] += share * n[int(c)];
     guides[(kGuidePlace + c) * paths_.stride()] += share * x[int(c)];
@@ -70,8 +71,8 @@ void Tracer::note_denoising(size_t k, uint32_t path, double share) {
     for (size_t c = 0; sum && c < film_.channels_of(pass); ++c)
       sum[c * paths_.stride() + path] += value[int(c)];
   };
-  const double far = camera_.distance_seen(row(batch_.points.x, k));
-  add(GLINT_PASS_DENOISING_NORMAL, share * camera_.along_axes(row(batch_.points.n, k)));
+  const double far = camera_.distance_seen(row(batch_.x, k));
+  add(GLINT_PASS_DENOISING_NORMAL, share * camera_.along_axes(row(batch_.n, k)));
   add(GLINT_PASS_DENOISING_ALBEDO, albedo(k));
   add(GLINT_PASS_DENOISING_DEPTH, share * Vec3d{far, far, far});
 }
@@ -83,7 +84,8 @@ Vec3d Tracer::albedo(size_t k) const {
   const Material& material = scene_.materials[batch_.material[k]];
   const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
-    if (lobe->kind == GLINT_MIRROR || lobe->kind == GLINT_REFRACTION) sum += batch_.passing(k, i);
+    if (lobe->kind == GLINT_MIRROR || lobe->kind == GLINT_REFRACTION)
+      sum += batch_.passing_term(k, i);
     i += (1u << lobe->kind & kPassing) != 0;
   }
   sum = batch_.queue->path(k).T * sum;

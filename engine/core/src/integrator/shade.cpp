@@ -19,7 +19,7 @@ constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transpar
 PassStage stage_of(const MaterialTable& materials, const Batch& batch, const uint32_t* rows,
                    size_t count, const Leaving& next) {
   const Material& material = materials[batch.material[rows[0]]];
-  PassStage stage{};
+  PassStage stage = batch.stage<PassStage>();
   stage.rows = rows;
   stage.count = count;
   stage.lobes = materials.lobes.data() + material.first_lobe;
@@ -31,22 +31,6 @@ PassStage stage_of(const MaterialTable& materials, const Batch& batch, const uin
   if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
   stage.straight = next.straight.end();
   stage.bounced = next.bounced.end();
-  stage.from = batch.queue->column(0);
-  stage.from_stride = batch.queue->stride();
-  stage.from_tags = batch.queue->tags();
-  const PointColumns& p = batch.points;
-  for (size_t c = 0; c < 3; ++c) {
-    stage.x[c] = p.x[c];
-    stage.g[c] = p.g[c];
-    stage.n[c] = p.n[c];
-    stage.diffuse[c] = batch.diffuse[c];
-  }
-  stage.t = batch.t;
-  stage.offset = p.offset;
-  stage.outside = p.outside;
-  stage.passing = batch.passing_columns;
-  stage.passing_columns = batch.passing_width;
-  stage.passing_stride = batch.stride;
   return stage;
 }
 
@@ -97,7 +81,7 @@ Vec3d Shader::passed(const Batch& batch, size_t k, int kind) const {
   Vec3d sum;
   const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
-    if (lobe->kind == kind) sum += batch.passing(k, i);
+    if (lobe->kind == kind) sum += batch.passing_term(k, i);
     i += (1u << lobe->kind & kPassing) != 0;
   }
   return sum;
@@ -105,14 +89,14 @@ Vec3d Shader::passed(const Batch& batch, size_t k, int kind) const {
 
 Gives Shader::gives(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
-  const Vec3d d = batch.queue->ray(k).d, n = row(batch.points.n, k), g = row(batch.points.g, k);
+  const Vec3d d = batch.queue->ray(k).d, n = row(batch.n, k), g = row(batch.g, k);
   Gives gives;
   const LobeShape* lobe = scene_.materials.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
     if (!(1u << lobe->kind & kPassing)) continue;
     const int own = i++;
     const bool mirrors = lobe->kind == GLINT_MIRROR, refracts = lobe->kind == GLINT_REFRACTION;
-    const Vec3d coefficient = batch.passing(k, own);
+    const Vec3d coefficient = batch.passing_term(k, own);
     if (!(mirrors || refracts) ||
         !(coefficient[0] != 0 || coefficient[1] != 0 || coefficient[2] != 0))
       continue;
@@ -136,7 +120,7 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
 void Shader::dull(const Batch& batch) const {
   const MaterialTable& all = scene_.materials;
   for (size_t k = 0; k < batch.size(); ++k) {
-    const double cosine = -dot(batch.queue->ray(k).d, row(batch.points.n, k)),
+    const double cosine = -dot(batch.queue->ray(k).d, row(batch.n, k)),
                  seen = std::clamp(cosine, 0.0, 1.0);
     Vec3d kept{};
     const auto each = [&](int kind, int count, auto body) {
@@ -173,7 +157,7 @@ Vec3d Shader::transparency(const Batch& batch, size_t k, const Material& materia
   ProgramPoints points;
   for (size_t i = 0; i < kPad; ++i)
     set_point(points, i, scene_, batch.surface(k), path.start, batch.queue->ray(k).d,
-              batch.queue->tags()[k]);
+              batch.queue->tags[k]);
   std::vector<double> slots(material.program > 0 ? scene_.programs.most_slots * kBlock : 0);
   if (material.program > 0)
     stages_.program({scene_.input_tables(), scene_.programs.of(material.program), &points,

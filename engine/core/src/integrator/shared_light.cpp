@@ -88,8 +88,7 @@ SharedLight::SharedLight(Kind kind, LitBatch& lit) : LightContext(lit), kind_(ki
 }
 
 void SharedLight::add(const Batch& batch, uint32_t sample, bool few) {
-  if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
-                   [](int64_t lit) { return lit != 0; }))
+  if (std::none_of(batch.lit, batch.lit + batch.size(), [](int64_t lit) { return lit != 0; }))
     return;
   few_ = few;
   sums_.clear(batch.size(), group_count_);
@@ -106,7 +105,7 @@ void SharedLight::add(const Batch& batch, uint32_t sample, bool few) {
   if (!white_.lobes.has_fibre) white_.lobes.highlights = 0;
   if (!white_.lobes.has_fibre) white_.lobes.other_count = 0;
   white_.gloss[0] = nullptr;
-  for (const double*& column : white_.diffuse) column = sums_.ones;
+  for (double*& column : white_.diffuse) column = sums_.ones;
   const ShadowRequest* begin = requests_.sorted.data();
   for (size_t number = 0; number < samples_.lamps.size() && !cancel; ++number) {
     const ShadowRequest* const end = requests_.sorted.data() + requests_.ends[number];
@@ -170,7 +169,7 @@ void SharedLight::list_samples(const Batch& batch, uint32_t sample) {
       if ((plan.physical() && light.is_clustered()) != clustered) continue;
       const int64_t* const lit = clustered ? near_.data()
                                  : light.lights_all()
-                                     ? batch.lit.data()
+                                     ? batch.lit
                                      : lit_.receivers(batch, light, receives_.emplace_back());
       list_samples_of(light, sample, lit);
     }
@@ -203,7 +202,7 @@ void SharedLight::choose(const Batch& batch, uint32_t sample) {
   requests_.reaching.resize(most);
   ShareStage stage{};
   stage.points = &lit_.points;
-  stage.lit = batch.lit.data();
+  stage.lit = batch.lit;
   stage.samples = samples_.lamps.data();
   stage.sample_count = samples_.lamps.size();
   stage.offset = mark_offset(sample);

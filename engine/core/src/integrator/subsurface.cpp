@@ -112,7 +112,7 @@ const Subsurface::Ring& Subsurface::ring(Vec3d radius, const double* row) {
 void Subsurface::enter(Batch& batch, uint32_t k, const double* place) {
   const GlintInstances& group = scene_.instances.group(batch.instance[k]);
   if (scene_.instances.geometry(group).kind == GLINT_STRANDS) return;
-  const Vec3d x = row(batch.points.x, k), below = row(batch.below, k);
+  const Vec3d x = row(batch.x, k), below = row(batch.below, k);
   const double least = least_radius(x);
   Vec3d radius = row(batch.radius, k), given, left = row(batch.diffuse, k);
   for (int c = 0; c < 3; ++c) {
@@ -124,7 +124,7 @@ void Subsurface::enter(Batch& batch, uint32_t k, const double* place) {
   }
   if (!any(given)) return;
   set_row(batch.diffuse, k, left);
-  const Vec3d g = row(batch.points.g, k), first = first_across(g), T = batch.queue->weight(k);
+  const Vec3d g = row(batch.g, k), first = first_across(g), T = batch.queue->weight(k);
   Vec3d most;
   for (int c = 0; c < 3; ++c) most[c] = std::max(1.0, std::abs(T[c] / given[c]));
   const Ring& found = ring(radius, place);

@@ -44,6 +44,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
                      (scene.instances.glass_differs ||
                       std::any_of(scene.lights.begin(), scene.lights.end(),
                                   [](const Light& light) { return light.glass_differs(); }))),
+      steps_(steps()),
       program_slots_(size_t(scene.programs.most_slots) * kBlock) {}
 
 Queue Tracer::take(uint32_t visibility, const Queue::Past& past) {
@@ -131,10 +132,11 @@ void Tracer::start_paths() {
   if (catches_) caught_paths_.assign(paths_.size(), {});
   first_.start_at_camera(paths_.size());
   for (size_t c = 0; scene_.features & GLINT_FEATURE_MEDIA && c < 3; ++c)  // dimmed earlier
-    std::fill_n(first_.column(Queue::kT + c), paths_.size(), 1.0);
+    std::fill_n(first_.T[c], paths_.size(), 1.0);
   for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
-    if (paths_.is_first(k)) first_.want_data(k);
-  for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k) first_.want_aovs(k);
+    if (paths_.is_first(k)) first_.want(k, RayTag::kWantsData);
+  for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k)
+    first_.want(k, RayTag::kWantsAovs);
 }
 
 /// One path through a surely_empty tile stands for all.
@@ -191,16 +193,67 @@ void Tracer::decide(const Tile& tile, uint32_t samples) {
                                   film_.estimate());
 }
 
+/// What happens to a queue's rays at their next surfaces, in order; those steps that the scene, the
+/// film and the plan ask for.
+std::vector<Tracer::Step> Tracer::steps() const {
+  constexpr uint32_t kPaths = kCameraRays | kMirrorRays | kBlurredRays | kGatherRays,
+                     kAll = kPaths | kExitRays;
+  using T = Tracer;
+  using W = Wave;
+  const bool media = scene_.features & GLINT_FEATURE_MEDIA, aovs = film_.wants(GLINT_PASS_AOV);
+  std::vector<Step> all = {
+      {true, kAll, &on_queue<&T::find_points>},
+      {true, kExitRays, &on_queue<&T::show_exits>},
+      {true, kPaths, [](T& t, W&) { t.batch_.charge(); }},
+      {media, kPaths, &on_queue<&T::dim>},
+      {film_.wants(GLINT_PASS_GAP), kCameraRays, &on_queue<&T::find_gaps>},
+      {aovs && scene_.materials.bends_normals, kCameraRays,
+       [](T& t, W&) { t.keep_mesh_normals(); }},
+      {true, kPaths, [](T& t, W& w) { t.shade(w.queue, w.onward(), w.bounced); }},
+      {true, kGatherRays, &on_queue<&T::clear_own_light>},
+      {batch_.has_groups(), kPaths & ~kGatherRays, &on_queue<&T::note_glow>},
+      {true, kBlurredRays | kGatherRays, &on_queue<&T::widen>},
+      {film_.wants_data(), kCameraRays, &on_queue<&T::record>},
+      {film_.wants_seen(), kCameraRays, &on_queue<&T::note_seen>},
+      {film_.resolves(), kCameraRays, &on_queue<&T::note_guides>},
+      {aovs, kCameraRays, &on_queue<&T::note_aovs>},
+      {film_.keeps_lighting(), kCameraRays, &on_queue<&T::note_colors>},
+      {film_.resolves(), kMirrorRays, &on_queue<&T::note_images>},
+      {catches_, kPaths, &on_queue<&T::set_aside_caught>},
+      {subsurface_.on(), kCameraRays | kMirrorRays, &on_queue<&T::scatter_below>},
+      {plan_.bounces > 0, kAll, &on_queue<&T::find_pixels>},
+      {true, kAll, [](T& t, W&) { t.direct_.illuminate(t.batch_, t.sample_); }},
+      {catches_, kPaths, &on_queue<&T::settle_caught>},
+      {plan_.reflects_gloss, kPaths & ~kGatherRays, [](T& t, W& w) { t.reflect(w.glossy); }},
+      {plan_.throws_photons(), kPaths, [](T& t, W& w) { t.add_caustics(w.queue); }},
+      {plan_.bounces > 0, kAll, [](T& t, W& w) { t.bounce(w.queue, w.gathering); }},
+      {film_.wants(GLINT_PASS_AMBIENT_OCCLUSION), kCameraRays, &on_queue<&T::note_occlusion>},
+      {media, kPaths, [](T& t, W& w) { t.scatter(w.queue, w.scattered); }},
+      {scene_.materials.has_translucent, kPaths,
+       [](T& t, W& w) { t.light_behind(w.queue, w.behind); }},
+      {true, kAll, &on_queue<&T::keep>}};
+  std::erase_if(all, [](const Step& step) { return !step.wanted; });
+  return all;
+}
+
+uint32_t Tracer::kind_of(const Queue& queue) {
+  if (queue.exits) return kExitRays;
+  if (queue.visibility == kCamera) return kCameraRays;
+  if (queue.gathers()) return kGatherRays;
+  return queue.past.reflections > 0 ? kBlurredRays : kMirrorRays;
+}
+
 /// The paths to the end of their rays.
 void Tracer::follow(uint32_t sample) {
+  sample_ = sample;
   start_paths();
   ahead_.begin(paths_.size());
   if (!surely_empty_) camera_rays();
-  follow_queue(first_, sample);
+  follow_queue(first_);
   while (!waiting_.empty() && !cancel_) {
     Queue queue = std::move(waiting_.back());
     waiting_.pop_back();
-    follow_queue(queue, sample);
+    follow_queue(queue);
     give(std::move(queue));
   }
   waiting_.clear();
@@ -208,97 +261,65 @@ void Tracer::follow(uint32_t sample) {
 }
 
 /// The queue's rays to their next surfaces, and those that go on from there to the waiting ones.
-void Tracer::follow_queue(Queue& queue, uint32_t sample) {
-  if (queue.exits) return light_exits(queue, sample);
-  // else straight on is a mirror's
-  const bool apart = queue.visibility == kCamera || queue.gathers();
+void Tracer::follow_queue(Queue& queue) {
   const Queue::Past &past = queue.past, scattered = past.scattered();
   Queue::Past mirrored = past, of_media = scattered;
   mirrored.gathers = false;
   of_media.in_medium |= past.bounced == 0;
-  NextRays next{
-      take(queue.visibility, past), take(kMirror, mirrored),  take(kMirror, mirrored.reflected()),
-      take(kDiffuse, scattered),    take(kDiffuse, of_media), take(kDiffuse, scattered)};
-  process(queue, sample, apart ? next.straight : next.bounced, next);
-  for (Queue* more : {&next.gathering, &next.scattered, &next.behind, &next.straight})
-    wait(std::move(*more));
-  if (glass_differs_) {
-    Queue refracted = take(kTransmission, mirrored);
-    next.bounced.give_refracted(refracted);
-    wait(std::move(refracted));
-  }
-  wait(std::move(next.bounced));
-  wait(std::move(next.glossy));
-}
-
-void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next) {
-  sample_ = sample;
+  Wave wave{queue,
+            take(queue.visibility, past),
+            take(kMirror, mirrored),
+            take(kMirror, mirrored.reflected()),
+            take(kDiffuse, scattered),
+            take(kDiffuse, of_media),
+            take(kDiffuse, scattered)};
   batch_.begin(queue);
   batch_.first_hits =
       is_first_ && &queue == &first_ && paths_.is_whole(*tile_) ? first_hits_ : nullptr;
   batch_.first_row = tile_->first_row;
-  surely_empty_ ? miss(queue) : find_points(queue);
-  for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
-  if (scene_.features & GLINT_FEATURE_MEDIA) dim(queue);
-  if (is_first_ && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
-  const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
-  for (size_t c = 0; gives_aovs && scene_.materials.bends_normals && c < 3; ++c)
-    mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
-  shade(queue, straight, next.bounced);
-  if (queue.gathers()) clear_own_light(queue);
-  else if (batch_.has_groups()) note_glow(queue);
-  if (queue.past.reflections > 0) widen(queue);
-  if (is_first_ && queue.visibility == kCamera && film_.wants_data()) record(queue);
-  if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
-  if (queue.visibility == kCamera && film_.resolves()) note_guides(queue);
-  if (gives_aovs) note_aovs(queue);
-  if (queue.visibility == kCamera && film_.keeps_lighting()) note_colors(queue);
-  if (queue.visibility != kCamera && film_.resolves() && queue.past.reflections == 0 &&
-      !queue.exits)
-    note_images(queue);
-  if (catches_) set_aside_caught(queue);
-  if (subsurface_.on()) scatter_below(queue, sample);
-  find_pixels(queue);
-  direct_.illuminate(batch_, sample);
-  if (catches_ && !caught_.empty()) settle_caught(queue, sample);
-  if (plan_.reflects_gloss && !queue.gathers()) direct_.onward.reflect(batch_, sample, next.glossy);
-  add_caustics(queue);
-  bounce(queue, sample, next.gathering);
-  if (queue.visibility == kCamera && film_.wants(GLINT_PASS_AMBIENT_OCCLUSION))
-    note_occlusion(queue, sample);
-  if (scene_.features & GLINT_FEATURE_MEDIA && queue.past.caught == Queue::Past::kSeen) {
-    direct_.scattered.add_glow({batch_, media_, clear_.data()});
-    direct_.scattered.add({batch_, media_, clear_.data()}, pixels_, sample, next.scattered);
+  for (const Step& step : steps_)
+    if (step.kinds & kind_of(queue)) step.run(*this, wave);
+  for (Queue* more : {&wave.gathering, &wave.scattered, &wave.behind, &wave.straight})
+    wait(std::move(*more));
+  if (glass_differs_) {
+    Queue refracted = take(kTransmission, mirrored);
+    wave.bounced.give_refracted(refracted);
+    wait(std::move(refracted));
   }
-  if (scene_.materials.has_translucent) light_behind(queue, sample, next.behind);
-  keep(queue);
+  wait(std::move(wave.bounced));
+  wait(std::move(wave.glossy));
 }
 
 /// Those of its rays' paths.
 void Tracer::find_pixels(const Queue& queue) {
-  if (plan_.bounces == 0) return;
   pixels_.resize(queue.size());
   for (size_t k = 0; k < queue.size(); ++k) pixels_[k] = pixel(queue, k);
 }
 
-void Tracer::bounce(const Queue& queue, uint32_t sample, Queue& gathering) {
-  if (!direct_.onward.bounces_from_fibres(queue)) return;
-  direct_.onward.bounce(batch_, pixels_, sample, gathering);
+void Tracer::bounce(const Queue& queue, Queue& gathering) {
+  if (direct_.onward.bounces_from_fibres(queue))
+    direct_.onward.bounce(batch_, pixels_, sample_, gathering);
+}
+
+/// Adds what media on the way of its rays give and scatter.
+void Tracer::scatter(const Queue& queue, Queue& scattered) {
+  if (queue.past.caught != Queue::Past::kSeen) return;
+  direct_.scattered.add_glow({batch_, media_, clear_.data()});
+  direct_.scattered.add({batch_, media_, clear_.data()}, pixels_, sample_, scattered);
 }
 
 /// Adds what TRANSLUCENT lobes let through of the light on the other side: there they are DIFFUSE
 /// ones, of points that a ray meets which comes the other way.
-void Tracer::light_behind(Queue& queue, uint32_t sample, Queue& gathering) {
+void Tracer::light_behind(Queue& queue, Queue& gathering) {
   if (!batch_.turn_round()) return;
   const auto turn = [&] {
-    for (size_t c = 0; c < 3; ++c)
-      for (size_t k = 0; k < queue.size(); ++k)
-        queue.column(Queue::kD + c)[k] = -queue.column(Queue::kD + c)[k];
+    for (double* const d : queue.d)
+      for (size_t k = 0; k < queue.size(); ++k) d[k] = -d[k];
   };
   turn();
   batch_.first_hits = nullptr;  // which knows the shadows of this side
-  direct_.illuminate(batch_, sample);
-  bounce(queue, sample, gathering);
+  direct_.illuminate(batch_, sample_);
+  bounce(queue, gathering);
   turn();
 }
 
@@ -317,7 +338,7 @@ void Tracer::clamp(const Queue& queue) {
   const SumColumns& s = batch_.sums;
   for (size_t k = 0; k < queue.size(); ++k) {
     if (queue.depth(k) < 2 && queue.past.reflections == 0) continue;
-    const double most = 3 * plan_.clamp_indirect * queue.share(k);
+    const double most = 3 * plan_.clamp_indirect * queue.share[k];
     const Vec3d total = row(s.total, k);
     const double sum = std::fabs(total.x) + std::fabs(total.y) + std::fabs(total.z);
     if (!(sum > most && std::isfinite(sum))) continue;
@@ -344,12 +365,9 @@ void Tracer::keep_parts(const Queue& queue) {
   if (film_.keeps_lighting()) keep_lighting(queue);
   if (queue.gathers()) return keep_gathered(queue);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
-  keep_part(GLINT_PASS_AMBIENT, s.ambient);
-  keep_part(GLINT_PASS_EMISSION, s.emission);
-  keep_part(GLINT_PASS_ENVIRONMENT, s.environment);
-  keep_part(GLINT_PASS_DIFFUSE, s.diffuse);
-  keep_part(GLINT_PASS_SPECULAR, s.specular);
-  keep_part(GLINT_PASS_SHADOW, s.shadow);
+#define SUM_COLUMN(name, pass, needed, beyond) \
+  if (pass != GLINT_PASS_COMBINED) keep_part(pass, s.name);
+#include "shading/path_state.inc"
 }
 
 void Tracer::publish(const Tile& tile, uint32_t samples) {

@@ -58,33 +58,57 @@ class Tracer {
   }
   void camera_rays();
   void leave_out_unseen(const CameraStage& stage);
-  void find_gaps();
+  void find_gaps(const Queue& queue);
   uint32_t trace_empty(uint32_t first, uint32_t last);
   void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first, uint32_t number);
   void follow(uint32_t sample);
-  /// Rays that leave the surfaces of a queue.
-  struct NextRays {
-    Queue straight, bounced, glossy, gathering, scattered,
-        behind;  // scattered: gather rays of media; behind: of other sides
+  /// A queue on its way through the steps, and rays that leave its surfaces. scattered: gather rays
+  /// of media; behind: of other sides.
+  struct Wave {
+    Queue& queue;
+    Queue straight, bounced, glossy, gathering, scattered, behind;
+    /// What goes straight on is a mirror's, but for what the camera sees, and gather rays.
+    Queue& onward() { return queue.visibility == kCamera || queue.gathers() ? straight : bounced; }
   };
-  void follow_queue(Queue& queue, uint32_t sample);
-  void process(Queue& queue, uint32_t sample, Queue& straight, NextRays& next);
+  /// Rays of the camera; of mirrors and glass; those seen blurred; gather rays; and the queues of
+  /// `exits`.
+  enum Kind : uint32_t {
+    kCameraRays = 1,
+    kMirrorRays = 2,
+    kBlurredRays = 4,
+    kGatherRays = 8,
+    kExitRays = 16
+  };
+  struct Step {
+    bool wanted;
+    uint32_t kinds;  // of rays
+    void (*run)(Tracer&, Wave&);
+  };
+  template <auto run>
+  static void on_queue(Tracer& tracer, Wave& wave) {
+    (tracer.*run)(wave.queue);
+  }
+  std::vector<Step> steps() const;
+  static uint32_t kind_of(const Queue& queue);
+  void follow_queue(Queue& queue);
   /// Where the camera rays of a slot go in its pixel.
   const double* offsets_of(uint32_t slot) const {
     return plan_.offsets_of(plan_.region.x0 + tile_->x0 + uint32_t(slots_.columns()[slot]),
                             plan_.region.y0 + tile_->y0 + uint32_t(slots_.rows()[slot]));
   }
   void see_some(const uint32_t* begin, const uint32_t* end, uint32_t sample);
-  void see_surfaces(Queue& queue, Queue& straight, uint32_t sample);
+  void see_surfaces(Queue& queue, Queue& straight);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
   void clear_own_light(const Queue& queue);
   void find_pixels(const Queue& queue);
-  void bounce(const Queue& queue, uint32_t sample, Queue& gathering);
+  void bounce(const Queue& queue, Queue& gathering);
+  void reflect(Queue& glossy) { direct_.onward.reflect(batch_, sample_, glossy); }
+  void scatter(const Queue& queue, Queue& scattered);
+  void keep_mesh_normals();
   void add_caustics(const Queue& queue, bool to_parts = true);
-  void light_behind(Queue& queue, uint32_t sample, Queue& gathering);
-  void scatter_below(const Queue& queue, uint32_t sample);
-  void light_exits(Queue& queue, uint32_t sample);
+  void light_behind(Queue& queue, Queue& gathering);
+  void scatter_below(const Queue& queue);
   void show_exits(const Queue& queue);
   void bend_exits(const Queue& queue);
   void keep_gathered(const Queue& queue);
@@ -107,7 +131,7 @@ class Tracer {
     return is_caught(queue, k) && scene_.instances.group(batch_.instance[k]).flags & GLINT_HOLDOUT;
   }
   void set_aside_caught(const Queue& queue);
-  void settle_caught(const Queue& queue, uint32_t sample);
+  void settle_caught(const Queue& queue);
   void keep_caught(const Queue& queue);
   void show_caught();
   Vec3d behind_caught(const Queue& queue, uint32_t k);
@@ -121,7 +145,7 @@ class Tracer {
   void note_colors(const Queue& queue);
   void note_images(const Queue& queue);
   int image_of(const Queue& queue, size_t k, int blurred);
-  void note_occlusion(const Queue& queue, uint32_t sample);
+  void note_occlusion(const Queue& queue);
   void note_asked(const Queue& queue);
   void find_asked(const Queue& queue);
   void add_asked(const Queue& queue, double* sums);
@@ -172,6 +196,7 @@ class Tracer {
   const WindowReach reach_;   // of all samples
   const bool catches_;        // there are catchers of shadows, or holdouts
   const bool glass_differs_;  // refracted rays see other things than mirrored ones
+  const std::vector<Step> steps_;
   const Tile* tile_ = nullptr;
   uint32_t sample_ = 0;        // of the tables
   bool is_first_ = false;      // and of the pixels the first

@@ -10,8 +10,8 @@ namespace glint {
 
 /// The queue's camera rays hit nothing, and nobody asks where they lead.
 void Tracer::miss(const Queue& queue) {
-  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone);
-  std::fill_n(batch_.material.data(), queue.size(), missed(queue));
+  std::fill_n(batch_.instance, queue.size(), Hit::kNone);
+  std::fill_n(batch_.material, queue.size(), missed(queue));
 }
 
 void Tracer::camera_rays() {
@@ -23,12 +23,10 @@ void Tracer::camera_rays() {
   stage.lens_y = paths_.lens(1);
   stage.bend = stage.lens_x ? 1 / plan_.lens_focus : 0;
   for (size_t c = 0; c < 12; ++c) stage.frame[c] = paths_.frame(c);
-  for (size_t k = 0; k < 3; ++k) {
-    stage.o[k] = first_.column(Queue::kO + k);
-    stage.d[k] = first_.column(Queue::kD + k);
-  }
-  stage.t_min = first_.column(Queue::kTMin);
-  stage.t_max = first_.column(Queue::kTMax);
+  std::copy_n(first_.o, 3, stage.o);
+  std::copy_n(first_.d, 3, stage.d);
+  stage.t_min = first_.t_min;
+  stage.t_max = first_.t_max;
   stage.latest = &camera_ends_.latest;
   stage.earliest = &camera_ends_.earliest;
   stages_.camera(stage);
@@ -42,15 +40,15 @@ void Tracer::camera_rays() {
     for (size_t i = 0; i < stage.count; ++i)
       stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
   for (size_t k = 0; (beside || any(eye)) && k < 3; ++k)
-    std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
+    std::copy_n(stage.o[k], stage.count, first_.start[k]);
   if (stage.panorama) leave_out_unseen(stage);
 }
 
 /// Beyond the picture of a panorama's lens rays bring nothing: it is black there.
 void Tracer::leave_out_unseen(const CameraStage& stage) {
   for (size_t k = 0; k < stage.count; ++k) {
-    const bool seen = stage.t_max[k] >= 0;
-    for (size_t c = 0; c < 3; ++c) first_.column(Queue::kT + c)[k] = seen ? 1 : 0;
+    const double seen = stage.t_max[k] >= 0 ? 1 : 0;
+    set_row(first_.T, k, {seen, seen, seen});
   }
 }
 
@@ -87,14 +85,16 @@ void Tracer::find_hits(const Queue& queue) {
 }
 
 void Tracer::find_points(const Queue& queue) {
+  if (surely_empty_) return miss(queue);
   find_hits(queue);
   batch_.find_points(stages_, missed(queue));
   for (size_t k = 0; queue.past.reflections > 0 && k < queue.size(); ++k)
-    if (batch_.missed(k) && queue.is_skyless(k)) batch_.material[k] = scene_.materials.nothing();
+    if (batch_.missed(k) && queue.skyless(k)) batch_.material[k] = scene_.materials.nothing();
 }
 
 /// How far behind the first hits of the camera rays the next ones lie.
-void Tracer::find_gaps() {
+void Tracer::find_gaps(const Queue& queue) {
+  if (!is_first_ || &queue != &first_) return;
   std::vector<Ray> rays;
   std::vector<uint32_t> from;
   for (uint32_t k = 0; k < first_.size(); ++k) {
@@ -127,8 +127,7 @@ void Tracer::dim(Queue& queue) {
   if (scene_.media.scatters) media_.sum_depths();
   for (size_t k = 0; k < queue.size(); ++k) {
     clear_[k] = queue.path(k).T;
-    const Vec3d T = media_.passed(k, rays.t_min[k], ends_[k]) * clear_[k];
-    for (int c = 0; c < 3; ++c) queue.column(Queue::kT + size_t(c))[k] = T[c];
+    set_row(queue.T, k, media_.passed(k, rays.t_min[k], ends_[k]) * clear_[k]);
   }
 }
 

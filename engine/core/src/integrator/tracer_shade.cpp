@@ -49,7 +49,7 @@ EvaluateStage Tracer::varying(const Queue& queue, const Material& material) {
 /// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How
 /// many they are.
 size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
-  const uint32_t* rows = batch_.others.data() + first;
+  const uint32_t* rows = batch_.others + first;
   const Material& material = scene_.materials[batch_.material[rows[0]]];
   EvaluateStage stage = varying(queue, material);
   while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
@@ -67,7 +67,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
 /// Adds what the world's program gives to those of the batch's `others` from `first` on, of
 /// `count`, that hit nothing. How many they are.
 size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
-  const uint32_t* rows = batch_.others.data() + first;
+  const uint32_t* rows = batch_.others + first;
   size_t seen = 0;
   while (seen < count && batch_.material[rows[seen]] == scene_.materials.surroundings()) {
     const uint32_t* some = rows + seen;
@@ -77,7 +77,7 @@ size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
     const double* const slot = run_sky(queue, some, here);
     for (size_t i = 0; i < here; ++i)
       for (size_t c = 0; c < 3; ++c) {
-        const double radiance = slot[c * kBlock + i], T = queue.column(Queue::kT + c)[some[i]];
+        const double radiance = slot[c * kBlock + i], T = queue.T[c][some[i]];
         const double light = std::isfinite(radiance) ? T * radiance : 0;
         batch_.sums.total[c][some[i]] += light;
         if (batch_.sums.environment[c]) batch_.sums.environment[c][some[i]] += light;
@@ -96,7 +96,7 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
   for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
     const uint32_t k = rows[std::min(i, count - 1)];
     points.outside[i] = -1;
-    points.tags[i] = queue.tags()[k];
+    points.tags[i] = queue.tags[k];
     const Vec3d o = queue.ray(k).o, d = queue.ray(k).d;
     const double far = view.scale / length(d);
     for (int c = 0; c < 3; ++c)  // what the camera sees of the direction
@@ -105,7 +105,7 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
     for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
     for (size_t c = 0; c < 3; ++c)
       for (size_t axis = 0; axis < 3; ++axis)
-        points.d[axis][i] += scene_.world.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
+        points.d[axis][i] += scene_.world.sky_axes[axis][int(c)] * d[int(c)];
   }
   stages_.program({scene_.input_tables(), scene_.world.sky_program, &points, kind, count,
                    program_slots_.data(), nullptr});
@@ -114,7 +114,7 @@ const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t c
 
 /// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
 void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
-  uint32_t* const all = batch_.passing_rows.data();
+  uint32_t* const all = batch_.passing_rows;
   size_t shown = count;  // those beyond are on catchers and holdouts
   if (catches_)
     shown = size_t(
@@ -143,7 +143,7 @@ void Tracer::cut_holes(const Queue& queue, const uint32_t* rows, size_t count) {
 void Tracer::widen(const Queue& queue) {
   if (queue.gathers() && !plan_.reflective_caustics) return shader_.dull(batch_);
   for (size_t k = 0; k < queue.size(); ++k) {
-    const double widest = queue.widest(k);
+    const double widest = queue.path(k).widest();
     for (int number = 0; number < batch_.highlights(); ++number) {
       double* const column = batch_.lobe_row(GLINT_SPECULAR, number) + k;
       double& exponent = column[MicrofacetRow::kExponent * batch_.stride];

@@ -8,27 +8,12 @@
 namespace glint {
 
 /// Of what is seen blurred, or thrown on to others, light comes out where it goes in.
-void Tracer::scatter_below(const Queue& queue, uint32_t sample) {
-  if (queue.gathers() || queue.past.reflections > 0) return;
-  subsurface_.enter(batch_, sample, [&](uint32_t k) { return !is_caught(queue, k); });
+void Tracer::scatter_below(const Queue& queue) {
+  subsurface_.enter(batch_, sample_, [&](uint32_t k) { return !is_caught(queue, k); });
   Queue exits = take(queue.visibility, queue.past);
   exits.exits = true;
   subsurface_.leave(batch_, queries_, exits, counts_);
   wait(std::move(exits));
-}
-
-void Tracer::light_exits(Queue& queue, uint32_t sample) {
-  sample_ = sample;
-  batch_.begin(queue);
-  batch_.first_hits = nullptr;
-  find_points(queue);
-  show_exits(queue);
-  direct_.illuminate(batch_, sample);
-  Queue gathering = take(kDiffuse, queue.past.scattered());
-  find_pixels(queue);
-  bounce(queue, sample, gathering);
-  keep(queue);
-  wait(std::move(gathering));
 }
 
 void Tracer::show_exits(const Queue& queue) {

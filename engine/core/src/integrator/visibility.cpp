@@ -45,6 +45,7 @@ const MoreSeen* Tracer::see(const Tile& tile, std::vector<uint32_t> slots) {
 
 /// Of the slots [begin, end), with what samples draw of that one of the tables.
 void Tracer::see_some(const uint32_t* begin, const uint32_t* end, uint32_t sample) {
+  sample_ = sample;
   paths_.choose(film_, slots_, begin, end, points_);
   batch_.cost = paths_.sums(film_, GLINT_PASS_COST);
   batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
@@ -54,11 +55,11 @@ void Tracer::see_some(const uint32_t* begin, const uint32_t* end, uint32_t sampl
   ahead_.begin(paths_.size());
   camera_rays();
   Queue now = take(kCamera, {}), next = take(kCamera, {});
-  see_surfaces(first_, next, sample);
+  see_surfaces(first_, next);
   while (next.size() > 0 && !cancel_) {
     std::swap(now, next);
     next.clear();
-    see_surfaces(now, next, sample);
+    see_surfaces(now, next);
   }
   give(std::move(now));
   give(std::move(next));
@@ -66,12 +67,11 @@ void Tracer::see_some(const uint32_t* begin, const uint32_t* end, uint32_t sampl
 }
 
 /// What the queue's rays show but for light, and those that go straight on.
-void Tracer::see_surfaces(Queue& queue, Queue& straight, uint32_t sample) {
-  sample_ = sample;
+void Tracer::see_surfaces(Queue& queue, Queue& straight) {
   batch_.begin(queue);
   batch_.first_hits = nullptr;
   find_points(queue);
-  for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
+  batch_.charge();
   if (scene_.features & GLINT_FEATURE_MEDIA) {
     dim(queue);
     direct_.scattered.add_glow({batch_, media_, clear_.data()});

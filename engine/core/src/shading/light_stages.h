@@ -7,14 +7,9 @@
 #include "glint.h"
 #include "shading/closure/rows.h"
 #include "shading/light/samples.h"
+#include "shading/path_state.h"
 
 namespace glint {
-
-/// Sums of a batch, a column a channel; null where a part was not asked for. total: Combined.
-struct SumColumns {
-  double *total[3], *ambient[3], *emission[3], *environment[3], *diffuse[3], *specular[3],
-      *shadow[3];
-};
 
 /// One over the cosine below which light grazes smooth surfaces, where instances say nothing else.
 constexpr double kGrazing = 10;
@@ -34,15 +29,10 @@ struct LobeColumns {
   double shown;
 };
 
-/// Points to be lit, of which stages take [first, count); first: a multiple of kPad. Columns:
-struct LitPoints {
+/// Points to be lit, of which stages take [first, count); first: a multiple of kPad.
+struct LitPoints : BatchColumns {
   size_t first, count;
-  const double *x[3], *g[3], *n[3], *d[3];
-  const double *origin[3], *offset;  // of shadow rays
-  const double* diffuse[3];
-  const double* gloss[3];            // T k of dielectrics' gloss as if it were matt; or null
-  const double *unbent[3], *bump;    // as stage_bump.h reads them; null where no material has any
-  const double *grazing, *lowering;  // as stage_terminator.h reads them; null: kGrazing and 1
+  const double* gloss[3];  // T k of dielectrics' gloss as if it were matt; or null
   LobeColumns lobes;
 };
 

@@ -307,7 +307,7 @@ inline void bend_normals(const EvaluateStage& s, size_t first, size_t count) {
       scatter3(s.unbent, at, where(nonzero(n - m) & ~on_strands(s, at), m));
       scatter(s.bump, at, bump_of(s.bump_shadowing, dot(m, n)));
     }
-    scatter3(s.bent, at, n);
+    scatter3(s.n, at, n);
   }
 }
 

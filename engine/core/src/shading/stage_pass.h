@@ -16,7 +16,7 @@ struct Arriving {
   Three d, n, g;
   Mask outside;
   Arriving(const PassStage& s, const Chosen& at)
-      : d(gather3(s.from + RayLayout::kD * s.from_stride, s.from_stride, at)),
+      : d(gather3(s.d, at)),
         n(gather3(s.n, at)),
         g(gather3(s.g, at)),
         outside(gather(s.outside, at)) {}
@@ -25,7 +25,7 @@ struct Arriving {
   void turn(const PassStage& s, const Chosen& at, size_t number) {
     if (s.passing_columns == PassingTerm::kTurned) {
       const size_t first = size_t(s.passing_columns) * number + PassingTerm::kNormal;
-      const Three own = gather3(s.passing + first * s.passing_stride, s.passing_stride, at);
+      const Three own = gather3(s.passing + first * s.stride, s.stride, at);
       n = choose(nonzero(own), own, n);
     }
     if (any(nonzero(n - g))) n = lifted(n, g, -d);
@@ -51,7 +51,7 @@ inline Three refract(const Arriving& ray, Doubles relative_ior) {
 /// A number of the stage's places for each of the rays.
 template <class Of>
 inline Doubles place(const PassStage& s, const Chosen& at, Of of) {
-  const Mask tag = gather(s.from_tags, at);
+  const Mask tag = gather(s.tags, at);
   return each_lane([&](size_t lane) {
     return of(s.places[(size_t(tag[lane]) >> RayTag::kDepth & 255) % s.levels]);
   });
@@ -76,14 +76,11 @@ inline Three facet_normal(const PassStage& s, const Chosen& at, const Arriving& 
   return choose(dot(ray.d, h) < 0, h, up - aside);
 }
 
-inline Three weight(const PassStage& s, const Chosen& at) {
-  return gather3(s.from + RayLayout::kT * s.from_stride, s.from_stride, at);
-}
+inline Three weight(const PassStage& s, const Chosen& at) { return gather3(s.T, at); }
 
 /// The coefficient of the lobe of that number among those that send rays on.
 inline Three coefficient(const PassStage& s, const Chosen& at, size_t number) {
-  return gather3(s.passing + size_t(s.passing_columns) * number * s.passing_stride,
-                 s.passing_stride, at);
+  return gather3(s.passing + size_t(s.passing_columns) * number * s.stride, s.stride, at);
 }
 
 /// A column of PassingTerm of that lobe, or its own number where the scene has none of a program.
@@ -91,7 +88,7 @@ inline Doubles number_of(const PassStage& s, const Chosen& at, size_t number, in
                          double own) {
   if (s.passing_columns == PassingTerm::kPlain) return splat(own);
   const size_t first = size_t(s.passing_columns) * number + size_t(column);
-  return gather(s.passing + first * s.passing_stride, at);
+  return gather(s.passing + first * s.stride, at);
 }
 
 inline Doubles largest(const Three& a) {
@@ -102,18 +99,13 @@ inline Doubles largest(const Three& a) {
 
 /// Columns of some rays that are new in a queue.
 struct NewRays {
-  const RayEnd& end;
   Appender append;
-  NewRays(const RayEnd& to, uint32_t lanes) : end(to), append{lanes, *to.size} {
+  NewRays(const RayEnd& to, uint32_t lanes) : append{lanes, *to.size} {
     *to.size += size_t(__builtin_popcount(lanes));
   }
-  __attribute__((always_inline)) void operator()(size_t column, Doubles v) const {
-    append(end.columns + column * end.stride, v);
+  __attribute__((always_inline)) void operator()(const auto& columns, const auto& v) const {
+    append(columns, v);
   }
-  __attribute__((always_inline)) void operator()(size_t column, const Three& v) const {
-    append(end.columns + column * end.stride, end.stride, v);
-  }
-  void tag(Mask v) const { append(end.tags, v); }
   size_t count() const { return size_t(__builtin_popcount(append.lanes)); }
 };
 
@@ -188,31 +180,31 @@ __attribute__((always_inline)) inline size_t bounce(const PassStage& s, const Ch
                                                     const Three& d, const Three& k,
                                                     bool refracted = false, bool clear = false) {
   Three T = weight(s, at) * k;
-  const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
+  const Mask tag = gather(s.tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
   const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;
   // what goes to the wrong side of the face is lost, as in Cycles
   wanted &= refracted ? dot(ray.g, d) < 0 : dot(ray.g, d) > 0;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
-  Doubles share = gather(s.from + RayLayout::kShare * s.from_stride, at);
+  Doubles share = gather(s.share, at);
   wanted &= goes_on(s, depth, tag, refracted, T, share);
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
-  const NewRays add(s.bounced, lanes);
+  const RayEnd& to = s.bounced;
+  const NewRays add(to, lanes);
   if (s.shares) share = share * share_of(s, at, k);
   const Three x = gather3(s.x, at);
   const Doubles offset = gather(s.offset, at);
-  add(RayLayout::kO, x + choose(dot(ray.g, d) < 0, -offset, offset) * ray.g);
-  add(RayLayout::kD, d);
-  add(RayLayout::kT, T);
-  add(RayLayout::kStart, x);
-  add(RayLayout::kTMin, splat(0));
-  add(RayLayout::kTMax, splat(__builtin_inf()));
-  add(RayLayout::kFrom, splat(0));
-  add(RayLayout::kShare, share);
-  const Mask kept =
-      tag & (int64_t(0xffffffff) | RayTag::kPast) & ~(int64_t(!clear) << RayTag::kSkyless);
-  add.tag(kept | first | depth << RayTag::kDepth | glass);
+  add(to.o, x + choose(dot(ray.g, d) < 0, -offset, offset) * ray.g);
+  add(to.d, d);
+  add(to.T, T);
+  add(to.start, x);
+  add(to.t_min, splat(0));
+  add(to.t_max, splat(__builtin_inf()));
+  add(to.from, splat(0));
+  add(to.share, share);
+  const Mask kept = tag & RayTag::kPast & ~(int64_t(!clear) << RayTag::kSkyless);
+  add(to.tags, kept | first | depth << RayTag::kDepth | glass);
   return add.count();
 }
 
@@ -275,28 +267,30 @@ inline size_t mirror_rows(const PassStage& s, int32_t normal_slot) {
 /// The same rays from behind the surfaces. How many.
 inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   const Three T = weight(s, at) * k;
-  const Mask tag = gather(s.from_tags, at), opaque = (k.x + k.y + k.z) / 3 < 0.5;
+  const Mask tag = gather(s.tags, at), opaque = (k.x + k.y + k.z) / 3 < 0.5;
   const Mask wants = tag & ~opaque & RayTag::kWants;
   const Mask wanted = nonzero(k) & ((tag >> RayTag::kStraight & 255) < int64_t(s.max_straight)) &
                       (nonzero(T) | ((wants & (int64_t(1) << RayTag::kWantsData)) != 0));
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
-  const NewRays add(s.straight, lanes);
-  const auto keep = [&](size_t column) {
-    add(column, gather(s.from + column * s.from_stride, at));
+  const RayEnd& to = s.straight;
+  const NewRays add(to, lanes);
+  const auto keep = [&](const auto& columns, const auto& from) {
+    if constexpr (std::is_array_v<std::remove_reference_t<decltype(from)>>)
+      add(columns, gather3(from, at));
+    else add(columns, gather(from, at));
   };
-  for (size_t c = 0; c < RayLayout::kT; ++c) keep(c);
-  for (size_t c = RayLayout::kStart; c < RayLayout::kTMin; ++c) keep(c);
+#define RAY_COLUMN(name, width, first, kept) \
+  if constexpr (kept) keep(to.name, s.name);
+#include "shading/path_state.inc"
   const Doubles t = gather(s.t, at);
-  add(RayLayout::kT, T);
-  add(RayLayout::kTMin, beyond(t));
-  keep(RayLayout::kTMax);
-  add(RayLayout::kFrom, t);
-  keep(RayLayout::kShare);
+  add(to.T, T);
+  add(to.t_min, beyond(t));
+  add(to.from, t);
   const Mask kept =
-      tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kPast | RayTag::kGlass);
+      tag & (bit_range(RayTag::kSlot, RayTag::kStraightLast) | RayTag::kPast | RayTag::kGlass);
   const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
-  add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants);
+  add(to.tags, (kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants);
   return add.count();
 }
 

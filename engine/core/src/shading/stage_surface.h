@@ -39,13 +39,13 @@ inline bool look_up(const SurfaceStage& s, size_t k, Gathered& at) {
   size_t first = kLanes;
   for (size_t lane = 0; lane < lanes; ++lane) {
     const uint32_t instance = s.instance[k + lane], primitive = s.primitive[k + lane];
-    s.points.material[k + lane] = instance == kNoMaterial ? s.missed : kNoMaterial;
+    s.material[k + lane] = instance == kNoMaterial ? s.missed : kNoMaterial;
     if (instance == kNoMaterial) continue;
     const InstanceShape& shape = s.instances[instance];
     const GroupShape& group = s.groups[shape.group];
     if (!group.triangles) continue;
     if (first == kLanes) first = lane;
-    s.points.material[k + lane] = material_of(group, primitive);
+    s.material[k + lane] = material_of(group, primitive);
     at.on_mesh |= 1u << lane;
     at.instance[lane] = &shape;
     at.same_instance = at.same_instance && &shape == at.instance[first];
@@ -210,7 +210,7 @@ inline void place_group(const SurfaceStage& s, size_t k, const Face& face) {
   const Mask outside = dot(g, d) <= 0;
   const Doubles side = choose(outside, splat(1), splat(-1));
   g = side * g;
-  const PointColumns& p = s.points;
+  const PointColumns& p = s;
   store3(p.x, k, x);
   store3(p.g, k, g);
   if (face.smooth) {
@@ -269,7 +269,7 @@ inline bool on_one_mesh(const SurfaceStage& s, uint32_t instance) {
 }
 
 inline void set_material(const SurfaceStage& s, size_t k, uint32_t material) {
-  for (size_t lane = 0; lane < kLanes; ++lane) s.points.material[k + lane] = material;
+  for (size_t lane = 0; lane < kLanes; ++lane) s.material[k + lane] = material;
 }
 
 void surface(const SurfaceStage& s) {

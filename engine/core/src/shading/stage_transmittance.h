@@ -146,16 +146,16 @@ inline void place_block(const TransmittanceStage& s, size_t k, size_t count, Blo
   for (size_t c = 0; c < 3; ++c) {
     at.start[c] = scratch.start[c];
     at.d[c] = p.d[c];
-    at.points.x[c] = p.x[c];
-    at.points.g[c] = p.g[c];
-    at.points.n[c] = p.n[c];
-    at.points.origin[c] = scratch.origin[c];
+    at.x[c] = p.x[c];
+    at.g[c] = p.g[c];
+    at.n[c] = p.n[c];
+    at.origin[c] = scratch.origin[c];
   }
-  at.points.offset = scratch.offset;
-  at.points.weights[0] = p.weights[1];
-  at.points.weights[1] = p.weights[2];
-  at.points.outside = p.outside;
-  at.points.material = scratch.material;
+  at.offset = scratch.offset;
+  at.weights[0] = p.weights[1];
+  at.weights[1] = p.weights[2];
+  at.outside = p.outside;
+  at.material = scratch.material;
   surface(at);
 }
 

@@ -28,36 +28,19 @@ struct CameraStage {
   const GlintCamera* eye;               // null where the camera's place is the eye
 };
 
-/// Points of surfaces in anchored space, as surface.h has them one by one. Masks are 0 or -1.
-struct PointColumns {
-  double *x[3], *g[3], *n[3],
-      *origin[3];     // origin: of shadow rays. n may be g, and origin x, where no mesh is smooth
-  double* behind[3];  // origins on the other side; null where nobody asks
-  double *offset, *weights[2];  // weights: of the second and third vertex
-  int64_t* outside;
-  uint32_t* material;
-};
-
 /// Rays and hits to points. Rays that hit nothing get the material `missed`, other hits than of
 /// meshes kNoMaterial.
-struct SurfaceStage {
+struct SurfaceStage : BatchColumns {
   size_t count;
-  const double *start[3], *d[3];
-  const uint32_t *instance, *primitive;
-  const float *u, *v;
   const InstanceShape* instances;
   const GroupShape* groups;
   uint32_t missed;
-  PointColumns points;
 };
 
 /// Constant lobes. Writes every column of the sums; `diffuse`, `specular` and `lit` say what lights
 /// are to add.
-struct ShadeStage {
-  const double* lowering;  // as LitPoints has it
+struct ShadeStage : BatchColumns {
   size_t count;
-  const double* T[3];
-  const uint32_t* material;
   const MaterialTerms* terms;
   const double* specular_terms;  // specular_columns a material
   size_t specular_columns;
@@ -67,14 +50,8 @@ struct ShadeStage {
   int highlights;            // as LobeColumns has it
   const double* view_terms;  // max_view rows a material
   int max_view;
-  const double *n[3], *d[3];  // read where max_view > 0, and with lowering
-  double ambient[3];          // the world's, read with lowering
+  double ambient[3];  // the world's, read with lowering
   SumColumns sums;
-  double* diffuse[3];  // T k
-  double* specular;    // columns of `lobes`, k times T
-  size_t stride;       // from a column of `specular` to the next
-  int64_t* lit;
-  uint32_t* others;  // rays whose material the stage leaves to others
 };
 
 /// A program over a block of points. slots: kBlock numbers each, what they hold afterwards is what
@@ -100,8 +77,9 @@ struct CoefficientStage {
 };
 
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
-/// `specular` and `lit`, as ShadeStage does, and `passing`.
-struct EvaluateStage {
+/// `specular` and `lit`, as ShadeStage does, and `passing`; `translucent` and `below` are null
+/// where the material has no such lobes.
+struct EvaluateStage : BatchColumns {
   InputTables tables;
   size_t count;
   const uint32_t* rows;         // of its points
@@ -109,87 +87,26 @@ struct EvaluateStage {
   RayKind kind;
   double* slots;
   const RayQueries* queries;
-  const double *x[3], *g[3], *start[3];  // start: of the rays that meet them
-  const double* offset;
-  const int64_t *outside, *tags;
-  int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
-  double* bent[3];
+  int32_t normal;      // 0, or 1 plus the slot of the normals that take the place of `n`
   int bump_shadowing;  // GlintBumpShadowing; base_normal: as `normal`, what that was bent from
   int32_t base_normal;
-  double *unbent[3], *bump, *lowering;  // as LitPoints has them
-  const double *T[3], *weights[2], *n[3], *d[3];
-  const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
   bool dark;      // EMISSION lobes show nothing
   double thrown;  // exponent of the SPECULAR lobes that MIRROR ones are as well, 0: of none
   double ambient[3];
   SumColumns sums;
-  double* diffuse[3];
-  double* translucent[3];           // T k; null where the material has no such lobes
-  double *lifted[3], *lifted_bump;  // n and bump as these have it; null where no bumps hide light
-  /// What of `diffuse` comes out of the surface elsewhere, and how far away, world units; null
-  /// where none of the material's does.
-  double *below[3], *radius[3];
-  double* specular;
   const LobeLayout* layout;  // of `specular`
-  double* passing;           // PassingTerm's columns for each lobe that sends rays on
-  int passing_columns;
-  uint32_t* passing_rows;  // points where one of these is not zero
-  size_t stride;
-  int64_t* lit;
-};
-
-/// Columns of a queue of rays (queue.h).
-struct RayLayout {
-  static constexpr size_t kO = 0, kD = 3, kT = 6, kStart = 9, kTMin = 12, kTMax = 13, kFrom = 14,
-                          kShare = 15, kColumns = 16;
-};
-
-/// What else a ray carries, in one number of 64 bits: from bit 0 on its slot, from these on how
-/// often it bounced and how often it went straight on since (8 bits each), whether it wants data,
-/// whether it wants AOVs, whether its last bounce was a refraction, how many were (up to 31), and,
-/// where rough surfaces reflected it, how far highlights on its way are widened (`widest`), and
-/// whether what it meets counts but for the surroundings, as the shadow rays of the rough surface
-/// that it comes from see these. The last bit: whether the first surface that it left refracted it.
-struct RayTag {
-  static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48, kWantsAovs = 49,
-                       kRefracted = 50, kRefractions = 51, kWidth = 56, kSkyless = 62,
-                       kTransmitted = 63;
-  static constexpr int64_t kWants = int64_t(1) << kWantsData | int64_t(1) << kWantsAovs;
-  static constexpr int64_t kWidths = int64_t(0x3f) << kWidth;
-  /// What rays keep of those that they come from.
-  static constexpr int64_t kPast = kWidths | int64_t(1) << kSkyless | int64_t(1) << kTransmitted;
-  static constexpr int64_t kMostRefractions = 31,
-                           kAllRefractions = kMostRefractions << kRefractions,
-                           kGlass = int64_t(1) << kRefracted | kAllRefractions;
-};
-
-/// The end of a queue that has room for what is added.
-struct RayEnd {
-  double* columns;
-  size_t stride;
-  int64_t* tags;
-  size_t* size;
 };
 
 /// Rays that leave points which share a material. Of a path's rays those of the lobes come in the
 /// lobes' order: refracted ones, then one mirrored, then one that goes straight on.
-struct PassStage {
+struct PassStage : BatchColumns {
   size_t count;
   const uint32_t* rows;  // of the points, of different paths
-  const double* from;    // the queue whose rays arrive there
-  size_t from_stride;
-  const int64_t* from_tags;
-  const double *t, *x[3], *g[3], *n[3], *offset;
-  const int64_t* outside;
-  const double* diffuse[3];  // T k of DIFFUSE lobes
-  const double* passing;     // as EvaluateStage has it
-  int passing_columns;
-  size_t passing_stride;
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight, splits;
-  bool shares;  // rays keep their probability, if each surface chose one (RayLayout::kShare)
+  bool shares;  // rays keep their probability, if each surface chose one (RayColumns::share)
   double cutoff;
   double least, choice;  // after more than `splits` bounces rays go on that weigh as much, of
                          // others a part, by a number of the sample; least 0: all do  // of weights
@@ -210,7 +127,7 @@ struct TransmittanceStage {
   const GroupShape* shapes;
   const uint32_t* number;  // of the ray in the sample; rays have several hits
   const uint32_t *instance, *primitive;
-  const float *u, *v;
+  float *u, *v;
   const uint32_t* point;  // of each ray of the sample, as what follows but `origin`
   const double *origin[3], *to[3],
       *end[3];  // origin: of each point, where `start` is null.  end: null where `to` is exact
