@@ -203,17 +203,15 @@ def resolved(
             images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
         light = parts[name] / samples
         together = [other for other in (GLOSS if name in GLOSS else (name,)) if other in parts]
-        white = sum((parts[other] / samples).sum(0) for other in together)
-        noise: Array | None = sum(
-            _noise(parts[other] / samples, color, halves[other], half_color, samples)
-            for other in together
-        )
+        brought, half = (np.sum([by[x] for x in together], 0) for by in (parts, halves))
+        brought = brought / samples
+        noise: Array | None = _noise(brought, color, half, half_color, samples)
         around, weights = (wide, in_wide_media) if name in WIDE else (block, in_media)
         if of_color:
             weights = [share * guides.alike(x, y) for x, y, share in around]
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
-        one = Resolving(light, white, color, own_color, noise, images, name in WIDE)
+        one = Resolving(light, brought.sum(0), color, own_color, noise, images, name in WIDE)
         predicted = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
             _resolve_edges(predicted, guides, fine_guides, wide, weights, one)
