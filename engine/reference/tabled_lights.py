@@ -114,7 +114,7 @@ class Dome(Source):
     ):
         super().__init__(light, eye, physical=True)
         self._table, self._samples, self._openings = table, samples, openings
-        self._every, self.draws = every, 1 / every
+        self.every, self.draws = every, 1 / every
         rows = zip(table.along, table.light, table.points, table.shadowed, strict=True)
         points = [
             DomePoint(along, row[:3], row[3], disc, "shadow" if shadowed else "diffuse")
@@ -124,10 +124,10 @@ class Dome(Source):
         self.points = points if openings is None else [*points, *openings.points()]
 
     def drawn_at(self, number: int, point: DomePoint | OpeningPoint) -> DomePoint | None:
-        every, each = self._every, self._samples // self._parts
-        taken = number // self._samples * each + number % each
-        is_drawn = taken % every == 0 and number < self._directions
-        return self.points[taken // every] if is_drawn else None
+        each, row = self._samples // self._parts, number // self._samples
+        if (row * each + number % each) % self.every or number >= self._directions:
+            return None
+        return self.points[number % each // self.every * (self._directions // self._samples) + row]
 
     def in_parts(self, parts: int) -> Dome:
         """The same of which each sample of a pixel takes another part of its directions and points;

@@ -227,14 +227,16 @@ struct RenderPlan : GlintRenderSettings {
   }
 
   /// Point j of a light for pixel sample `sample`, which takes one of so many parts of them. Beside
-  /// every `dome.every` of a dome's that are taken highlights draw one.
+  /// every `dome.every` of a dome's that are taken highlights draw one, at places of which those of
+  /// one number in all samples are a net.
   LightPoint light_point(const Light& light, uint32_t sample, uint32_t j,
                          uint32_t parts = 1) const {
     if (light.is_dome()) {
       const uint32_t each = dome_directions.each / parts;
-      const size_t taken = size_t(sample % dome_directions.tabled) * each + j % each;
+      const size_t from = sample % dome_directions.tabled, taken = from * each + j % each,
+                   drawn = j % each / dome.every * dome_directions.tabled + from;
       const double* const row = dome_directions.row(sample, j);
-      const double* const place = dome_directions.numbers + kDomeColumns * (taken / dome.every) + 7;
+      const double* const place = dome_directions.numbers + kDomeColumns * drawn + 7;
       LightPoint point{0, 0, place[0], place[1], row, &dome, taken % dome.every == 0};
       point.group = light.group;
       point.met_by = row[9] != 0 ? kShadow : kDiffuse;
