@@ -81,7 +81,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     dealt = replace(settings, samples=dealt_samples(settings.samples, data.interleaving))
     has_dome = any(light.kind == "DOME" for light in scene.lights)
-    if settings.reflecting != "OFF" or has_dome or _has_rough_glass(scene):
+    deals_dome = has_dome and data.interleaving > 1
+    if settings.reflecting != "OFF" or deals_dome or _has_rough_glass(scene):
         points = lobe_points(dealt.samples)
         data.lobe_levels, data.lobe_count = len(points), points.size // 2
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")

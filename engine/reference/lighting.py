@@ -376,7 +376,7 @@ class Lighting:
                 given = replace(given, to_matt=to_matt)
             yield narrow, given, coefficients
             place = source.drawn_at(number, point)
-            if place is not None and isinstance(source, Dome) and number == numbers[0]:
+            if self.dealt and place and isinstance(source, Dome) and number == numbers[0]:
                 at = self.lobe_points[sample % len(self.lobe_points)]
                 place = LightPoint(CENTER.square, at)
             if glows and (once or place is not None):

@@ -45,7 +45,7 @@ def scene_of(kind: str, thickness: float, panel: bool = False, **more):
 
 
 def both(scene, backend: str, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    options = {"samples": 16, "light_samples": 8, "filter_width": 0.01, "diffuse_bounces": 0}
+    options = {"samples": 4, "light_samples": 8, "filter_width": 0.01, "diffuse_bounces": 0}
     ours = render_glint(scene, backend, max_bounces=8, **options).combined[..., :3]
     cycles.make_exact(scene, samples)
     own = scene.cycles

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import LiveRender, Settings, Task, render
+from glint.engine import LiveRender, SceneError, Settings, Task, render
 from glint.engine.lights import dome
 from glint.engine.lights.dome import cell_shares, directions, dome_table, radiance_map
+from glint.engine.native import packing_settings
+from glint.engine.native import render as native_render
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
@@ -433,11 +435,21 @@ def test_directions_begin_again_after_so_many(monkeypatch):
     are those two.
     """
     monkeypatch.setattr(patterns, "MOST_TABLED", 32)
-    monkeypatch.setattr(patterns, "MOST_LOBE_POINTS", 2)
-    monkeypatch.setattr(patterns, "LOBE_LEVELS", 1)
     wanted, few = _around(FRONT), Settings(samples=2, light_samples=2, filter_width=0.0)
     for backend in ("NATIVE", "NUMPY"):
         two, four = (
             render(wanted, replace(few, samples=n, backend=backend)).combined for n in (2, 4)
         )
         np.testing.assert_allclose(two, four, rtol=1e-5, atol=1e-6)
+
+
+def test_a_sky_that_is_dealt_wants_points_of_lobes(monkeypatch):
+    def pack(*arguments, **more):
+        found = packing_settings.pack_settings(*arguments, **more)
+        found.data.lobe_points = found.data.reflections = 0
+        return found
+
+    monkeypatch.setattr(native_render, "pack_settings", pack)
+    dealt = Settings(samples=2, soft_light="DEALT", backend="NATIVE")
+    with pytest.raises(SceneError, match="settings: no points of lobes for a dome"):
+        render(_around(FRONT), dealt)

@@ -445,7 +445,8 @@ typedef struct GlintNeighbour {
  * spread one over the density of points by volume, reach the radius of the ball that each stands
  * for, normal and back are unused. Tables may be null where the scene has no such light.
  * lobe_points: (lobe_count, 2) of the unit disc, as many for each of lobe_levels reflections of a
- * path, where in the lobes of rough surfaces its rays are reflected; null only where none are.
+ * path, where in the lobes of rough surfaces its rays are reflected, and those go to a GLINT_DOME
+ * where samples are dealt; null only where neither is.
  * error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it
  * covers take no further samples after a wave. 0: all take all. cutoff: mirror and refraction rays
  * with no channel of their weight as large end there, 0 to 1. clamp_indirect: the most that a ray

@@ -34,6 +34,10 @@ bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
          g.dome_irradiance_columns >= 1 && g.dome_count >= g.dome_samples;
 }
 
+bool has_lobe_points(const GlintRenderSettings& g) {
+  return g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels;
+}
+
 bool sound_openings(const GlintRenderSettings& g) {
   if (!g.openings) return true;
   if (g.opening_count < 1 || g.opening_count > 256 || g.opening_samples < 1 ||
@@ -177,14 +181,14 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
       "settings: unknown illumination");
   add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_ALL &&
-          (g.reflections == GLINT_REFLECT_OFF ||
-           (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
+          (g.reflections == GLINT_REFLECT_OFF || has_lobe_points(g)),
       "settings: unknown reflections, or no points for them");
   add(sound_subsurface(g),
       "settings: no points for subsurface scattering, or points that are none");
-  add(!scene.materials.has_rough_glass ||
-          (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels),
+  add(!scene.materials.has_rough_glass || has_lobe_points(g),
       "settings: no points for rough glass");
+  add(g.interleaving <= 1 || !(scene.features & GLINT_FEATURE_WORLD_LIGHT) || has_lobe_points(g),
+      "settings: no points of lobes for a dome");
   add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
   add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE,
       "settings: unknown acceleration");

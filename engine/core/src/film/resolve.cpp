@@ -401,10 +401,10 @@ class LightResolve {
   /// surfaces give it together, as one hides the other.
   void set_seen(int light) {
     const bool is_gloss = light == kGlossyDirect || light == kGlossyIndirect;
+    const int first = is_gloss ? kGlossyDirect : light, last = is_gloss ? kGlossyIndirect : light;
     seen_.assign(window_.pixels(), 0.0f);
     halves_.assign(window_.pixels(), 0.0f);
-    for (const int part : {is_gloss ? kGlossyDirect : light, is_gloss ? kGlossyIndirect : -1}) {
-      if (part < 0) continue;
+    for (int part = first; part <= last; ++part) {
       const float* const own = window_.column(ResolveWindow::kLight + 3 * part);
       const float* const half = window_.column(ResolveWindow::kNoise + part);
       for (size_t i = 0, n = window_.pixels(); i < n; ++i) {
@@ -461,10 +461,9 @@ class LightResolve {
     double weight;
     GuideFits::Guides guides;
   };
-  std::vector<Near> near_;       // of the block of one pixel
-  Floats covered_;               // of the span
-  Floats tint_, white_, sharp_;  // of the window; white_: light over its colour
-  Floats seen_, halves_;
+  std::vector<Near> near_;                       // of the block of one pixel
+  Floats covered_;                               // of the span
+  Floats tint_, seen_, white_, halves_, sharp_;  // of the window; white_: seen_ over its colour
   Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_, sure_;
   Floats coarse_[3],
       fine_[3];  // of the span: predictions of its samples' light, and of all its rays'
