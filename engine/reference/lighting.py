@@ -70,10 +70,10 @@ class Lighting:
     first_rod: the first primitive that is of strands. faint: weights of points below this take few
     samples. dealt: pixels of a block deal the samples among themselves, so that each sees few of
     the sky. each_once: of its samples each light takes one, another in each sample of a pixel.
-    draws_matt: what is matt draws directions to MESH lights.  lobe_points: (samples, 2) where in
-    lobes the first direction of a sample is that highlights draw to the sky, and the ray goes that
-    shows other surfaces, so that one of both sees something.  has_photons: they bring the light of
-    lamps that mirrors throw on to what is matt, so that lamps do not light these.
+    draws_matt: what is matt draws directions to MESH lights. lobe_points: (samples, 2) of the unit
+    disc, where in lobes rays are reflected, and highlights draw the first of a sample's directions
+    to the sky where samples are dealt. has_photons: they bring the light of lamps that mirrors
+    throw on to what is matt, so that lamps do not light these.
     """
 
     sources: tuple[Source, ...]

@@ -125,8 +125,8 @@ void DirectLight::add_light(const Batch& batch, const Light& light, const int64_
     const LightPoint point = plan.set_sample(lamp, light, sample, own, parts);
     if (parts > 1) lamp.light.count = count;
     if (light.is_dome() && j == 0 && plan.interleaving > 1) {
-      // where the ray goes that shows other surfaces, with which this is resolved: one of both sees
-      // something
+      // where the reflected ray goes, whose light is resolved with this: one of the two meets
+      // something, and their sum has less noise than each
       const double* const place = plan.lobe_point(sample, batch.queue->past.reflections);
       lamp.light.draws.place = disc_place(place[0], place[1]);
     }
