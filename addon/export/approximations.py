@@ -9,17 +9,17 @@ from typing import Any
 
 from .materials.graph import end_of, is_blinn_phong, node_tree, reached
 
-LOBES = "GGX is drawn as Blinn-Phong lobes"
-FILM = f"{LOBES}; thin film by the angle of view"
+AGAIN = "light that is scattered between microfacets looks like the highlight, or matt"
+FILM = f"{AGAIN}; thin film by the angle of view"
 
 APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfPrincipled": f"{FILM}; subsurface as its node",
-    "ShaderNodeBsdfAnisotropic": LOBES,
-    "ShaderNodeBsdfGlossy": LOBES,
+    "ShaderNodeBsdfAnisotropic": AGAIN,
+    "ShaderNodeBsdfGlossy": AGAIN,
     "ShaderNodeBsdfMetallic": f"{FILM}; physical conductors by their colours "
     "seen straight and at 82 degrees",
     "ShaderNodeBsdfGlass": f"{FILM}; an edge seen through it is as blurred as in Cycles within "
-    "6 % of its height",
+    "3 % of its height",
     "ShaderNodeBsdfRefraction": "blurred as Glass",
     "ShaderNodeBsdfSheen": "Microfiber within 5 % of its brightest point, Ashikhmin on average "
     "within a tenth of it",

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 80
+ABI_VERSION = 81
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -87,6 +87,12 @@ class LobeKind(IntEnum):
     FIBRE_DIFFUSE = 14
     FIBRE_SPECULAR = 15
     FIBRE_TRANSMISSION = 16
+
+
+class Distribution(IntEnum):
+    BLINN_PHONG = 0
+    GGX = 1
+    BECKMANN = 2
 
 
 class Fresnel(IntEnum):
@@ -322,7 +328,7 @@ class LobeData(Structure):
         *_each(c_double * 3, "radius"),
         *_each(c_uint32, "first_input input_count"),
         *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot fibre_slot normal_slot"),
-        *_each(c_int32, "stretch_slot radius_slot reserved"),
+        *_each(c_int32, "stretch_slot radius_slot distribution"),
     ]
 
 

@@ -5,7 +5,7 @@ their layout already fits.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from . import core_types
 from .packer import Packed, Packer, Part, address, number, table_of
 from .packing_geometry import PackedGeometry, patched_geometries
 from .packing_instances import pack_instances
-from .packing_materials import pack_material
+from .packing_materials import pack_material, without_ambient
 
 
 def pack_scene(scene: Scene) -> Packed:
@@ -50,6 +50,7 @@ class ScenePacker:
         self._parts: dict[str, Part] = {}
         self._nobodys: tuple[tuple, Material] | None = None
         self._lit_by: dict[tuple[Program, int], Material] = {}
+        self._unlit: dict[int, tuple[Material, Material]] = {}
 
     def pack(self, scene: Scene, known: SceneDelta | None = None) -> Packed:
         """As `pack_scene`. known: as `SceneDelta.between` has it."""
@@ -65,7 +66,7 @@ class ScenePacker:
         data.mist_falloff = number(mist.falloff, core_types.Mist, "mist falloff")
         data.world_axes[:] = np.asarray(scene.world.axes, np.float64).T.reshape(9)
         materials = (
-            *scene.materials,
+            *(scene.materials if any(scene.world.ambient) else self._without_ambient(scene)),
             *aov_materials(scene),
             *self._carriers(scene),
             *self._sky(scene),
@@ -93,6 +94,16 @@ class ScenePacker:
                 setattr(data, name, address(table))
                 setattr(data, _COUNTS[name], len(table))
         return Packed(data, list(parts.values()))
+
+    def _without_ambient(self, scene: Scene) -> Iterator[Material]:
+        """The scene's materials, of a world without ambient light; the same as before, where they
+        are.
+        """
+        known, self._unlit = self._unlit, {}
+        for material in scene.materials:
+            pair = known.get(id(material)) or (material, without_ambient(material))
+            self._unlit[id(material)] = pair
+            yield pair[1]
 
     def _carriers(self, scene: Scene) -> tuple[Material, ...]:
         """What brings the programs of lights into the tables, in their order: materials without

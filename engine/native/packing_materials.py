@@ -3,14 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from ..cryptomatte import id_bits
 from ..program.operations import Reference
-from ..program.program import Instruction, Program, instructions
+from ..program.program import Instruction, Program, instructions, without_the_rest
 from ..program.table import CODES
 from ..scene import Input, Material, Medium
-from .core_types import BumpShadowing, Channel, Fresnel, LobeKind
+from .core_types import BumpShadowing, Channel, Distribution, Fresnel, LobeKind
 from .packer import Packer, number
+
+
+def without_ambient(material: Material) -> Material:
+    """The same without AMBIENT lobes, and a program that works out nothing for them alone."""
+    lobes = tuple(lobe for lobe in material.lobes if lobe.kind != "AMBIENT")
+    if len(lobes) == len(material.lobes) or material.program is None:
+        return material
+    read = {material.normal_output, material.base_normal_output}
+    for lobe in lobes:
+        read |= {output for _, output in lobe.parameters}
+        read |= {lobe.fibre_output, lobe.normal_output, lobe.stretch_output, lobe.radius_output}
+        read |= {factor.output for factor in lobe.factors}
+    program = without_the_rest(material.program, read - {-1})
+    return replace(material, lobes=lobes, program=program)
 
 
 def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
@@ -38,7 +53,7 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
                 _slot(outputs, lobe.normal_output),
                 _slot(outputs, lobe.stretch_output),
                 _slot(outputs, lobe.radius_output),
-                0,
+                number(lobe.distribution, Distribution, "distribution"),
             )
         )
         packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])

@@ -104,7 +104,7 @@ class Narrow:
             )
             if k.any():
                 self._terms.append((term, k, term.normals(surface)))
-                self._total[term.index] += k / (term.exponent + 1)
+                self._total[term.index] += k / microfacet.drawn_size(term)
 
     def __bool__(self) -> bool:
         return bool(self._terms)
@@ -144,17 +144,20 @@ class Narrow:
         at = (x * x + y * y) * self._total
         before, rest, exponent, narrowest = np.zeros((4, len(at)))
         axis, stretch = self._surface.n.copy(), np.zeros_like(self._surface.n)
+        distribution = np.full(len(at), "BLINN_PHONG")
         for term, k, n in self._terms:
             index, p = term.index, term.exponent
-            part = k / (p + 1)
+            part = k / microfacet.drawn_size(term)
             here = (part > 0) & (at[index] >= before[index])
             chosen = index[here]
             rest[chosen] = (at[chosen] - before[chosen]) / part[here]
             exponent[chosen], axis[:, chosen] = taken(p, here), n[:, here]
+            distribution[chosen] = term.lobe.distribution
             stretch[:, chosen] = 0.0 if term.stretch is None else term.stretch[:, here]
             before[index] += part
             narrowest[index] = np.maximum(narrowest[index], np.where(part > 0, p, 0.0))
         v = self._surface.v
-        h = microfacet.sample(axis, point, np.minimum(rest, 1 - 2.0**-53), exponent, stretch)
+        share = np.minimum(rest, 1 - 2.0**-53)
+        h = microfacet.sample(axis, v, point, share, exponent, stretch, distribution)
         cosine = dot(v, h)
         return 2 * cosine * h - v, (self._total > 0) & (cosine > 0), narrowest

@@ -19,6 +19,7 @@ from ..linear.columns import add_at, dot, pick, unit
 from ..scene import Lobe, Material, Scene
 from .bumps import bump_of, lifted
 from .closures import Term, taken
+from .closures.microfacet import LEAST_WIDTH
 from .closures.stretching import stretched
 from .coefficients import THROWN_EXPONENT, Coefficients
 from .scene_queries import SceneQueries
@@ -85,6 +86,8 @@ class _Found:
     ) -> None:
         """A lobe that needs a ray or a highlight. normal: (3, m) as of `Term`."""
         term = Term(index, k, lobe, _numbers(lobe, outputs), normal=normal)
+        if term.has_width:
+            term = _as_wide(term)
         low = _lowering(surface, index)
         if lobe.kind == "MIRROR":
             self._terms["THROWN"].append(_thrown(replace(term, lowering=low)))
@@ -127,9 +130,18 @@ def _thrown(term: Term) -> Term:
     (Walter, Marschner, Li, Torrance 2007, Microfacet models for refraction).
     """
     p, masking = THROWN_EXPONENT, (2 / (THROWN_EXPONENT + 2)) ** 0.5
-    lobe = replace(term.lobe, kind="SPECULAR", masking=masking)
+    lobe = replace(term.lobe, kind="SPECULAR", masking=masking, distribution="BLINN_PHONG")
     thrown = replace(term, lobe=lobe, k=(p + 2) / 8 * term.k, is_thrown=True)
     return thrown.with_numbers(exponent=p, masking=masking)
+
+
+def _as_wide(term: Term) -> Term:
+    """A highlight with a width α by the exponent of a power that is as wide, and with k over 4 α²:
+    what its density of half vectors, over that of the normal, is times.
+    """
+    masking = np.maximum(term.masking, LEAST_WIDTH)
+    p = 2 / (masking * masking) - 2
+    return replace(term, k=0.125 * (p + 2) * term.k).with_numbers(exponent=p, masking=masking)
 
 
 def _lifts(material: Material) -> bool:

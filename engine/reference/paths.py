@@ -16,7 +16,7 @@ from ..program.execute.inputs import fresnel_dielectric
 from ..settings import Settings
 from .bumps import lifted
 from .closures import Term
-from .closures.microfacet import sample
+from .closures.microfacet import drawn_size, sample
 from .coefficients import BOUNCED_EXPONENT, Coefficients
 from .lights import LightPoint
 from .optics import reflected, refracted
@@ -317,7 +317,7 @@ def _refracted(
         some, n = surface.take(term.index), _lifted(surface, term)
         index = relative_index(some, term.ior)
         rough = np.broadcast_to(np.asarray(term.exponent) > 0, n[0].shape)
-        m = np.where(rough, facet_normal(some.v, n, term.exponent, point), n)
+        m = np.where(rough, facet_normal(some.v, n, term, point), n)
         d, passes = refracted(-some.v, m, index)
         back = fresnel_dielectric(dot(some.v, m), index) if term.lobe.fresnel else 0.0
         # what goes to the wrong side of the face is lost, as in Cycles
@@ -352,12 +352,12 @@ def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array, A
     return mirrored, refracted, clear
 
 
-def facet_normal(v: Array, n: Array, exponent: Array | float, point: LightPoint) -> Array:
-    """(3, n) the half vector at the point of a rough lobe, on the viewer's side: of a V-shaped
-    groove the facet that is seen (Heitz, d'Eon 2014).
+def facet_normal(v: Array, n: Array, term: Term, point: LightPoint) -> Array:
+    """(3, n) the half vector at the point of a rough lobe, on the viewer's side: of GGX as they are
+    seen, of a power that of a V-shaped groove (Heitz, d'Eon 2014).
     """
     share = min(float(np.square(point.disc).sum()), 1 - 2.0**-53)
-    h = sample(n, point, share, exponent)
+    h = sample(n, v, point, share, term.exponent, distribution=term.lobe.distribution)
     return np.where(dot(v, h) > 0, h, 2 * dot(n, h) * n - h)
 
 
@@ -373,7 +373,7 @@ def widened(coefficients: Coefficients, widest: Array) -> Coefficients:
         own = np.broadcast_to(np.asarray(term.exponent, np.float64), term.index.shape)
         least = np.minimum(own, widest[term.index])
         wide = term.with_numbers(exponent=least)
-        terms.append(replace(wide, k=term.k * ((least + 1) / (own + 1))))
+        terms.append(replace(wide, k=term.k * (drawn_size(wide) / drawn_size(term))))
     return replace(coefficients, highlights=terms)
 
 

@@ -26,6 +26,7 @@ from .model_lights import LIGHT_SHAPES, LIGHTS, Emitters, Light, Openings, Rods
 from .model_surfaces import (
     BUMP_SHADOWING,
     CHANNELS,
+    DISTRIBUTIONS,
     ENCODINGS,
     EXTENSIONS,
     INTERPOLATIONS,
@@ -41,6 +42,7 @@ __all__ = [
     "CAMERAS",
     "CHANNELS",
     "CORNER",
+    "DISTRIBUTIONS",
     "ENCODINGS",
     "EVERYTHING",
     "EXTENSIONS",

@@ -76,15 +76,23 @@ class Input:
         return self.low == -np.inf and self.high == np.inf and not any(self.offset)
 
 
+DISTRIBUTIONS = ("BLINN_PHONG", "GGX", "BECKMANN")
+"""Of half vectors: max(0, n·h)^p (Blinn 1977), or GGX (Trowbridge, Reitz 1975; Walter, Marschner,
+Li, Torrance 2007), or Beckmann's (Beckmann, Spizzichino 1963).
+"""
+
+
 @dataclass(frozen=True)
 class Lobe:
     """One term of a surface: `kind` times the product of `factors` (the notes' coefficient k).
 
     The parameters, which kinds have which and from where to where they are is said in
-    `engine.closures`, what they do in semantics/lobes.md. exponent: Phong's of a SPECULAR lobe;
+    `engine.closures`, what they do in semantics/lobes.md. distribution: one of `DISTRIBUTIONS`, of
+    the half vectors of SPECULAR and REFRACTION lobes. exponent: Phong's of a SPECULAR lobe;
     AMBIENT, DIFFUSE and OREN_NAYAR ones are times (1 - n·v) to that power. masking: the α of
-    Smith's shadowing and masking, as GGX has them, 0 for none. ior: on REFRACTION the index inside
-    the surface, on TRANSPARENT that for light to lit points alone, which is less where it comes
+    Smith's shadowing and masking, as GGX has them, 0 for none; by GGX and BECKMANN the width of a
+    SPECULAR lobe, whose exponent is not read. ior: on REFRACTION the index inside the surface, on
+    TRANSPARENT that for light to lit points alone, which is less where it comes
     from a narrower cone inside (semantics/shadows.md). width, lean: of a SHEEN lobe. size, smooth:
     of a TOON lobe and its smooth edge, shares of a right angle. fan: how far the light of a FIBRE
     lobe fans out round the tangent, 0 for as far as normals do; tilt: the tangent of half of how
@@ -121,6 +129,7 @@ class Lobe:
     edge: bool = False
     outside: bool = False
     masking: float = 0.0
+    distribution: str = "BLINN_PHONG"
     exponent_output: int = -1
     masking_output: int = -1
     ior_output: int = -1
@@ -166,7 +175,7 @@ class Lobe:
     @property
     def is_glossy(self) -> bool:
         """Whether it is a highlight of GGX's masking, which may reflect other surfaces."""
-        return self.kind == "SPECULAR" and self.masking > 0
+        return self.kind == "SPECULAR" and (self.masking > 0 or self.distribution != "BLINN_PHONG")
 
     @property
     def is_rough_glass(self) -> bool:

@@ -26,6 +26,7 @@ from .checks import (
 from .model_surfaces import (
     BUMP_SHADOWING,
     CHANNELS,
+    DISTRIBUTIONS,
     ENCODINGS,
     EXTENSIONS,
     INTERPOLATIONS,
@@ -100,6 +101,7 @@ def _out_of_place(program: Program, is_world: bool) -> Found:
 
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from one_of("kind", lobe.kind, KINDS)
+    yield from one_of("distribution", lobe.distribution, DISTRIBUTIONS)
     for parameter in CLOSURES[lobe.kind].parameters if lobe.kind in CLOSURES else ():
         name = parameter.name
         yield from at_least(name, getattr(lobe, name), parameter.low, parameter.high)

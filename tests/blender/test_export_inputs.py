@@ -19,7 +19,6 @@ from export_support import (  # noqa: F401
     weight,
 )
 from glint.addon.export.images.images import mean_color, texels
-from glint.addon.export.materials.roughness import highlights
 from glint.engine.scene import Texture
 
 
@@ -254,9 +253,8 @@ def test_separate_channels_of_an_image(scene):  # noqa: F811
     constant = principled(Base_Color=RED, Roughness=roughness, Metallic=metallic).export()[1]
     plain = [lobe for lobe in of_kind(constant, "DIFFUSE") if lobe.exponent == 0]
     np.testing.assert_allclose(diffuse, total(plain, "DIFFUSE"), rtol=1e-3, atol=1e-4)
-    exponents = {outputs[lobe.exponent_output][0] for lobe in of_kind(lobes, "SPECULAR")}
-    expected = sorted({p for p, _ in highlights(roughness)})
-    np.testing.assert_allclose(sorted(exponents)[-len(expected) :], expected, rtol=5e-3)
+    (width,) = {outputs[lobe.masking_output][0] for lobe in of_kind(lobes, "SPECULAR")}
+    np.testing.assert_allclose(width, roughness**2, rtol=5e-3)
     assert not result.notes
 
 

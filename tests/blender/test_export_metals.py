@@ -6,7 +6,7 @@ import pytest
 
 from export_support import Shader, of_kind, outputs_of, principled, scene, set_inputs, total  # noqa: F401
 from glint.addon.export.materials.fresnel import conductor_reflectance, schlick
-from glint.addon.export.materials.roughness import highlights, scattered, scattered_narrow
+from glint.addon.export.materials.roughness import scattered, scattered_narrow
 
 COLOR, TINT = np.array([0.9, 0.6, 0.2]), np.array([0.2, 0.6, 1.0])
 F = (6 / 7) ** 5
@@ -32,8 +32,7 @@ def assert_lacks(lobes, color, tint, roughness=0.5) -> None:
     lack = (color + (1 - color) * F) * (1 - tint)
     mean = color + (1 - color) / 21 - 7**7 / 6**6 / 126 * lack
     again = np.array([scattered(float(f), roughness) for f in mean])
-    size = sum(share for _, share in highlights(roughness))
-    brighter = (1 + again * scattered_narrow(roughness)) * size
+    brighter = 1 + again * scattered_narrow(roughness)
     np.testing.assert_allclose(total(edges(lobes), "SPECULAR"), -lack * brighter, rtol=1e-6)
 
 

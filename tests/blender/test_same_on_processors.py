@@ -14,7 +14,7 @@ import hashlib
 import glint_tree
 import numpy as np
 from glint.addon.export.geometry.tangents import tangents
-from glint.addon.export.materials.roughness import highlights
+from glint.addon.export.materials.roughness import scattered, width
 
 random = np.random.default_rng(1)
 vertices, uv = random.normal(size=(500, 3)), random.random((3000, 2))
@@ -23,7 +23,7 @@ normals = random.normal(size=(1000, 3, 3))
 normals /= np.sqrt((normals**2).sum(-1, keepdims=True))
 corners = np.arange(3000).reshape(-1, 3)
 for values in (
-    [highlights(k / 511) for k in range(512)],
+    [(width(k / 511), scattered(0.5, k / 511)) for k in range(512)],
     tangents(vertices, triangles, corners, normals, uv).tolist(),
 ):
     print(hashlib.sha256(repr(values).encode()).hexdigest())

@@ -1,10 +1,9 @@
-"""Makes the tables of addon/export/materials/roughness.py and measures how well power lobes can
-stand for Cycles' microfacets.
+"""Makes the tables of addon/export/materials/roughness.py, and measures which power is nearest to
+Cycles' microfacets.
 
     python tests/cycles/fit_roughness.py
 
-Lobes: Σ s_k (n·h)^p_k is fitted to π D / 4 of GGX, by the largest ratio between the two up to 75°
-from the half vector, up to 25 α where roughness is below 0.3. World: GGX's reflectance of a uniform
+World: GGX's reflectance of a uniform
 world, integrated with Schlick's weight or a dielectric's Fresnel reflectance, by its largest
 relative error from 6° to 90° for F0 = 0.03 and 0.04. Layer: the same for what a dielectric layer
 keeps from what lies below it, by its largest error: A as it is and B where it scatters until light
@@ -34,7 +33,7 @@ import numpy as np
 
 import cycles_reference as cycles
 from cycles_reference import bpy
-from glint.addon.export.materials.roughness import LOBES, ROUGHNESS
+from glint.addon.export.materials.roughness import ROUGHNESS
 
 SIDE = 96
 HALF_ANGLES = np.radians([0, 10, 20, 30, 40, 50, 60, 70])
@@ -212,61 +211,6 @@ def measure_albedo(roughness: float, samples: int = 16) -> float:
     return float(cycles.render_cycles(scene, samples)["Combined"][..., 0].mean())
 
 
-def distribution(angle: np.ndarray, roughness: float) -> np.ndarray:
-    """π D / 4 of GGX at angles from the half vector."""
-    a2 = roughness**4
-    return a2 / 4 / (np.cos(angle) ** 2 * (a2 - 1) + 1) ** 2
-
-
-def lobe_angles(roughness: float, count: int = 120) -> np.ndarray:
-    """Where lobes are compared with GGX: tangents that grow evenly up to a third of its width and
-    then by a factor.
-    """
-    alpha = roughness**2
-    farthest = np.tan(np.radians(75)) / alpha if roughness >= 0.3 else 25.0
-    return np.arctan(alpha * np.sinh(np.linspace(0, np.arcsinh(3 * farthest), count)) / 3)
-
-
-def power_lobes(highlights, angle: np.ndarray) -> np.ndarray:
-    """Σ s cos^p of (p, s) pairs."""
-    return sum(s * np.cos(angle) ** p for p, s in highlights)
-
-
-def fit_lobes(roughness: float, count: int) -> tuple[float, np.ndarray]:
-    """The largest |log ratio| to GGX, and (2, count) p·α² and s·α², by Levenberg and Marquardt's
-    method with weights that grow where it is worst.
-    """
-    alpha2, angle = roughness**4, lobe_angles(roughness)
-    target, cosine = np.log(distribution(angle, roughness)), np.log(np.cos(angle))
-    p = np.geomspace(1.8 / alpha2, max(3.0, 0.02 / alpha2) if roughness < 0.55 else 1.0, count)
-    now = np.concatenate([np.log(p), np.log(0.7 * distribution(0.0, roughness) * (p / p[0]) ** 2)])
-
-    def ratios(x: np.ndarray) -> np.ndarray:
-        return np.log(np.exp(x[count:] + np.exp(x[:count]) * cosine[:, None]).sum(1)) - target
-
-    weights, damping, best = np.ones(len(angle)), 1e-2, (np.inf, now)
-    for step in range(600):
-        left = ratios(now)
-        slopes = np.stack(
-            [(ratios(now + 1e-5 * axis) - left) / 1e-5 for axis in np.eye(2 * count)], 1
-        )
-        normal = slopes.T @ (slopes * weights[:, None]) + 1e-9 * np.eye(2 * count)
-        move = np.linalg.solve(
-            normal + damping * np.diag(np.diag(normal)), -slopes.T @ (weights * left)
-        )
-        then = now + np.clip(move, -0.5, 0.5)
-        better = (weights * ratios(then) ** 2).sum() < (weights * left**2).sum()
-        now, damping = (then, max(damping / 3, 1e-7)) if better else (now, min(4 * damping, 1e6))
-        if step % 20 == 19:
-            left = np.abs(ratios(now))
-            best = min(best, (left.max(), now), key=lambda pair: pair[0])
-            weights *= 0.3 + left / left.max()
-            weights /= weights.mean()
-    worst, found = best
-    order = np.argsort(-found[:count])
-    return worst, np.exp(np.stack([found[:count][order], found[count:][order]])) * alpha2
-
-
 def reflected(cosine: float, roughness: float, weight, count: int = 256) -> tuple[float, float]:
     """What GGX reflects of a uniform world seen at that cosine for F = 1 (A), and for F =
     weight(v·h) (B), by the midpoint rule over D.
@@ -347,15 +291,6 @@ def _least_worst(
 
 
 def main() -> None:
-    for roughnesses, table in LOBES:
-        count = table.shape[1] // 2
-        for roughness in roughnesses:
-            worst, found = fit_lobes(roughness, count)
-            print(
-                f"lobes {roughness:.1f}: off by a factor of {np.exp(worst):.3f};",
-                *(f"{x:.6f}" for x in found.ravel()),
-                flush=True,
-            )
     for kind, weight, f0 in (("METAL", schlick, 0.03), ("DIELECTRIC", dielectric, 0.04)):
         for roughness in ROUGHNESS:
             worst, q, found = fit_world(roughness, weight, f0)

@@ -11,11 +11,10 @@ from glint_picture import render_glint
 from small_scenes import add, add_camera, ball, moved, new_material, plane
 
 
+@pytest.mark.parametrize("distribution", ["BECKMANN", "GGX"])
 @pytest.mark.parametrize("roughness", [0.2, 0.4, 0.6])
-def test_an_edge_behind_it_is_as_blurred_as_in_cycles(roughness: float) -> None:
-    """A pane of one side above a square that glows, along a line across its edge: within 0.06 of
-    255 levels' range, as the tails of GGX are longer than those of the lobe.
-    """
+def test_an_edge_behind_it_is_as_blurred_as_in_cycles(roughness: float, distribution: str) -> None:
+    """A pane of one side above a square that glows, along a line across its edge: within 0.03."""
     scene = cycles.empty_scene(48, 16)
     material, tree, output = new_material("glow")
     glow = tree.nodes.new("ShaderNodeEmission")
@@ -23,6 +22,7 @@ def test_an_edge_behind_it_is_as_blurred_as_in_cycles(roughness: float) -> None:
     add(scene, "half", plane(4, material), moved(4, 0, 0))
     material, tree, output = new_material("glass")
     glass = tree.nodes.new("ShaderNodeBsdfRefraction")
+    glass.distribution = distribution
     glass.inputs["Roughness"].default_value = roughness
     tree.links.new(glass.outputs[0], output.inputs["Surface"])
     add(scene, "pane", plane(2, material), moved(0, 0, 4))
@@ -34,13 +34,14 @@ def test_an_edge_behind_it_is_as_blurred_as_in_cycles(roughness: float) -> None:
         np.asarray(picture)[..., :3].mean((0, 2))
         for picture in (glint.passes["Combined"], reference)
     )
-    assert np.abs(found - truth).max() < 0.06
+    assert np.abs(found - truth).max() < 0.03
     assert abs(found.mean() - truth.mean()) < 0.01
     blurred = (truth > 0.02) & (truth < 0.98)
     assert blurred.sum() > 40 * roughness**2
 
 
-def test_a_ball_in_an_even_world_is_as_bright_as_in_cycles() -> None:
+@pytest.mark.parametrize(("roughness", "most"), [(0.1, 0.015), (0.3, 0.025)])
+def test_a_ball_in_an_even_world_is_as_bright_as_in_cycles(roughness: float, most: float) -> None:
     """From its middle to where light that it mirrors inside is half of all: rings of a tenth of the
     radius.
     """
@@ -48,12 +49,12 @@ def test_a_ball_in_an_even_world_is_as_bright_as_in_cycles() -> None:
     cycles.set_world(scene, (1.0, 1.0, 1.0))
     material, tree, output = new_material("glass")
     glass = tree.nodes.new("ShaderNodeBsdfGlass")
-    glass.inputs["Roughness"].default_value, glass.inputs["IOR"].default_value = 0.1, 1.45
+    glass.inputs["Roughness"].default_value, glass.inputs["IOR"].default_value = roughness, 1.45
     tree.links.new(glass.outputs[0], output.inputs["Surface"])
     add(scene, "ball", ball(48, 32, material=material))
     add_camera(scene, (0, -6, 0), (0, 0, 0), type="ORTHO", ortho_scale=2.0)
     bpy.context.view_layer.update()
-    glint = render_glint(scene, "NATIVE", samples=64, max_bounces=24, filter_width=0.0)
+    glint = render_glint(scene, "NATIVE", samples=256, max_bounces=24, filter_width=0.0)
     cycles.make_exact(scene, 64, bounces=24)
     scene.cycles.transmission_bounces = 24
     reference = cycles.render_passes(scene)["Combined"]
@@ -62,4 +63,4 @@ def test_a_ball_in_an_even_world_is_as_bright_as_in_cycles() -> None:
     ring = (10 * np.hypot(across, across[:, None])).astype(int)
     for number in range(10):
         inside = ring == number
-        assert abs(found[inside].mean() - truth[inside].mean()) < 0.015, number
+        assert abs(found[inside].mean() - truth[inside].mean()) < most, number

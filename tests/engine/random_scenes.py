@@ -63,6 +63,8 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
     glossy, toon = kind == "SPECULAR", kind.startswith("TOON")
     below = kind == "DIFFUSE" and draw(flags)
     masked = (glossy or toon) and draw(flags)
+    wide = (masked and glossy) or kind == "REFRACTION"
+    distribution = draw(st.sampled_from(s.DISTRIBUTIONS)) if wide else "BLINN_PHONG"
     fresnel = kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags)
     schlick = masked and glossy and not fresnel and draw(flags)
     first = (
@@ -81,6 +83,7 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
         ior=float(dice.uniform(1.1, 1.8)),
         fresnel=fresnel,
         schlick=schlick,
+        distribution=distribution,
         edge=masked and glossy and not (fresnel or schlick) and draw(flags),
         **dict(zip(names, numbers, strict=True)),
         radius=rgb(dice, 0.3) if below else (0.0, 0.0, 0.0),

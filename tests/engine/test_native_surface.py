@@ -61,18 +61,40 @@ def test_blinn_phong(exponent: float) -> None:
     assert np.abs(color(scene)[..., 0] - truth).max() <= 0.5 * (ROUNDING + exponent * 2**-52)
 
 
+FRESNEL = [
+    (0.3, ""),
+    (1.0, ""),
+    (0.0, "schlick"),
+    (0.0, "fresnel"),
+    (0.09, "fresnel"),
+    (0.3, "edge"),
+]
+
+
 @pytest.mark.parametrize(
-    ("masking", "fresnel"),
-    [(0.3, ""), (1.0, ""), (0.0, "schlick"), (0.0, "fresnel"), (0.09, "fresnel"), (0.3, "edge")],
+    ("distribution", "masking", "fresnel"),
+    [
+        *(("BLINN_PHONG", *case) for case in FRESNEL),
+        *((name, *case) for name in s.DISTRIBUTIONS[1:] for case in FRESNEL if case[0] > 0),
+    ],
 )
-def test_masking_and_fresnel_of_a_highlight(masking: float, fresnel: str) -> None:
+def test_masking_and_fresnel_of_a_highlight(
+    distribution: str, masking: float, fresnel: str
+) -> None:
     """Times Smith's shadowing and masking, 1 at normal incidence, and Schlick's weight, a
-    dielectric's reflectance or what a metal's edge lacks between v and h.
+    dielectric's reflectance or what a metal's edge lacks between v and h. GGX, BECKMANN: π D / 4
+    (Walter, Marschner, Li, Torrance 2007, equations 25, 27 and 33).
     """
     tilt = 1.3
     axes = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
     lobe = s.Lobe(
-        "SPECULAR", constant(0.5), 3.0, 1.5, masking=masking, **({fresnel: True} if fresnel else {})
+        "SPECULAR",
+        constant(0.5),
+        3.0,
+        1.5,
+        masking=masking,
+        distribution=distribution,
+        **({fresnel: True} if fresnel else {}),
     )
     scene = balls(lobe, lights=(lamp("SUN", axes=axes, strength=np.pi),))
     n, inside = on_ball(float(np.float32(0.9)))
@@ -81,6 +103,11 @@ def test_masking_and_fresnel_of_a_highlight(masking: float, fresnel: str) -> Non
     tangents = [np.sqrt(np.maximum(1 / np.maximum(c, 1e-9) ** 2 - 1, 0)) for c in (nl, nv)]
     # Heitz 2014, G2 = 1 / (1 + the two)
     lambdas = [(np.sqrt(1 + masking**2 * t**2) - 1) / 2 for t in tangents]
+    if distribution == "BECKMANN":
+        with np.errstate(divide="ignore"):
+            a = [1 / (masking * t) for t in tangents]
+        ones = [(3.535 * x + 2.181 * x**2) / (1 + 2.276 * x + 2.577 * x**2) for x in a]
+        lambdas = [np.where(x < 1.6, 1 / one - 1, 0) for x, one in zip(a, ones, strict=True)]
     factor = 1 / (1 + sum(lambdas)) / np.maximum(nv, 1e-9) if masking else 1.0
     beyond = np.sqrt(1 - (1 - vh**2) / 1.5**2)
     across, along = (
@@ -96,7 +123,16 @@ def test_masking_and_fresnel_of_a_highlight(masking: float, fresnel: str) -> Non
             "fresnel": (across**2 + along**2) / 2,
         }[fresnel]
     )
-    truth = np.where(inside & (n @ axes[:, 2] > 0), 0.5 * np.maximum(0, n @ h) ** 3 * factor, 0)
+    nh = np.maximum(0, n @ h)
+    if distribution == "GGX":
+        alpha2 = masking**2
+        spread = alpha2 / (4 * (nh**2 * (alpha2 - 1) + 1) ** 2) * (nh > 0)
+    elif distribution == "BECKMANN":
+        c2 = np.maximum(nh, 1e-6) ** 2
+        spread = np.exp(-(1 - c2) / (c2 * masking**2)) / (4 * masking**2 * c2**2)
+    else:
+        spread = nh**3
+    truth = np.where(inside & (n @ axes[:, 2] > 0), 0.5 * spread * factor, 0)
     for backend in ("NATIVE", "NUMPY"):
         np.testing.assert_allclose(
             color(scene, backend=backend)[..., 0], truth, rtol=2e-6, atol=1e-9

@@ -95,6 +95,7 @@ def test_stretching_keeps_what_half_vectors_add_up_to(p: float, size: float) -> 
         [
             sample(
                 UP[:, None],
+                UP[:, None],
                 LightPoint((0, 0), (r * np.cos(a), r * np.sin(a))),
                 min(r * r, 1 - 2.0**-53),
                 p,

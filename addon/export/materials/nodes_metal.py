@@ -10,6 +10,7 @@ from .fresnel import EDGE_COSINE, conductor_reflectance, schlick
 from .multiscatter import GRAZING, share_at, share_of
 from .nodes_shader import (
     Edge,
+    distributed,
     glossy_closure,
     is_multiscatter,
     note_microfacets,
@@ -92,7 +93,8 @@ def _metallic(view: NodeView) -> Closure:
     metal = None
     if view.node.fresnel_type != "F82":
         color, tint, metal = _conductor(view) or (color, ONE, None)
-    return brush.on(metal_closure(view, color, brush.roughness, tint, metal))
+    closure = metal_closure(view, color, brush.roughness, tint, metal)
+    return distributed(view, brush.on(closure))
 
 
 def _conductor(view: NodeView) -> tuple[Sum, Sum, Metal] | None:

@@ -74,9 +74,9 @@ def _rough_glossy(color: Sum, again: Sum, roughness: Roughness, edge: Edge | Non
         add(multiply(once, world.a1), multiply(rest, world.b1)),
     )
     return add_closures(
-        _highlights(multiply(color, brighter), roughness),
-        _highlights(multiply(rest, brighter), roughness, schlick=True),
-        _highlights(scale(multiply(lack, brighter), -1.0), roughness, edge=True),
+        _highlight(multiply(color, brighter), roughness),
+        _highlight(multiply(rest, brighter), roughness, schlick=True),
+        _highlight(scale(multiply(lack, brighter), -1.0), roughness, edge=True),
         _matt(multiply(spread, roughness.number(Of(scattered_wide))), world),
         _seen("AMBIENT", add(always, scale(lack, -EDGE_MEAN)), grazing, world),
     )
@@ -113,13 +113,8 @@ def _world(roughness: float, kind: str, ior: float) -> World:
     return world_of(roughness, kind) if kind == "METAL" else dielectric_world(roughness, ior, kind)
 
 
-def _highlights(weight: Sum, roughness: Roughness, **more: Any) -> Closure:
-    return add_closures(
-        *(
-            {LobeKey("SPECULAR", **shape, **more): multiply(weight, size)}
-            for shape, size in roughness.highlights()
-        )
-    )
+def _highlight(weight: Sum, roughness: Roughness, **more: Any) -> Closure:
+    return {LobeKey("SPECULAR", **roughness.microfacets(), **more): weight}
 
 
 def _seen(kind: str, always: Sum, grazing: Sum, world: WorldShares) -> Closure:
@@ -186,19 +181,19 @@ def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: Ior, brighter: 
     angles.
     """
     if tint == ONE:
-        return _highlights(brighter, roughness, fresnel=True, **ior.key)
+        return _highlight(brighter, roughness, fresnel=True, **ior.key)
     tinted = multiply(tint, ior.f0)
     white = multiply(complement(tinted), brighter)
     if normal_reflectance(ior.number) > 0.5:
         # where a and b would all but cancel; Schlick's weight is as good there
         return add_closures(
-            _highlights(multiply(tinted, brighter), roughness),
-            _highlights(white, roughness, schlick=True),
+            _highlight(multiply(tinted, brighter), roughness),
+            _highlight(white, roughness, schlick=True),
         )
     b = multiply(ior.over_rest(multiply(complement(tint), scale(ior.f0, -1.0))), brighter)
     return add_closures(
-        _highlights(ior.over_rest(white), roughness, fresnel=True, **ior.key),
-        _highlights(b, roughness),
+        _highlight(ior.over_rest(white), roughness, fresnel=True, **ior.key),
+        _highlight(b, roughness),
     )
 
 
@@ -272,7 +267,8 @@ def refracting(color: Sum, roughness: Roughness, ior: Ior, fresnel: bool = False
     kind = {"fresnel": fresnel, **ior.key}
     if roughness.is_mirror():
         return {LobeKey("REFRACTION", **kind): color}
-    blurred = LobeKey("REFRACTION", **roughness.exponent(Of(glass_exponent)), **kind)
+    width = roughness.exponent(Of(glass_exponent))
+    blurred = LobeKey("REFRACTION", distribution="GGX", **width, **kind)
     if not roughness.varies:
         return {blurred: color}
     return add_closures(
@@ -290,7 +286,7 @@ def bend(view: NodeView) -> None:
     view.evaluator.bend(view.input("Normal"))
 
 
-_MICROFACETS = ("GGX", "MULTI_GGX")
+_MICROFACETS = ("GGX", "MULTI_GGX", "BECKMANN")
 
 
 def note_left_out(view: NodeView, names: dict[str, str]) -> None:
@@ -308,6 +304,16 @@ def note_microfacets(view: NodeView) -> None:
         view.note(
             f"The distribution {distribution.replace('_', ' ').title()} is rendered as GGX in {{}}"
         )
+
+
+def distributed(view: NodeView, closure: Closure) -> Closure:
+    """The closure with the node's distribution of half vectors."""
+    if getattr(view.node, "distribution", "GGX") != "BECKMANN":
+        return closure
+    return {
+        replace(key, distribution="BECKMANN") if key.distribution == "GGX" else key: weight
+        for key, weight in closure.items()
+    }
 
 
 def _diffuse(view: NodeView) -> Closure:
@@ -342,18 +348,21 @@ def _glossy(view: NodeView) -> Closure:
     color = view.reflectance("Color")
     brush = Brush(view, view.roughness(otherwise=0.0), is_signed=True)
     again = share_at(view, color, brush.roughness) if is_multiscatter(view) else ZERO
-    return brush.on(glossy_closure(color, again, brush.roughness, edge=None))
+    closure = glossy_closure(color, again, brush.roughness, edge=None)
+    return distributed(view, brush.on(closure))
 
 
 def _glass(view: NodeView) -> Closure:
     note_microfacets(view)
     color, roughness, ior = view.reflectance("Color"), view.roughness(), view.ior()
-    return filmed_glass(film_of(view, ior, is_glass=True), color, color, roughness, ior)
+    film = film_of(view, ior, is_glass=True)
+    return distributed(view, filmed_glass(film, color, color, roughness, ior))
 
 
 def _refraction(view: NodeView) -> Closure:
     bend(view)
-    return refracting(view.reflectance("Color"), view.roughness(), view.ior())
+    color, roughness, ior = view.reflectance("Color"), view.roughness(), view.ior()
+    return distributed(view, refracting(color, roughness, ior))
 
 
 def _transparent(view: NodeView) -> Closure:

@@ -1,13 +1,9 @@
-"""Cycles' microfacets, as its `roughness` has them, to the Blinn-Phong lobes that stand for them.
-
-GGX of width α = roughness² reflects D(h) F(v·h) G / (4 n·l n·v) of the light. Power lobes stand for
-D alone, Σ s_k max(0, n·h)^p_k for π D / 4; the lobes' own masking and Fresnel factors are the rest
-(semantics/lobes.md), so that grazing angles come out as in Cycles. Where roughness is small, D
-spans more decades and takes more lobes. tests/cycles/fit_roughness.py makes the tables, and says
-what is minimised.
+"""Cycles' microfacets, as its `roughness` has them: GGX of the width α = roughness²
+(semantics/lobes.md).
 
 What of a uniform world a surface reflects is F0 · A + (1 - F0) · B, with A and B nearly a0 + a1 (1
-- n·v)^q and b0 + b1 (1 - n·v)^q.
+- n·v)^q and b0 + b1 (1 - n·v)^q; tests/cycles/fit_roughness.py makes the tables, and says what is
+minimised.
 """
 
 from __future__ import annotations
@@ -19,41 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....engine.linear.elementary import exp, log
 from .fresnel import fresnel, normal_reflectance
-
-Highlight = tuple[float, float]
-"""Exponent and scale of one lobe."""
-
-LOBES = (
-    ((0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4), np.array([
-        [2.5958, 0.4196, 0.0690, 0.0106, 0.208645, 0.016417, 0.000521, 0.000015],
-        [2.6563, 0.4411, 0.0738, 0.0109, 0.208624, 0.017714, 0.000598, 0.000018],
-        [2.7887, 0.4892, 0.0848, 0.0116, 0.208139, 0.020726, 0.000798, 0.000027],
-        [2.9959, 0.5681, 0.1037, 0.0125, 0.206240, 0.025895, 0.001209, 0.000049],
-        [2.9786, 0.5611, 0.0975, 0.0071, 0.205921, 0.025960, 0.001233, 0.000055],
-        [3.3109, 0.7233, 0.1443, 0.0105, 0.197400, 0.036519, 0.002559, 0.000158],
-        [3.8510, 0.9529, 0.2104, 0.0153, 0.184461, 0.052666, 0.005143, 0.000406],
-    ])),
-    ((0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7), np.array([
-        [2.5107, 0.3860, 0.0263, 0.205260, 0.017381, 0.000652],
-        [2.8393, 0.4970, 0.0353, 0.203876, 0.026192, 0.001393],
-        [3.1484, 0.6196, 0.0442, 0.196694, 0.037079, 0.002727],
-        [3.4884, 0.7574, 0.0531, 0.185757, 0.050414, 0.005016],
-        [3.8187, 0.9028, 0.0606, 0.170705, 0.065130, 0.008704],
-        [4.1424, 1.0559, 0.0655, 0.151754, 0.080681, 0.014421],
-        [4.4419, 1.2098, 0.0662, 0.129795, 0.095613, 0.022917],
-    ])),
-    ((0.7, 0.8, 0.9, 1.0), np.array([
-        [2.3722, 0.1548, 0.198212, 0.035840],
-        [2.5947, 0.1451, 0.172610, 0.071704],
-        [2.5613, 0.0794, 0.117400, 0.131519],
-        [0.0000, 0.0000, 0.085000, 0.165000],
-    ])),
-)  # fmt: skip
-"""Roughnesses, and a row for each: p·α² of the lobes, then s·α². Four lobes and three follow D to
-23 %, two to 8 %, up to 75° from the half vector (up to 25 α where roughness is below 0.3).
-"""
 
 ROUGHNESS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 """Of the tables below."""
@@ -132,13 +94,8 @@ sin 2δ cos² δ; from 0.7 on, where ever less of what scatters again looks like
 
 _ROUGHNESS, _ALBEDO, _LIT_ALBEDO = (row.tolist() for row in (ROUGHNESS, ALBEDO, LIT_ALBEDO))
 _WORLD = {kind: rows.tolist() for kind, rows in WORLD.items()}
-_COLUMNS = [
-    # what falls by a factor from row to row does so in between
-    (rows, (log(table) if (table > 0).all() else table).T.tolist(), (table > 0).all())
-    for rows, table in LOBES
-]
 SMALLEST = 0.03
-"""Below it a lobe is narrower than 0.05° and roughness no longer matters: p stays under 4e6."""
+"""Below it a lobe is narrower than 0.05° and roughness no longer matters."""
 
 
 @dataclass(frozen=True)
@@ -152,20 +109,6 @@ class World:
     a1: float
     b0: float
     b1: float
-
-
-@functools.lru_cache(maxsize=1 << 14)
-def highlights(roughness: float) -> tuple[Highlight, ...]:
-    """(exponent p, scale s) of the lobes for Blender's `roughness` (0 to 1, clamped), from narrow
-    to wide; k_s = F0 · s.
-    """
-    roughness = _clamped(roughness)
-    rows, columns, is_falling = next(lobes for lobes in _COLUMNS if roughness <= lobes[0][-1])
-    row = np.array([between(roughness, rows, column) for column in columns])
-    row = (exp(row) if is_falling else row) / (roughness * roughness) ** 2
-    exponents, scales = row[: len(row) // 2], row[len(row) // 2 :]
-    scales = scales / (8 * scales / (exponents + 2)).sum()  # as much light as D has
-    return tuple(zip(exponents.tolist(), scales.tolist(), strict=True))
 
 
 def between(x: float, places: Sequence[float], values: Sequence[float]) -> float:

@@ -13,15 +13,13 @@ from typing import Any
 from ....engine.program.graph import Value
 from .expressions import Expressions
 from .fresnel import ior_from_reflectance, normal_reflectance
-from .roughness import SMALLEST, highlights, width
+from .roughness import SMALLEST, width
 from .terms import RGB, Sum, constant, constant_value, is_constant, multiply, scale
 
 MIRROR_ROUGHNESS = 0.05
 """Up to here a glossy lobe is an ideal mirror: GGX's α = 0.0025 blurs a reflection by 0.14°, a
 pixel or two of usual pictures.
 """
-MOST_HIGHLIGHTS = 4
-"""Lobes that stand for one of GGX."""
 ROWS = 512
 """Of tables over roughness: linear in between, exponents are then right to 0.4 %."""
 
@@ -83,19 +81,9 @@ class Roughness:
         """The exponent of a lobe, as `LobeKey` takes it."""
         return self._key("exponent", of)
 
-    def highlights(self) -> list[tuple[dict[str, Any], Sum]]:
-        """Exponent and masking of the lobes that stand for GGX, and what each is times."""
-        masking = self._key("masking", Of(width))
-        if not self.varies:
-            return [({"exponent": p, **masking}, constant(s)) for p, s in highlights(self.value)]
-
-        exponents = [Of(_highlight, (k, 0)) for k in range(MOST_HIGHLIGHTS)]
-        sizes = self.numbers(*(Of(_highlight, (k, 1)) for k in range(MOST_HIGHLIGHTS)))
-        found = self._looked_up_at_once(exponents)
-        return [
-            (self._named("exponent", max(_shared_table(of)[3::4]), value) | masking, size)
-            for of, value, size in zip(exponents, found, sizes, strict=True)
-        ]
+    def microfacets(self) -> dict[str, Any]:
+        """Distribution and width of a highlight, as `LobeKey` takes them."""
+        return {"distribution": "GGX", **self._key("masking", Of(width))}
 
     def _key(self, name: str, of: Callable[[float], float]) -> dict[str, Any]:
         if not self.varies:
@@ -120,11 +108,6 @@ def _is_mirror(roughness: float) -> float:
 
 def _is_rough(roughness: float) -> float:
     return float(roughness > MIRROR_ROUGHNESS)
-
-
-def _highlight(k: int, which: int, roughness: float) -> float:
-    lobes = highlights(max(roughness, MIRROR_ROUGHNESS))
-    return lobes[k][which] if k < len(lobes) else 0.0
 
 
 def _table(column: Iterable[float]) -> tuple[float, ...]:

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 80
+#define GLINT_ABI_VERSION 81
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -162,8 +162,12 @@ enum GlintLobeKind {
  * first of three slots with a direction across the normal in world space, as long as what slopes
  * along it are times; 0 for none. radius: of DIFFUSE lobes, how far below the surface their light
  * goes in red, green and blue, world units: the d of Christensen and Burley's profile, at least 0,
- * 0 for none; radius_slot: 0, or 1 plus the first of three slots that take its place. reserved: 0.
+ * 0 for none; radius_slot: 0, or 1 plus the first of three slots that take its place. distribution:
+ * of the half vectors of SPECULAR and REFRACTION lobes. By GGX and
+ * Beckmann masking is the width of the first, whose exponent is not read; the second is as wide as
+ * the power of its exponent (over_width2).
  */
+enum GlintDistribution { GLINT_BLINN_PHONG, GLINT_GGX, GLINT_BECKMANN };
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2, GLINT_EDGE = 4, GLINT_OUTSIDE = 8 };
 typedef struct GlintLobe {
   union {
@@ -184,7 +188,7 @@ typedef struct GlintLobe {
   union {
     int32_t masking_slot, lean_slot, smooth_slot, fan_slot;
   };
-  int32_t ior_slot, fibre_slot, normal_slot, stretch_slot, radius_slot, reserved;
+  int32_t ior_slot, fibre_slot, normal_slot, stretch_slot, radius_slot, distribution;
 } GlintLobe;
 
 /* How light that a bent normal n faces is hidden by the normal m that it was bent from: not at all;

@@ -1,12 +1,13 @@
-"""SPECULAR lobes: Blinn-Phong's power, Smith's masking of GGX and a Fresnel factor
-(semantics/lobes.md), and directions sampled from them.
+"""SPECULAR lobes: Blinn-Phong's power, GGX or Beckmann's distribution, masking and a Fresnel factor
+(semantics/lobes.md), and directions sampled from them. The distributions with a width α (Walter,
+Marschner, Li, Torrance 2007) have the exponent p of a power that is as wide, α² = 2 / (p + 2).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...linear.columns import basis_around, cross, dot, unit
+from ...linear.columns import basis_around, cross, dot, length, unit
 from ...program.execute.inputs import fresnel_dielectric
 from ..lights import LightPoint
 from ..terminator import lowered
@@ -14,6 +15,9 @@ from . import stretching
 from .term import Term, taken
 
 Array = np.ndarray
+
+LEAST_WIDTH = 2.0**-20
+"""Those of GGX and Beckmann are at least as wide as that."""
 
 
 def evaluate(
@@ -23,12 +27,14 @@ def evaluate(
     v: Array,
     l: Array,  # noqa: E741, the notes' letter
 ) -> Array:
-    """(m,) max(0, n·h)^p of a SPECULAR lobe with all that it is times, at the places `chosen` (m,)
-    of the term's points; 0 where n·l is not above 0. n: the points', where it has none of its own.
+    """(m,) a SPECULAR lobe's density of half vectors, over that of the normal, with all that it is
+    times, at the places `chosen` (m,) of the term's points; 0 where n·l is not above 0. n: the
+    points', where it has none of its own.
     """
     lobe = term.lobe
     n = n if term.normal is None else term.normal[:, chosen]
-    power = blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
+    none = np.zeros_like(n)
+    power = half_vectors(term, n, none, v + l, taken(term.exponent, chosen)) * gloss(
         n,
         v,
         l,
@@ -37,11 +43,13 @@ def evaluate(
         lobe.fresnel,
         lobe.schlick,
         lobe.edge,
+        lobe.distribution,
     )
     if term.stretch is not None:
         t = term.stretch[:, chosen]
-        factor = stretching.power(n, t, v + l, taken(term.exponent, chosen), 4)
-        factor = factor * stretching.masking(n, t, v, l, taken(term.masking, chosen))
+        alpha = taken(term.masking, chosen)
+        factor = half_vectors(term, n, t, v + l, taken(term.exponent, chosen))
+        factor = factor * stretching.masking(n, t, v, l, alpha, lobe.distribution)
         ior = taken(term.ior, chosen)
         factor = factor * gloss(n, v, l, 0.0, ior, lobe.fresnel, lobe.schlick, lobe.edge)
         power = np.where(t.any(0), factor, power)
@@ -51,37 +59,122 @@ def evaluate(
 
 
 def density(term: Term, n: Array, v: Array, l: Array) -> Array:  # noqa: E741, the notes' letter
-    """(m,) how densely half vectors are drawn where l is, of 1 where they are most so."""
-    power = blinn_phong(n, v, l, term.exponent)
-    if term.stretch is None:
-        return power
-    t = term.stretch
-    return np.where(t.any(0), stretching.power(n, t, v + l, term.exponent, 3), power)
+    """(m,) how densely half vectors are drawn where l is, of 1 where they are most so; of GGX, seen
+    straight from above.
+    """
+    h, p = v + l, term.exponent
+    t = np.zeros_like(h) if term.stretch is None else term.stretch
+    if not term.has_width:
+        return np.where(t.any(0), stretching.power(n, t, h, p, 3), blinn_phong(n, v, l, p))
+    found = half_vectors(term, n, t, h, p)
+    if term.lobe.distribution == "GGX":
+        return found * _visible_share(n, t, seen_from(n, v), h, p)
+    size = length(h)
+    return found * dot(n, h) / np.where(size > 0, size, 1.0)
+
+
+def half_vectors(term: Term, n: Array, t: Array, h: Array, exponent: Array | float) -> Array:
+    """(m,) the density of half vectors h, of any length, over that of the normal. t: what they are
+    stretched along, 0 where they are not.
+    """
+    across = cross(n, h)
+    c2, sine2 = np.square(dot(n, h)), dot(across, across)
+    slopes2 = np.where(t.any(0), stretching.slopes2(n, t, h), sine2)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        if term.lobe.distribution == "GGX":
+            found = np.square((c2 + sine2) / (c2 + 0.5 * (exponent + 2) * slopes2))
+        elif term.lobe.distribution == "BECKMANN":
+            log = np.minimum(np.log1p(sine2 / c2), 70.0)
+            found = np.exp(2 * log - 0.5 * (exponent + 2) * np.minimum(slopes2 / c2, 1e30))
+        else:
+            power = stretching.power(n, t, h, exponent, 4)
+            return np.where(t.any(0), power, _power(n, h, exponent))
+    return np.where(dot(n, h) > 0, found, 0.0)
+
+
+def drawn_size(term: Term) -> Array | float:
+    """(m,) one over the integral, over 2π, of what half vectors are drawn by."""
+    return term.exponent + (2 if term.has_width else 1)
+
+
+def seen_from(n: Array, v: Array) -> Array:
+    """(3, m) where a rough lobe is seen from: v, or the nearest direction that is not behind n."""
+    cosine = dot(n, v)
+    return np.where(cosine < 0, unit(v - cosine * n), v)
+
+
+def _visible_share(n: Array, t: Array, v: Array, h: Array, exponent: Array | float) -> Array:
+    """(m,) how densely `_visible_normal` draws half vectors h (of any length), over their density
+    and times π α² / (4 v·h). v: as `seen_from` has it.
+    """
+    nv = np.clip(dot(n, v), 0.0, 1.0)
+    rest2 = np.where(t.any(0), stretching.widths2(n, t, v), 1 - nv * nv)
+    size = length(h)
+    of_half = np.maximum(dot(v, h), 0.0) / np.where(size > 0, size, 1.0)
+    return 2 * of_half / (nv + np.sqrt(nv * nv + 2 / (exponent + 2) * rest2))
 
 
 def sample(
     n: Array,
+    v: Array,
     point: LightPoint,
     share: Array | float,
     exponent: Array | float,
     stretch: Array | None = None,
+    distribution: Array | str = "BLINN_PHONG",
 ) -> Array:
-    """(3, m) half vectors of a lobe round n, in the direction of a disc's point, with `share` of
-    the lobe nearer to n; where it is stretched as that half vector before.
+    """(3, m) half vectors of a lobe round n that is seen from v, in the direction of a disc's
+    point, with `share` of the lobe nearer to n; where it is stretched as that half vector before.
     """
     x, y = point.disc
     radius = np.hypot(x, y)
     across, along = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
-    log = np.log1p(-share) * 2 / (exponent + 1)
     first, second = basis_around(n)
-    up, aside = np.exp(log / 2) * n, np.sqrt(-np.expm1(log))
-    h = up + aside * (across * first + along * second)
-    if stretch is None or not stretch.any():
+    longer: Array | float = 1.0
+    if stretch is not None and stretch.any():
+        some = stretch.any(0)
+        longer = np.where(some, length(stretch), 1.0)
+        first = np.where(some, stretch / longer, first)
+        second = np.where(some, cross(n, first), second)
+    distribution = np.asarray(distribution)
+    log, width2 = np.log1p(-share), 2 / (exponent + 2)
+    cosine, sine = np.exp(log / (exponent + 1)), np.sqrt(-np.expm1(2 * log / (exponent + 1)))
+    is_beckmann = distribution == "BECKMANN"
+    if is_beckmann.any():
+        cosine = np.where(is_beckmann, np.sqrt(1 / (1 - width2 * log)), cosine)
+        sine = np.where(is_beckmann, np.sqrt(-width2 * log / (1 - width2 * log)), sine)
+    aside = across / longer * first + along * longer * second
+    h = cosine * n + sine * aside
+    h = np.where(np.asarray(longer) != 1, unit(h), h)
+    is_ggx = distribution == "GGX"
+    if not is_ggx.any():
         return h
-    some = stretch.any(0)
-    size2 = np.where(some, dot(stretch, stretch), 1.0)
-    turned = unit(up + aside * (across / size2 * stretch + along * cross(n, stretch)))
-    return np.where(some, turned, h)
+    alpha, r = np.sqrt(width2), np.sqrt(share)
+    widths, place = (alpha / longer, alpha * longer), (r * across, r * along)
+    return np.where(is_ggx, _visible_normal((first, second, n), widths, seen_from(n, v), place), h)
+
+
+def _visible_normal(
+    axes: tuple[Array, Array, Array],
+    widths: tuple[Array | float, Array | float],
+    v: Array,
+    place: tuple[Array | float, Array | float],
+) -> Array:
+    """(3, m) half vectors at a place of the unit disc as densely as they are seen from v in GGX of
+    these widths along the first two axes, round the third (Heitz 2018, Sampling the GGX
+    Distribution of Visible Normals). v: as `seen_from` has it.
+    """
+    (t1, t2, n), (a1, a2), (x, y) = axes, widths, place
+    s = unit(np.stack([a1 * dot(v, t1), a2 * dot(v, t2), np.maximum(dot(v, n), 0.0)]))
+    s = np.where(s.any(0), s, np.array([[0.0], [0.0], [1.0]]))
+    across = np.hypot(s[0], s[1])
+    slants, size = across > 0, np.where(across > 0, across, 1.0)
+    cosine, sine = np.where(slants, -s[1] / size, 1.0), np.where(slants, s[0] / size, 0.0)
+    first = np.stack([cosine, sine, np.zeros_like(sine)])
+    bent = 0.5 * (1 + s[2])  # the disc's lower part is foreshortened as the hemisphere is seen
+    up = (1 - bent) * np.sqrt(np.maximum(1 - x * x, 0.0)) + bent * y
+    h = x * first + up * cross(s, first) + np.sqrt(np.maximum(1 - x * x - up * up, 0.0)) * s
+    return unit(np.maximum(h[2], 0.0) * n + a1 * h[0] * t1 + a2 * h[1] * t2)
 
 
 def albedo(term: Term) -> Array | float:
@@ -94,11 +187,16 @@ def directional_albedo(term: Term, seen: Array) -> Array:
     cosines (m,).
     """
     p, a2 = np.asarray(term.exponent), np.asarray(term.masking) ** 2
-    seen2 = np.clip(seen, 0.0, 1.0) ** 2
-    cosine = np.sqrt(seen2 + 2 * (1 - seen2) / (p + 8))
-    size = 8 / (p + 2 + 8 / (4 + p * p))
-    shaped = cosine / np.sqrt(a2 + (1 - a2) * cosine * cosine)
-    factor = np.where(a2 > 0, size * shaped, 0.0)
+    seen = np.clip(seen, 0.0, 1.0)
+    cosine = np.sqrt(seen**2 + 2 * (1 - seen**2) / (p + 8))
+    if term.lobe.distribution == "GGX":
+        width2 = 2 / (p + 2)
+        above = 1 / (1 + width2 * (1.2 + 1.05 * np.sqrt(width2)))  # within 13 % of the integral
+        factor = 4 * width2 * (above + (1 - above) * 0.7 * (1 - seen) ** 2)
+    else:
+        size = 8 / (p + 2 + 8 / (4 + p * p))
+        shaped = cosine / np.sqrt(a2 + (1 - a2) * cosine * cosine)
+        factor = np.where(a2 > 0, size * shaped, 0.0)
     lobe = term.lobe
     return factor * reflectance(cosine, term.ior, lobe.fresnel, lobe.schlick, lobe.edge)
 
@@ -109,9 +207,12 @@ def blinn_phong(n: Array, v: Array, l: Array, exponent: Array | float) -> Array:
     cos^p as exp(p/2 · log1p(−|n×h|²)), from h before it is normalised: pow of a rounded cosine is
     wrong for large p.
     """
+    return _power(n, v + l, exponent)
+
+
+def _power(n: Array, h: Array, exponent: Array | float) -> Array:
     if np.ndim(exponent) == 0 and exponent == 0:
         return np.ones(n.shape[1])
-    h = v + l
     across = cross(n, h)
     with np.errstate(divide="ignore", invalid="ignore"):
         sine2 = np.minimum(dot(across, across) / (dot(h, h) * dot(n, n)), 1.0)
@@ -128,15 +229,17 @@ def gloss(
     dielectric: bool,
     schlick: bool,
     edge: bool = False,
+    distribution: str = "BLINN_PHONG",
 ) -> Array:
-    """(m,) what a highlight is times beside its power: Smith's masking of GGX of width `masking`,
-    and a Fresnel factor between v and h.
+    """(m,) what a highlight is times beside its half vectors: masking by surfaces of the width
+    `masking`, and a Fresnel factor between v and h.
     """
     factor = np.ones(n.shape[1])
     if np.any(masking > 0):
         nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), masking * masking
-        down = nl * np.sqrt(a2 + (1 - a2) * nv * nv) + nv * np.sqrt(a2 + (1 - a2) * nl * nl)
-        factor = np.where(masking > 0, 2 * nl / np.where(down > 0, down, 1.0), 1.0)
+        rest_v, rest_l = 1 - nv * nv, 1 - nl * nl
+        factor = stretching.masked(nl, nv, a2 * rest_v, a2 * rest_l, distribution)
+        factor = np.where(masking > 0, factor, 1.0)
     if dielectric or schlick or edge:
         vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))
         factor = factor * reflectance(vh, ior, dielectric, schlick, edge)

@@ -49,9 +49,34 @@ def power(n: Array, t: Array, h: Array, exponent: Array | float, q: int) -> Arra
     return np.where(c > 0, found, 0.0)
 
 
-def masking(n: Array, t: Array, v: Array, l: Array, alpha: Array | float) -> Array:  # noqa: E741
-    """(m,) Smith's masking of GGX of the width alpha, stretched; 1 where that is 0."""
+def masking(
+    n: Array,
+    t: Array,
+    v: Array,
+    l: Array,  # noqa: E741
+    alpha: Array | float,
+    distribution: str = "BLINN_PHONG",
+) -> Array:
+    """(m,) what hides surfaces of the width alpha, stretched; 1 where that is 0."""
     nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), np.square(alpha)
-    down = nl * np.sqrt(nv * nv + a2 * widths2(n, t, v))
-    down = down + nv * np.sqrt(nl * nl + a2 * widths2(n, t, l))
-    return np.where(a2 > 0, 2 * nl / np.where(down > 0, down, 1.0), 1.0)
+    found = masked(nl, nv, a2 * widths2(n, t, v), a2 * widths2(n, t, l), distribution)
+    return np.where(a2 > 0, found, 1.0)
+
+
+def masked(nl: Array, nv: Array, v2: Array, l2: Array, distribution: str) -> Array:
+    """(m,) shadowing and masking over n·v: Smith's of GGX (Heitz 2014), of BECKMANN his (Walter,
+    Marschner, Li, Torrance 2007, equation 27). v2, l2: (m,) of each direction α² times the square
+    of its part along the surface.
+    """
+    if distribution == "BECKMANN":
+        with np.errstate(invalid="ignore"):
+            down = nv * (1 + _beckmanns_lambda(nv, v2) + _beckmanns_lambda(nl, l2))
+        return np.where(down > 0, 1 / np.where(down > 0, down, 1.0), 0.0)
+    down = nl * np.sqrt(nv * nv + v2) + nv * np.sqrt(nl * nl + l2)
+    return 2 * nl / np.where(down > 0, down, 1.0)
+
+
+def _beckmanns_lambda(cosine: Array, along2: Array) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a = cosine / np.sqrt(along2)
+        return np.where(a < 1.6, (1 + a * (-1.259 + 0.396 * a)) / (a * (3.535 + 2.181 * a)), 0.0)

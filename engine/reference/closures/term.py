@@ -50,6 +50,11 @@ class Term:
         return self.numbers["ior"]
 
     @property
+    def has_width(self) -> bool:
+        """Whether it is a highlight whose masking is its width."""
+        return self.lobe.kind == "SPECULAR" and self.lobe.distribution != "BLINN_PHONG"
+
+    @property
     def is_matt(self) -> bool:
         return CLOSURES[self.lobe.kind].counts == "MATT"
 

@@ -5,8 +5,8 @@
 
 #include "math/math.h"
 #include "scene/light_program.h"
+#include "shading/closure/distributions.h"
 #include "shading/stage_bump.h"
-#include "shading/stage_math.h"
 
 namespace glint {
 namespace {
@@ -133,10 +133,10 @@ void Shader::dull(const Batch& batch) const {
     each(GLINT_SPECULAR, batch.highlights(), [&](auto at) {
       if (!all.has_varnish || !(at(MicrofacetRow::kMasking) > 0 && at(MicrofacetRow::kFresnel) > 0))
         return;
-      kept +=
-          of_even_light(splat(seen), splat(at(MicrofacetRow::kExponent)),
-                        splat(at(MicrofacetRow::kMasking)), splat(at(MicrofacetRow::kFresnel)))[0] *
-          Vec3d{at(0), at(1), at(2)};
+      kept += of_even_light(splat(seen), splat(at(MicrofacetRow::kExponent)),
+                            splat(at(MicrofacetRow::kMasking)), splat(at(MicrofacetRow::kFresnel)),
+                            splat(at(MicrofacetRow::kDistribution)))[0] *
+              Vec3d{at(0), at(1), at(2)};
     });
     each(GLINT_TOON_SPECULAR, all.rows_of_lobes.of[GLINT_TOON_SPECULAR].count, [](auto) {});
     const Vec3d T = batch.queue->path(k).T;

@@ -142,13 +142,19 @@ void Tracer::cut_holes(const Queue& queue, const uint32_t* rows, size_t count) {
 /// lights would be dots in them. To what is matt they show none without caustics.
 void Tracer::widen(const Queue& queue) {
   if (queue.gathers() && !plan_.reflective_caustics) return shader_.dull(batch_);
+  const bool shaped =
+      scene_.materials.rows_of_lobes.of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
   for (size_t k = 0; k < queue.size(); ++k) {
     const double widest = queue.path(k).widest();
     for (int number = 0; number < batch_.highlights(); ++number) {
       double* const column = batch_.lobe_row(GLINT_SPECULAR, number) + k;
       double& exponent = column[MicrofacetRow::kExponent * batch_.stride];
       if (!(exponent > widest)) continue;
-      for (size_t c = 0; c < 3; ++c) column[c * batch_.stride] *= (widest + 1) / (exponent + 1);
+      // as bright in all, by what half vectors are drawn by
+      const double more =
+          shaped && column[MicrofacetRow::kDistribution * batch_.stride] > 0 ? 2 : 1;
+      for (size_t c = 0; c < 3; ++c)
+        column[c * batch_.stride] *= (widest + more) / (exponent + more);
       exponent = widest;
     }
   }

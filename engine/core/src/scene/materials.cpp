@@ -42,11 +42,13 @@ struct Rows {
 };
 
 void fold_highlight(const LobeShape& lobe, Vec3d k, Rows& rows) {
+  if (lobe.distribution != GLINT_BLINN_PHONG) k = (lobe.exponent + 2) / 8 * k;
   double* const row = rows.next(GLINT_SPECULAR, k);
   row[MicrofacetRow::kExponent] = lobe.exponent;
   if (rows.layout.of[GLINT_SPECULAR].width < MicrofacetRow::kShaped) return;
   row[MicrofacetRow::kMasking] = lobe.masking * lobe.masking;
   row[MicrofacetRow::kFresnel] = MicrofacetRow::fresnel(lobe.fresnel, lobe.ior);
+  row[MicrofacetRow::kDistribution] = lobe.distribution;
 }
 
 void fold_sheen(const LobeShape& lobe, Vec3d k, Rows& rows) {
@@ -89,6 +91,10 @@ void add_lobe(MaterialTable& t, const GlintLobe& g) {
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(t.inputs[g.first_input + k]);
   lobe.constant = !varies;
+  if (g.kind == GLINT_SPECULAR && g.distribution != GLINT_BLINN_PHONG) {
+    lobe.masking = std::max(g.masking, kLeastWidth);
+    lobe.exponent = 2 / (lobe.masking * lobe.masking) - 2;
+  }
   Vec3d k{1, 1, 1};
   for (uint32_t i = 0; !varies && i < g.input_count; ++i)
     k = k * factor_of(t.inputs[g.first_input + i]);
@@ -107,6 +113,16 @@ void add_material(MaterialTable& t, const GlintMaterial& g, const GlintLobe* giv
                     g.crypto, g.aov, g.medium, g.bump_shadowing, g.base_normal});
   t.bends_normals = t.bends_normals || g.normal > 0;
   t.shadows_bumps = t.shadows_bumps || (g.normal > 0 && g.bump_shadowing != GLINT_BUMP_NONE);
+}
+
+/// The largest exponent that a highlight may have at a point, and the least.
+double narrowest(const LobeShape& lobe) {
+  return lobe.distribution != GLINT_BLINN_PHONG && lobe.masking_slot > 0
+             ? 2 / (kLeastWidth * kLeastWidth)
+             : lobe.exponent;
+}
+double widest_of(const LobeShape& lobe) {
+  return lobe.distribution == GLINT_BLINN_PHONG && lobe.exponent_slot > 0 ? 0 : lobe.exponent;
 }
 
 /// Whether two lobes read the same: they often differ in their kind alone.
@@ -129,7 +145,7 @@ void compare_lobes(MaterialTable& t, Material& material, int& widest) {
     material.kinds |= 1u << lobe.kind;
     t.has_fibre = t.has_fibre || is_fibre(lobe.kind);
     if (highlight || lobe.kind == GLINT_FIBRE_SPECULAR)
-      t.most_exponent = std::max(t.most_exponent, lobe.exponent);
+      t.most_exponent = std::max(t.most_exponent, narrowest(lobe));
     t.has_translucent = t.has_translucent || lobe.kind == GLINT_TRANSLUCENT;
     material.goes_below = material.goes_below || goes_below(lobe);
     material.view_count += depends_on_view(lobe);
@@ -137,15 +153,13 @@ void compare_lobes(MaterialTable& t, Material& material, int& widest) {
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = highlight && lobe.masking > 0;
     t.has_gloss = t.has_gloss || shaped;
-    if (shaped)
-      t.least_gloss_exponent =
-          std::min(t.least_gloss_exponent, lobe.exponent_slot > 0 ? 0 : lobe.exponent);
+    if (shaped) t.least_gloss_exponent = std::min(t.least_gloss_exponent, widest_of(lobe));
     t.has_metals = t.has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
     const bool varnish = shaped && lobe.fresnel & GLINT_DIELECTRIC;
     t.has_varnish = t.has_varnish || varnish;
     t.has_toon_gloss = t.has_toon_gloss || lobe.kind == GLINT_TOON_SPECULAR;
     t.has_mirrors = t.has_mirrors || mirror;
-    if (mirror || (highlight && (lobe.masking > 0 || lobe.fresnel)))
+    if (mirror || shaped || (highlight && lobe.fresnel))
       widest = std::max(widest, MicrofacetRow::kShaped);
     t.edges_lobes |= highlight && lobe.fresnel & GLINT_EDGE;
     const bool turns = lobe.normal_slot > 0 || material.lifts(lobe);

@@ -1,6 +1,6 @@
 // Ambient light on surfaces that see light lower (semantics/shadows.md).
 #pragma once
-#include "shading/stage_math.h"
+#include "shading/closure/distributions.h"
 #include "shading/stage_terminator.h"
 
 namespace glint {
@@ -13,10 +13,12 @@ class TakenAmbient {
       : lowering_(lowering), seen_(seen), ambient_(splat3(ambient)) {}
 
   /// Adds a highlight, as MicrofacetRow has it.
-  void add(const Three& Tk, Doubles exponent, Doubles masking2, Doubles fresnel) {
+  void add(const Three& Tk, Doubles exponent, Doubles masking2, Doubles fresnel,
+           Doubles distribution) {
     const Mask good = masking2 > 0;
     if (!any(good & nonzero(Tk))) return;
-    const Three given = where(good, of_even_light(seen_, exponent, masking2, fresnel) * Tk);
+    const Three given =
+        where(good, of_even_light(seen_, exponent, masking2, fresnel, distribution) * Tk);
     gloss_ = gloss_ + ambient_ * given;
     left_ = left_ + mean_lowered_gloss(lowering_, seen_, masking2) * (ambient_ * given);
   }

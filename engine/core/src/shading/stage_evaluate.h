@@ -86,8 +86,8 @@ inline Doubles specular_fresnel(const OnMesh& p, const LobeShape& lobe) {
 
 /// A row of a highlight. kind: SPECULAR, or MIRROR for one of theirs.  normal, stretch: 0 for none.
 inline void set_microfacet(const EvaluateStage& s, const Chosen& at, int kind, const Three& Tk,
-                           Doubles exponent, Doubles masking2, Doubles fresnel, const Three& normal,
-                           const Three& stretch, Lobes& sum) {
+                           Doubles exponent, Doubles masking2, Doubles fresnel, int distribution,
+                           const Three& normal, const Three& stretch, Lobes& sum) {
   const int width = s.layout->of[kind].width;
   double* const row = next_row(s, kind, sum);
   scatter3(row, s.stride, at, Tk);
@@ -95,6 +95,7 @@ inline void set_microfacet(const EvaluateStage& s, const Chosen& at, int kind, c
   if (width >= MicrofacetRow::kShaped) {
     scatter(row + MicrofacetRow::kMasking * s.stride, at, masking2);
     scatter(row + MicrofacetRow::kFresnel * s.stride, at, fresnel);
+    scatter(row + MicrofacetRow::kDistribution * s.stride, at, splat(distribution));
   }
   if (width >= MicrofacetRow::kTurned)
     scatter3(row + MicrofacetRow::kNormal * s.stride, s.stride, at, normal);
@@ -123,7 +124,7 @@ inline void set_fibre(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   scatter(row + FibreRow::kTilt * s.stride, at, splat(lobe.tilt));
   if (lobe.kind == GLINT_FIBRE_SPECULAR)
     set_microfacet(s, at, GLINT_SPECULAR, where(~here, (exponent + 2) / 8 * Tk), exponent, splat(0),
-                   splat(0), Three{}, Three{}, sum);
+                   splat(0), GLINT_BLINN_PHONG, Three{}, Three{}, sum);
 }
 
 /// A normal of the program, unit; `other` where it gives none. slot: 0 for that.
@@ -178,10 +179,16 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
   Three normal{};
   if (lobe.fresnel & GLINT_OUTSIDE) Tk = where(gather(s.outside, at), Tk);
   if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, sum, Tk);
-  const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
-  set_microfacet(s, at, GLINT_SPECULAR, Tk, lobe_number(p, lobe.exponent, lobe.exponent_slot),
-                 masking * masking, specular_fresnel(p, lobe), normal,
-                 lobe_stretch(s, at, p, lobe, normal), sum);
+  Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot), exponent;
+  if (lobe.distribution != GLINT_BLINN_PHONG) {
+    masking = larger(masking, splat(kLeastWidth));
+    exponent = 2 / (masking * masking) - 2;
+    Tk = 0.125 * (exponent + 2) * Tk;
+  } else {
+    exponent = lobe_number(p, lobe.exponent, lobe.exponent_slot);
+  }
+  set_microfacet(s, at, GLINT_SPECULAR, Tk, exponent, masking * masking, specular_fresnel(p, lobe),
+                 lobe.distribution, normal, lobe_stretch(s, at, p, lobe, normal), sum);
 }
 
 /// A MIRROR lobe as the highlight of `thrown` that throws its light on to what is matt: of GGX as
@@ -191,7 +198,8 @@ __attribute__((noinline)) void set_thrown(const EvaluateStage& s, const Chosen& 
   Three normal{};
   if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, sum, Tk);
   set_microfacet(s, at, GLINT_MIRROR, splat((s.thrown + 2) / 8) * Tk, splat(s.thrown),
-                 splat(2 / (s.thrown + 2)), specular_fresnel(p, lobe), normal, Three{}, sum);
+                 splat(2 / (s.thrown + 2)), specular_fresnel(p, lobe), GLINT_BLINN_PHONG, normal,
+                 Three{}, sum);
 }
 
 inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
@@ -370,7 +378,8 @@ __attribute__((noinline)) void take_lowered(const EvaluateStage& s, const Chosen
     const double* const row = s.specular + size_t(s.layout->row(GLINT_SPECULAR, number)) * s.stride;
     const auto column = [&](int of) { return gather(row + of * s.stride, at); };
     taken.add({column(0), column(1), column(2)}, column(MicrofacetRow::kExponent),
-              column(MicrofacetRow::kMasking), column(MicrofacetRow::kFresnel));
+              column(MicrofacetRow::kMasking), column(MicrofacetRow::kFresnel),
+              column(MicrofacetRow::kDistribution));
   }
   const Three less = taken.of(sum.ambient);
   sum.glow = sum.glow - less;

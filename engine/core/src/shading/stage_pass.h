@@ -2,9 +2,9 @@
 // so that rays of one kind are neighbours. Letters: d direction, n shading normal, g geometric
 // normal, T weight to the pixel, k coefficient of a lobe.
 #pragma once
+#include "shading/closure/distributions.h"
 #include "shading/closure/table.h"
 #include "shading/stage_bump.h"
-#include "shading/stage_math.h"
 #include "shading/stage_rows.h"
 #include "shading/stages.h"
 
@@ -60,17 +60,24 @@ inline Doubles place(const PassStage& s, const Chosen& at, Of of) {
 inline Three reflect(const Arriving& ray) { return unit(ray.d - (2 * dot(ray.d, ray.n)) * ray.n); }
 
 /// The half vectors that lie at the stage's place of a rough lobe, on the side that the rays come
-/// from (of a V-shaped groove the facet that is seen: Heitz, d'Eon 2014).
+/// from: of GGX as they are seen, else those of V-shaped grooves that are (Heitz, d'Eon
+/// 2014).
 inline Three facet_normal(const PassStage& s, const Chosen& at, const Arriving& ray,
-                          Doubles exponent) {
+                          Doubles exponent, int distribution) {
   const Three n = ray.n;
   const Doubles rest =
       smaller(place(s, at, [](const DiscPlace& p) { return p.radius2; }), splat(1 - 0x1p-53));
-  const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
   Three t1, t2;
   frame(n, t1, t2);
   const Doubles across = place(s, at, [](const DiscPlace& p) { return p.azimuth[0]; }),
                 along = place(s, at, [](const DiscPlace& p) { return p.azimuth[1]; });
+  if (distribution == GLINT_GGX) {
+    const Doubles width = root(1 / over_width2(exponent)), r = root(rest);
+    return sample_visible_normal(n, t1, t2, width, width, seen_from(n, -ray.d), r * across,
+                                 r * along);
+  }
+  const Doubles cosine2 =
+      drawn_cosine2(rest, exponent, Mask{} - int64_t(distribution == GLINT_BECKMANN));
   const Three up = root(cosine2) * n, aside = root(1 - cosine2) * (across * t1 + along * t2);
   const Three h = up + aside;
   return choose(dot(ray.d, h) < 0, h, up - aside);
@@ -222,7 +229,8 @@ inline void refract_rows(const PassStage& s, const LobeShape& lobe, size_t numbe
                   index = ray.relative(ior);
     const Doubles exponent = number_of(s, at, number, PassingTerm::kExponent, lobe.exponent);
     Arriving facet = ray;
-    if (rough) facet.n = choose(exponent > 0, facet_normal(s, at, ray, exponent), ray.n);
+    if (rough)
+      facet.n = choose(exponent > 0, facet_normal(s, at, ray, exponent, lobe.distribution), ray.n);
     const Three d = refract(facet, index);
     const Doubles back = lobe.fresnel ? fresnel(facet, lobe, ior) : splat(0);
     count.refraction +=

@@ -124,7 +124,8 @@ __attribute__((noinline)) void take_lowered(const ShadeStage& s) {
       taken.add(T * gather3(rows, rows.specular, at),
                 gather(rows, rows.specular, at + MicrofacetRow::kExponent),
                 gather(rows, rows.specular, at + MicrofacetRow::kMasking),
-                gather(rows, rows.specular, at + MicrofacetRow::kFresnel));
+                gather(rows, rows.specular, at + MicrofacetRow::kFresnel),
+                gather(rows, rows.specular, at + MicrofacetRow::kDistribution));
     }
     const Three less = taken.of(given);
     store3(s.sums.total, k, load3(s.sums.total, k) - less);

@@ -2,8 +2,8 @@
 // masking of GGX, a Fresnel factor, stretched or not (semantics/lobes.md). Letters: l direction
 // to the light, n shading normal, d ray, h half vector, k number of a group of points.
 #pragma once
+#include "shading/closure/distributions.h"
 #include "shading/closure/lobe_row.h"
-#include "shading/stage_math.h"
 #include "shading/stage_terminator.h"
 
 namespace glint {
@@ -11,8 +11,8 @@ namespace {
 
 /// The terms of a group of points whose highlights are narrower than the light.
 struct Narrow {
-  Doubles least,
-      total;  // their exponents are at least that; sum of |k| / (p + 1), 0 where there are none
+  Doubles least, total;  // their exponents are at least that; sum of their parts, 0 where there are
+                         // none
 };
 
 /// One lobe of a group of points.
@@ -25,6 +25,7 @@ struct Microfacet : LobeRow {
         exponent(number(MicrofacetRow::kExponent)) {}
   Doubles masking2() const { return number(MicrofacetRow::kMasking); }
   Doubles fresnel() const { return number(MicrofacetRow::kFresnel); }
+  Doubles distribution() const { return number(MicrofacetRow::kDistribution); }
   /// Its normal; n where it has none of its own.
   Three normal(const Three& n) const {
     const Three own = three(MicrofacetRow::kNormal);
@@ -38,8 +39,12 @@ struct Microfacet : LobeRow {
   Doubles weight(const Narrow& narrow) const {
     return where(exponent >= narrow.least, magnitude(k.x) + magnitude(k.y) + magnitude(k.z));
   }
-  /// How many of the drawn directions belong to it, of `total`.
-  Doubles part(const Narrow& narrow) const { return weight(narrow) / (exponent + 1); }
+  /// How many of the drawn directions belong to it, of `total`: |k| over 2 pi times what half
+  /// vectors are drawn by, integrated.
+  Doubles part(const Narrow& narrow, bool shaped) const {
+    return weight(narrow) /
+           (exponent + (shaped ? choose(distribution() > 0, splat(2), splat(1)) : splat(1)));
+  }
 };
 
 /// What of a lobe reflects, where that is asked for, of any width.
@@ -77,18 +82,72 @@ struct Stretch {
   }
 };
 
-/// max(0, cos)^p of slopes that are stretched: of the density of half vectors over theirs (q = 4),
-/// or over that of directions that are drawn from it (q = 3).
-inline Doubles stretched_highlight(const Slope& at, Doubles stretched_log, Doubles p, double q) {
-  return where(at.sharp, exponential(-0.5 * ((p + q) * stretched_log - q * at.log)));
+/// Whether rows of microfacets have a masking, a Fresnel factor and a distribution.
+inline bool is_shaped(const LitPoints& s) {
+  return s.lobes.layout->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
+}
+
+/// From where a lobe with the normal n is seen, and the cosines of that with n and the half vector.
+struct Viewer {
+  Three v;
+  Doubles cosine, of_half;
+  Viewer(const Three& n, const Three& d, const Three& h, const Slope& at)
+      : v(seen_from(n, -d)),
+        cosine(smaller(larger(dot(n, v), splat(0)), splat(1))),
+        of_half(larger(dot(v, h), splat(0)) / root(at.length2())) {}
+};
+
+/// What half vectors weigh in a lobe: its own density of them over that of the normal, and how
+/// densely they are drawn from it, over the same.
+struct HalfVectors {
+  Doubles weight, drawn;
+};
+inline void add_beckmann(const Slope& at, Mask here, Doubles weight, HalfVectors& found) {
+  found.weight = choose(here, weight, found.weight);
+  found.drawn = choose(here, at.cosine / root(at.length2()) * weight, found.drawn);
+}
+inline HalfVectors half_vectors(Slope& at, const Viewer& v, const Microfacet& lobe, bool shaped) {
+  const Doubles p = lobe.exponent, distribution = shaped ? lobe.distribution() : Doubles{};
+  const Mask is_ggx = distribution == MicrofacetRow::kGgx,
+             is_beckmann = distribution == MicrofacetRow::kBeckmann;
+  HalfVectors found{};
+  if (any(is_ggx)) {
+    found.weight = ggx(at, at.sine2, p);
+    found.drawn = visible_share(v.cosine, v.of_half, 1 - v.cosine * v.cosine, p) * found.weight;
+  }
+  if (all(is_ggx)) return found;
+  if (any(is_beckmann)) add_beckmann(at, is_beckmann, beckmann(at, at.sine2, p), found);
+  if (all(is_ggx | is_beckmann)) return found;
+  const Doubles power = highlight(at, p);
+  const Mask is_power = distribution == 0;
+  return {choose(is_power, power, found.weight), choose(is_power, power, found.drawn)};
+}
+
+/// The same of a lobe whose slopes are stretched. slopes2: the square of those, of the half vector.
+/// widths2: Stretch's of the viewer.
+inline HalfVectors stretched_half_vectors(Slope& at, const Viewer& v, const Microfacet& lobe,
+                                          Doubles slopes2, Doubles widths2) {
+  const Doubles p = lobe.exponent, weight = ggx(at, slopes2, p),
+                log = logarithm_of_one_and(slopes2, at.cosine * at.cosine);
+  const auto power = [&](double q) {
+    return where(at.sharp, exponential(-0.5 * ((p + q) * log - q * at.log())));
+  };
+  const Mask is_ggx = lobe.distribution() == MicrofacetRow::kGgx,
+             is_beckmann = lobe.distribution() == MicrofacetRow::kBeckmann;
+  HalfVectors found{
+      choose(is_ggx, weight, power(4)),
+      choose(is_ggx, visible_share(v.cosine, v.of_half, widths2, p) * weight, power(3))};
+  if (any(is_beckmann)) add_beckmann(at, is_beckmann, beckmann(at, slopes2, p), found);
+  return found;
 }
 
 /// Of lobes whose exponents are `least` or more.
 template <bool Reflecting>
 inline Narrow narrow_terms(const LitPoints& s, size_t k, Doubles least) {
+  const bool shaped = is_shaped(s);
   Narrow narrow = {least, Doubles{}};
   for (int number = 0; number < s.lobes.highlights; ++number)
-    narrow.total = narrow.total + microfacet<Reflecting>(s, k, number).part(narrow);
+    narrow.total = narrow.total + microfacet<Reflecting>(s, k, number).part(narrow, shaped);
   return narrow;
 }
 
@@ -106,13 +165,15 @@ __attribute__((always_inline)) inline Shine eval_microfacets(const LitPoints& s,
                                                              const Three& n, const Three& l,
                                                              Doubles cosine, const Narrow* narrow) {
   const bool turns = Bent && s.lobes.turns, stretches = Bent && s.lobes.stretches,
-             shaped = s.lobes.layout->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
+             shaped = is_shaped(s);
   const Three d = load3(s.d, k), h = l - d;
   const Doubles vh = root(larger(0.5 * (1 - dot(l, d)), splat(0)));
-  Slope at = slope(n, h);
+  Slope at(n, h);
+  Viewer v(n, d, h, at);
   Gloss gloss(cosine, seen_cosine(n, d), vh);
-  Three axis = n;  // of `at` and `gloss`
-  Doubles exponent = splat(0), power = splat(1);
+  Three axis = n;                                         // of `at` and `gloss`
+  Doubles exponent = splat(-1), distribution = splat(0);  // of `found`
+  HalfVectors found{};
   Shine sum{};
   for (int number = 0; number < s.lobes.highlights; ++number) {
     const Microfacet lobe = microfacet<Reflecting>(s, k, number);
@@ -121,26 +182,31 @@ __attribute__((always_inline)) inline Shine eval_microfacets(const LitPoints& s,
       const Three own = lobe.normal(n);
       if (bits(nonzero(own - axis))) {
         axis = own;
-        at = slope(axis, h);
+        at = Slope(axis, h);
+        v = Viewer(axis, d, h, at);
         gloss = Gloss(dot(axis, l), seen_cosine(axis, d), vh);
-        power = highlight(at, exponent);
+        exponent = splat(-1);
       }
     }
-    if (bits(lobe.exponent != exponent)) {
+    const Doubles own = shaped ? lobe.distribution() : splat(0);
+    if (bits((lobe.exponent != exponent) | (own != distribution))) {
       exponent = lobe.exponent;
-      power = highlight(at, exponent);
+      distribution = own;
+      found = half_vectors(at, v, lobe, shaped);
     }
-    Doubles factor = power, density = power;
-    if (shaped) factor = power * gloss.factor<Bent>(lobe.masking2(), lobe.fresnel());
+    Doubles factor = found.weight, density = found.drawn;
+    if (shaped) factor = factor * gloss.factor<Bent>(lobe.masking2(), lobe.fresnel(), own);
     if (stretches) {
       const Stretch stretch(lobe, axis);
       if (bits(stretch.some)) {
-        const Doubles c = dot(axis, h), log = logarithm_of_one_and(stretch.slopes2(h), c * c),
-                      given = stretched_highlight(at, log, exponent, 4) *
-                              gloss.stretched_factor(lobe.masking2(), lobe.fresnel(),
-                                                     stretch.widths2(d), stretch.widths2(l));
-        factor = choose(stretch.some, given, factor);
-        density = choose(stretch.some, stretched_highlight(at, log, exponent, 3), density);
+        const HalfVectors given =
+            stretched_half_vectors(at, v, lobe, stretch.slopes2(h), stretch.widths2(v.v));
+        factor =
+            choose(stretch.some,
+                   given.weight * gloss.stretched_factor(lobe.masking2(), lobe.fresnel(), own,
+                                                         stretch.widths2(d), stretch.widths2(l)),
+                   factor);
+        density = choose(stretch.some, given.drawn, density);
       }
     }
     if (turns) factor = where(dot(axis, l) > 0, factor);
@@ -178,32 +244,47 @@ struct Drawn {
 template <bool Reflecting, bool Bent>
 inline Drawn sample_microfacets(const LitPoints& s, size_t k, const Three& n, const Narrow& narrow,
                                 const LobePlace& place) {
+  const bool shaped = is_shaped(s);
   const Doubles at = place.radius2 * narrow.total;
-  Doubles before{}, rest{}, exponent{}, narrowest{};
+  Doubles before{}, rest{}, exponent{}, narrowest{}, distribution{};
   Three axis = n, stretch{};
   for (int number = 0; number < s.lobes.highlights; ++number) {
     const Microfacet lobe = microfacet<Reflecting>(s, k, number);
-    const Doubles part = lobe.part(narrow);
+    const Doubles part = lobe.part(narrow, shaped);
     const Mask here = (part > 0) & (at >= before);
     rest = choose(here, (at - before) / part, rest);
     exponent = choose(here, lobe.exponent, exponent);
+    if (shaped) distribution = choose(here, lobe.distribution(), distribution);
     narrowest = larger(narrowest, where(part > 0, lobe.exponent));
     if (Bent && s.lobes.turns) axis = choose(here, lobe.normal(n), axis);
     if (Bent && s.lobes.stretches) stretch = choose(here, Stretch(lobe, n).t, stretch);
     before = before + part;
   }
   rest = smaller(rest, splat(1 - 0x1p-53));
-  const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
-  Three t1, t2;
+  const Three d = load3(s.d, k);
+  Three t1, t2, h{};
   frame(axis, t1, t2);
-  Three h = root(cosine2) * axis + root(1 - cosine2) * (place.across * t1 + place.along * t2);
+  Doubles longer = splat(1);  // slopes along t1 are over that, those along t2 times
   if (Bent && s.lobes.stretches) {
     const Mask some = nonzero(stretch);
-    const Doubles size2 = choose(some, dot(stretch, stretch), splat(1));
-    const Three aside = place.across / size2 * stretch + place.along * cross(axis, stretch);
-    h = choose(some, unit(root(cosine2) * axis + root(1 - cosine2) * aside), h);
+    longer = choose(some, length(stretch), longer);
+    t1 = choose(some, 1 / longer * stretch, t1);
+    t2 = choose(some, cross(axis, t1), t2);
   }
-  const Three d = load3(s.d, k);
+  const Mask is_ggx = distribution == MicrofacetRow::kGgx;
+  if (!all(is_ggx)) {
+    const Doubles cosine2 = drawn_cosine2(rest, exponent, distribution == MicrofacetRow::kBeckmann);
+    const Three aside = place.across / longer * t1 + place.along * longer * t2;
+    h = root(cosine2) * axis + root(1 - cosine2) * aside;
+    if (Bent && s.lobes.stretches) h = choose(longer != 1, unit(h), h);
+  }
+  if (any(is_ggx)) {
+    const Doubles width = root(1 / over_width2(exponent)), r = root(rest);
+    h = choose(is_ggx,
+               sample_visible_normal(axis, t1, t2, width / longer, width * longer,
+                                     seen_from(axis, -d), r * place.across, r * place.along),
+               h);
+  }
   const Doubles c = dot(d, h);
   return {d - 2 * c * h, (narrow.total > 0) & (c < 0), narrowest};
 }
@@ -212,19 +293,20 @@ inline Drawn sample_microfacets(const LitPoints& s, size_t k, const Three& n, co
 /// ever less slanting the wider the lobe. Less what rays show, and metals' where any do.
 inline Three microfacet_albedo(const LitPoints& s, size_t k) {
   const Doubles seen = seen_cosine(load3(s.n, k), load3(s.d, k));
-  const bool shaped = s.lobes.layout->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
   Three sum{};
-  for (int number = 0; shaped && number < s.lobes.highlights; ++number) {
+  for (int number = 0; is_shaped(s) && number < s.lobes.highlights; ++number) {
     const Microfacet lobe(s, k, number);
-    const Doubles masking2 = lobe.masking2(), fresnel = lobe.fresnel(), p = lobe.exponent;
+    const Doubles masking2 = lobe.masking2(), fresnel = lobe.fresnel(), p = lobe.exponent,
+                  of = lobe.distribution();
     const Mask good = masking2 > 0, dielectric = good & (fresnel > 0);
     if (!any((s.lobes.shows_nothing ? good : dielectric) & nonzero(lobe.k))) continue;
     if (s.lobes.shows_nothing) {
-      sum = sum + where(good, of_even_light(seen, p, masking2, fresnel) * lobe.k);
+      sum = sum + where(good, of_even_light(seen, p, masking2, fresnel, of) * lobe.k);
       continue;
     }
     const Doubles rest = 1 - splat(s.lobes.shown);
-    sum = sum + where(dielectric, rest * of_even_light<false>(seen, p, masking2, fresnel) * lobe.k);
+    sum = sum +
+          where(dielectric, rest * of_even_light<false>(seen, p, masking2, fresnel, of) * lobe.k);
   }
   return sum;
 }
