@@ -61,7 +61,7 @@ def test_a_ball_in_an_even_world(kind: str, roughness: float, backend: str) -> N
     data = (camera or scene.camera).data
     data.type, data.ortho_scale = "ORTHO", 2 / 0.95
     settings = {
-        "samples": 16 if backend == "NATIVE" else 3,
+        "samples": 16 if backend == "NATIVE" else 8,
         "light_samples": 8,
         "max_bounces": 1,
         "filter_width": 0.0,
