@@ -354,7 +354,7 @@ def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array, A
 
 def facet_normal(v: Array, n: Array, term: Term, point: LightPoint) -> Array:
     """(3, n) the half vector at the point of a rough lobe, on the viewer's side: of GGX as they are
-    seen, of a power that of a V-shaped groove (Heitz, d'Eon 2014).
+    seen, else the facet of a V-shaped groove that is (Heitz, d'Eon 2014).
     """
     share = min(float(np.square(point.disc).sum()), 1 - 2.0**-53)
     h = sample(n, v, point, share, term.exponent, distribution=term.lobe.distribution)

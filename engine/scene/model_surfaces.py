@@ -92,12 +92,12 @@ class Lobe:
     AMBIENT, DIFFUSE and OREN_NAYAR ones are times (1 - n·v) to that power. masking: the α of
     Smith's shadowing and masking, as GGX has them, 0 for none; by GGX and BECKMANN the width of a
     SPECULAR lobe, whose exponent is not read. ior: on REFRACTION the index inside the surface, on
-    TRANSPARENT that for light to lit points alone, which is less where it comes
-    from a narrower cone inside (semantics/shadows.md). width, lean: of a SHEEN lobe. size, smooth:
-    of a TOON lobe and its smooth edge, shares of a right angle. fan: how far the light of a FIBRE
-    lobe fans out round the tangent, 0 for as far as normals do; tilt: the tangent of half of how
-    far it leans along the fibre, against the tangent. aov: the number of the AOV that an EMISSION
-    lobe of `Material.aovs` is for.
+    TRANSPARENT that for light to lit points alone, which is less where it comes from a narrower
+    cone inside (semantics/shadows.md). width, lean: of a SHEEN lobe. size, smooth: of a TOON lobe
+    and its smooth edge, shares of a right angle. fan: how far the light of a FIBRE lobe fans out
+    round the tangent, 0 for as far as normals do; tilt: the tangent of half of how far it leans
+    along the fibre, against the tangent. aov: the number of the AOV that an EMISSION lobe of
+    `Material.aovs` is for.
     …_output: which output of the material's program, a number, gives the parameter instead, kept
     from 0 to what stands here (an ior stands where the output is not from 1e-30 to 1e30); -1 for
     none.

@@ -3,11 +3,10 @@ Cycles' microfacets.
 
     python tests/cycles/fit_roughness.py
 
-World: GGX's reflectance of a uniform
-world, integrated with Schlick's weight or a dielectric's Fresnel reflectance, by its largest
-relative error from 6° to 90° for F0 = 0.03 and 0.04. Layer: the same for what a dielectric layer
-keeps from what lies below it, by its largest error: A as it is and B where it scatters until light
-is out, 1 and B / A where it scatters once, as Cycles has it.
+World: GGX's reflectance of a uniform world, integrated with Schlick's weight or a dielectric's
+Fresnel reflectance, by its largest relative error from 6° to 90° for F0 = 0.03 and 0.04. Layer: the
+same for what a dielectric layer keeps from what lies below it, by its largest error: A as it is and
+B where it scatters until light is out, 1 and B / A where it scatters once, as Cycles has it.
 
 Measured in Cycles: the single lobe that stands for the Blinn-Phong node there, and GGX's albedo.
 Set-up: ORTHO camera along -z, one sun of angle 0, a wall of small quads, one per pixel, each turned

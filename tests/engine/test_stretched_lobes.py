@@ -38,9 +38,15 @@ def brushed(along, *lobes: s.Lobe) -> s.Material:
     )
 
 
-def wanted(p: float, alpha: float, t: np.ndarray, l: np.ndarray) -> float:  # noqa: E741
+def wanted(
+    p: float,
+    alpha: float,
+    t: np.ndarray,
+    l: np.ndarray,  # noqa: E741
+    distribution: str = "BLINN_PHONG",
+) -> float:
     """A highlight at a plane seen from above: in slopes x along t and y across it, x |t|, y / |t|,
-    and GGX's masking of as much.
+    and masking of as much (Walter, Marschner, Li, Torrance 2007).
     """
     size = np.linalg.norm(t)
     x, y = t / size, np.cross(UP, t / size)
@@ -49,20 +55,30 @@ def wanted(p: float, alpha: float, t: np.ndarray, l: np.ndarray) -> float:  # no
     power = (1 + slope @ slope) ** (-(p + 4) / 2) / h[2] ** 4
     if alpha == 0:
         return power
+    if distribution == "GGX":
+        power = 1 / (4 * alpha**2 * h[2] ** 4 * (1 + slope @ slope / alpha**2) ** 2)
+    elif distribution == "BECKMANN":
+        power = np.exp(-slope @ slope / alpha**2) / (4 * alpha**2 * h[2] ** 4)
     tangents = np.array([l @ x / size, l @ y * size]) * alpha / l[2]
+    if distribution == "BECKMANN":
+        a = 1 / np.sqrt(tangents @ tangents)
+        whole = (3.535 * a + 2.181 * a**2) / (1 + 2.276 * a + 2.577 * a**2)
+        return power * (whole if a < 1.6 else 1.0)
     return power * 2 / (1 + np.sqrt(1 + tangents @ tangents))  # v along n: no masking of it
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("alpha", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("alpha", "distribution"), [(0.0, "BLINN_PHONG"), *((0.3, name) for name in s.DISTRIBUTIONS)]
+)
 @pytest.mark.parametrize("size", [0.3, 1.0, 4.0])
-def test_a_plane_under_a_sun(size: float, alpha: float, backend: str) -> None:
+def test_a_plane_under_a_sun(size: float, alpha: float, distribution: str, backend: str) -> None:
     t = size * np.array([0.8, 0.6, 0.0])
-    lobe = s.Lobe("SPECULAR", constant(0.5), 12.0, masking=alpha)
+    lobe = s.Lobe("SPECULAR", constant(0.5), 12.0, masking=alpha, distribution=distribution)
     for direction in ((0.6, 0.2, 0.8), (-0.5, 0.9, 0.6), (0.1, 0.05, 1.0)):
         l = np.array(direction) / np.linalg.norm(direction)  # noqa: E741
         scene = replace(plane(MATT, lights=(sun_from(l),)), materials=(brushed(t, lobe),))
-        expected = 0.5 * wanted(12.0, alpha, t, l)
+        expected = 0.5 * wanted(12.0, alpha, t, l, distribution)
         np.testing.assert_allclose(in_middle(scene, backend), expected, rtol=2e-5, atol=1e-7)
 
 
@@ -110,12 +126,16 @@ def test_stretching_keeps_what_half_vectors_add_up_to(p: float, size: float) -> 
 
 GLOSS = s.Lobe("SPECULAR", constant(0.4), 30.0, 1.5, fresnel=True, masking=0.3)
 NARROW = s.Lobe("SPECULAR", constant(0.3), 300.0, masking=0.05)
+SLOPES = tuple(
+    s.Lobe("SPECULAR", constant(0.2), masking=0.2, distribution=name)
+    for name in s.DISTRIBUTIONS[1:]
+)
 SETTINGS = {"samples": 4, "max_bounces": 2, "reflections": "ALL"}
 
 
 def lit(name: str, along=(0.3, 0.1, 0.05)) -> s.Scene:
     scene = balls(MATT, lights=lights()[name], world=s.World(background=(0.2, 0.3, 0.4)))
-    return replace(scene, materials=(brushed(along, MATT, GLOSS, NARROW),))
+    return replace(scene, materials=(brushed(along, MATT, GLOSS, NARROW, *SLOPES),))
 
 
 @needs_core
@@ -137,7 +157,7 @@ def test_without_a_direction_nothing_is_stretched(along, backend: str) -> None:
     settings = Settings(backend=backend, **SETTINGS)
     found = render(lit("area", along), settings).passes["Combined"]
     plain = lit("area")
-    lobes = (MATT, GLOSS, NARROW)
+    lobes = (MATT, GLOSS, NARROW, *SLOPES)
     plain = replace(plain, materials=(s.Material("plain", lobes),))
     np.testing.assert_array_equal(found, render(plain, settings).passes["Combined"])
 

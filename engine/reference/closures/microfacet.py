@@ -17,7 +17,7 @@ from .term import Term, taken
 Array = np.ndarray
 
 LEAST_WIDTH = 2.0**-20
-"""Those of GGX and Beckmann are at least as wide as that."""
+"""The least width α of a lobe of GGX or Beckmann."""
 
 
 def evaluate(

@@ -150,7 +150,7 @@ void Tracer::widen(const Queue& queue) {
       double* const column = batch_.lobe_row(GLINT_SPECULAR, number) + k;
       double& exponent = column[MicrofacetRow::kExponent * batch_.stride];
       if (!(exponent > widest)) continue;
-      // as bright in all, by what half vectors are drawn by
+      // as bright in all: by the integral of what half vectors are drawn by
       const double more =
           shaped && column[MicrofacetRow::kDistribution * batch_.stride] > 0 ? 2 : 1;
       for (size_t c = 0; c < 3; ++c)

@@ -181,6 +181,7 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
   if (lobe.normal_slot != 0 || is_micro(s, lobe)) normal = lobe_normal(s, at, p, lobe, sum, Tk);
   Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot), exponent;
   if (lobe.distribution != GLINT_BLINN_PHONG) {
+    // of a power as wide; the density of half vectors over that of the normal is over 4 alpha^2
     masking = larger(masking, splat(kLeastWidth));
     exponent = 2 / (masking * masking) - 2;
     Tk = 0.125 * (exponent + 2) * Tk;

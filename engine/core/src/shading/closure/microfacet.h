@@ -87,57 +87,69 @@ inline bool is_shaped(const LitPoints& s) {
   return s.lobes.layout->of[GLINT_SPECULAR].width >= MicrofacetRow::kShaped;
 }
 
-/// From where a lobe with the normal n is seen, and the cosines of that with n and the half vector.
-struct Viewer {
-  Three v;
-  Doubles cosine, of_half;
-  Viewer(const Three& n, const Three& d, const Three& h, const Slope& at)
-      : v(seen_from(n, -d)),
-        cosine(smaller(larger(dot(n, v), splat(0)), splat(1))),
-        of_half(larger(dot(v, h), splat(0)) / root(at.length2())) {}
+/// A normal, a ray and the half vector of it and a light.
+struct Facing {
+  Three n, d, h;
 };
+
+/// `visible_share` of a lobe. stretch: or null, where it is round.
+inline Doubles visible_share(const Slope& at, const Facing& f, Doubles p, const Stretch* stretch) {
+  const Three v = seen_from(f.n, -f.d);
+  const Doubles nv = smaller(larger(dot(f.n, v), splat(0)), splat(1)),
+                vh = larger(dot(v, f.h), splat(0)) / root(at.length2()),
+                rest2 = stretch ? stretch->widths2(v) : 1 - nv * nv;
+  return visible_share(nv, vh, rest2, p);
+}
 
 /// What half vectors weigh in a lobe: its own density of them over that of the normal, and how
 /// densely they are drawn from it, over the same.
 struct HalfVectors {
   Doubles weight, drawn;
+
+  /// Puts others in their place.
+  void set(Mask here, Doubles other_weight, Doubles other_drawn) {
+    weight = choose(here, other_weight, weight);
+    drawn = choose(here, other_drawn, drawn);
+  }
 };
-inline void add_beckmann(const Slope& at, Mask here, Doubles weight, HalfVectors& found) {
-  found.weight = choose(here, weight, found.weight);
-  found.drawn = choose(here, at.cosine / root(at.length2()) * weight, found.drawn);
-}
-inline HalfVectors half_vectors(Slope& at, const Viewer& v, const Microfacet& lobe, bool shaped) {
-  const Doubles p = lobe.exponent, distribution = shaped ? lobe.distribution() : Doubles{};
+
+/// Of GGX and Beckmann, which depend on slopes alone. stretch: or null, where the lobe is round.
+inline void set_slopes(Slope& at, const Facing& f, Doubles p, Doubles distribution,
+                       const Stretch* stretch, HalfVectors& found) {
   const Mask is_ggx = distribution == MicrofacetRow::kGgx,
              is_beckmann = distribution == MicrofacetRow::kBeckmann;
-  HalfVectors found{};
+  const Doubles slopes2 = stretch ? stretch->slopes2(f.h) : at.sine2;
   if (any(is_ggx)) {
-    found.weight = ggx(at, at.sine2, p);
-    found.drawn = visible_share(v.cosine, v.of_half, 1 - v.cosine * v.cosine, p) * found.weight;
+    const Doubles weight = ggx(at, slopes2, p);
+    found.set(is_ggx, weight, visible_share(at, f, p, stretch) * weight);
   }
-  if (all(is_ggx)) return found;
-  if (any(is_beckmann)) add_beckmann(at, is_beckmann, beckmann(at, at.sine2, p), found);
-  if (all(is_ggx | is_beckmann)) return found;
-  const Doubles power = highlight(at, p);
-  const Mask is_power = distribution == 0;
-  return {choose(is_power, power, found.weight), choose(is_power, power, found.drawn)};
+  if (any(is_beckmann)) {
+    const Doubles weight = beckmann(at, slopes2, p);
+    found.set(is_beckmann, weight, at.cosine / root(at.length2()) * weight);
+  }
 }
 
-/// The same of a lobe whose slopes are stretched. slopes2: the square of those, of the half vector.
-/// widths2: Stretch's of the viewer.
-inline HalfVectors stretched_half_vectors(Slope& at, const Viewer& v, const Microfacet& lobe,
-                                          Doubles slopes2, Doubles widths2) {
-  const Doubles p = lobe.exponent, weight = ggx(at, slopes2, p),
-                log = logarithm_of_one_and(slopes2, at.cosine * at.cosine);
-  const auto power = [&](double q) {
-    return where(at.sharp, exponential(-0.5 * ((p + q) * log - q * at.log())));
-  };
-  const Mask is_ggx = lobe.distribution() == MicrofacetRow::kGgx,
-             is_beckmann = lobe.distribution() == MicrofacetRow::kBeckmann;
-  HalfVectors found{
-      choose(is_ggx, weight, power(4)),
-      choose(is_ggx, visible_share(v.cosine, v.of_half, widths2, p) * weight, power(3))};
-  if (any(is_beckmann)) add_beckmann(at, is_beckmann, beckmann(at, slopes2, p), found);
+inline HalfVectors half_vectors(Slope& at, const Facing& f, const Microfacet& lobe, bool shaped) {
+  const Doubles p = lobe.exponent, distribution = shaped ? lobe.distribution() : Doubles{};
+  HalfVectors found{};
+  if (any(distribution == 0)) found.weight = found.drawn = highlight(at, p);
+  if (any(distribution > 0)) set_slopes(at, f, p, distribution, nullptr, found);
+  return found;
+}
+
+/// The same of a lobe whose slopes are stretched.
+inline HalfVectors stretched_half_vectors(Slope& at, const Facing& f, const Microfacet& lobe,
+                                          const Stretch& stretch) {
+  const Doubles p = lobe.exponent, distribution = lobe.distribution();
+  HalfVectors found{};
+  if (any(distribution == 0)) {
+    const Doubles log = logarithm_of_one_and(stretch.slopes2(f.h), at.cosine * at.cosine);
+    const auto power = [&](double q) {
+      return where(at.sharp, exponential(-0.5 * ((p + q) * log - q * at.log())));
+    };
+    found = {power(4), power(3)};
+  }
+  if (any(distribution > 0)) set_slopes(at, f, p, distribution, &stretch, found);
   return found;
 }
 
@@ -169,7 +181,6 @@ __attribute__((always_inline)) inline Shine eval_microfacets(const LitPoints& s,
   const Three d = load3(s.d, k), h = l - d;
   const Doubles vh = root(larger(0.5 * (1 - dot(l, d)), splat(0)));
   Slope at(n, h);
-  Viewer v(n, d, h, at);
   Gloss gloss(cosine, seen_cosine(n, d), vh);
   Three axis = n;                                         // of `at` and `gloss`
   Doubles exponent = splat(-1), distribution = splat(0);  // of `found`
@@ -183,7 +194,6 @@ __attribute__((always_inline)) inline Shine eval_microfacets(const LitPoints& s,
       if (bits(nonzero(own - axis))) {
         axis = own;
         at = Slope(axis, h);
-        v = Viewer(axis, d, h, at);
         gloss = Gloss(dot(axis, l), seen_cosine(axis, d), vh);
         exponent = splat(-1);
       }
@@ -192,15 +202,14 @@ __attribute__((always_inline)) inline Shine eval_microfacets(const LitPoints& s,
     if (bits((lobe.exponent != exponent) | (own != distribution))) {
       exponent = lobe.exponent;
       distribution = own;
-      found = half_vectors(at, v, lobe, shaped);
+      found = half_vectors(at, {axis, d, h}, lobe, shaped);
     }
     Doubles factor = found.weight, density = found.drawn;
     if (shaped) factor = factor * gloss.factor<Bent>(lobe.masking2(), lobe.fresnel(), own);
     if (stretches) {
       const Stretch stretch(lobe, axis);
       if (bits(stretch.some)) {
-        const HalfVectors given =
-            stretched_half_vectors(at, v, lobe, stretch.slopes2(h), stretch.widths2(v.v));
+        const HalfVectors given = stretched_half_vectors(at, {axis, d, h}, lobe, stretch);
         factor =
             choose(stretch.some,
                    given.weight * gloss.stretched_factor(lobe.masking2(), lobe.fresnel(), own,

@@ -7,14 +7,15 @@
 
 namespace glint {
 
-/// Lobes of GGX and Beckmann are at least as wide as that.
+/// The least width alpha of a lobe of GGX or Beckmann: one over its square, squared, is finite.
 constexpr double kLeastWidth = 0x1p-20;
 
 /// Columns of SPECULAR lobes, and of MIRROR ones as highlights (EvaluateStage::thrown): k (three)
-/// and the exponent, of GGX that whose width is its own; where some lobe of the scene is shaped,
-/// the square of its masking, what `fresnel` says and its GlintDistribution; where some may have a
-/// normal of its own that, 0 for the point's; where some may be stretched a direction across it, as
-/// long as slopes of half vectors along it are times, and those across both over that, 0 for none.
+/// and the exponent, of GGX and Beckmann that of a power as wide; where some lobe of the scene is
+/// shaped, the square of its masking, what `fresnel` says and its GlintDistribution; where some may
+/// have a normal of its own that, 0 for the point's; where some may be stretched a direction across
+/// it, as long as slopes of half vectors along it are times, and those across both over that, 0 for
+/// none.
 struct MicrofacetRow {
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kDistribution = 6,
                        kShaped = 7, kNormal = 7, kTurned = 10, kStretch = 10, kStretched = 13;
