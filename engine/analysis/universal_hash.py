@@ -13,6 +13,9 @@ from ..native.packer import address
 
 Array = np.ndarray
 
+BLOCK_BYTES = 4 * Hash.BLOCK
+"""Of arrays of whole blocks, the bytes of one after the other are those of all in a row."""
+
 
 def condensed(values: Array) -> bytes:
     """Bytes that say which the array's are: those of less than a block (4 KiB) themselves; of more,
@@ -20,7 +23,7 @@ def condensed(values: Array) -> bytes:
     size that differ, all sums of a block are the same by a chance of 2^-128.
     """
     flat = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
-    if flat.size < 4 * Hash.BLOCK:
+    if flat.size < BLOCK_BYTES:
         return flat.tobytes()
     whole = flat.size - flat.size % 4
     return _sums(flat[:whole].view(np.uint32)).tobytes() + flat[whole:].tobytes()

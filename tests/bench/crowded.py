@@ -2,12 +2,14 @@
 beside Cycles, four samples, all light.
 
     python tests/bench/crowded.py [--scenes NAME …] [--engines GLINT CYCLES] [--rounds 3]
+    [--size 480 270]
 
 Processor seconds of a whole render, the least of so many in one process, which has drawn the scene
 once before and forgets its images in between; megabytes are of the peak above what the process held
 before its first render. Of Glint's are told apart the export, the lights that Python finds (glowing
 meshes, openings of rooms), the checks and packing, and the hash of the scene's stamp; "core" is the
-rest, BVHs and rays, with the wall seconds of the BVHs in brackets. With --hash the picture's hash.
+rest, BVHs and rays, with the wall seconds of the BVHs in brackets. With --size 16 9 there are hardly
+any rays. With --hash the picture's hash.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -32,7 +34,6 @@ from stages import TESTS, require_core, run_worker, status_megabytes
 
 sys.path.append(str(TESTS / "blender"))
 
-SIZE = (480, 270)
 SAMPLES = 4
 IMAGE_SIDE = 4096
 PARTS = ("export", "lights", "packing", "stamp")
@@ -45,24 +46,24 @@ def main() -> int:
     parser.add_argument("--scenes", nargs="+", default=list(CROWDED), choices=CROWDED)
     parser.add_argument("--engines", nargs="+", default=["GLINT", "CYCLES"])
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--size", nargs=2, type=int, default=(480, 270))
     parser.add_argument("--hash", action="store_true", help="tell the hash of Glint's picture")
     parser.add_argument("--worker", nargs=3, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.worker:
         scene, engine, folder = options.worker
         CROWDED[scene](open_empty(), Path(folder))
-        result = measure(engine, options.rounds)
+        result = measure(engine, options.rounds, options.size)
         print("RESULT " + json.dumps(result), flush=True)
         os._exit(0)  # Blender takes seconds to free a hundred thousand objects
     require_core()
     columns = ("Glint s", *PARTS, "core (BVHs)", "Cycles s", "ratio", "Glint MB", "Cycles MB")
     print(f"| scene | {' | '.join((*columns, 'ratio'))} |\n|{'---|' * (len(columns) + 2)}")
+    asked = ["--rounds", str(options.rounds), "--size", *map(str, options.size)]
     with tempfile.TemporaryDirectory() as folder:
         for scene in options.scenes:
             found = {
-                engine: run_worker(
-                    __file__, "--rounds", str(options.rounds), "--worker", scene, engine, folder
-                )
+                engine: run_worker(__file__, *asked, "--worker", scene, engine, folder)
                 for engine in options.engines
             }
             print(row_of(scene, found), flush=True)
@@ -83,13 +84,14 @@ def row_of(scene: str, found: dict[str, dict]) -> str:
     return f"| {scene} | {' | '.join(cells)} |"
 
 
-def measure(engine: str, rounds: int) -> dict:
+def measure(engine: str, rounds: int, size: tuple[int, int]) -> dict:
     """Of the quickest of so many renders of the present scene."""
     import bpy
 
     import front_scenes
 
     scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = size
     if engine == "GLINT":
         require_core()
         scene.render.engine, scene.glint.final.samples = "GLINT", SAMPLES
@@ -159,7 +161,6 @@ def open_empty():
     glint.register()
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
     made_scenes.sky(scene, (0.3, 0.4, 0.5))
     return scene
 
@@ -209,7 +210,7 @@ def image(folder: Path, number: int, side: int, kind: str):
         made.filepath_raw, made.file_format = str(path), "JPEG" if kind == "jpg" else "PNG"
         made.save()
         bpy.data.images.remove(made)
-    return bpy.data.images.load(str(path))
+    return bpy.data.images.load(str(path), check_existing=True)
 
 
 def tile(name: str, side: int, scale: float, waves: float, material):
@@ -274,9 +275,8 @@ def objects(scene, folder: Path) -> None:
 
 def instances(scene, folder: Path) -> None:
     """A hundred thousand, by geometry nodes."""
-    from test_export_instances import scatter
-
     from made_scenes import principled
+    from test_export_instances import scatter
 
     _, part = scatter(100_000)
     part.data.materials.append(principled("leaf", (0.2, 0.6, 0.2)))

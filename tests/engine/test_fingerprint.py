@@ -1,5 +1,6 @@
 """Fingerprints: equal values give equal ones, and every change gives another."""
 
+import hashlib
 import json
 from dataclasses import replace
 
@@ -153,3 +154,14 @@ def test_settings_without_threads():
     assert settings_text(replace(base, threads=7)) == settings_text(base)
     assert settings_text(replace(base, samples=17)) != settings_text(base)
     assert json.loads(settings_text(base))["passes"] == ["Depth", "Normal"]
+
+
+@pytest.mark.parametrize("words", [1024, 2048, 1023])
+def test_arrays_of_one_shape_are_hashed_as_if_stacked(monkeypatch, words):
+    """So that stamps stay the same; without a copy where they are whole blocks, as images are."""
+    arrays = list(np.random.default_rng(words).random((3, words, 1), np.float32))
+    stacked = np.stack(arrays)
+    if words % 1024 == 0:
+        monkeypatch.delattr(np, "stack")
+    wanted = hashlib.sha256(f"arrays 3array <f4 (3, {words}, 1)".encode() + condensed(stacked))
+    assert value_fingerprint(arrays) == wanted.hexdigest()
