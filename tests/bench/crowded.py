@@ -8,8 +8,8 @@ Processor seconds of a whole render, the least of so many in one process, which 
 once before and forgets its images in between; megabytes are of the peak above what the process held
 before its first render. Of Glint's are told apart the export, the lights that Python finds (glowing
 meshes, openings of rooms), the checks and packing, and the hash of the scene's stamp; "core" is the
-rest, BVHs and rays, with the wall seconds of the BVHs in brackets. With --size 16 9 there are hardly
-any rays. With --hash the picture's hash.
+rest, BVHs and rays, with the wall seconds of the BVHs in brackets. With --size 16 9 there are few
+rays. With --hash the picture's hash.
 """
 
 # ruff: noqa: T201  (a command talks to a person)

@@ -98,6 +98,11 @@ def drawn(scene: Scene, backend: str = "NATIVE", **settings) -> engine.Film:
     return engine.render(scene, Settings(backend=backend, **settings))
 
 
+def mirror(share: float) -> Material:
+    lobes = (Lobe("DIFFUSE", (Input((0.5, 0.5, 0.5)),)), Lobe("MIRROR", (Input((share,) * 3),)))
+    return Material(f"mirror {share}", lobes)
+
+
 def rms(a: np.ndarray) -> float:
     return float(np.sqrt((a.astype(float) ** 2).mean()))
 
@@ -124,6 +129,8 @@ SCENES = {
     "clusters and more": scene_of(
         grid(12, kind="AREA", size_x=0.5, size_y=0.4) + grid(70) + (lamp(0, 0, 5, "SUN"),), GLOSS
     ),
+    # what the first one reflects is faint: it takes few samples of other lights
+    "mirrors": replace(scene_of(grid(81, radius=0.1)), materials=(mirror(0.03), mirror(0.7))),
 }
 
 
@@ -288,7 +295,7 @@ def test_light_before_shadows_is_that_of_all_lamps_and_parts_sum_to_combined() -
     assert apart(shared, alone) < 1e-6
 
 
-@pytest.mark.parametrize("name", ["mixed", "clusters and more", "clusters of balls"])
+@pytest.mark.parametrize("name", ["mixed", "clusters and more", "clusters of balls", "mirrors"])
 def test_regions_threads_and_waves_change_no_bit(name: str) -> None:
     scene, settings = SCENES[name], {"samples": 8, "light_samples": 2, "error_threshold": 2.0}
     whole = drawn(scene, **settings, threads=1)

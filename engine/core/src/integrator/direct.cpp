@@ -37,12 +37,19 @@ DirectLight::DirectLight(const LightContext& context)
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, bool alone) {
   lit.begin(batch, sample, alone);
-  if (!find_few(batch)) return add_lights(batch, sample);
+  some_few_ = find_few(batch);
+  add_lights(batch, sample);
+}
+
+/// Does something with the points that take all samples of lights, then with those that take few.
+template <class Body>
+void DirectLight::each_share(Batch& batch, Body body) {
+  if (!some_few_) return body();
   whole_.assign(batch.lit, batch.lit + batch.size());
   for (const bool few : {false, true}) {
     for (size_t k = 0; k < batch.size(); ++k) batch.lit[k] = few_[k] == few ? whole_[k] : 0;
     takes_few_ = few;
-    add_lights(batch, sample);
+    body();
   }
   takes_few_ = false;
   std::copy(whole_.begin(), whole_.end(), batch.lit);
@@ -76,28 +83,31 @@ void DirectLight::add_lights(Batch& batch, uint32_t sample) {
   lit.points.lobes.highlights = batch.highlights();
 }
 
-/// Of those that `takes` says. So lights that share shadow rays share them among themselves.
+/// Of those that `takes` says. So lights that share shadow rays share them among themselves; of
+/// lamps each point looks at all, whether it takes few or not.
 template <class Takes>
 void DirectLight::add_lights(Batch& batch, uint32_t sample, Takes takes) {
-  size_t number = 0;
   bool shared_lamps = false, shared_glow = false;
-  for (const Light& light : scene.lights) {
-    if (!takes(light)) continue;
-    if (lit.is_alone() && light.is_tabled()) continue;  // catchers do not glow
-    const uint32_t count = plan.samples_of(light) / parts_of(batch, light);
-    const bool of_lamps = lamps_.takes_part(light), of_glow = glow_.takes_part(light),
-               shares = of_lamps || of_glow,
-               notes = batch.soft_light && count > 1 && sample < Refinement::kFirst;
-    const int64_t* const mask = !shares || notes ? lit.receivers(batch, light, linked_) : nullptr;
-    if (notes) find_cut(batch, light, mask);
-    if (!shares) add_light(batch, light, mask, sample, number);
-    shared_lamps |= of_lamps;
-    shared_glow |= of_glow;
-    if (!of_glow) number += count;
-    if (!shares) number += plan.opening_samples_of(light) / parts_of(batch, light);
-  }
-  if (shared_lamps && !cancel) lamps_.add(batch, sample, takes_few_);
-  if (shared_glow && !cancel) glow_.add(batch, sample, takes_few_);
+  each_share(batch, [&] {
+    size_t number = 0;
+    for (const Light& light : scene.lights) {
+      if (!takes(light)) continue;
+      if (lit.is_alone() && light.is_tabled()) continue;  // catchers do not glow
+      const uint32_t count = plan.samples_of(light) / parts_of(batch, light);
+      const bool of_lamps = lamps_.takes_part(light), of_glow = glow_.takes_part(light),
+                 shares = of_lamps || of_glow,
+                 notes = batch.soft_light && count > 1 && sample < Refinement::kFirst;
+      const int64_t* const mask = !shares || notes ? lit.receivers(batch, light, linked_) : nullptr;
+      if (notes) find_cut(batch, light, mask);
+      if (!shares) add_light(batch, light, mask, sample, number);
+      shared_lamps |= of_lamps;
+      shared_glow |= of_glow;
+      if (!of_glow) number += count;
+      if (!shares) number += plan.opening_samples_of(light) / parts_of(batch, light);
+    }
+  });
+  if (shared_lamps && !cancel) lamps_.add(batch, sample, false);
+  if (shared_glow && !cancel) each_share(batch, [&] { glow_.add(batch, sample, takes_few_); });
 }
 
 /// In how many parts a light's samples are taken; what rays of bounced light meet takes one, of

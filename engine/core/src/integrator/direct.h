@@ -38,6 +38,8 @@ class DirectLight : LightContext {
  private:
   void illuminate(Batch& batch, uint32_t sample, bool alone);
   bool find_few(const Batch& batch);
+  template <class Body>
+  void each_share(Batch& batch, Body body);
   void add_lights(Batch& batch, uint32_t sample);
   template <class Takes>
   void add_lights(Batch& batch, uint32_t sample, Takes takes);
@@ -52,7 +54,8 @@ class DirectLight : LightContext {
                 uint32_t parts);
 
   SharedLight lamps_, glow_;  // glow_: of media
-  bool takes_few_ = false;    // only points that `few_` names are lit
+  bool some_few_ = false,     // `few_` names points
+      takes_few_ = false;     // and they alone are lit
   std::vector<uint8_t> few_;
   std::vector<int64_t> whole_;    // the batch's mask of points that lights may reach
   std::vector<int64_t> linked_;   // that of a light that lights but some

@@ -155,35 +155,44 @@ uint32_t SharedLight::parts() const {
   return parts;
 }
 
-/// Each sample of each lamp, those that are seen in clusters last.
+/// Each sample of each lamp, those that are seen in clusters last. All but whom they reach is the
+/// same for all batches of a pixel's sample.
 void SharedLight::list_samples(const Batch& batch, uint32_t sample) {
-  samples_.lamps.clear();
-  samples_.lights.clear();
-  samples_.groups.clear();
-  receives_.clear();
   near_.resize(sums_.columns.rows());
-  for (const bool clustered : {false, true}) {
-    samples_.clustered = samples_.lamps.size();
-    for (const Light& light : scene.lights) {
-      if (!takes_part_[light.number]) continue;
-      if ((plan.physical() && light.is_clustered()) != clustered) continue;
-      const int64_t* const lit = clustered ? near_.data()
-                                 : light.lights_all()
-                                     ? batch.lit
-                                     : lit_.receivers(batch, light, receives_.emplace_back());
-      list_samples_of(light, sample, lit);
+  if (listed_ != std::pair{sample, few_}) {
+    listed_ = {sample, few_};
+    samples_.lamps.clear();
+    samples_.lights.clear();
+    samples_.groups.clear();
+    for (const bool clustered : {false, true}) {
+      samples_.clustered = samples_.lamps.size();
+      for (const Light& light : scene.lights)
+        if (takes_part_[light.number] && (plan.physical() && light.is_clustered()) == clustered)
+          list_samples_of(light, sample);
     }
+    if (samples_.color_sums.empty()) find_clusters();
   }
-  if (samples_.color_sums.empty()) find_clusters();
+  receives_.clear();
+  const Light* before = nullptr;
+  for (size_t k = 0; k < samples_.clustered; ++k) {
+    const Light* const light = samples_.lights[k];
+    samples_.lamps[k].lit = light == before ? samples_.lamps[k - 1].lit
+                            : light->lights_all()
+                                ? batch.lit
+                                : lit_.receivers(batch, *light, receives_.emplace_back());
+    before = light;
+  }
+  for (size_t k = samples_.clustered; k < samples_.lamps.size(); ++k)
+    samples_.lamps[k].lit = near_.data();
 }
 
-void SharedLight::list_samples_of(const Light& light, uint32_t sample, const int64_t* lit) {
+void SharedLight::list_samples_of(const Light& light, uint32_t sample) {
   const uint32_t parts = plan.parts_of(light, false, few_), all = plan.samples_of(light),
                  count = all / parts, first = sample % parts * count;
   const LightPolicy policy = lit_.policy_of(light);
   for (uint32_t j = first; j < first + count; ++j) {
     const LightPoint point = plan.light_point(light, sample, j);
-    LampSample lamp{light.sample(point, all, plan.physical(), policy), policy, lit, false};
+    LampSample lamp{light.sample(point, all, plan.physical(), policy), policy, nullptr, false};
     if (parts > 1) lamp.light.count = count;
     for (const bool drawn : {false, true}) {
       if (drawn && !(policy.draws && lamp.light.draws.on)) continue;
@@ -198,7 +207,8 @@ void SharedLight::list_samples_of(const Light& light, uint32_t sample, const int
 /// Which samples each point asks, by sample.
 void SharedLight::choose(const Batch& batch, uint32_t sample) {
   const size_t most = samples_.lamps.size() + samples_.clusters.size();
-  requests_.contributions.resize(3 * kShareBlock * most);
+  const size_t of_blocks = kShareBlock * samples_.clustered, of_lanes = kPad * most;
+  requests_.contributions.resize(3 * (of_blocks + of_lanes));
   requests_.reaching.resize(most);
   ShareStage stage{};
   stage.points = &lit_.points;
@@ -230,7 +240,7 @@ void SharedLight::choose(const Batch& batch, uint32_t sample) {
 void SharedLight::ask(const Batch& batch, size_t number, const ShadowRequest* begin,
                       const ShadowRequest* end) {
   const Light& light = *samples_.lights[number];
-  LampSample& lamp = samples_.lamps[number];
+  LampSample lamp = samples_.lamps[number];
   LitPoints& points = lamp.drawn ? shining_ : white_;
   lamp.lit = requests_.asks.data();
   lamp.policy.draws &= lamp.drawn;

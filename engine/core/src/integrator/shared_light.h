@@ -2,6 +2,8 @@
 // (semantics/many_lamps.md): all of them light a point, and some are asked for their shadows,
 // which stand for those of all.
 #pragma once
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "integrator/lamp_tree.h"
@@ -55,8 +57,7 @@ class SharedLight : LightContext {
 
  private:
   void list_samples(const Batch& batch, uint32_t sample);
-  void list_samples_of(const Light& light, uint32_t sample, const int64_t* lit);
-  const int64_t* receivers(const Batch& batch, const Light& light);
+  void list_samples_of(const Light& light, uint32_t sample);
   void find_clusters();
   void choose(const Batch& batch, uint32_t sample);
   void ask(const Batch& batch, size_t number, const ShadowRequest* begin, const ShadowRequest* end);
@@ -67,9 +68,10 @@ class SharedLight : LightContext {
   const Kind kind_;
   LitBatch& lit_;
   bool on_ = false, few_ = false;
-  std::vector<uint8_t> takes_part_;  // of the scene's lights
-  uint32_t rays_ = 0;                // of a point and sample
-  size_t group_count_ = 0;           // of lights, with none; 0 where nobody asks
+  std::optional<std::pair<uint32_t, bool>> listed_;  // the sample that samples_ are of, and few_
+  std::vector<uint8_t> takes_part_;                  // of the scene's lights
+  uint32_t rays_ = 0;                                // of a point and sample
+  size_t group_count_ = 0;                           // of lights, with none; 0 where nobody asks
   SharedSamples samples_;
   SharedSums sums_;
   ShadowRequests requests_;

@@ -9,42 +9,35 @@ namespace {
 /// Points see clusters from so many radii as one.
 constexpr double kFar2 = 16;
 
-/// How far along the tree the points of a block know all that they get, which of them see the
-/// present cluster as one, and from how many radii^2 they do.
+/// Of kLanes points: how far along the tree they know all that they get, from how many radii^2 they
+/// see a cluster as one, and which of them do so with the present one or have to look within it.
 struct ClusterWalk {
-  double until[kShareBlock], far2[kShareBlock];
-  int64_t far[kShareBlock];
+  Doubles until, far2;
+  Mask far, near;
 };
 
 /// Light of a cluster is even over lobes as wide as it: exponents are at most (d / radius)^2.
-inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWalk& walk) {
+inline ClusterWalk begin_walk(const ShareStage& s, size_t k) {
   const LitPoints& points = *s.points;
-  for (size_t k = first; k < end; k += kLanes) {
-    Doubles far2 = splat(kFar2);
-    const Doubles never = splat(__builtin_inf());  // looks at each lamp
-    for (int number = 0; number < points.lobes.highlights; ++number) {
-      const Microfacet lobe(points, k, number);
-      far2 = choose(nonzero(lobe.k), larger(lobe.exponent, far2), far2);
-      Mask apart{};
-      if (points.lobes.turns) apart |= nonzero(lobe.normal(Three{}));
-      if (points.lobes.stretches) apart |= Stretch(lobe, Three{}).some;
-      far2 = choose(apart & nonzero(lobe.k), never, far2);
-    }
-    if (points.lobes.other_count > 0)
-      each_lobe_of(points, k,
-                   {GLINT_TOON_DIFFUSE, GLINT_TOON_SPECULAR, GLINT_FIBRE_DIFFUSE,
-                    GLINT_FIBRE_SPECULAR, GLINT_FIBRE_TRANSMISSION},
-                   [&](int, int, Doubles size) { far2 = choose(size > 0, never, far2); });
-    if (points.lowering) far2 = choose(load(points.lowering + k) > 1, never, far2);
-    store(walk.far2 + (k - first), far2);
-    store(walk.until + (k - first), choose(load(s.lit + k), splat(0), splat(__builtin_inf())));
+  Doubles far2 = splat(kFar2);
+  const Doubles never = splat(__builtin_inf());  // looks at each lamp
+  for (int number = 0; number < points.lobes.highlights; ++number) {
+    const Microfacet lobe(points, k, number);
+    far2 = choose(nonzero(lobe.k), larger(lobe.exponent, far2), far2);
+    Mask apart{};
+    if (points.lobes.turns) apart |= nonzero(lobe.normal(Three{}));
+    if (points.lobes.stretches) apart |= Stretch(lobe, Three{}).some;
+    far2 = choose(apart & nonzero(lobe.k), never, far2);
   }
+  if (points.lobes.other_count > 0)
+    each_lobe_of(points, k,
+                 {GLINT_TOON_DIFFUSE, GLINT_TOON_SPECULAR, GLINT_FIBRE_DIFFUSE,
+                  GLINT_FIBRE_SPECULAR, GLINT_FIBRE_TRANSMISSION},
+                 [&](int, int, Doubles size) { far2 = choose(size > 0, never, far2); });
+  if (points.lowering) far2 = choose(load(points.lowering + k) > 1, never, far2);
+  return {choose(load(s.lit + k), splat(0), splat(__builtin_inf())), far2, Mask{}, Mask{}};
 }
 
-/// Which points see cluster number `at` as one, and which have to look within it.
-struct ClusterSeen {
-  bool far, near;
-};
 /// Where the plane across what a normal was bent from cuts the ball round the place `to`.
 inline Mask straddles(const LitPoints& s, size_t k, const Three& to, double radius2) {
   const Three m = load3(s.unbent, k);
@@ -52,32 +45,18 @@ inline Mask straddles(const LitPoints& s, size_t k, const Three& to, double radi
   return nonzero(m) & ~(z * z > radius2);
 }
 
-inline ClusterSeen look(const ShareStage& s, size_t at, size_t first, size_t end,
-                        ClusterWalk& walk) {
+/// Looks at cluster number `at`.
+inline void look(const ShareStage& s, size_t at, size_t k, ClusterWalk& walk) {
   const LampCluster& c = s.clusters[at];
   const LitPoints& points = *s.points;
-  const Three center = splat3(c.center);
-  uint32_t lit = 0, near = 0;
-  for (size_t k = first; k < end; k += kLanes) {
-    const size_t row = k - first;
-    const Doubles until = load(walk.until + row);
-    const Mask open = until <= double(at);
-    Mask far{};
-    if (any(open)) {
-      const Three to = center - load3(points.x, k);
-      const Doubles z = dot(load3(points.n, k), to);
-      far = open & (dot(to, to) >= c.radius2 * load(walk.far2 + row)) & (z * z > c.radius2);
-      if (points.unbent[0]) far &= ~straddles(points, k, to, c.radius2);
-      store(walk.until + row, choose(far, splat(double(c.next)), until));
-      far &= z > 0;
-      lit |= bits(far);
-    }
-    const Mask within = open & (load(walk.until + row) <= double(at));
-    near |= bits(within);
-    store(walk.far + row, far);
-    store(s.near + k, within);
-  }
-  return {lit != 0, near != 0};
+  const Mask open = walk.until <= double(at);
+  const Three to = splat3(c.center) - load3(points.x, k);
+  const Doubles z = dot(load3(points.n, k), to);
+  Mask far = open & (dot(to, to) >= c.radius2 * walk.far2) & (z * z > c.radius2);
+  if (points.unbent[0]) far &= ~straddles(points, k, to, c.radius2);
+  walk.until = choose(far, splat(double(c.next)), walk.until);
+  walk.near = open & ~far;
+  walk.far = far & (z > 0);
 }
 
 /// What the places of a cluster's lamps add to n l, in one channel.
@@ -105,44 +84,37 @@ inline Three cluster_cosines(const LampCluster& c, const Three& n, const Three& 
 }
 
 /// Adds what a cluster gives to the points that see it as one, and tells it alone in three rows of
-/// `given`.
+/// kLanes.
 template <bool Bent>
 __attribute__((flatten)) inline void add_cluster(const ShareStage& to, const LampCluster& c,
-                                                 const ClusterWalk& walk, size_t first, size_t end,
-                                                 double* given) {
+                                                 Mask far, size_t k, double* given) {
   const LitPoints& s = *to.points;
   const LightSample& light = to.samples[c.first].light;
   const Three center = splat3(c.center), color = splat3(c.color);
-  for (size_t k = first; k < end; k += kLanes, given += kLanes) {
-    const Mask far = load(walk.far + (k - first));
-    Three both{};
-    if (any(far)) {
-      const Three n = load3(s.n, k), off = center - load3(s.x, k), l = unit(off);
-      const Doubles d2 = dot(off, off), cosine = dot(n, l);
-      const Three I = inverse_square(light, d2) * color;
-      Three diffuse = I * (cluster_cosines(c, n, l, cosine, root(d2)) * load3(s.diffuse, k)),
-            specular{};
-      if (s.lobes.highlights > 0 || s.lobes.other_count > 0) {
-        const Highlights seen = highlights<false, Bent>(s, k, n, l, cosine, nullptr);
-        specular = where(far, I * seen.light);
-        if (s.lobes.other_count > 0) diffuse = diffuse + I * seen.matt;
-      }
-      const BumpShadow bump = bump_shadow<Bent>(s, k, n, l);
-      if (bump.some) {
-        diffuse = where(~bump.hidden, bump.share * diffuse);
-        specular = where(~bump.hidden, specular);
-      }
-      diffuse = where(far, diffuse);
-      both = diffuse + specular;
-      store(to.total + k,
-            load(to.total + k) + (magnitude(both.x) + magnitude(both.y) + magnitude(both.z)));
-      store3(to.diffuse, k, load3(to.diffuse, k) + diffuse);
-      store3(to.specular, k, load3(to.specular, k) + specular);
-    }
-    store(given, both.x);
-    store(given + kShareBlock, both.y);
-    store(given + 2 * kShareBlock, both.z);
+  const Three n = load3(s.n, k), off = center - load3(s.x, k), l = unit(off);
+  const Doubles d2 = dot(off, off), cosine = dot(n, l);
+  const Three I = inverse_square(light, d2) * color;
+  Three diffuse = I * (cluster_cosines(c, n, l, cosine, root(d2)) * load3(s.diffuse, k)),
+        specular{};
+  if (s.lobes.highlights > 0 || s.lobes.other_count > 0) {
+    const Highlights seen = highlights<false, Bent>(s, k, n, l, cosine, nullptr);
+    specular = where(far, I * seen.light);
+    if (s.lobes.other_count > 0) diffuse = diffuse + I * seen.matt;
   }
+  const BumpShadow bump = bump_shadow<Bent>(s, k, n, l);
+  if (bump.some) {
+    diffuse = where(~bump.hidden, bump.share * diffuse);
+    specular = where(~bump.hidden, specular);
+  }
+  diffuse = where(far, diffuse);
+  const Three both = diffuse + specular;
+  store(to.total + k,
+        load(to.total + k) + (magnitude(both.x) + magnitude(both.y) + magnitude(both.z)));
+  store3(to.diffuse, k, load3(to.diffuse, k) + diffuse);
+  store3(to.specular, k, load3(to.specular, k) + specular);
+  store(given, both.x);
+  store(given + kLanes, both.y);
+  store(given + 2 * kLanes, both.z);
 }
 
 }  // namespace

@@ -6,12 +6,17 @@
 namespace glint {
 namespace {
 
-/// Adds what one sample gives to the points [first, end), and tells it alone in three rows of
-/// `given`.
+/// What something gives to points: three rows for the channels, so far apart.
+struct Given {
+  double* rows;
+  size_t length;
+};
+
+/// Adds what one sample gives to the points [first, end), and tells it alone in `given`.
 template <class Shape, bool Bent, bool IsDrawn>
 __attribute__((flatten)) void add_sample(const ShareStage& to, const LampSample& lamp, size_t first,
-                                         size_t end, double* given) {
-  for (size_t k = first; k < end; k += kLanes, given += kLanes) {
+                                         size_t end, Given given) {
+  for (size_t k = first; k < end; k += kLanes, given.rows += kLanes) {
     Three both{};
     contribute<Shape, Bent, IsDrawn>(
         *to.points, lamp, k,
@@ -23,15 +28,15 @@ __attribute__((flatten)) void add_sample(const ShareStage& to, const LampSample&
           if (!IsDrawn) store3(to.diffuse, k, load3(to.diffuse, k) + matt);
           store3(to.specular, k, load3(to.specular, k) + shiny);
         });
-    store(given, both.x);
-    store(given + kShareBlock, both.y);
-    store(given + 2 * kShareBlock, both.z);
+    store(given.rows, both.x);
+    store(given.rows + given.length, both.y);
+    store(given.rows + 2 * given.length, both.z);
   }
 }
 
 template <bool Bent>
 void add_lamp_as(const ShareStage& to, const LampSample& lamp, size_t first, size_t end,
-                 double* given) {
+                 Given given) {
   const LightShape shape = lamp.light.shape;
   const auto add = [&]<class Shape>() {
     add_sample<Shape, Bent, false>(to, lamp, first, end, given);
@@ -43,8 +48,7 @@ void add_lamp_as(const ShareStage& to, const LampSample& lamp, size_t first, siz
   else with_shape(kSharing, shape, add);
 }
 
-void add_lamp(const ShareStage& to, const LampSample& lamp, size_t first, size_t end,
-              double* given) {
+void add_lamp(const ShareStage& to, const LampSample& lamp, size_t first, size_t end, Given given) {
   if (is_bent(*to.points)) add_lamp_as<true>(to, lamp, first, end, given);
   else add_lamp_as<false>(to, lamp, first, end, given);
 }
@@ -188,90 +192,96 @@ size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, 
   return found;
 }
 
-/// Those of the rays of a group of points at k that lie in each of the first `count` samples of
-/// `reaching`. given: of the group, the first sample's.
-size_t choose_samples(const ShareStage& s, size_t k, size_t count, const double* given,
-                      ShadowRequest* chosen) {
-  const Doubles total = load(s.total + k), rays = splat(double(s.rays));
-  const Mask lit = (total > 0) & valid_lanes(k, s.points->count);
-  if (!any(lit)) return 0;
-  const Doubles scale = where(lit, rays / total);
-  Doubles sum{}, before{};
-  size_t found = 0;
-  for (size_t i = 0; i < count; ++i, given += 3 * kShareBlock) {
-    const Three light = {load(given), load(given + kShareBlock), load(given + 2 * kShareBlock)};
+/// Samples and clusters that reach points: their numbers, and what they give.
+struct Reached {
+  uint32_t* numbers;
+  double* rows;
+  size_t length, count = 0;
+  Given give(size_t number) {
+    numbers[count] = uint32_t(number);
+    return {rows + 3 * length * count++, length};
+  }
+  const double* given(size_t i) const { return rows + 3 * length * i; }
+};
+
+/// The row of light of kLanes points: how long a unit of light is in it, and how much of the row,
+/// and how many rays, lie before what comes next.
+struct LightRow {
+  Doubles scale, sum, before;
+  size_t found;
+};
+
+/// Those of the rays of the points at k that lie in what reaches them, in the order of the row.
+/// first: where the points are in the rows of `reached`.
+void choose_samples(const ShareStage& s, size_t k, const Reached& reached, size_t first,
+                    LightRow& row, ShadowRequest* chosen) {
+  const Doubles rays = splat(double(s.rays));
+  for (size_t i = 0; i < reached.count; ++i) {
+    const double* const given = reached.given(i) + first;
+    const Three light = {load(given), load(given + reached.length),
+                         load(given + 2 * reached.length)};
     const Doubles all = magnitude(light.x) + magnitude(light.y) + magnitude(light.z);
-    sum = sum + all;
-    Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), rays);
-    const Doubles times = here - before, start = before;
-    before = larger(here, before);
+    row.sum = row.sum + all;
+    const Doubles here = smaller(larger(-down(s.offset - row.sum * row.scale), splat(0)), rays);
+    const Doubles times = here - row.before, start = row.before;
+    row.before = larger(here, row.before);
     uint32_t lanes = bits(times > 0);
     if (!lanes) continue;
-    if (s.reaching[i] >= s.sample_count) {
-      const LampCluster& c = s.clusters[s.reaching[i] - s.sample_count];
+    if (reached.numbers[i] >= s.sample_count) {
+      const LampCluster& c = s.clusters[reached.numbers[i] - s.sample_count];
       for (; lanes; lanes &= lanes - 1) {
         const uint32_t lane = uint32_t(__builtin_ctz(lanes));
         const double own[3] = {light.x[lane], light.y[lane], light.z[lane]};
         const double from = start[lane];
-        found += choose_within(s, c, uint32_t(k) + lane, (sum[lane] - all[lane]) * scale[lane],
-                               scale[lane], uint32_t(from), uint32_t(from + times[lane]), own,
-                               chosen + found);
+        row.found += choose_within(
+            s, c, uint32_t(k) + lane, (row.sum[lane] - all[lane]) * row.scale[lane],
+            row.scale[lane], uint32_t(from), uint32_t(from + times[lane]), own, chosen + row.found);
       }
       continue;
     }
     const Three share = (times / all) * light;
     for (; lanes; lanes &= lanes - 1) {
       const uint32_t lane = uint32_t(__builtin_ctz(lanes));
-      chosen[found++] = {
-          s.reaching[i], uint32_t(k) + lane, {share.x[lane], share.y[lane], share.z[lane]}, 0};
+      chosen[row.found++] = {
+          reached.numbers[i], uint32_t(k) + lane, {share.x[lane], share.y[lane], share.z[lane]}, 0};
     }
   }
-  return found;
 }
 
-/// The samples and clusters that reach a block of points: their numbers, and what they give.
-struct Reached {
-  size_t count = 0;
-  double* give(const ShareStage& s, size_t number) {
-    s.reaching[count] = uint32_t(number);
-    return s.contributions + 3 * kShareBlock * count++;
-  }
-};
-
-/// Clusters that points see as one, and lamps that some of them do not.
-void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, size_t end,
-                  Reached& reached) {
-  if (s.cluster_count == 0) return;
-  ClusterWalk walk;
-  begin_walk(s, first, end, walk);
+/// Clusters that the points at k see as one, and lamps that some of them do not.
+void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t k, Reached& reached) {
+  ClusterWalk walk = begin_walk(s, k);
   for (size_t at = 0; at < s.cluster_count;) {
     const LampCluster& c = s.clusters[at];
-    const ClusterSeen seen = look(s, at, first, end, walk);
-    if (seen.far) {
-      double* const given = reached.give(s, s.sample_count + at);
-      if (is_bent(*s.points)) add_cluster<true>(s, c, walk, first, end, given);
-      else add_cluster<false>(s, c, walk, first, end, given);
+    look(s, at, k, walk);
+    if (any(walk.far)) {
+      double* const given = reached.give(s.sample_count + at).rows;
+      if (is_bent(*s.points)) add_cluster<true>(s, c, walk.far, k, given);
+      else add_cluster<false>(s, c, walk.far, k, given);
     }
-    const bool is_lamp = c.next == at + 1;
-    for (size_t i = c.first; seen.near && is_lamp && i < c.end; ++i)
-      if (may_reach(s.samples[i], bounds))
-        add_lamp(s, s.samples[i], first, end, reached.give(s, i));
-    at = seen.near ? at + 1 : c.next;
+    const bool near = any(walk.near), is_lamp = c.next == at + 1;
+    if (near && is_lamp) {
+      store(s.near + k, walk.near);
+      for (size_t i = c.first; i < c.end; ++i)
+        if (may_reach(s.samples[i], bounds))
+          add_lamp(s, s.samples[i], k, k + kLanes, reached.give(i));
+    }
+    at = near ? at + 1 : c.next;
   }
 }
 
 /// Adds what was given to the points [first, end) to the groups of lights. Clusters are of one
 /// each.
 void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, size_t end) {
-  const double* given = s.contributions;
-  for (size_t i = 0; i < reached.count; ++i, given += 3 * kShareBlock) {
-    const uint32_t number = s.reaching[i];
+  for (size_t i = 0; i < reached.count; ++i) {
+    const double* const given = reached.given(i);
+    const uint32_t number = reached.numbers[i];
     const uint32_t sample =
         number < s.sample_count ? number : s.clusters[number - s.sample_count].first;
     for (size_t c = 0; c < 3; ++c) {
       double* const sums = s.group_total[3 * size_t(s.groups[sample]) + c];
       for (size_t k = first; k < end; k += kLanes)
-        store(sums + k, load(sums + k) + load(given + c * kShareBlock + (k - first)));
+        store(sums + k, load(sums + k) + load(given + c * reached.length + (k - first)));
     }
   }
 }
@@ -280,6 +290,33 @@ void add_to_groups(const ShareStage& s, const Reached& reached, size_t first, si
 void find_gloss(const ShareStage& to, size_t first, size_t end) {
   if (!to.gloss[0] || to.sample_count == 0) return;
   for (size_t k = first; k < end; k += kLanes) store3(to.gloss, k, even_gloss(*to.points, k));
+}
+
+/// Those of a block all see the samples that are not in clusters. From there on each kLanes points
+/// go their own way: what others see as one is not near them.
+size_t share_block(const ShareStage& s, size_t first, size_t end, ShadowRequest* chosen) {
+  BlockBounds bounds;
+  if (!bound_block(s, first, end, bounds)) return 0;
+  find_gloss(s, first, end);
+  Reached reached{s.reaching, s.contributions, kShareBlock};
+  for (size_t i = 0; i < s.clustered; ++i)
+    if (may_reach(s.samples[i], bounds)) add_lamp(s, s.samples[i], first, end, reached.give(i));
+  if (s.groups) add_to_groups(s, reached, first, end);
+  size_t found = 0;
+  for (size_t k = first; k < end; k += kLanes) {
+    const Mask lit = load(s.lit + k) & valid_lanes(k, s.points->count);
+    if (!any(lit)) continue;
+    Reached own{s.reaching + reached.count, s.contributions + 3 * kShareBlock * reached.count,
+                kLanes};
+    if (s.cluster_count > 0) add_clusters(s, bounds, k, own);
+    if (s.groups) add_to_groups(s, own, k, k + kLanes);
+    const Doubles total = load(s.total + k);
+    LightRow row{where(lit & (total > 0), double(s.rays) / total), {}, {}, found};
+    choose_samples(s, k, reached, k - first, row, chosen);
+    choose_samples(s, k, own, 0, row, chosen);
+    found = row.found;
+  }
+  return found;
 }
 
 size_t share(const ShareStage& s) {
@@ -292,17 +329,7 @@ size_t share(const ShareStage& s) {
       store3(s.diffuse, k, Three{});
       store3(s.specular, k, Three{});
     }
-    BlockBounds bounds;
-    if (!bound_block(s, first, end, bounds)) continue;
-    find_gloss(s, first, end);
-    Reached reached;
-    for (size_t i = 0; i < s.clustered; ++i)
-      if (may_reach(s.samples[i], bounds))
-        add_lamp(s, s.samples[i], first, end, reached.give(s, i));
-    add_clusters(s, bounds, first, end, reached);
-    if (s.groups) add_to_groups(s, reached, first, end);
-    for (size_t k = first; k < end; k += kLanes)
-      found += choose_samples(s, k, reached.count, s.contributions + (k - first), s.chosen + found);
+    found += share_block(s, first, end, s.chosen + found);
   }
   return found;
 }
