@@ -79,6 +79,7 @@ SharedLight::SharedLight(Kind kind, LitBatch& lit) : LightContext(lit), kind_(ki
     if (!takes_part_.back()) continue;
     ++count;
     samples = std::max(samples, plan.samples_of(light));
+    varies_ |= light.is_medium() || (light.extended && plan.light_samples > 1);
   }
   if (plan.passes >> GLINT_PASS_LIGHT_GROUPS & 1) group_count_ = scene.light_group_count + 1;
   on_ =
@@ -156,11 +157,12 @@ uint32_t SharedLight::parts() const {
 }
 
 /// Each sample of each lamp, those that are seen in clusters last. All but whom they reach is the
-/// same for all batches of a pixel's sample.
+/// same for all batches of a pixel's sample, and for all samples where none has several.
 void SharedLight::list_samples(const Batch& batch, uint32_t sample) {
   near_.resize(sums_.columns.rows());
-  if (listed_ != std::pair{sample, few_}) {
-    listed_ = {sample, few_};
+  const Listed wanted{varies_ ? sample : 0, few_, near_.data()};
+  if (listed_ != wanted) {
+    listed_ = wanted;
     samples_.lamps.clear();
     samples_.lights.clear();
     samples_.groups.clear();
@@ -182,8 +184,6 @@ void SharedLight::list_samples(const Batch& batch, uint32_t sample) {
                                 : lit_.receivers(batch, *light, receives_.emplace_back());
     before = light;
   }
-  for (size_t k = samples_.clustered; k < samples_.lamps.size(); ++k)
-    samples_.lamps[k].lit = near_.data();
 }
 
 void SharedLight::list_samples_of(const Light& light, uint32_t sample) {
@@ -192,7 +192,7 @@ void SharedLight::list_samples_of(const Light& light, uint32_t sample) {
   const LightPolicy policy = lit_.policy_of(light);
   for (uint32_t j = first; j < first + count; ++j) {
     const LightPoint point = plan.light_point(light, sample, j);
-    LampSample lamp{light.sample(point, all, plan.physical(), policy), policy, nullptr, false};
+    LampSample lamp{light.sample(point, all, plan.physical(), policy), policy, near_.data(), false};
     if (parts > 1) lamp.light.count = count;
     for (const bool drawn : {false, true}) {
       if (drawn && !(policy.draws && lamp.light.draws.on)) continue;

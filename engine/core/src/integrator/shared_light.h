@@ -3,7 +3,6 @@
 // which stand for those of all.
 #pragma once
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "integrator/lamp_tree.h"
@@ -67,11 +66,18 @@ class SharedLight : LightContext {
 
   const Kind kind_;
   LitBatch& lit_;
-  bool on_ = false, few_ = false;
-  std::optional<std::pair<uint32_t, bool>> listed_;  // the sample that samples_ are of, and few_
-  std::vector<uint8_t> takes_part_;                  // of the scene's lights
-  uint32_t rays_ = 0;                                // of a point and sample
-  size_t group_count_ = 0;                           // of lights, with none; 0 where nobody asks
+  /// What samples_ are of: a pixel's sample, few_, and near_'s numbers.
+  struct Listed {
+    uint32_t sample;
+    bool few;
+    const int64_t* near;
+    bool operator==(const Listed&) const = default;
+  };
+  bool on_ = false, few_ = false, varies_ = false;  // varies_: from sample to sample
+  std::optional<Listed> listed_;
+  std::vector<uint8_t> takes_part_;  // of the scene's lights
+  uint32_t rays_ = 0;                // of a point and sample
+  size_t group_count_ = 0;           // of lights, with none; 0 where nobody asks
   SharedSamples samples_;
   SharedSums sums_;
   ShadowRequests requests_;
