@@ -2,10 +2,10 @@
 process of its own.
 
 With names, only those: rays, frames, million, hair, export, instructions, features, volumes,
-fronts, targets, farm, viewport.
-The last four are run by name only: fronts takes half an hour of a quiet machine, targets ten
-minutes, farm as long and Debian's Slurm, and the viewport needs a Blender with a window, which
-GLINT_BLENDER names.
+crowded, fronts, targets, farm, viewport.
+The last five are run by name only: crowded takes a quarter of an hour of a quiet machine, fronts
+half an hour, targets ten minutes, farm as long and Debian's Slurm, and the viewport needs a Blender
+with a window, which GLINT_BLENDER names.
 """
 
 import subprocess
@@ -24,6 +24,7 @@ BENCHES = {
 }
 """Script → the options of its short form."""
 BY_NAME = {
+    "crowded": "crowded.py",
     "fronts": "fronts.py",
     "targets": "targets.py",
     "farm": "farm.py",

@@ -335,6 +335,26 @@ def lamps(scene, folder: Path, count: int) -> None:
     seen(scene, has_lamp=False)
 
 
+def fur(scene, folder: Path) -> None:
+    """10 000 particles of hair on a ball, each with nine children."""
+    import bpy
+
+    from made_scenes import new_material
+    from small_scenes import add, ball
+
+    material, tree, output = new_material("fur")
+    shader = tree.nodes.new("ShaderNodeBsdfHairPrincipled")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    body = add(scene, "body", ball(64, 32, material=material))
+    body.modifiers.new("fur", "PARTICLE_SYSTEM")
+    hair = body.particle_systems[0].settings
+    hair.type, hair.count, hair.hair_length, hair.hair_step = "HAIR", 10_000, 0.5, 5
+    hair.child_type, hair.rendered_child_count = "SIMPLE", 9
+    hair.root_radius, hair.tip_radius = 0.5, 0.1
+    bpy.context.view_layer.update()
+    seen(scene)
+
+
 def car(scene, folder: Path) -> None:
     """35 meshes of 440 000 triangles together, 23 materials of images with bump and normal maps and
     anisotropic gloss.
@@ -375,6 +395,7 @@ CROWDED: dict[str, Callable] = {
     "pile": pile,
     **{f"lamps {count}": partial(lamps, count=count) for count in (2, 200, 2000)},
     "car": car,
+    "fur": fur,
 }
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from export_support import Shader, export, link, scene, use_nodes  # noqa: F401
 from following import Follower
 from glint.addon.export.geometry.hashing import random_of
 from glint.addon.export.geometry.splines import NEAR, Keys, cut
+from glint.addon.export.geometry.strand_attributes import fibre_values
 from glint.engine import Settings, render
 from glint.engine.reference.closures.fibre import fibre_highlight
 from glint.engine.scene import Strands
@@ -188,6 +189,18 @@ def test_hair_info_reads_what_cycles_tells(scene):  # noqa: F811
     random = random_of(numbers, np.zeros_like(numbers))
     np.testing.assert_allclose(values["(hair)"][::3, 2], random)
     np.testing.assert_allclose(values["(fibre)"], [[0, 0, 1, 0.2]] * 6, atol=1e-6)
+
+
+def test_strands_run_at_joints_between_their_segments():
+    """Also where one has no length, and in several strands."""
+    points = [(0, 0, 0), (2, 0, 0), (2, 3, 0), (1, 1, 1), (1, 1, 5), (0, 0, 0), (0, 0, 0)]
+    radii = np.arange(len(points), dtype=np.float32)
+    starts = np.array([0, 1, 3, 5], np.uint32)
+    found = fibre_values(Strands("bent", np.array(points, np.float32), radii, starts))
+    across, along, up, none = (0.5**0.5, 0.5**0.5, 0), (1, 0, 0), (0, 0, 1), (0, 0, 0)
+    wanted = [along, across, (0, 1, 0), up, up, none, none]
+    np.testing.assert_allclose(found[:, :3], wanted, atol=1e-15)
+    assert (found[:, 3] == 2 * radii).all()
 
 
 @pytest.mark.parametrize("model", ["CHIANG", "HUANG"])

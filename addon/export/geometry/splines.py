@@ -48,7 +48,8 @@ class Keys:
         first = self.offsets[:-1][np.diff(self.offsets) > 0]
         steps = np.zeros(len(self.positions))
         with np.errstate(invalid="ignore", over="ignore"):
-            steps[1:] = np.sqrt((np.diff(self.positions.astype(np.float64), axis=0) ** 2).sum(1))
+            apart = np.diff(np.ascontiguousarray(self.positions.T, np.float64))
+            steps[1:] = np.sqrt((apart * apart).sum(0))
         steps[first] = 0
         steps[~np.isfinite(steps)] = 0
         along = np.cumsum(steps)

@@ -48,8 +48,8 @@ def _per_curve(source: StrandSource, name: str, rows: np.ndarray) -> Attribute:
 
 def _sound(values: np.ndarray) -> np.ndarray:
     with np.errstate(over="ignore"):
-        values = values.astype(np.float32)
-    return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+        values = values.astype(np.float32, order="C")
+    return np.nan_to_num(values, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def _attribute(
@@ -105,19 +105,21 @@ def _hair_values(source: StrandSource) -> np.ndarray:
 
 def fibre_values(strands: Strands) -> np.ndarray:
     """(v, 4) float64: the unit tangent, and the thickness. At a joint the mean direction of
-    both.
+    both. Column by column, as splines are.
     """
     first = strands.starts.astype(np.intp)
-    x = strands.vertices.astype(np.float64)
+    x = np.ascontiguousarray(strands.vertices.T, np.float64)
+    found = np.zeros((4, x.shape[1]))
+    tangent, found[3] = found[:3], 2.0 * strands.radii.astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        d = x[first + 1] - x[first]
-        d /= np.sqrt((d * d).sum(1))[:, None]
-        d = np.nan_to_num(d)
-        tangent = np.zeros_like(x)
-        tangent[first] += d
-        tangent[first + 1] += d
-        tangent /= np.maximum(np.sqrt((tangent * tangent).sum(1)), 1e-30)[:, None]
-    return np.column_stack([tangent, 2.0 * strands.radii.astype(np.float64)])
+        d = x.take(first + 1, 1) - x.take(first, 1)
+        d /= np.sqrt((d * d).sum(0))
+        np.nan_to_num(d, copy=False)
+        for column, along in zip(tangent, d, strict=True):
+            column[first] += along
+            column[first + 1] += along
+        tangent /= np.maximum(np.sqrt((tangent * tangent).sum(0)), 1e-30)
+    return found.T
 
 
 _TOLD: dict[str, Callable[[StrandSource], np.ndarray]] = {

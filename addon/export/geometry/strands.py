@@ -160,7 +160,7 @@ def _hair_of(thing: Any, s: _System, inverse: np.ndarray) -> tuple[np.ndarray, n
     """Positions (k, 3) and radii (k,) of the keys of one system."""
     co, steps = s.system.co_hair, range(s.steps)
     places = chain.from_iterable(
-        co(thing, particle_no=n, step=step) for n in range(s.first, s.end) for step in steps
+        co(thing, particle_no=n, step=step)[:] for n in range(s.first, s.end) for step in steps
     )
     count = s.end - s.first
     world = np.fromiter(places, np.float64, count * s.steps * 3).reshape(count, s.steps, 3)
