@@ -197,7 +197,7 @@ struct Description {
                          .normal_slot = 0,
                          .stretch_slot = 0,
                          .radius_slot = 0,
-                         .reserved = 0});
+                         .distribution = GLINT_BLINN_PHONG});
     }
   }
 
