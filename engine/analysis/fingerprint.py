@@ -114,8 +114,8 @@ def _list_pieces(values: Sequence[Any]) -> Iterator[bytes | memoryview]:
 
 
 def _stack_pieces(arrays: Sequence[np.ndarray]) -> Iterator[bytes | memoryview]:
-    """Those of np.stack(arrays), arrays of one dtype and shape. Whole blocks each, as images are,
-    they are not copied: sixteen of 4096 x 4096 take a gigabyte.
+    """The pieces of np.stack(arrays), which have one dtype and shape. Arrays of whole blocks, as
+    images are, are not copied: sixteen images of 4096 x 4096 pixels take a gigabyte.
     """
     first = arrays[0]
     if first.nbytes == 0 or first.nbytes % BLOCK_BYTES:

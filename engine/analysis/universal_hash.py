@@ -14,7 +14,9 @@ from ..native.packer import address
 Array = np.ndarray
 
 BLOCK_BYTES = 4 * Hash.BLOCK
-"""Of arrays of whole blocks, the bytes of one after the other are those of all in a row."""
+"""Size of a block. What `condensed` gives of arrays of whole blocks, one after the other, is what
+it gives of them joined.
+"""
 
 
 def condensed(values: Array) -> bytes:

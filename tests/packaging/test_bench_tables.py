@@ -1,7 +1,11 @@
-"""The benches' arithmetic: ratios, verdicts, tables and the judgement of instruction counts.
-Nothing is timed.
+"""The benches' arithmetic: ratios, verdicts, tables and the judgement of instruction counts; and
+that those of the core compile. Nothing is timed.
 """
 
+import os
+import shlex
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -10,6 +14,8 @@ import numpy as np
 import pytest
 
 BENCH = Path(__file__).resolve().parents[1] / "bench"
+CORE = BENCH.parents[1] / "engine" / "core"
+COMPILER = shlex.split(os.environ.get("CXX", "c++"))
 sys.path.insert(0, str(BENCH))
 
 import bench  # noqa: E402
@@ -237,3 +243,15 @@ def test_a_truth_is_drawn_on_until_it_is_enough(tmp_path):
 
 def test_what_runs_by_name_exists():
     assert all((BENCH / name).is_file() for name in bench.BY_NAME.values())
+
+
+@pytest.mark.skipif(not shutil.which(COMPILER[0]), reason="needs a C++ compiler: set CXX")
+@pytest.mark.parametrize("name", ["accel_bench", "pipeline_bench", "pipeline_counts", "ray_counts"])
+def test_benches_of_the_core_compile(name):
+    """Without Embree, which that of its rays needs."""
+    places = [f"-I{CORE / folder}" for folder in ("include", "src", "tests")]
+    source = str(CORE / "bench" / f"{name}.cpp")
+    done = subprocess.run(
+        [*COMPILER, "-std=c++20", "-fsyntax-only", *places, source], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr

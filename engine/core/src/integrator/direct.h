@@ -54,8 +54,8 @@ class DirectLight : LightContext {
                 uint32_t parts);
 
   SharedLight lamps_, glow_;  // glow_: of media
-  bool some_few_ = false,     // `few_` names points
-      takes_few_ = false;     // and they alone are lit
+  bool some_few_ = false,     // some points take few samples: those of `few_`
+      takes_few_ = false;     // they alone are lit now
   std::vector<uint8_t> few_;
   std::vector<int64_t> whole_;    // the batch's mask of points that lights may reach
   std::vector<int64_t> linked_;   // that of a light that lights but some

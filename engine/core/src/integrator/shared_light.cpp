@@ -79,7 +79,7 @@ SharedLight::SharedLight(Kind kind, LitBatch& lit) : LightContext(lit), kind_(ki
     if (!takes_part_.back()) continue;
     ++count;
     samples = std::max(samples, plan.samples_of(light));
-    varies_ |= light.is_medium() || (light.extended && plan.light_samples > 1);
+    varies_ |= light.is_medium() || plan.samples_of(light) > 1;
   }
   if (plan.passes >> GLINT_PASS_LIGHT_GROUPS & 1) group_count_ = scene.light_group_count + 1;
   on_ =

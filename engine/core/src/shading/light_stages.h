@@ -117,8 +117,8 @@ struct ShareStage {
   int64_t* near;       // mask of points that clustered samples may reach by themselves
   uint32_t* reaching;  // room for all samples and clusters: those that may reach a block of points,
                        // a cluster as number of samples plus its own
-  double* contributions;       // room for what each gives in three channels: to a block of points
-                               // those that are in no cluster, the others to kPad
+  double* contributions;       // room for three channels of what each gives: samples that are in no
+                               // cluster to kShareBlock points, others and clusters to kPad
   ShadowRequest* chosen;       // room for `rays` of each point
   const uint32_t* groups;      // of lights, of each sample; null where nobody asks
   double* const* group_total;  // three columns for each group, to which its contribution is added
