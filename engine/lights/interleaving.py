@@ -22,13 +22,14 @@ def interleaving(scene: Scene, settings: Settings) -> int:
 
 def visibility_samples(scene: Scene, settings: Settings) -> int:
     """Camera rays for each sample of a pixel: 1 where light is not resolved, which tells what
-    others see, where things move, where there are catchers of shadows or holdouts, and with AOVs
-    and Cryptomatte, whose edges must be those of the picture.
+    others see, where all go through the middle of the pixel, where things move, where there are
+    catchers of shadows or holdouts, and with AOVs and Cryptomatte, whose edges must be those of the
+    picture.
     """
     resolves = settings.soft_light == "RESOLVED" and interleaving(scene, settings) > 1
     caught = any(block.catcher or block.holdout for block in scene.instances)
     beside = bool(scene.aovs) or settings.has_mattes
-    if not resolves or caught or beside or is_moving(scene):
+    if not resolves or not settings.filter_width or caught or beside or is_moving(scene):
         return 1
     return settings.visibility_samples
 

@@ -33,7 +33,7 @@ from .picture import Tile
 from .raster import Strips
 from .rays import Rays
 from .reflections import reflected, shown
-from .resolve import ALONE, CAUGHT, PHOTON_LIGHT, SHARP, UNSHADED
+from .resolve import ALONE, CAUGHT, OTHERS, PHOTON_LIGHT, SHARP, UNSHADED, UNSHADOWED
 from .scattering import scattered, scattered_on
 from .scene_queries import SceneQueries
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -151,9 +151,14 @@ class Generations:
         self._add_caustics(at)
         at, _ = entering(stage, at)
         self._glow(at)
-        self._note_colors(at)
+        sides = [at]
         if at.coefficients.translucent.any():
-            self._note_colors(other_side(stage, at, hits.depth[at.hit]))
+            sides.append(other_side(stage, at, hits.depth[at.hit]))
+        for side in sides:
+            self._note_colors(side)
+            given = side.surface, side.coefficients, side.weight, self._sample
+            nobody: Callable[..., None] = lambda *_: None
+            self._note_unshadowed(side, stage.unshadowed_lighting.direct(*given, nobody, nobody))
         return passed
 
     def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
@@ -525,7 +530,7 @@ class Generations:
             surface = "Transmission" if paths.transmitted else "Glossy"
             if is_made and (paths.depth == 1 or not paths.reflections):
                 name = f"{surface} {'Direct' if paths.depth == 1 else 'Indirect'}"
-                self._tile.add(name, pixel, values)
+                self._tile.add(self._other(name), pixel, values)
                 return
             images = paths.image(self._tile.is_rough_glass[pixel])
             for name in np.unique(images) if self._stage.resolves else [""]:
@@ -534,10 +539,23 @@ class Generations:
 
     def _split(self, at: Interaction, light: DirectLight) -> None:
         """The light that camera rays meet, by the kind of lobe that gives it back."""
-        ambient = self._stage.even_light(at.surface, at.coefficients)
-        self._tile.add("Diffuse Direct", at.pixel, at.weight * (ambient + light.lit_diffuse))
+        ambient, matt = self._stage.even_light(at.surface, at.coefficients), "Diffuse Direct"
+        self._tile.add(self._other(matt), at.pixel, at.weight * ambient)
+        lit = self._other(matt) if at.paths.comes_out else matt
+        self._tile.add(lit, at.pixel, at.weight * light.lit_diffuse)
         self._tile.add("Glossy Direct", at.pixel, at.weight * light.lit_specular)
+        if not at.paths.comes_out:
+            self._note_unshadowed(at, light)
         self._note_colors(at)
+
+    def _other(self, name: str) -> str:
+        """Where what is in a pass but not of lights there goes."""
+        return OTHERS.get(name, name) if self._stage.resolves else name
+
+    def _note_unshadowed(self, at: Interaction, light: DirectLight) -> None:
+        """What lights would give to the surfaces that camera rays meet if nothing hid them."""
+        for name, given in (("Diffuse Direct", light.diffuse), ("Glossy Direct", light.specular)):
+            self._tile.add(UNSHADOWED[name], at.pixel, at.weight * given)
 
     def _note_colors(self, at: Interaction) -> None:
         """What of light the surfaces give back that camera rays meet."""

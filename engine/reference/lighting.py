@@ -73,7 +73,7 @@ class Lighting:
     draws_matt: what is matt draws directions to MESH lights. lobe_points: (samples, 2) of the unit
     disc, where in lobes rays are reflected, and highlights draw the first of a sample's directions
     to the sky where samples are dealt. has_photons: they bring the light of lamps that mirrors
-    throw on to what is matt, so that lamps do not light these.
+    throw on to what is matt, so that lamps do not light these. hides: else nothing is in lights' way.
     """
 
     sources: tuple[Source, ...]
@@ -93,6 +93,7 @@ class Lighting:
     each_once: bool = False
     draws_matt: bool = False
     has_photons: bool = False
+    hides: bool = True
 
     @cached_property
     def of_few_samples(self) -> Lighting:
@@ -236,6 +237,8 @@ class Lighting:
             self.cancellation.check()
             is_drawn = lobes is not coefficients
             brought = self._given(surface, lobes, is_drawn, lit, source, narrow, light_sample)
+            if not self.hides:
+                brought = replace(brought, open=lambda places: np.ones((3, len(places))))
             yield brought, light_sample, is_drawn
 
     def _shares(self, source: Source) -> bool:
@@ -407,7 +410,7 @@ class Lighting:
         add_at(total.diffuse, seen, given.diffuse)
         add_at(total.specular, seen, given.specular)
         dimmed, passed = np.zeros(len(seen), bool), np.ones((3, len(seen)))
-        if source.light.cast_shadow:
+        if source.light.cast_shadow and self.hides:
             self.cancellation.check()
             passed = given.open(np.arange(len(seen)))
             lost = (passed - 1.0) * (given.diffuse + given.specular)

@@ -31,11 +31,13 @@ from .resolve import (
     IMAGES,
     LIGHTS,
     MIRRORED,
+    OTHERS,
     PHOTON_LIGHT,
     REFRACTED,
     SHARP,
     UNHIDDEN,
     UNSHADED,
+    UNSHADOWED,
     Guides,
     Seen,
     resolved,
@@ -199,6 +201,7 @@ class Picture:
         kept += (*LIGHTING, PHOTON_LIGHT) if passes.intersection(LIGHTING) or resolved > 1 else ()
         kept += [name for name in (CATCHER, OCCLUSION) if name in passes or resolved > 1]
         kept += (CAUGHT, ALONE, UNSHADED, UNHIDDEN) if resolved > 1 else ()
+        kept += (*UNSHADOWED.values(), *OTHERS.values()) if resolved > 1 else ()
         kept += [name for image in IMAGES for name in (image, LIGHTS[image]) if resolved > 1]
         self._catches = CATCHER if CATCHER in passes else "alpha" if transparent else "color"
         self._guides = np.zeros((7, count))
@@ -207,7 +210,8 @@ class Picture:
         self._sharp = {name: np.zeros(count) for name in SHARP}
         self._added: dict[str, Array] = {}
         self._more, self._rest = np.zeros(count), np.zeros((4, count))
-        self._finely = {name: np.zeros((3, count)) for name in (*COLORS, UNHIDDEN, *GLOWS)}
+        told = (*COLORS, UNHIDDEN, *UNSHADOWED.values(), *GLOWS)
+        self._finely = {name: np.zeros((3, count)) for name in told}
         self._fine_guides = np.zeros((7, count))
         self._glow = np.zeros((4, count))  # what more of what gives light itself adds
         self._parts = {name: np.zeros((3, count)) for name in kept}
@@ -272,7 +276,7 @@ class Picture:
         shape = (-1, *self._shape)
         colors = {
             name: (self._parts[name] + more * self._finely[name]) / count
-            for name in (*COLORS, UNHIDDEN)
+            for name in (*COLORS, UNHIDDEN, *UNSHADOWED.values())
         }
         samples = np.maximum(self.samples, 1).reshape(self._shape)
         return Seen(
@@ -282,6 +286,7 @@ class Picture:
             {name: Guides.of(sums.reshape(shape), samples) for name, sums in self._shown.items()},
             {name: color.reshape(shape) for name, color in colors.items()},
             ((rest + more * self._rest) / count).reshape(shape),
+            count.reshape(self._shape),
         )
 
     def _note_halves(self, here: slice | Array) -> None:
@@ -392,10 +397,10 @@ class Picture:
         Diffuse, glossy light to Specular, what passes through to Mirror, what shadows take of
         surroundings to Environment.
         """
-        kinds = {"Diffuse": ("Diffuse", "Volume"), "Specular": ("Glossy",)}
-        kinds["Mirror"] = ("Transmission", "Mirrored", "Refracted")
+        kinds = {"Diffuse": ("Diffuse", "Volume", "Other Diffuse"), "Specular": ("Glossy",)}
+        kinds["Mirror"] = ("Transmission", "Mirrored", "Refracted", "Other Gloss")
         kinds["Environment"] = ("Shadow",) if self._catches == "color" else ()
-        own = [name for name in self._added if name.split()[0] in kinds.get(part, ())]
+        own = [name for name in self._added if name.startswith(kinds.get(part, ()))]
         more = sum(self._added[name] for name in own)
         if part not in GLOWS:
             return more
@@ -416,6 +421,7 @@ class Picture:
         shown["Diffuse Indirect"] = PHOTON_LIGHT
         for k in range(0, len(BY_SURFACE) if is_known else 0, 3):
             direct, indirect, color = (resolved(name) for name in BY_SURFACE[k : k + 3])
+            direct = direct + resolved(OTHERS.get(BY_SURFACE[k], ""))
             indirect = indirect + resolved(shown.get(BY_SURFACE[k + 1], ""))
             over = np.where(color != 0, color, samples)
             bare = (color == 0) & ((direct != 0) | (indirect != 0))

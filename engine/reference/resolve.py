@@ -41,7 +41,15 @@ WIDE = ("Diffuse Indirect", VOLUME[1])
 """What is averaged over blocks of twice the side, over which bounces are dealt; all of it
 of one sample.
 """
-GLOSS = ("Glossy Direct", "Glossy Indirect")
+UNSHADOWED = {"Diffuse Direct": "Unshadowed Diffuse", "Glossy Direct": "Unshadowed Gloss"}
+"""What lights would give to what camera rays meet if nothing hid them, which their light is told
+over.
+"""
+OTHERS = {"Diffuse Direct": "Other Diffuse", "Glossy Direct": "Other Gloss"}
+"""What of these passes is not of lights there: even and subsurface light, what mirrors show of what
+gives light.
+"""
+GLOSS = ("Glossy Direct", "Glossy Indirect", OTHERS["Glossy Direct"])
 """What is told apart from noise together."""
 CAUGHT, ALONE, UNSHADED = "Caught Light", "Light Alone", "Unshaded"
 """The light of catchers with all things there and as if they were alone, and what they show where
@@ -56,8 +64,11 @@ PHOTON_LIGHT = "Photon Light"
 IMAGES = {MIRRORED: "Glossy Color", REFRACTED: "Transmission Color"}
 """The same, with what mirrors and glass give back of it."""
 COLORS = tuple(name for name in BY_SURFACE if name.endswith("Color"))
+SURFACE_COLORS = {name: COLORS[k // 3] for k, name in enumerate(BY_SURFACE) if name not in COLORS}
+"""The colour of the surfaces that give light back."""
 LIGHTS = (
-    {name: COLORS[k // 3] for k, name in enumerate(BY_SURFACE) if name not in COLORS}
+    SURFACE_COLORS
+    | {other: SURFACE_COLORS[name] for name, other in OTHERS.items()}
     | {MIRRORED: "Mirrored Surfaces", REFRACTED: "Refracted Surfaces"}
     | {CAUGHT: ALONE, OCCLUSION: UNHIDDEN}
     | dict.fromkeys(VOLUME, "")
@@ -129,14 +140,15 @@ def _moved(image: Array, x: int, y: int) -> Array:
 @dataclass(frozen=True, eq=False)
 class Seen:
     """What camera rays show. shown: by name of `IMAGES` the surfaces that samples show there.
-    colors: (3, h, w) means by name, of `COLORS` and UNHIDDEN. rest: (4, h, w) of the picture but
-    for light that is resolved, and of lost alpha.
+    colors: (3, h, w) means by name, of `COLORS`, UNHIDDEN and `UNSHADOWED`. rest: (4, h, w) of the
+    picture but for light that is resolved, and of lost alpha. rays: (h, w) how many.
     """
 
     guides: Guides
     shown: dict[str, Guides]
     colors: dict[str, Array]
     rest: Array
+    rays: Array
 
 
 def uneven(seen: Seen, whole: Array) -> Array:
@@ -157,8 +169,8 @@ def uneven(seen: Seen, whole: Array) -> Array:
             size = np.maximum(np.abs(of).max(0), np.abs(moved(of, x, y)).max(0))
             return (np.abs(values - moved(values, x, y)) > EVEN * size).any(0)
 
-        for color in seen.colors.values():
-            apart |= differ(color, color)
+        for name in (*COLORS, UNHIDDEN):
+            apart |= differ(seen.colors[name], seen.colors[name])
         apart |= differ(seen.rest[:3], whole) | differ(seen.rest[3:], np.ones_like(whole))
         found |= apart & (_moved(inside, x, y) > 0)
     return found
@@ -194,29 +206,85 @@ def resolved(
         if of_color:
             color, half_color = parts[of_color] / samples, halves[of_color]
             own_color = finely.colors.get(of_color, color)
+        surface, own_surface = color, own_color
+        if name in UNSHADOWED:
+            weights = [share * guides.alike(x, y) for x, y, share in block]
+            told = parts, halves, samples
+            color = parts[UNSHADOWED[name]] / samples
+            own_color = _unshadowed(side, seen, finely, name, block, weights, told)
         if name in IMAGES:  # known of samples alone, but for how much of the pixel has them
             guides, times = seen.shown[name], np.ones_like(images)
             if finely is not seen:
                 times = _over(*(s.colors[IMAGES[name]].sum(0) for s in (finely, seen)))
             fine_guides, own_color = guides.covered(times), color * times
+            own_surface = own_color
         if of_color in SHARP:
             images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
         light = parts[name] / samples
         together = [other for other in (GLOSS if name in GLOSS else (name,)) if other in parts]
         brought, half = (np.sum([by[x] for x in together], 0) for by in (parts, halves))
         brought = brought / samples
-        noise: Array | None = _noise(brought, color, half, half_color, samples)
+        noise: Array | None = _noise(brought, surface, half, half_color, samples)
         around, weights = (wide, in_wide_media) if name in WIDE else (block, in_media)
         if of_color:
             weights = [share * guides.alike(x, y) for x, y, share in around]
         if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
             noise = None
-        one = Resolving(light, brought.sum(0), color, own_color, noise, images, name in WIDE)
+        one = Resolving(
+            light,
+            brought.sum(0),
+            color,
+            own_color,
+            surface.sum(0),
+            own_surface.sum(0),
+            noise,
+            images,
+            name in WIDE,
+        )
         predicted = _resolved(side, guides, around, weights, one)
         if name not in VOLUME:
             _resolve_edges(predicted, guides, fine_guides, wide, weights, one)
         found[name] = predicted.added(light)
     return found
+
+
+def _unshadowed(
+    side: int,
+    seen: Seen,
+    finely: Seen,
+    name: str,
+    block: list[tuple[int, int, float]],
+    weights: list[Array],
+    told: tuple[dict[str, Array], dict[str, Array], Array],
+) -> Array:
+    """(3, h, w) what lights would give if nothing hid them, which that light of them is told over:
+    as all camera rays say, but for what is noise, of more rays than samples so much less. In its
+    place is the mean of the block, over the colour of surfaces. told: parts, halves and samples of
+    `resolved`.
+    """
+    (parts, halves, samples), of_color = told, SURFACE_COLORS[name]
+    light, color = (parts[x] / samples for x in (UNSHADOWED[name], of_color))
+    half, half_color = halves[UNSHADOWED[name]], halves[of_color]
+    noise = _noise(light, color, half, half_color, samples)
+    one = Resolving(
+        light,
+        light.sum(0),
+        color,
+        finely.colors[of_color],
+        color.sum(0),
+        finely.colors[of_color].sum(0),
+        noise if samples.max() >= FIRST_ESTIMATE else None,
+        np.zeros_like(noise),
+        False,
+        seen.rays / finely.rays,
+    )
+    predicted = _resolved(side, seen.guides, block, weights, one)
+    whole = finely.colors[UNSHADOWED[name]]
+    tint, beside = color.sum(0), zip(weights, block, strict=True)
+    others = [weight * (_moved(tint, x, y) > 0) for weight, (x, y, _) in beside if x or y]
+    taken = np.where(sum(others) > 0, predicted.taken, 0.0)
+    found = taken * predicted.fine + (1 - taken) * whole
+    return np.where(np.isfinite(found), found, whole)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,20 +312,25 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Resolving:
-    """One kind of light. light, color: (3, h, w) means; own_color: of all camera rays. white:
+    """One kind of light. light: (3, h, w) means. color: of what it is told over; own_color: of all
+    camera rays. tint, own_tint: (h, w) the channels of the colour of its surfaces. white:
     (h, w) sum of the channels of what is looked at: of gloss what lights and other surfaces give it
     together, as one hides the other. noise: as `_noise`, of that; None where all may be. images:
     (h, w) how much of the light is of sharp images, of what gives light, which have no points.
-    is_wide: it is averaged over blocks of twice the side.
+    is_wide: it is averaged over blocks of twice the side. noise_share: (h, w) how much of the
+    noise of samples is left of what a pixel tells.
     """
 
     light: Array
     white: Array
     color: Array
     own_color: Array
+    tint: Array
+    own_tint: Array
     noise: Array | None
     images: Array
     is_wide: bool
+    noise_share: Array | float = 1.0
 
 
 def _half(samples: Array) -> Array:
@@ -307,10 +380,9 @@ def _resolved(
             total += weight[..., None] * _moved(columns, x, y)
         return np.moveaxis(total, -1, 0)
 
-    lights, colors = over_block(light), over_block(color)
-    tint = color.sum(0)
+    lights, colors, tint = over_block(light), over_block(color), one.tint
     white = _over(one.white, tint)
-    mean = _over(over_block(one.white[None])[0], colors.sum(0))
+    mean = _over(*(over_block(values[None])[0] for values in (one.white, tint)))
     apart, changed, chance = (np.zeros_like(white) for _ in range(3))
     square = tint**2
     noises, halved = (np.zeros_like(white), 0.0) if noise is None else (noise, 1.0)
@@ -324,7 +396,7 @@ def _resolved(
             moved < 0, halved * np.maximum(off - SURE * off_by_chance, 0.0), moved
         )
         chance += own * off_by_chance
-    sure = halved * np.maximum(apart - SURE * chance, 0.0)
+    sure = halved * np.maximum(apart - SURE * one.noise_share * chance, 0.0)
     if not one.is_wide:
         along = _along_lines(block, weights, white, tint)
         beyond = np.maximum(apart - SURE * along, apart - SURER * chance)
@@ -371,7 +443,7 @@ def _resolve_edges(
     `_resolved`, of their own blocks.
     """
     light, color, noise, images = one.light, one.color, one.noise, one.images
-    tint, own_tint = color.sum(0), one.own_color.sum(0)
+    tint, own_tint = one.tint, one.own_tint
     share = np.array([share for _, _, share in block])
     seen = (finely.surface > 0) & (own_tint > 0) & (GUIDES * sum(weights) < share.sum())
     y, x = np.nonzero(seen)
@@ -392,13 +464,15 @@ def _resolve_edges(
     whole = (weight * part**2).sum(0)
     way *= np.sqrt(_over(whole, (weight * (way**2).sum(-1)).sum(0)))[:, None]
     tints = around(tint)
-    full = np.sqrt(_over(whole, (weight * tints**2).sum(0)))
 
     def fitted(values: Array, colors: Array, own: Array) -> tuple[Array, Array]:
         """What is seen at the pixels, (n,), and at those of their blocks, (81, n), of values (h, w)
         and colours; own: the pixels'.
         """
-        tinted = full * (around(colors) - part * own[y, x] / share_here)
+        tinted = around(colors) - part * own[y, x] / share_here
+        tinted *= np.sqrt(
+            _over(whole, (weight * around(colors if colors is tint else color.sum(0)) ** 2).sum(0))
+        )
         g = np.concatenate([part[..., None], turn, way, tinted[..., None]], -1)
         a = np.einsum("kn,kni,knj->nij", weight, g, g)
         a[:, range(1, GUIDES), range(1, GUIDES)] += FLATTER * a[:, :1, 0]

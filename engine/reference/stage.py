@@ -135,6 +135,7 @@ class Stage:
         # of what rays meet before they bounce, and after that
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
         self._lighting_of_exits = replace(self.lighting, faint=np.inf)
+        self.unshadowed_lighting = replace(self.lighting, hides=False)
         parts = BOUNCE_PARTS if self.interleaving > 1 else 1
         self._bounce_points = bounce_points(parts * self.samples)
         self.scatter_offsets = scatter_offsets(self.samples)

@@ -13,6 +13,7 @@ from ..film import FIRST_ESTIMATE, Film
 from ..lights.interleaving import interleaving, visibility_samples
 from ..lights.lamps import group_stats, sharing_stats
 from ..sampling import (
+    class_beyond,
     dealt_offsets,
     dealt_sample,
     interleaving_classes,
@@ -218,7 +219,7 @@ class Tracer:
             for first, across, up in self._strips():
                 rays, places = self._rays(stage, across, up, number), stage.places(across, up)
                 every = np.flatnonzero(uneven[first : first + len(places)])
-                for chosen, dealt in self._dealt(every, across, up, number % samples):
+                for chosen, dealt in self._dealt(every, across, up, number):
                     tile = Tile(len(chosen), frozenset(), 0, len(self._scene.light_groups))
                     seen = Generations(stage, tile, number, dealt, places[chosen])
                     seen.see(rays(chosen)[0])
@@ -227,13 +228,17 @@ class Tracer:
     def _dealt(
         self, pixels: Array, x: tuple[int, int], y: tuple[int, int], sample: int
     ) -> Iterator[tuple[Array, int]]:
-        """Those of some pixels of a tile that take one sample of the tables, and which it is."""
+        """Those of some pixels of a tile that take one sample of the tables, and which it is, for
+        their camera ray of that number.
+        """
         if self._deals == 1:
             yield pixels, sample
             return
         classes = interleaving_classes(x, y, self._deals)[pixels]
         for number in np.unique(classes):
-            own = dealt_sample(sample, int(number), self._settings.samples, self._deals)
+            samples, round_ = self._settings.samples, sample // self._settings.samples
+            dealt = class_beyond(int(number), round_, self._deals)
+            own = dealt_sample(sample % samples, dealt, samples, self._deals)
             yield pixels[classes == number], own
 
     def _trace(

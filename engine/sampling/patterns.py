@@ -419,6 +419,14 @@ def dealt_sample(sample: int, number: int, samples: int, side: int) -> int:
     return number * run + (sample ^ first & (run - 1))
 
 
+def class_beyond(number: int, round_: int, side: int) -> int:
+    """Whose samples a pixel of the class `number` takes in that round of as many camera rays as it
+    has samples: after its own, in round 0, those of others whose runs lie next to it, with which
+    they are a net together.
+    """
+    return number ^ round_ % side**2
+
+
 def _bayer(size: int) -> np.ndarray:
     """(size, size) the numbers 0 to size² − 1 in the order of ordered dither; size a power of 2."""
     order = np.zeros((1, 1), np.intp)

@@ -23,12 +23,15 @@ constexpr int kPassOf[kResolvedLights] = {GLINT_PASS_DIFFUSE_DIRECT,
                                           kRefractedLight,
                                           GLINT_PASS_SHADOW_CATCHER,
                                           GLINT_PASS_AMBIENT_OCCLUSION,
+                                          kOtherDiffuse,
+                                          kOtherGloss,
                                           GLINT_PASS_VOLUME_DIRECT,
                                           GLINT_PASS_VOLUME_INDIRECT};
 constexpr int kPartOf[kResolvedLights] = {
     GLINT_PASS_DIFFUSE,     GLINT_PASS_DIFFUSE, GLINT_PASS_SPECULAR, GLINT_PASS_SPECULAR,
     GLINT_PASS_MIRROR,      GLINT_PASS_MIRROR,  GLINT_PASS_MIRROR,   GLINT_PASS_MIRROR,
-    GLINT_PASS_ENVIRONMENT, GLINT_PASS_COUNT,   GLINT_PASS_DIFFUSE,  GLINT_PASS_DIFFUSE};
+    GLINT_PASS_ENVIRONMENT, GLINT_PASS_COUNT,   GLINT_PASS_DIFFUSE,  GLINT_PASS_MIRROR,
+    GLINT_PASS_DIFFUSE,     GLINT_PASS_DIFFUSE};
 /// That of the colour of each kind.
 constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR,
                                          GLINT_PASS_GLOSSY_COLOR,
@@ -36,12 +39,15 @@ constexpr int kColorOf[kColoredKinds] = {GLINT_PASS_DIFFUSE_COLOR,
                                          kMirroredColor,
                                          kRefractedColor,
                                          kCaughtAlone,
-                                         kUnhidden};
+                                         kUnhidden,
+                                         kUnshadowedDiffuse,
+                                         kUnshadowedGloss};
 /// The light of each set of guides.
 constexpr int kSumsOfGuides[kGuideSets] = {GLINT_PASS_COMBINED, kMirroredLight, kRefractedLight};
 
-/// What the pass of the Indirect light of each kind shows beside its own.
-constexpr int kBesideIndirect[] = {kPhotonLight, kMirroredLight, kRefractedLight};
+/// What the passes of the Direct and the Indirect light of each kind show beside their own.
+constexpr int kBesideDirect[] = {kOtherDiffuse, kOtherGloss, -1},
+              kBesideIndirect[] = {kPhotonLight, kMirroredLight, kRefractedLight};
 
 /// Of what gives light itself.
 constexpr int kPassOfGlow[kGlows] = {GLINT_PASS_EMISSION, GLINT_PASS_ENVIRONMENT};
@@ -317,16 +323,29 @@ void Film::read_noise(ResolveWindow& window, size_t at, const PixelSums& pixel) 
   const double n = pixel.count;
   if (n < 2) return;
   const double half = std::bit_floor(uint32_t(n) - 1), rest = n - half;
+  const auto put = [&](int column, double before, double after, double first, double second) {
+    if (first > 0 && second > 0)
+      window.column(column)[at] =
+          to_float((before / first - after / second) * std::sqrt(half * rest) / n);
+  };
   for (int light = 0; light < kResolvedLights; ++light) {
     const int kind = kind_of(light);
     const bool colored = kind < kColoredKinds;
     const double color = colored ? guide(pixel, kHalfColor + kind) : 3 * half,
-                 all = colored ? whole(pixel, kColorOf[kind]) : 3 * n,
-                 before = guide(pixel, kHalfLight + light),
-                 after = whole(pixel, sums_of(light)) - before;
-    if (color > 0 && all > color)
-      window.column(ResolveWindow::kNoise + light)[at] =
-          to_float((before / color - after / (all - color)) * std::sqrt(half * rest) / n);
+                 all = colored ? whole(pixel, kColorOf[kind]) : 3 * n;
+    double before = 0, after = 0;
+    for (const int part : looked_at(light)) {
+      const double first = guide(pixel, kHalfLight + part);
+      before += first;
+      after += whole(pixel, sums_of(part)) - first;
+    }
+    put(ResolveWindow::kNoise + light, before, after, color, all - color);
+  }
+  for (const auto& [kind, color] :
+       {std::pair{kUnshadowedMatt, kDiffuseColor}, {kUnshadowedGlossy, kGlossyColor}}) {
+    const double before = guide(pixel, kHalfColor + kind), first = guide(pixel, kHalfColor + color);
+    put(ResolveWindow::kUnshadowedNoise + kind - kUnshadowedMatt, before,
+        whole(pixel, kColorOf[kind]) - before, first, whole(pixel, kColorOf[color]) - first);
   }
 }
 
@@ -371,6 +390,8 @@ void Film::resolve(const Tile& tile, uint32_t samples, const ResolveWindow& wind
     read(finer, k,
          {more->sums.data() + slot, tile.stride(),
           double(refinement_.taken(tile.first_row + slot, samples) + rays[slot])});
+    const double taken = refinement_.taken(tile.first_row + slot, samples);
+    finer.column(ResolveWindow::kInside)[k] = to_float(taken / (taken + rays[slot]));
   }
   resolve_.run(window, more ? &finer : nullptr, tile.x0, tile.y0, samples >= Refinement::kFirst);
 }
@@ -502,21 +523,21 @@ void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t s
   for (int first = kFirstLighting; first < GLINT_PASS_VOLUME_DIRECT; first += 3)
     for (size_t c = 0; c < 3; ++c)
       for (size_t k = 0; k < tile.pixels(); ++k) {
-        const auto sum = [&](int part) { return sums(tile, first + part)[c * tile.stride() + k]; };
         const double taken = refinement_.taken(tile.first_row + k, samples);
         const uint32_t pixel = slots.pixel(tile, k, region_.width());
         const int kind = (first - kFirstLighting) / 3, light = 2 * kind;
-        const double* const beside = sums(tile, kBesideIndirect[kind]);
-        const auto resolved = [&](int part) {
-          const double more = resolves() ? double(resolve_.added_to(light + part, pixel, c)) : 0;
-          return sum(part) + taken * more;
+        const auto resolved = [&](int pass, int resolved_as) {
+          const double* const own = pass < 0 ? nullptr : sums(tile, pass);
+          if (!own) return 0.0;
+          const bool gets_more = resolves() && resolved_as >= 0;
+          const double more = gets_more ? double(resolve_.added_to(resolved_as, pixel, c)) : 0;
+          return own[c * tile.stride() + k] + taken * more;
         };
-        const double shown = beside ? beside[c * tile.stride() + k] : 0,
-                     more = kind > 0 && beside
-                                ? double(resolve_.added_to(kMirrored + kind - 1, pixel, c))
-                                : 0;
-        const double direct = resolved(0), indirect = resolved(1) + shown + taken * more,
-                     color = sum(2);
+        const double direct = resolved(first, light) +
+                              resolved(kBesideDirect[kind], kOtherDiffuseDirect + kind),
+                     indirect = resolved(first + 1, light + 1) +
+                                resolved(kBesideIndirect[kind], kind ? kMirrored + kind - 1 : -1),
+                     color = resolved(first + 2, -1);
         const bool bare = color == 0 && (direct != 0 || indirect != 0);
         const double over = color != 0 ? color : taken;
         const double values_of[3] = {direct / over, indirect / over, bare ? 1 : color / taken};

@@ -17,8 +17,10 @@ constexpr Passes kLightingPasses = pass_bit(kLastLighting + 1) - pass_bit(kFirst
 /// Sums that no pass shows, for what is resolved: the light of catchers with all things there and
 /// as if they were alone, and what they show where nothing shades them; how much of what camera
 /// rays meet is asked how open it is; and of the surfaces that mirrors, and those that clear glass
-/// shows, the light and the colour. And the light of photons, which is not resolved: a part of
-/// Diffuse Indirect.
+/// shows, the light and the colour. What lights would give to what camera rays meet if nothing hid
+/// them, matt and glossy; and what of Diffuse and Glossy Direct is not of lights there: even and
+/// subsurface light, what mirrors show of what gives light. And the light of photons, which is not
+/// resolved: a part of Diffuse Indirect.
 enum : int {
   kCaughtLight = GLINT_PASS_COUNT,
   kCaughtAlone,
@@ -28,6 +30,10 @@ enum : int {
   kMirroredColor,
   kRefractedLight,
   kRefractedColor,
+  kUnshadowedDiffuse,
+  kUnshadowedGloss,
+  kOtherDiffuse,
+  kOtherGloss,
   kPhotonLight,
   kSumCount
 };

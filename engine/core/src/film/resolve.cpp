@@ -182,25 +182,56 @@ class LightResolve {
         tint_(window.pixels()),
         white_(window.pixels()) {}
 
-  /// False where there is none. is_halved: halves of samples tell how far its means are off.
-  bool choose(int light, bool is_halved) {
+  /// False where there is none. is_halved: halves of samples tell how far its means are off. block:
+  /// of pixels that show the same surface.
+  bool choose(int light, bool is_halved, const Block& block) {
     const float* const all = window_.column(ResolveWindow::kLight + 3 * light);
     if (std::all_of(all, all + 3 * window_.pixels(), [](float own) { return own == 0; }))
       return false;
-    for (int c = 0; c < 3; ++c) {
-      light_[c] = all + size_t(c) * window_.pixels();
-      color_[c] = window_.column(ResolveWindow::kColor + 3 * kind_of(light) + c);
+    set_light(all, told_over(light), kind_of(light));
+    if (is_unshadowed()) {
+      find_unshadowed(is_halved, block);
+      set_light(all, told_over(light), kind_of(light));
     }
-    kind_ = kind_of(light);
     set_ = guides_of(light);
     is_halved_ = is_halved;
     is_wide_ = is_wide(light);
     set_sharp(light);
     if (set_ != kSeen) find_covered();
-    for (size_t i = 0; i < window_.pixels(); ++i)
-      tint_[i] = color_[0][i] + color_[1][i] + color_[2][i];
-    set_seen(light);
+    std::vector<const float*> seen;
+    for (const int part : looked_at(light))
+      seen.push_back(window_.column(ResolveWindow::kLight + 3 * part));
+    set_seen(seen);
+    const float* const half = window_.column(ResolveWindow::kNoise + light);
+    halves_.assign(half, half + window_.pixels());
     return true;
+  }
+
+  /// What lights would give if nothing hid them, which light of them is told over: of pixels of the
+  /// span as all their camera rays say, but for what is noise, of more rays than samples so much
+  /// less. In its place is the mean of the block, over the colour of surfaces.
+  void find_unshadowed(bool is_halved, const Block& block) {
+    const int kind = kind_, number = kind - kUnshadowedMatt;
+    set_light(window_.column(ResolveWindow::kColor + 3 * kind), surface_kind_, surface_kind_);
+    set_ = kSeen;
+    is_halved_ = is_halved;
+    is_wide_ = false;
+    set_seen({&light_[0], 1});
+    const float* const half = window_.column(ResolveWindow::kUnshadowedNoise + number);
+    halves_.assign(half, half + window_.pixels());
+    find_means(block);
+    is_known_finely_ = true;
+    find_spread(block);
+    is_known_finely_ = false;
+    for (Floats& found : unshadowed_[number]) found.resize(span_.count());
+    for (size_t k = 0; k < span_.count(); ++k) {
+      const float taken = is_alone(block, k) ? 0 : averaged(k, sure_[k]);
+      for (int c = 0; c < 3; ++c) {
+        const float whole = own(ResolveWindow::kColor + 3 * kind + c, k),
+                    given = taken * fine_[c][k] + (1 - taken) * whole;
+        unshadowed_[number][c][k] = std::isfinite(given) ? given : whole;
+      }
+    }
   }
 
   void find_means(const Block& block) {
@@ -212,11 +243,12 @@ class LightResolve {
         add(span_, block.to[k], block.of(k), color_[c], color_sum_[c].data());
       }
     }
-    mean_.assign(span_.count(), 0.0f);
-    for (size_t k = 0; k < block.to.size(); ++k)
+    for (Floats* sums : {&mean_, &tint_sum_}) sums->assign(span_.count(), 0.0f);
+    for (size_t k = 0; k < block.to.size(); ++k) {
       add(span_, block.to[k], block.of(k), seen_.data(), mean_.data());
-    for (size_t i = 0; i < span_.count(); ++i)
-      mean_[i] = over(mean_[i], color_sum_[0][i] + color_sum_[1][i] + color_sum_[2][i]);
+      add(span_, block.to[k], block.of(k), tint_.data(), tint_sum_.data());
+    }
+    for (size_t i = 0; i < span_.count(); ++i) mean_[i] = over(mean_[i], tint_sum_[i]);
     for (int c = 0; c < 3; ++c) {
       coarse_[c].resize(span_.count());
       fine_[c].resize(span_.count());
@@ -236,7 +268,7 @@ class LightResolve {
     for (size_t k = 0; k < span_.count(); ++k) {
       float alike = 0;
       for (size_t j = 0; j < block.to.size(); ++j) alike += block.of(j)[k];
-      const float tint = own_color(k, 0) + own_color(k, 1) + own_color(k, 2);
+      const float tint = own_tint(k);
       if (own_guide(ResolveWindow::kSurface, k) > 0 && tint > 0 && kGuides * alike < most)
         fit_edge(whole, k, tint);
     }
@@ -253,7 +285,7 @@ class LightResolve {
       });
     sure_.resize(span_.count());
     for (size_t k = 0; k < span_.count(); ++k) {
-      sure_[k] = is_halved_ ? std::max(apart_[k] - kSure * noise_[k], 0.0f) : 0;
+      sure_[k] = is_halved_ ? std::max(apart_[k] - kSure * noise_share(k) * noise_[k], 0.0f) : 0;
       const float seen = std::max(changed_[k], apart_[k] - kSurer * noise_[k]);
       if (!is_wide_ && seen < sure_[k])
         sure_[k] = std::min(sure_[k], std::max(seen, apart_[k] - kSure * along_lines(block, k)));
@@ -264,7 +296,7 @@ class LightResolve {
   float given(size_t k, size_t q, int c) const {
     const float sharp = sharp_[q],
                 stays = sharp > 0 ? sharp * apart_[k] + (1 - sharp) * sure_[k] : sure_[k],
-                taken = apart_[k] > stays ? 1 - stays / apart_[k] : 0, light = light_[c][q],
+                taken = averaged(k, stays), light = light_[c][q],
                 coarse = coarse_[c][k], fine = fine_[c][k],
                 stayed = coarse > fine ? light * (fine / coarse) : light + (fine - coarse),
                 more = taken * fine + (1 - taken) * stayed - light;
@@ -272,6 +304,25 @@ class LightResolve {
   }
 
  private:
+  /// Whether light is told over what lights give that nothing hides, which is better known than of
+  /// the samples.
+  bool is_unshadowed() const { return kind_ >= kUnshadowedMatt && kind_ < kColoredKinds; }
+  /// Whether no other pixel of the block of pixel k of the span shows what it does.
+  bool is_alone(const Block& block, size_t k) const {
+    for (size_t j = 0; j < block.to.size(); ++j)
+      if (block.to[j] != 0 && block.of(j)[k] > 0 &&
+          tint_[size_t(ptrdiff_t(span_.pixel(k)) + block.to[j])] > 0)
+        return false;
+    return true;
+  }
+  /// How much of pixel k of the span is averaged where so much of its spread stays.
+  float averaged(size_t k, float stays) const {
+    return apart_[k] > stays ? 1 - stays / apart_[k] : 0;
+  }
+  /// How much of the noise of its samples more rays of pixel k of the span leave of what they tell.
+  float noise_share(size_t k) const {
+    return is_known_finely_ && finer_ ? finer_->column(ResolveWindow::kInside)[k] : 1;
+  }
   float at(int column, size_t q) const { return window_.column(column)[q]; }
   float guide(int number, size_t q) const { return window_.guide(set_, number)[q]; }
 
@@ -285,14 +336,22 @@ class LightResolve {
     return guide(number, span_.pixel(k)) * (is_share ? covered_[k] : 1);
   }
   float own_color(size_t k, int c) const {
+    if (is_unshadowed()) return unshadowed_[kind_ - kUnshadowedMatt][c][k];
     if (set_ == kSeen) return own(ResolveWindow::kColor + 3 * kind_ + c, k);
     return color_[c][span_.pixel(k)] * covered_[k];
+  }
+
+  /// The channels of the colour of surfaces.
+  float own_tint(size_t k) const {
+    if (!is_unshadowed()) return own_color(k, 0) + own_color(k, 1) + own_color(k, 2);
+    const int first = ResolveWindow::kColor + 3 * surface_kind_;
+    return own(first, k) + own(first + 1, k) + own(first + 2, k);
   }
 
   /// How many times what samples say of them mirrors or glass take of each pixel of the span: what
   /// these show is known of samples alone.
   void find_covered() {
-    const int kind = kind_of(set_ == kInMirrors ? kGlossyDirect : kTransmissionDirect),
+    const int kind = set_ == kInMirrors ? kGlossyColor : kTransmissionColor,
               first = ResolveWindow::kColor + 3 * kind;
     covered_.assign(span_.count(), 1);
     for (size_t k = 0; finer_ && k < span_.count(); ++k) {
@@ -324,7 +383,7 @@ class LightResolve {
   void fit_edge(const Block& block, size_t k, float own_tint) {
     const size_t p = span_.pixel(k);
     near_.clear();
-    double all = 0, far = 0, tinted = 0;
+    double all = 0, far = 0, tinted = 0, colored = 0;
     for (size_t j = 0; j < block.to.size(); ++j) {
       const size_t q = size_t(ptrdiff_t(p) + block.to[j]);
       if (!(guide(ResolveWindow::kSurface, q) > 0)) continue;
@@ -332,11 +391,14 @@ class LightResolve {
       const GuideFits::Guides& g = near.guides;
       all += near.weight * g[0] * g[0];
       far += near.weight * (g[4] * g[4] + g[5] * g[5] + g[6] * g[6]);
+      const double color = double(color_[0][q] + color_[1][q] + color_[2][q]);
       tinted += near.weight * double(tint_[q]) * double(tint_[q]);
+      colored += near.weight * color * color;
     }
-    const double scale = far > 0 ? std::sqrt(all / far) : 0, full = std::sqrt(all / tinted),
-                 share = double(own_guide(ResolveWindow::kShare, k));
-    const Four here(own_color(k, 0), own_color(k, 1), own_color(k, 2), own_tint);
+    const double scale = far > 0 ? std::sqrt(all / far) : 0, share = double(own_guide(ResolveWindow::kShare, k));
+    const double full_color = std::sqrt(all / colored);
+    const Four here(own_color(k, 0), own_color(k, 1), own_color(k, 2), own_tint),
+        full(full_color, full_color, full_color, std::sqrt(all / tinted));
     const auto color_of = [&](const GuideFits::Guides& g, size_t q) {
       return full *
              (Four(color_[0][q], color_[1][q], color_[2][q], tint_[q]) - g[0] / share * here);
@@ -367,7 +429,7 @@ class LightResolve {
       fine_[c][k] = coarse_[c][k] = held(share * fits.here()[c], c);
       color_sum_[c][k] = own_color(k, c);
     }
-    if (!finer_) return;
+    if (!finer_ && !is_unshadowed()) return;
     GuideFits::Guides coarse{};
     if (guide(ResolveWindow::kSurface, p) > 0) coarse = guides(k, p);
     for (size_t i = 4; i < 7; ++i) coarse[i] *= scale;
@@ -385,7 +447,7 @@ class LightResolve {
       for (size_t j = 0; j < block.to.size(); ++j) {
         const size_t q = size_t(ptrdiff_t(span_.pixel(k)) + block.to[j]),
                      next = size_t(ptrdiff_t(q) + span_.offset(x, y));
-        const float weight = block.of(j)[k] * tint_[q] * tint_[q],
+        const float weight = block.of(j)[k] * weight_of(q),
                     off = (white_[q] - white_[next]) * inverse;
         all += weight;
         if (!(tint_[next] > 0)) continue;
@@ -397,21 +459,36 @@ class LightResolve {
     return least;
   }
 
-  /// What is looked at of pixels, and how far its means are off: of gloss what lights and other
-  /// surfaces give it together, as one hides the other.
-  void set_seen(int light) {
-    const bool is_gloss = light == kGlossyDirect || light == kGlossyIndirect;
-    const int first = is_gloss ? kGlossyDirect : light, last = is_gloss ? kGlossyIndirect : light;
-    seen_.assign(window_.pixels(), 0.0f);
-    halves_.assign(window_.pixels(), 0.0f);
-    for (int part = first; part <= last; ++part) {
-      const float* const own = window_.column(ResolveWindow::kLight + 3 * part);
-      const float* const half = window_.column(ResolveWindow::kNoise + part);
-      for (size_t i = 0, n = window_.pixels(); i < n; ++i) {
-        seen_[i] += own[i] + own[n + i] + own[2 * n + i];
-        halves_[i] += half[i];
-      }
+  /// The light of pixels, what it is told over, and the surfaces over whose colour it is looked at.
+  void set_light(const float* light, int kind, int surface_kind) {
+    kind_ = kind;
+    surface_kind_ = surface_kind;
+    for (size_t c = 0; c < 3; ++c) {
+      light_[c] = light + c * window_.pixels();
+      color_[c] = window_.column(ResolveWindow::kColor + 3 * kind + int(c));
     }
+    const float* const surface = window_.column(ResolveWindow::kColor + 3 * surface_kind);
+    float most = 0;
+    for (size_t i = 0; i < window_.pixels(); ++i) {
+      tint_[i] = 0;
+      for (size_t c = 0; c < 3; ++c) tint_[i] += surface[c * window_.pixels() + i];
+      if (std::isfinite(tint_[i])) most = std::max(most, tint_[i]);
+    }
+    scale_ = most > 0 ? std::ldexp(1.0f, -std::clamp(std::ilogb(most), -126, 126)) : 1;
+  }
+  /// What pixel q of the window weighs: of another power of two than the square, which may be beyond
+  /// all floats.
+  float weight_of(size_t q) const {
+    const float scaled = tint_[q] * scale_;
+    return scaled * scaled;
+  }
+
+  /// What is looked at of pixels: the channels of the lights from these columns on.
+  void set_seen(std::span<const float* const> lights) {
+    seen_.assign(window_.pixels(), 0.0f);
+    for (const float* own : lights)
+      for (size_t i = 0, n = window_.pixels(); i < n; ++i)
+        seen_[i] += own[i] + own[n + i] + own[2 * n + i];
     for (size_t i = 0; i < window_.pixels(); ++i) white_[i] = over(seen_[i], tint_[i]);
   }
 
@@ -440,7 +517,7 @@ class LightResolve {
       const float inverse = over(1, mean_[k]), off = (white_[q] - mean_[k]) * inverse,
                   half = halves_[q] * inverse, moved = change_[q] * inverse,
                   sure = is_halved_ ? std::max(off * off - kSure * half * half, 0.0f) : 0,
-                  weight = weights[k] * tint_[q] * tint_[q];
+                  weight = weights[k] * weight_of(q);
       apart_[k] += weight * off * off;
       changed_[k] += weight * (moved < 0 ? sure : moved * moved);
       noise_[k] += weight * half * half;
@@ -453,9 +530,10 @@ class LightResolve {
   const uint32_t side_;
   std::optional<Changes> changes_[kGuideSets];
   const float *light_[3] = {}, *color_[3] = {};
-  int kind_ = 0;
+  int kind_ = 0, surface_kind_ = 0;
   GuideSet set_ = kSeen;
-  bool is_halved_ = false, is_wide_ = false;
+  float scale_ = 1;
+  bool is_halved_ = false, is_wide_ = false, is_known_finely_ = false;
   struct Near {
     size_t pixel;  // of the window
     double weight;
@@ -464,7 +542,8 @@ class LightResolve {
   std::vector<Near> near_;                       // of the block of one pixel
   Floats covered_;                               // of the span
   Floats tint_, seen_, white_, halves_, sharp_;  // of the window; white_: seen_ over its colour
-  Floats change_, light_sum_[3], color_sum_[3], mean_, apart_, changed_, noise_, sure_;
+  Floats unshadowed_[2][3];  // of the span, channels by kind
+  Floats change_, light_sum_[3], color_sum_[3], tint_sum_, mean_, apart_, changed_, noise_, sure_;
   Floats coarse_[3],
       fine_[3];  // of the span: predictions of its samples' light, and of all its rays'
 };
@@ -519,7 +598,7 @@ std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
     }
   };
   for (int kind = 0; kind < kColoredKinds; ++kind)
-    if (kind != kind_of(kMirrored) && kind != kind_of(kRefracted))  // of which samples alone tell
+    if (kind < kMirroredSurfaces || kind == kCaughtSurfaces || kind == kOpenSurfaces)
       compare(ResolveWindow::kColor + 3 * kind, ResolveWindow::kColor + 3 * kind);
   compare(ResolveWindow::kRest, ResolveWindow::kWhole);
   bright.emplace_back(window.pixels(), 1.0f);
@@ -552,7 +631,7 @@ void Resolve::run(const ResolveWindow& window, const ResolveWindow* finer, uint3
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 4 * ((y0 + y) * width_ + x0), 4 * span.width, 0.0f);
   for (int light = 0; light < kResolvedLights; ++light) {
-    const bool any = one.choose(light, is_halved),
+    const bool any = one.choose(light, is_halved, on_surfaces),
                is_caught = light == kCaught && catches_ != Catches::kNone,
                is_lost = is_caught && catches_ == Catches::kAlpha,
                is_seen = is_caught ? catches_ == Catches::kColor : light != kOpen;

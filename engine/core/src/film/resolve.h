@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "film/passes.h"
@@ -19,9 +20,10 @@
 
 namespace glint {
 
-/// Light that is resolved by itself: what surfaces that camera rays meet give back, straight from
-/// what makes it and by way of others; what surfaces do that mirrors, and that clear glass shows;
-/// the light of catchers; what is open over surfaces; and what media scatter.
+/// Light that is resolved by itself: what surfaces that camera rays meet give back, of lights and by
+/// way of others; what surfaces do that mirrors, and that clear glass shows; the light of catchers;
+/// what is open over surfaces; what else is in Diffuse and Glossy Direct (`passes.h`); and what
+/// media scatter.
 enum ResolvedLight : int {
   kDiffuseDirect,
   kDiffuseIndirect,
@@ -33,16 +35,48 @@ enum ResolvedLight : int {
   kRefracted,
   kCaught,
   kOpen,
+  kOtherDiffuseDirect,
+  kOtherGlossyDirect,
   kVolumeDirect,
   kVolumeIndirect,
   kResolvedLights
 };
 
-// diffuse, glossy, transmission, mirrored, refracted, caught, open: which are told over a colour;
-// those of which parts are images
-constexpr int kColoredKinds = 7, kFirstSharp = 1, kSharpKinds = 2;
+/// What light is told over: colours of surfaces, or the same light with nothing in its way; of
+/// media nothing.
+enum LightKind : int {
+  kDiffuseColor,
+  kGlossyColor,
+  kTransmissionColor,
+  kMirroredSurfaces,
+  kRefractedSurfaces,
+  kCaughtSurfaces,
+  kOpenSurfaces,
+  kUnshadowedMatt,
+  kUnshadowedGlossy,
+  kColoredKinds
+};
+constexpr int kFirstSharp = kGlossyColor, kSharpKinds = 2;  // of which parts are images
+/// Of which surfaces a light is, and what it is told over.
 constexpr int kind_of(int light) {
-  return light < kMirrored ? light / 2 : light < kVolumeDirect ? light - 3 : kColoredKinds;
+  constexpr int kinds[kResolvedLights] = {
+      kDiffuseColor,     kDiffuseColor,      kGlossyColor,    kGlossyColor,  kTransmissionColor,
+      kTransmissionColor, kMirroredSurfaces, kRefractedSurfaces, kCaughtSurfaces, kOpenSurfaces,
+      kDiffuseColor,     kGlossyColor,       kColoredKinds,   kColoredKinds};
+  return kinds[light];
+}
+constexpr int told_over(int light) {
+  return light == kDiffuseDirect   ? int(kUnshadowedMatt)
+         : light == kGlossyDirect ? int(kUnshadowedGlossy)
+                                  : kind_of(light);
+}
+/// What is looked at to tell one from noise: of gloss what lights and other surfaces give it
+/// together, as one hides the other.
+inline std::span<const int> looked_at(int light) {
+  static constexpr int kAll[kResolvedLights] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13},
+                       kGloss[] = {kGlossyDirect, kGlossyIndirect, kOtherGlossyDirect};
+  const bool is_gloss = kind_of(light) == kGlossyColor;
+  return is_gloss ? std::span<const int>(kGloss) : std::span<const int>(kAll + light, 1);
 }
 /// Of which surfaces guides tell: those that camera rays meet, those in mirrors and behind clear
 /// glass.
@@ -93,14 +127,16 @@ struct ResolveWindow {
     kLight = kColor + 3 * (kColoredKinds + 1),
     kNoise = kLight + 3 * kResolvedLights,  // of light without its colour, how far the mean is off:
                                             // half of what halves differ by
-    kSharp = kNoise + kResolvedLights,      // of glossy colour and of that of transmission, which
+    kUnshadowedNoise = kNoise + kResolvedLights,  // the same of both kinds of unshadowed light
+    kSharp = kUnshadowedNoise + 2,      // of glossy colour and of that of transmission, which
                                             // share mirrors and clear glass have
     kShadow = kSharp + kSharpKinds,  // what shadows change of what catchers show, and what these do
     kUnshadedColor = kShadow + 3,    // without them
     kRest = kUnshadedColor + 3,      // of the picture but for light that is resolved; lost alpha
     kGlow = kRest + 4,               // of each of what gives light itself
     kWhole = kGlow + 3 * kGlows,     // the picture
-    kInside = kWhole + 3,            // 1: a pixel of the region
+    kInside = kWhole + 3,            // 1: a pixel of the region; of more rays than samples, which
+                                     // part of them these are
     kColumns = kInside + 1
   };
   uint32_t width = 0, height = 0;

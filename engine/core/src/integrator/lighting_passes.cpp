@@ -34,6 +34,25 @@ void Tracer::note_colors(const Queue& queue) {
   }
 }
 
+/// Lights the points of the batch, and tells the passes of the paths what lights would give to the
+/// surfaces that camera rays meet if nothing hid them.
+void Tracer::illuminate(const Queue& queue) {
+  const SumColumns& s = batch_.sums;
+  const auto note = [&](double sign) {
+    if (queue.visibility != kCamera || queue.exits) return;
+    for (const auto& [pass, columns] :
+         {std::pair{int(kUnshadowedDiffuse), s.diffuse}, {int(kUnshadowedGloss), s.specular}})
+      for (size_t c = 0; film_.column_of(pass) >= 0 && c < 3; ++c) {
+        double* const sums = paths_.sums(film_, pass) + c * paths_.stride();
+        for (size_t k = 0; k < queue.size(); ++k)
+          if (!is_caught(queue, k)) sums[queue.slot(k)] += sign * columns[c][k];
+      }
+  };
+  note(-1);
+  direct_.illuminate(batch_, sample_);
+  note(1);
+}
+
 /// Where light goes that ray k brings by way of others: `blurred` unless mirrors or clear glass
 /// show it.
 int Tracer::image_of(const Queue& queue, size_t k, int blurred) {
@@ -74,10 +93,15 @@ void Tracer::keep_lighting(const Queue& queue) {
     double* const sums = paths_.sums(film_, pass);
     if (sums) sums[c * paths_.stride() + queue.slot(k)] += light;
   };
+  const auto kept = [&](int pass, int else_) { return film_.column_of(pass) < 0 ? else_ : pass; };
+  const int other_diffuse = kept(kOtherDiffuse, GLINT_PASS_DIFFUSE_DIRECT),
+            other_gloss = kept(kOtherGloss, GLINT_PASS_GLOSSY_DIRECT);
   for (size_t c = 0; c < 3; ++c)
     for (size_t k = 0; k < queue.size(); ++k) {
       if (queue.visibility == kCamera) {
-        add(GLINT_PASS_DIFFUSE_DIRECT, c, k, s.ambient[c][k] + batch_.lit_diffuse[c][k]);
+        add(other_diffuse, c, k, s.ambient[c][k]);
+        add(queue.exits ? other_diffuse : GLINT_PASS_DIFFUSE_DIRECT, c, k,
+            batch_.lit_diffuse[c][k]);
         add(GLINT_PASS_GLOSSY_DIRECT, c, k, batch_.lit_specular[c][k]);
         add(GLINT_PASS_VOLUME_DIRECT, c, k, batch_.lit_volume[c][k]);
         continue;
@@ -92,7 +116,10 @@ void Tracer::keep_lighting(const Queue& queue) {
       const int by_others = image_of(queue, k, first + 1);
       const bool is_made = queue.depth(k) == 1 || queue.past.reflections == 0;
       const double made = is_made ? s.emission[c][k] + s.environment[c][k] : 0;
-      add(queue.depth(k) == 1 ? first : first + 1, c, k, made);
+      add(queue.depth(k) > 1                 ? first + 1
+          : first == GLINT_PASS_GLOSSY_DIRECT ? other_gloss
+                                              : first,
+          c, k, made);
       add(by_others, c, k, s.total[c][k] - made);
     }
 }

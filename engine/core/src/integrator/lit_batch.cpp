@@ -91,8 +91,9 @@ void LitBatch::add(const Batch& batch, const Light& light, const LightSample& fr
                    uint8_t* known) {
   if (count == 0) return;
   if (light.program) apply_program(light, count);
-  charge(batch, count, from.count > 1 && !light.is_dome(), light.casts_shadow());
-  trace(light, from.shape, count, light.casts_shadow(), known);
+  const bool casts = hides && light.casts_shadow();
+  if (hides) charge(batch, count, from.count > 1 && !light.is_dome(), casts);
+  trace(light, from.shape, count, casts, known);
   add_to_sums(batch, count);
 }
 
@@ -104,6 +105,11 @@ void LitBatch::charge(const Batch& batch, size_t count, bool soft, bool casts) c
 
 void LitBatch::trace(const Light& light, LightShape shape, size_t count, bool casts,
                      uint8_t* known) {
+  if (!hides) {
+    std::fill_n(blocked_.begin(), count, uint8_t(0));
+    for (size_t c = 0; shadow_[0] && c < 3; ++c) std::fill_n(shadow_[c], count, 1.0);
+    return;
+  }
   if (casts && glassy_ && !known) {
     transparent_shadows_.trace(rays, shape, opacity(light), zeros_, count, shadow_, counts,
                                visibility);

@@ -125,6 +125,11 @@ struct RenderPlan : GlintRenderSettings {
     for (uint32_t bit = 0; bit < 4; ++bit) first ^= number >> bit & 1 ? kTurns[bit] : 0;
     return number * run + (sample ^ (first & (run - 1)));
   }
+  /// Whose samples a pixel of the class `number` takes in its `round` of n camera rays: after its
+  /// own those of others whose runs lie next to it, with which they are a net together.
+  uint32_t class_beyond(uint32_t number, uint32_t round) const {
+    return number ^ (round % (interleaving * interleaving));
+  }
 
   bool physical() const { return illumination == GLINT_PHYSICAL; }
 

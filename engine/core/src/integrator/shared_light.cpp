@@ -108,7 +108,7 @@ void SharedLight::add(const Batch& batch, uint32_t sample, bool few) {
   white_.gloss[0] = nullptr;
   for (double*& column : white_.diffuse) column = sums_.ones;
   const ShadowRequest* begin = requests_.sorted.data();
-  for (size_t number = 0; number < samples_.lamps.size() && !cancel; ++number) {
+  for (size_t number = 0; lit_.hides && number < samples_.lamps.size() && !cancel; ++number) {
     const ShadowRequest* const end = requests_.sorted.data() + requests_.ends[number];
     if (begin != end) ask(batch, number, begin, end);
     begin = end;

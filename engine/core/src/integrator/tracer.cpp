@@ -222,7 +222,7 @@ std::vector<Tracer::Step> Tracer::steps() const {
       {catches_, kPaths, &on_queue<&T::set_aside_caught>},
       {subsurface_.on(), kCameraRays | kMirrorRays, &on_queue<&T::scatter_below>},
       {plan_.bounces > 0, kAll, &on_queue<&T::find_pixels>},
-      {true, kAll, [](T& t, W&) { t.direct_.illuminate(t.batch_, t.sample_); }},
+      {true, kAll, &on_queue<&T::illuminate>},
       {catches_, kPaths, &on_queue<&T::settle_caught>},
       {plan_.reflects_gloss, kPaths & ~kGatherRays, [](T& t, W& w) { t.reflect(w.glossy); }},
       {plan_.throws_photons(), kPaths, [](T& t, W& w) { t.add_caustics(w.queue); }},
@@ -230,7 +230,7 @@ std::vector<Tracer::Step> Tracer::steps() const {
       {film_.wants(GLINT_PASS_AMBIENT_OCCLUSION), kCameraRays, &on_queue<&T::note_occlusion>},
       {media, kPaths, [](T& t, W& w) { t.scatter(w.queue, w.scattered); }},
       {scene_.materials.has_translucent, kPaths,
-       [](T& t, W& w) { t.light_behind(w.queue, w.behind); }},
+       [](T& t, W& w) { t.light_behind(w.queue, &w.behind); }},
       {true, kAll, &on_queue<&T::keep>}};
   std::erase_if(all, [](const Step& step) { return !step.wanted; });
   return all;
@@ -309,8 +309,9 @@ void Tracer::scatter(const Queue& queue, Queue& scattered) {
 }
 
 /// Adds what TRANSLUCENT lobes let through of the light on the other side: there they are DIFFUSE
-/// ones, of points that a ray meets which comes the other way.
-void Tracer::light_behind(Queue& queue, Queue& gathering) {
+/// ones, of points that a ray meets which comes the other way. gathering: for rays of bounced light;
+/// null for none.
+void Tracer::light_behind(Queue& queue, Queue* gathering) {
   if (!batch_.turn_round()) return;
   const auto turn = [&] {
     for (double* const d : queue.d)
@@ -318,8 +319,8 @@ void Tracer::light_behind(Queue& queue, Queue& gathering) {
   };
   turn();
   batch_.first_hits = nullptr;  // which knows the shadows of this side
-  direct_.illuminate(batch_, sample_);
-  bounce(queue, gathering);
+  illuminate(queue);
+  if (gathering) bounce(queue, *gathering);
   turn();
 }
 

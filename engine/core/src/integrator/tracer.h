@@ -107,7 +107,7 @@ class Tracer {
   void scatter(const Queue& queue, Queue& scattered);
   void keep_mesh_normals();
   void add_caustics(const Queue& queue, bool to_parts = true);
-  void light_behind(Queue& queue, Queue& gathering);
+  void light_behind(Queue& queue, Queue* gathering);
   void scatter_below(const Queue& queue);
   void show_exits(const Queue& queue);
   void bend_exits(const Queue& queue);
@@ -143,6 +143,7 @@ class Tracer {
   void add_guides(const Queue& queue, size_t k, GuideSet set, double share);
   void note_guides(const Queue& queue);
   void note_colors(const Queue& queue);
+  void illuminate(const Queue& queue);
   void note_images(const Queue& queue);
   int image_of(const Queue& queue, size_t k, int blurred);
   void note_occlusion(const Queue& queue);

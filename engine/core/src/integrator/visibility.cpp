@@ -18,22 +18,18 @@ const MoreSeen* Tracer::see(const Tile& tile, std::vector<uint32_t> slots) {
   seen_.slots = std::move(slots);
   deal();
   is_first_ = surely_empty_ = false;
-  // what asks for rays, or looks into media, does so at the points of one sample
-  const bool asks = scene_.programs.asks_rays || scene_.media.varies;
-  uint32_t count = asks ? 1 : WindowPoints::kMaxPacketSamples;
-  while (plan_.samples % count) count /= 2;
-  const size_t step = Paths::kMost / count;
-  for (uint32_t past = 0; past < plan_.beyond_samples(); past += count) {
+  for (uint32_t past = 0; past < plan_.beyond_samples(); ++past) {
     const uint32_t sample = past % plan_.samples;
     size_t k = 0;
     for (uint32_t number = 0; number < class_ends_.size(); ++number) {
       const size_t end = class_ends_[number];
       if (k < end)
         points_.set(camera_, plan_, tile,
-                    {offsets_of(active_[k]), plan_.samples + past, count, sample});
+                    {offsets_of(active_[k]), plan_.samples + past, 1, sample});
       for (size_t some; k < end && !cancel_; k += some) {
-        some = std::min(step, end - k);
-        see_some(active_.data() + k, active_.data() + k + some, plan_.dealt_sample(sample, number));
+        some = std::min(Paths::kMost, end - k);
+        see_some(active_.data() + k, active_.data() + k + some,
+                 plan_.dealt_sample(sample, plan_.class_beyond(number, 1 + past / plan_.samples)));
       }
     }
   }
@@ -96,6 +92,11 @@ void Tracer::see_surfaces(Queue& queue, Queue& straight) {
   add(GLINT_PASS_COMBINED, s.total, s.ambient);
   add(GLINT_PASS_EMISSION, s.emission, nullptr);
   add(GLINT_PASS_ENVIRONMENT, s.environment, nullptr);
+  if (subsurface_.on()) subsurface_.enter(batch_, sample_, [](uint32_t) { return true; });
+  direct_.lit.hides = false;
+  illuminate(queue);
+  if (scene_.materials.has_translucent) light_behind(queue, nullptr);
+  direct_.lit.hides = true;
 }
 
 }  // namespace glint

@@ -40,6 +40,11 @@ Passes lights_of(const Scene& scene, const RenderPlan& plan) {
   if (scene.features & GLINT_FEATURE_REFRACTION)
     lights |= all << GLINT_PASS_TRANSMISSION_DIRECT | pass_bit(kRefractedLight) |
               pass_bit(kRefractedColor);
+  lights |= pass_bit(kUnshadowedDiffuse);
+  if (scene.materials.rows_of_lobes.columns > 0) lights |= pass_bit(kUnshadowedGloss);
+  const bool even = any(scene.world.ambient);
+  if (even || scene.materials.has_subsurface) lights |= pass_bit(kOtherDiffuse);
+  if (scene.features & GLINT_FEATURE_MIRROR || plan.reflects_gloss) lights |= pass_bit(kOtherGloss);
   if (plan.throws_photons()) lights |= pass_bit(kPhotonLight);
   if (scene.features & GLINT_FEATURE_MEDIA) lights |= of_media << GLINT_PASS_VOLUME_DIRECT;
   if (scene.features & GLINT_FEATURE_SHADOW_CATCHER)
