@@ -156,9 +156,7 @@ class Generations:
             sides.append(other_side(stage, at, hits.depth[at.hit]))
         for side in sides:
             self._note_colors(side)
-            given = side.surface, side.coefficients, side.weight, self._sample
-            nobody: Callable[..., None] = lambda *_: None
-            self._note_unshadowed(side, stage.unshadowed_lighting.direct(*given, nobody, nobody))
+            self._note_unshadowed(side, stage.unshadowed(side, self._sample))
         return passed
 
     def _follow(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:

@@ -73,7 +73,8 @@ class Lighting:
     draws_matt: what is matt draws directions to MESH lights. lobe_points: (samples, 2) of the unit
     disc, where in lobes rays are reflected, and highlights draw the first of a sample's directions
     to the sky where samples are dealt. has_photons: they bring the light of lamps that mirrors
-    throw on to what is matt, so that lamps do not light these. hides: else nothing is in lights' way.
+    throw on to what is matt, so that lamps do not light these. hides: else nothing is in the way of
+    lights.
     """
 
     sources: tuple[Source, ...]

@@ -190,101 +190,128 @@ def resolved(
     (3, h, w) sums. halves: (h, w) of the first half of the samples, the sums of channels. sharp:
     (h, w) by pass of colour what `SHARP` names of it, the sum of the channels.
     """
-    finely = finely or seen
-    block, wide = list(_block(side)), list(_block(2 * side))
-    inside = np.ones_like(seen.guides.surface)
-    in_media, in_wide_media = (
-        [share * _moved(inside, x, y) for x, y, share in pixels] for pixels in (block, wide)
-    )
-    found = {}
-    for name, of_color in LIGHTS.items():
-        if name not in parts or not parts[name].any():
-            continue
-        color, half_color = np.ones_like(parts[name]), 3.0 * _half(samples)
-        guides, fine_guides, own_color = seen.guides, finely.guides, color
-        images = np.zeros_like(guides.surface)
-        if of_color:
-            color, half_color = parts[of_color] / samples, halves[of_color]
-            own_color = finely.colors.get(of_color, color)
-        surface, own_surface = color, own_color
-        if name in UNSHADOWED:
-            weights = [share * guides.alike(x, y) for x, y, share in block]
-            told = parts, halves, samples
-            color = parts[UNSHADOWED[name]] / samples
-            own_color = _unshadowed(side, seen, finely, name, block, weights, told)
+    told = Told(side, seen, finely or seen, parts, halves, sharp, samples)
+    return {name: told.added(name) for name in LIGHTS if name in parts and parts[name].any()}
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What samples and camera rays tell of the light of pixels: as the arguments of `resolved`."""
+
+    side: int
+    seen: Seen
+    finely: Seen
+    parts: dict[str, Array]
+    halves: dict[str, Array]
+    sharp: dict[str, Array]
+    samples: Array
+
+    def added(self, name: str) -> Array:
+        """(3, h, w) to the means of that light."""
+        of_color, around = LIGHTS[name], self._around(name in WIDE)
         if name in IMAGES:  # known of samples alone, but for how much of the pixel has them
-            guides, times = seen.shown[name], np.ones_like(images)
-            if finely is not seen:
-                times = _over(*(s.colors[IMAGES[name]].sum(0) for s in (finely, seen)))
-            fine_guides, own_color = guides.covered(times), color * times
-            own_surface = own_color
-        if of_color in SHARP:
-            images = np.clip(_over(sharp[of_color], parts[of_color].sum(0)), 0.0, 1.0)
-        light = parts[name] / samples
-        together = [other for other in (GLOSS if name in GLOSS else (name,)) if other in parts]
-        brought, half = (np.sum([by[x] for x in together], 0) for by in (parts, halves))
-        brought = brought / samples
-        noise: Array | None = _noise(brought, surface, half, half_color, samples)
-        around, weights = (wide, in_wide_media) if name in WIDE else (block, in_media)
+            guides, times = self.seen.shown[name], np.ones_like(self.seen.guides.surface)
+            if self.finely is not self.seen:
+                times = _over(*(s.colors[IMAGES[name]].sum(0) for s in (self.finely, self.seen)))
+            fine_guides = guides.covered(times)
+            one = self._light(name, self._mean(of_color), self._mean(of_color) * times)
+        else:
+            guides, fine_guides = self.seen.guides, self.finely.guides
+            one = self._light(name, *self._told_over(name))
         if of_color:
-            weights = [share * guides.alike(x, y) for x, y, share in around]
-        if samples.max() < FIRST_ESTIMATE:  # halves of one sample each tell nothing
-            noise = None
-        one = Resolving(
-            light,
-            brought.sum(0),
+            weights = _weights(guides, around)
+        else:
+            weights = [share * _moved(np.ones_like(guides.surface), x, y) for x, y, share in around]
+        predicted = _resolved(self.side, guides, around, weights, one)
+        if name not in VOLUME:
+            wide = self._around(True)
+            _resolve_edges(predicted, guides, fine_guides, wide, weights, one)
+        return predicted.added(one.light)
+
+    def _around(self, is_wide: bool) -> list[tuple[int, int, float]]:
+        return list(_block(2 * self.side if is_wide else self.side))
+
+    def _mean(self, name: str) -> Array:
+        """(3, h, w) of samples; 1 of no name."""
+        if not name:
+            return np.ones((3, *self.samples.shape))
+        return self.parts[name] / self.samples
+
+    def _told_over(self, name: str) -> tuple[Array, Array]:
+        """What a light is told over, (3, h, w): as the samples and as all camera rays say."""
+        if name in UNSHADOWED:
+            return self._mean(UNSHADOWED[name]), self._unshadowed(name)
+        color = self._mean(LIGHTS[name])
+        return color, self.finely.colors.get(LIGHTS[name], color)
+
+    def _light(self, name: str, color: Array, own_color: Array) -> Resolving:
+        of_color, surface, own_surface = LIGHTS[name], color, own_color
+        if name in UNSHADOWED:
+            surface, own_surface = self._mean(of_color), self.finely.colors[of_color]
+        images = np.zeros_like(self.seen.guides.surface)
+        if of_color in SHARP:
+            images = np.clip(_over(self.sharp[of_color], self.parts[of_color].sum(0)), 0.0, 1.0)
+        together = [other for other in (GLOSS if name in GLOSS else (name,)) if other in self.parts]
+        return Resolving(
+            self._mean(name),
+            np.sum([self.parts[other] for other in together], 0).sum(0) / self.samples,
             color,
             own_color,
             surface.sum(0),
             own_surface.sum(0),
-            noise,
+            self._noise(together, of_color),
             images,
             name in WIDE,
         )
-        predicted = _resolved(side, guides, around, weights, one)
-        if name not in VOLUME:
-            _resolve_edges(predicted, guides, fine_guides, wide, weights, one)
-        found[name] = predicted.added(light)
-    return found
 
+    def _unshadowed(self, name: str) -> Array:
+        """(3, h, w) what lights would give if nothing hid them, which that light of them is told
+        over: as all camera rays say, but for what is noise, of more rays than samples so much less.
+        In its place is the mean of the block, over the colour of surfaces.
+        """
+        light, of_color = UNSHADOWED[name], LIGHTS[name]
+        mean, color, own_color = self._mean(light), self._mean(of_color), self.finely.colors
+        one = Resolving(
+            mean,
+            mean.sum(0),
+            color,
+            own_color[of_color],
+            color.sum(0),
+            own_color[of_color].sum(0),
+            self._noise([light], of_color),
+            np.zeros_like(self.seen.guides.surface),
+            False,
+            self.seen.rays / self.finely.rays,
+        )
+        block = self._around(False)
+        weights = _weights(self.seen.guides, block)
+        predicted = _resolved(self.side, self.seen.guides, block, weights, one)
+        beside = [
+            weight * (_moved(one.tint, x, y) > 0)
+            for weight, (x, y, _) in zip(weights, block, strict=True)
+            if x or y
+        ]
+        taken = np.where(np.sum(beside, 0) > 0, predicted.taken, 0.0)
+        found = taken * predicted.fine + (1 - taken) * own_color[light]
+        return np.where(np.isfinite(found), found, own_color[light])
 
-def _unshadowed(
-    side: int,
-    seen: Seen,
-    finely: Seen,
-    name: str,
-    block: list[tuple[int, int, float]],
-    weights: list[Array],
-    told: tuple[dict[str, Array], dict[str, Array], Array],
-) -> Array:
-    """(3, h, w) what lights would give if nothing hid them, which that light of them is told over:
-    as all camera rays say, but for what is noise, of more rays than samples so much less. In its
-    place is the mean of the block, over the colour of surfaces. told: parts, halves and samples of
-    `resolved`.
-    """
-    (parts, halves, samples), of_color = told, SURFACE_COLORS[name]
-    light, color = (parts[x] / samples for x in (UNSHADOWED[name], of_color))
-    half, half_color = halves[UNSHADOWED[name]], halves[of_color]
-    noise = _noise(light, color, half, half_color, samples)
-    one = Resolving(
-        light,
-        light.sum(0),
-        color,
-        finely.colors[of_color],
-        color.sum(0),
-        finely.colors[of_color].sum(0),
-        noise if samples.max() >= FIRST_ESTIMATE else None,
-        np.zeros_like(noise),
-        False,
-        seen.rays / finely.rays,
-    )
-    predicted = _resolved(side, seen.guides, block, weights, one)
-    whole = finely.colors[UNSHADOWED[name]]
-    tint, beside = color.sum(0), zip(weights, block, strict=True)
-    others = [weight * (_moved(tint, x, y) > 0) for weight, (x, y, _) in beside if x or y]
-    taken = np.where(sum(others) > 0, predicted.taken, 0.0)
-    found = taken * predicted.fine + (1 - taken) * whole
-    return np.where(np.isfinite(found), found, whole)
+    def _noise(self, names: list[str], of_color: str) -> Array | None:
+        """(h, w) about how far the mean of these lights over their colour is off: half of what the
+        halves of the samples differ by. None of few samples: halves of one each tell nothing.
+        """
+        if self.samples.max() < FIRST_ESTIMATE:
+            return None
+        count, first = self.samples, _half(self.samples)
+        light = np.sum([self.parts[name] for name in names], 0).sum(0)
+        half = np.sum([self.halves[name] for name in names], 0)
+        color, half_color = 3.0 * count, 3.0 * first
+        if of_color:
+            color, half_color = self.parts[of_color].sum(0), self.halves[of_color]
+        second, rest = color - half_color, count - first
+        known = (count > 1) & (half_color > 0) & (second > 0)
+        apart = half / np.where(known, half_color, 1.0)
+        apart -= (light - half) / np.where(known, second, 1.0)
+        return np.where(known, apart * np.sqrt(np.maximum(first * rest, 0)) / count, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,12 +340,12 @@ class Prediction:
 @dataclass(frozen=True, eq=False)
 class Resolving:
     """One kind of light. light: (3, h, w) means. color: of what it is told over; own_color: of all
-    camera rays. tint, own_tint: (h, w) the channels of the colour of its surfaces. white:
-    (h, w) sum of the channels of what is looked at: of gloss what lights and other surfaces give it
-    together, as one hides the other. noise: as `_noise`, of that; None where all may be. images:
-    (h, w) how much of the light is of sharp images, of what gives light, which have no points.
-    is_wide: it is averaged over blocks of twice the side. noise_share: (h, w) how much of the
-    noise of samples is left of what a pixel tells.
+    camera rays. tint, own_tint: (h, w) the channels of the colour of its surfaces. white: (h, w)
+    sum of the channels of what is looked at: of gloss what lights and other surfaces give it
+    together, as one hides the other. noise: as `Told._noise`, of that; None where all may be.
+    images: (h, w) how much of the light is of sharp images, of what gives light, which have no
+    points. is_wide: it is averaged over blocks of twice the side. noise_share: (h, w) how much of
+    the noise of samples is left of what a pixel tells.
     """
 
     light: Array
@@ -338,24 +365,17 @@ def _half(samples: Array) -> Array:
     return np.exp2(np.floor(np.log2(np.maximum(samples - 1, 1))))
 
 
-def _noise(light: Array, color: Array, half: Array, half_color: Array, samples: Array) -> Array:
-    """(h, w) about how far the mean light over its colour is off: half of what the halves of the
-    samples differ by.
-    """
-    first = _half(samples)
-    rest = samples - first
-    second, second_color = (x.sum(0) * samples - y for x, y in ((light, half), (color, half_color)))
-    known = (samples > 1) & (half_color > 0) & (second_color > 0)
-    apart = half / np.where(known, half_color, 1.0) - second / np.where(known, second_color, 1.0)
-    return np.where(known, apart * np.sqrt(np.maximum(first * rest, 0)) / samples, 0.0)
-
-
 def _block(side: int) -> Iterator[tuple[int, int, float]]:
     """The pixels of a block round one, and their shares: each class of pixels counts once."""
     half = side // 2
     for y in range(-half, half + 1):
         for x in range(-half, half + 1):
             yield x, y, (0.5 if abs(x) == half else 1.0) * (0.5 if abs(y) == half else 1.0)
+
+
+def _weights(guides: Guides, block: list[tuple[int, int, float]]) -> list[Array]:
+    """(h, w) of each pixel of a block, how surely it shows the same surface, times its share."""
+    return [share * guides.alike(x, y) for x, y, share in block]
 
 
 def _over(a: Array, b: Array) -> Array:
@@ -469,10 +489,9 @@ def _resolve_edges(
         """What is seen at the pixels, (n,), and at those of their blocks, (81, n), of values (h, w)
         and colours; own: the pixels'.
         """
-        tinted = around(colors) - part * own[y, x] / share_here
-        tinted *= np.sqrt(
-            _over(whole, (weight * around(colors if colors is tint else color.sum(0)) ** 2).sum(0))
-        )
+        size = around(colors if colors is tint else color.sum(0))
+        full = np.sqrt(_over(whole, (weight * size**2).sum(0)))
+        tinted = full * (around(colors) - part * own[y, x] / share_here)
         g = np.concatenate([part[..., None], turn, way, tinted[..., None]], -1)
         a = np.einsum("kn,kni,knj->nij", weight, g, g)
         a[:, range(1, GUIDES), range(1, GUIDES)] += FLATTER * a[:, :1, 0]

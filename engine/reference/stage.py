@@ -41,11 +41,11 @@ from .coefficients import Coefficients
 from .emission import Emission
 from .gloss import ambient_seen
 from .glowing_media import MediumSource
-from .lighting import Lighting
+from .lighting import DirectLight, Lighting
 from .lights import CENTER, LightPoint, Source
 from .materials import Shader
 from .media import Media
-from .paths import Paths
+from .paths import Interaction, Paths
 from .photon_tracer import trace_photons
 from .raster import Strips
 from .rays import IncoherentRays
@@ -135,7 +135,7 @@ class Stage:
         # of what rays meet before they bounce, and after that
         self._lighting = (self.lighting, replace(self.lighting, faint=FAINT))
         self._lighting_of_exits = replace(self.lighting, faint=np.inf)
-        self.unshadowed_lighting = replace(self.lighting, hides=False)
+        self._lighting_unshadowed = replace(self.lighting, hides=False)
         parts = BOUNCE_PARTS if self.interleaving > 1 else 1
         self._bounce_points = bounce_points(parts * self.samples)
         self.scatter_offsets = scatter_offsets(self.samples)
@@ -151,6 +151,11 @@ class Stage:
     def even_light(self, surface: Surface, coefficients: Coefficients) -> Array:
         """(3, n) what AMBIENT lobes of n points give back of the world's radiance."""
         return ambient_seen(surface, coefficients) * self.ambient
+
+    def unshadowed(self, at: Interaction, sample: int) -> DirectLight:
+        """What lights would give to what camera rays meet if nothing hid them."""
+        told = at.surface, at.coefficients, at.weight, sample
+        return self._lighting_unshadowed.direct(*told, lambda *_: None, lambda _: None)
 
     def background_of(self, paths: Paths, missed: Array) -> Array:
         """(3, n) or (3, 1): what the rays `missed` (n,) of paths see, which hit nothing."""

@@ -296,8 +296,8 @@ class LightResolve {
   float given(size_t k, size_t q, int c) const {
     const float sharp = sharp_[q],
                 stays = sharp > 0 ? sharp * apart_[k] + (1 - sharp) * sure_[k] : sure_[k],
-                taken = averaged(k, stays), light = light_[c][q],
-                coarse = coarse_[c][k], fine = fine_[c][k],
+                taken = averaged(k, stays), light = light_[c][q], coarse = coarse_[c][k],
+                fine = fine_[c][k],
                 stayed = coarse > fine ? light * (fine / coarse) : light + (fine - coarse),
                 more = taken * fine + (1 - taken) * stayed - light;
     return color_sum_[c][k] > 0 && std::isfinite(more) ? more : 0;
@@ -395,7 +395,8 @@ class LightResolve {
       tinted += near.weight * double(tint_[q]) * double(tint_[q]);
       colored += near.weight * color * color;
     }
-    const double scale = far > 0 ? std::sqrt(all / far) : 0, share = double(own_guide(ResolveWindow::kShare, k));
+    const double scale = far > 0 ? std::sqrt(all / far) : 0,
+                 share = double(own_guide(ResolveWindow::kShare, k));
     const double full_color = std::sqrt(all / colored);
     const Four here(own_color(k, 0), own_color(k, 1), own_color(k, 2), own_tint),
         full(full_color, full_color, full_color, std::sqrt(all / tinted));
@@ -476,8 +477,8 @@ class LightResolve {
     }
     scale_ = most > 0 ? std::ldexp(1.0f, -std::clamp(std::ilogb(most), -126, 126)) : 1;
   }
-  /// What pixel q of the window weighs: of another power of two than the square, which may be beyond
-  /// all floats.
+  /// What pixel q of the window weighs: of another power of two than the square, which may be
+  /// beyond all floats.
   float weight_of(size_t q) const {
     const float scaled = tint_[q] * scale_;
     return scaled * scaled;
@@ -542,7 +543,7 @@ class LightResolve {
   std::vector<Near> near_;                       // of the block of one pixel
   Floats covered_;                               // of the span
   Floats tint_, seen_, white_, halves_, sharp_;  // of the window; white_: seen_ over its colour
-  Floats unshadowed_[2][3];  // of the span, channels by kind
+  Floats unshadowed_[2][3];                      // of the span, channels by kind
   Floats change_, light_sum_[3], color_sum_[3], tint_sum_, mean_, apart_, changed_, noise_, sure_;
   Floats coarse_[3],
       fine_[3];  // of the span: predictions of its samples' light, and of all its rays'

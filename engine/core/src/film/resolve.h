@@ -20,10 +20,10 @@
 
 namespace glint {
 
-/// Light that is resolved by itself: what surfaces that camera rays meet give back, of lights and by
-/// way of others; what surfaces do that mirrors, and that clear glass shows; the light of catchers;
-/// what is open over surfaces; what else is in Diffuse and Glossy Direct (`passes.h`); and what
-/// media scatter.
+/// Light that is resolved by itself: what surfaces that camera rays meet give back, of lights and
+/// by way of others; what surfaces do that mirrors, and that clear glass shows; the light of
+/// catchers; what is open over surfaces; what else is in Diffuse and Glossy Direct (`passes.h`);
+/// and what media scatter.
 enum ResolvedLight : int {
   kDiffuseDirect,
   kDiffuseIndirect,
@@ -59,14 +59,15 @@ enum LightKind : int {
 constexpr int kFirstSharp = kGlossyColor, kSharpKinds = 2;  // of which parts are images
 /// Of which surfaces a light is, and what it is told over.
 constexpr int kind_of(int light) {
-  constexpr int kinds[kResolvedLights] = {
-      kDiffuseColor,     kDiffuseColor,      kGlossyColor,    kGlossyColor,  kTransmissionColor,
-      kTransmissionColor, kMirroredSurfaces, kRefractedSurfaces, kCaughtSurfaces, kOpenSurfaces,
-      kDiffuseColor,     kGlossyColor,       kColoredKinds,   kColoredKinds};
+  constexpr int kinds[kResolvedLights] = {kDiffuseColor,     kDiffuseColor,      kGlossyColor,
+                                          kGlossyColor,      kTransmissionColor, kTransmissionColor,
+                                          kMirroredSurfaces, kRefractedSurfaces, kCaughtSurfaces,
+                                          kOpenSurfaces,     kDiffuseColor,      kGlossyColor,
+                                          kColoredKinds,     kColoredKinds};
   return kinds[light];
 }
 constexpr int told_over(int light) {
-  return light == kDiffuseDirect   ? int(kUnshadowedMatt)
+  return light == kDiffuseDirect  ? int(kUnshadowedMatt)
          : light == kGlossyDirect ? int(kUnshadowedGlossy)
                                   : kind_of(light);
 }
@@ -128,8 +129,8 @@ struct ResolveWindow {
     kNoise = kLight + 3 * kResolvedLights,  // of light without its colour, how far the mean is off:
                                             // half of what halves differ by
     kUnshadowedNoise = kNoise + kResolvedLights,  // the same of both kinds of unshadowed light
-    kSharp = kUnshadowedNoise + 2,      // of glossy colour and of that of transmission, which
-                                            // share mirrors and clear glass have
+    kSharp = kUnshadowedNoise + 2,   // of glossy colour and of that of transmission, which
+                                     // share mirrors and clear glass have
     kShadow = kSharp + kSharpKinds,  // what shadows change of what catchers show, and what these do
     kUnshadedColor = kShadow + 3,    // without them
     kRest = kUnshadedColor + 3,      // of the picture but for light that is resolved; lost alpha

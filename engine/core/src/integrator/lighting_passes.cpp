@@ -116,7 +116,7 @@ void Tracer::keep_lighting(const Queue& queue) {
       const int by_others = image_of(queue, k, first + 1);
       const bool is_made = queue.depth(k) == 1 || queue.past.reflections == 0;
       const double made = is_made ? s.emission[c][k] + s.environment[c][k] : 0;
-      add(queue.depth(k) > 1                 ? first + 1
+      add(queue.depth(k) > 1                  ? first + 1
           : first == GLINT_PASS_GLOSSY_DIRECT ? other_gloss
                                               : first,
           c, k, made);

@@ -79,7 +79,7 @@ class LitBatch : public LightContext {
   int group = -1;                 // of lights
   const int* groups = nullptr;    // of each row in place of that; or null
   uint32_t visibility = kShadow;  // what its shadow rays meet
-  bool hides = true;       // else nothing is in lights' way
+  bool hides = true;              // else nothing is in lights' way
   bool scattering = false;        // points are of media and not of surfaces
 
  private:

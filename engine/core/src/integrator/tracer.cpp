@@ -309,8 +309,8 @@ void Tracer::scatter(const Queue& queue, Queue& scattered) {
 }
 
 /// Adds what TRANSLUCENT lobes let through of the light on the other side: there they are DIFFUSE
-/// ones, of points that a ray meets which comes the other way. gathering: for rays of bounced light;
-/// null for none.
+/// ones, of points that a ray meets which comes the other way. gathering: for rays of bounced
+/// light; null for none.
 void Tracer::light_behind(Queue& queue, Queue* gathering) {
   if (!batch_.turn_round()) return;
   const auto turn = [&] {
