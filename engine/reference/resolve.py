@@ -152,8 +152,8 @@ class Seen:
 
 
 def uneven(seen: Seen, whole: Array) -> Array:
-    """(h, w) bool: pixels that show with those round them more than one surface of one colour, so
-    that what their samples miss of it may be seen. whole: (3, h, w) the picture.
+    """(h, w) bool: pixels that show with those round them more than one surface of one colour and
+    gloss, so that what their samples miss of it may be seen. whole: (3, h, w) the picture.
     """
     found, inside = np.zeros(whole.shape[1:], bool), np.ones(whole.shape[1:])
     guides = seen.guides
@@ -171,6 +171,7 @@ def uneven(seen: Seen, whole: Array) -> Array:
 
         for name in (*COLORS, UNHIDDEN):
             apart |= differ(seen.colors[name], seen.colors[name])
+        apart |= differ(seen.colors[UNSHADOWED["Glossy Direct"]], whole)
         apart |= differ(seen.rest[:3], whole) | differ(seen.rest[3:], np.ones_like(whole))
         found |= apart & (_moved(inside, x, y) > 0)
     return found

@@ -165,6 +165,7 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   std::fill_n(guides_, int(kGuideColumns), -1);
   for (int number = 0; resolves() && number < kGuideColumns; ++number)
     if (at_[sums_of_guide(number)] >= 0) guides_[number] = int(columns_++);
+  if (resolves()) find_columns_of_rays();
   if (gloss) {
     gloss_ = int(columns_);
     columns_ += 2;
@@ -181,6 +182,17 @@ Film::Film(Region region, Region traced, Region shown, Passes passes, double err
   const bool refines = error_threshold > 0 || wants(GLINT_PASS_ERROR);
   if (refines) refinement_ = Refinement(error_threshold, light_samples, region, traced, rows());
   if (wants(GLINT_PASS_ERROR) || (refines && resolves())) estimate_ = ErrorEstimate(region);
+}
+
+void Film::find_columns_of_rays() {
+  const auto add = [&](int first, int count) {
+    for (int c = 0; first >= 0 && c < count; ++c) columns_of_rays_.push_back(uint32_t(first + c));
+  };
+  add(at_[GLINT_PASS_COMBINED], 4);
+  for (int pass : kPassOfGlow) add(at_[pass], 3);
+  for (int pass : {GLINT_PASS_COST, GLINT_PASS_FALLBACKS}) add(at_[pass], 1);
+  for (int pass : kColorOf) add(at_[pass], 3);
+  for (int number = 0; number < kGuidesOfOne; ++number) add(guides_[number], 1);
 }
 
 void Film::keep_sums(int pass, int channels) {
@@ -342,7 +354,7 @@ void Film::read_noise(ResolveWindow& window, size_t at, const PixelSums& pixel) 
     put(ResolveWindow::kNoise + light, before, after, color, all - color);
   }
   for (const auto& [kind, color] :
-       {std::pair{kUnshadowedMatt, kDiffuseColor}, {kUnshadowedGlossy, kGlossyColor}}) {
+       {std::pair<int, int>{kUnshadowedMatt, kDiffuseColor}, {kUnshadowedGlossy, kGlossyColor}}) {
     const double before = guide(pixel, kHalfColor + kind), first = guide(pixel, kHalfColor + color);
     put(ResolveWindow::kUnshadowedNoise + kind - kUnshadowedMatt, before,
         whole(pixel, kColorOf[kind]) - before, first, whole(pixel, kColorOf[color]) - first);

@@ -109,6 +109,8 @@ class Film {
   /// they bring, and of the rest. Else -1.
   int gloss_column() const { return gloss_; }
   int column_of(int pass) const { return at_[pass]; }
+  /// Those of what camera rays tell that no light follows: all others stay 0.
+  const std::vector<uint32_t>& columns_of_rays() const { return columns_of_rays_; }
   /// Rows of a column over all tiles.
   size_t rows() const { return sums_.size() / columns_; }
   Passes passes() const { return passes_; }
@@ -189,6 +191,7 @@ class Film {
                                              pass_bit(GLINT_PASS_DENOISING_DEPTH);
   static constexpr Passes kSeenPasses = kDenoisingPasses | pass_bit(GLINT_PASS_MIST) |
                                         pass_bit(GLINT_PASS_AOV) | Cryptomatte::kPasses;
+  void find_columns_of_rays();
   void keep_sums(int pass, int channels);
   std::shared_ptr<ZeroedBuffer<float>> cropped(int pass) const;
   double* column_at(const Tile& tile, int column) const {
@@ -220,6 +223,7 @@ class Film {
   uint32_t aov_count_, light_groups_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
+  std::vector<uint32_t> columns_of_rays_;
   int gloss_ = -1, guides_[kGuideColumns];
   int at_[kSumCount];  // first column of what has sums, -1 for none
   ZeroedBuffer<double> sums_;

@@ -167,6 +167,22 @@ uint32_t pixel_of(const Span& span, size_t number, uint32_t x0, uint32_t y0, uin
 
 float over(float a, float b) { return b > 0 ? a / b : 0; }
 
+/// Those that are looked at together one after the other.
+constexpr int kInTurn[kResolvedLights] = {kDiffuseDirect,
+                                          kDiffuseIndirect,
+                                          kGlossyDirect,
+                                          kGlossyIndirect,
+                                          kOtherGlossyDirect,
+                                          kTransmissionDirect,
+                                          kTransmissionIndirect,
+                                          kMirrored,
+                                          kRefracted,
+                                          kCaught,
+                                          kOpen,
+                                          kOtherDiffuseDirect,
+                                          kVolumeDirect,
+                                          kVolumeIndirect};
+
 /// Whether light is averaged over blocks of twice the side, as bounces are dealt.
 constexpr bool is_wide(int light) { return light == kDiffuseIndirect || light == kVolumeIndirect; }
 
@@ -180,7 +196,8 @@ class LightResolve {
         span_(span),
         side_(side),
         tint_(window.pixels()),
-        white_(window.pixels()) {}
+        white_(window.pixels()),
+        weight_(window.pixels()) {}
 
   /// False where there is none. is_halved: halves of samples tell how far its means are off. block:
   /// of pixels that show the same surface.
@@ -198,12 +215,14 @@ class LightResolve {
     is_wide_ = is_wide(light);
     set_sharp(light);
     if (set_ != kSeen) find_covered();
+    const std::span<const int> together = looked_at(light);
+    is_spread_known_ = looked_at_ == together.front();
+    looked_at_ = together.front();
+    if (is_spread_known_) return true;
     std::vector<const float*> seen;
-    for (const int part : looked_at(light))
+    for (const int part : together)
       seen.push_back(window_.column(ResolveWindow::kLight + 3 * part));
-    set_seen(seen);
-    const float* const half = window_.column(ResolveWindow::kNoise + light);
-    halves_.assign(half, half + window_.pixels());
+    set_seen(seen, ResolveWindow::kNoise + light);
     return true;
   }
 
@@ -216,9 +235,9 @@ class LightResolve {
     set_ = kSeen;
     is_halved_ = is_halved;
     is_wide_ = false;
-    set_seen({&light_[0], 1});
-    const float* const half = window_.column(ResolveWindow::kUnshadowedNoise + number);
-    halves_.assign(half, half + window_.pixels());
+    looked_at_ = -1;
+    is_spread_known_ = false;
+    set_seen({&light_[0], 1}, ResolveWindow::kUnshadowedNoise + number);
     find_means(block);
     is_known_finely_ = true;
     find_spread(block);
@@ -243,12 +262,7 @@ class LightResolve {
         add(span_, block.to[k], block.of(k), color_[c], color_sum_[c].data());
       }
     }
-    for (Floats* sums : {&mean_, &tint_sum_}) sums->assign(span_.count(), 0.0f);
-    for (size_t k = 0; k < block.to.size(); ++k) {
-      add(span_, block.to[k], block.of(k), seen_.data(), mean_.data());
-      add(span_, block.to[k], block.of(k), tint_.data(), tint_sum_.data());
-    }
-    for (size_t i = 0; i < span_.count(); ++i) mean_[i] = over(mean_[i], tint_sum_[i]);
+    if (!is_spread_known_) find_mean(block);
     for (int c = 0; c < 3; ++c) {
       coarse_[c].resize(span_.count());
       fine_[c].resize(span_.count());
@@ -258,6 +272,16 @@ class LightResolve {
         fine_[c][k] = ratio * own_color(k, c);
       }
     }
+  }
+
+  /// What is looked at of blocks, over the colour of their surfaces.
+  void find_mean(const Block& block) {
+    for (Floats* sums : {&mean_, &tint_sum_}) sums->assign(span_.count(), 0.0f);
+    for (size_t k = 0; k < block.to.size(); ++k) {
+      add(span_, block.to[k], block.of(k), seen_.data(), mean_.data());
+      add(span_, block.to[k], block.of(k), tint_.data(), tint_sum_.data());
+    }
+    for (size_t i = 0; i < span_.count(); ++i) mean_[i] = over(mean_[i], tint_sum_[i]);
   }
 
   /// Of pixels to which fewer of their block are alike than guides may tell apart of the `whole`
@@ -277,6 +301,7 @@ class LightResolve {
   /// How far pixels of the blocks lie apart, and how much of that is seen or is noise; all over the
   /// mean, so that no square leaves the range of floats.
   void find_spread(const Block& block) {
+    if (is_spread_known_) return;
     find_change();
     for (Floats* sums : {&apart_, &changed_, &noise_}) sums->assign(span_.count(), 0.0f);
     for (size_t k = 0; k < block.to.size(); ++k)
@@ -448,7 +473,7 @@ class LightResolve {
       for (size_t j = 0; j < block.to.size(); ++j) {
         const size_t q = size_t(ptrdiff_t(span_.pixel(k)) + block.to[j]),
                      next = size_t(ptrdiff_t(q) + span_.offset(x, y));
-        const float weight = block.of(j)[k] * weight_of(q),
+        const float weight = block.of(j)[k] * weight_[q],
                     off = (white_[q] - white_[next]) * inverse;
         all += weight;
         if (!(tint_[next] > 0)) continue;
@@ -475,17 +500,17 @@ class LightResolve {
       for (size_t c = 0; c < 3; ++c) tint_[i] += surface[c * window_.pixels() + i];
       if (std::isfinite(tint_[i])) most = std::max(most, tint_[i]);
     }
-    scale_ = most > 0 ? std::ldexp(1.0f, -std::clamp(std::ilogb(most), -126, 126)) : 1;
-  }
-  /// What pixel q of the window weighs: of another power of two than the square, which may be
-  /// beyond all floats.
-  float weight_of(size_t q) const {
-    const float scaled = tint_[q] * scale_;
-    return scaled * scaled;
+    const float scale = most > 0 ? std::ldexp(1.0f, -std::clamp(std::ilogb(most), -126, 126)) : 1;
+    for (size_t i = 0; i < window_.pixels(); ++i) {
+      const float scaled = tint_[i] * scale;
+      weight_[i] = scaled * scaled;
+    }
   }
 
-  /// What is looked at of pixels: the channels of the lights from these columns on.
-  void set_seen(std::span<const float* const> lights) {
+  /// What is looked at of pixels: the channels of these lights; noise: the column that tells how
+  /// far their means are off.
+  void set_seen(std::span<const float* const> lights, int noise) {
+    halves_.assign(window_.column(noise), window_.column(noise) + window_.pixels());
     seen_.assign(window_.pixels(), 0.0f);
     for (const float* own : lights)
       for (size_t i = 0, n = window_.pixels(); i < n; ++i)
@@ -518,7 +543,7 @@ class LightResolve {
       const float inverse = over(1, mean_[k]), off = (white_[q] - mean_[k]) * inverse,
                   half = halves_[q] * inverse, moved = change_[q] * inverse,
                   sure = is_halved_ ? std::max(off * off - kSure * half * half, 0.0f) : 0,
-                  weight = weights[k] * weight_of(q);
+                  weight = weights[k] * weight_[q];
       apart_[k] += weight * off * off;
       changed_[k] += weight * (moved < 0 ? sure : moved * moved);
       noise_[k] += weight * half * half;
@@ -533,8 +558,8 @@ class LightResolve {
   const float *light_[3] = {}, *color_[3] = {};
   int kind_ = 0, surface_kind_ = 0;
   GuideSet set_ = kSeen;
-  float scale_ = 1;
-  bool is_halved_ = false, is_wide_ = false, is_known_finely_ = false;
+  int looked_at_ = -1;  // the first of the lights that spreads are of
+  bool is_halved_ = false, is_wide_ = false, is_known_finely_ = false, is_spread_known_ = false;
   struct Near {
     size_t pixel;  // of the window
     double weight;
@@ -543,7 +568,8 @@ class LightResolve {
   std::vector<Near> near_;                       // of the block of one pixel
   Floats covered_;                               // of the span
   Floats tint_, seen_, white_, halves_, sharp_;  // of the window; white_: seen_ over its colour
-  Floats unshadowed_[2][3];                      // of the span, channels by kind
+  Floats weight_;  // the same: tint_ squared, times a power of two, as squares may be beyond floats
+  Floats unshadowed_[2][3];  // of the span, channels by kind
   Floats change_, light_sum_[3], color_sum_[3], tint_sum_, mean_, apart_, changed_, noise_, sure_;
   Floats coarse_[3],
       fine_[3];  // of the span: predictions of its samples' light, and of all its rays'
@@ -599,9 +625,10 @@ std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
     }
   };
   for (int kind = 0; kind < kColoredKinds; ++kind)
-    if (kind < kMirroredSurfaces || kind == kCaughtSurfaces || kind == kOpenSurfaces)
+    if (kind < kUnshadowedMatt && kind != kMirroredSurfaces && kind != kRefractedSurfaces)
       compare(ResolveWindow::kColor + 3 * kind, ResolveWindow::kColor + 3 * kind);
   compare(ResolveWindow::kRest, ResolveWindow::kWhole);
+  compare(ResolveWindow::kColor + 3 * kUnshadowedGlossy, ResolveWindow::kWhole);
   bright.emplace_back(window.pixels(), 1.0f);
   values.emplace_back(window.column(ResolveWindow::kRest + 3), bright.size() - 1);
   const float* const surface = window.column(ResolveWindow::kSurface);
@@ -631,7 +658,7 @@ void Resolve::run(const ResolveWindow& window, const ResolveWindow* finer, uint3
   LightResolve one(window, finer, span, side_);
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 4 * ((y0 + y) * width_ + x0), 4 * span.width, 0.0f);
-  for (int light = 0; light < kResolvedLights; ++light) {
+  for (const int light : kInTurn) {
     const bool any = one.choose(light, is_halved, on_surfaces),
                is_caught = light == kCaught && catches_ != Catches::kNone,
                is_lost = is_caught && catches_ == Catches::kAlpha,

@@ -62,7 +62,7 @@ void WindowPoints::set(const CameraRays& camera, const RenderPlan& plan, const T
 }
 
 void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* begin,
-                   const uint32_t* end, const WindowPoints& points) {
+                   const uint32_t* end, const WindowPoints& points, bool alone) {
   slots_.assign(begin, end);
   first_ = points.first();
   shift_ = uint32_t(__builtin_ctz(points.count()));
@@ -80,6 +80,10 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   sums_.reserve(kMost);
   soft_light_.assign(size(), 0);
   rough_glass_.assign(size(), 0);
+  if (alone) {
+    for (const uint32_t c : film.columns_of_rays()) std::fill_n(sums_[c], size(), 0.0);
+    return;
+  }
   for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
   if (!points.plan().reflects_gloss) return;
   if (gloss_.stride() != sums_.stride()) gloss_ = Columns(columns_);
@@ -170,9 +174,10 @@ void Paths::add_to(Film& film, const Tile& tile, const Stages& stages) {
   }
 }
 
-void Paths::add_to(double* sums, size_t stride) const {
-  for (size_t c = 0; c < columns_; ++c, sums += stride)
-    with_constant(1u << shift_, [&](auto count) { add_column<count>(sums, sums_[c]); });
+void Paths::add_alone(const Film& film, double* sums, size_t stride) const {
+  for (const uint32_t c : film.columns_of_rays())
+    with_constant(1u << shift_,
+                  [&](auto count) { add_column<count>(sums + c * stride, sums_[c]); });
 }
 
 void Paths::spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots,

@@ -47,9 +47,10 @@ class Paths {
  public:
   static constexpr size_t kMost = Tile::kSize * Tile::kSize;
 
-  /// The samples of `points` of the slots [begin, end), at most kMost in all.
+  /// The samples of `points` of the slots [begin, end), at most kMost in all. alone: no light
+  /// follows their rays.
   void choose(const Film& film, const SlotTable& places, const uint32_t* begin, const uint32_t* end,
-              const WindowPoints& points);
+              const WindowPoints& points, bool alone = false);
 
   size_t size() const { return slots_.size() << shift_; }
   uint32_t slot(size_t path) const { return slots_[path >> shift_]; }
@@ -92,8 +93,8 @@ class Paths {
   uint8_t* rough_glass() { return rough_glass_.data(); }
   /// Adds that to the film, sample by sample, and tells its refinement.
   void add_to(Film& film, const Tile& tile, const Stages& stages);
-  /// Adds it to sums of the film's columns, each so long.
-  void add_to(double* sums, size_t stride) const;
+  /// Adds what rays alone tell to sums of the film's columns, each so long.
+  void add_alone(const Film& film, double* sums, size_t stride) const;
   /// The same as if each of some slots, which are alike so far, had `samples` samples that bring
   /// what the only path here brought.
   void spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots,

@@ -42,7 +42,7 @@ const MoreSeen* Tracer::see(const Tile& tile, std::vector<uint32_t> slots) {
 /// Of the slots [begin, end), with what samples draw of that one of the tables.
 void Tracer::see_some(const uint32_t* begin, const uint32_t* end, uint32_t sample) {
   sample_ = sample;
-  paths_.choose(film_, slots_, begin, end, points_);
+  paths_.choose(film_, slots_, begin, end, points_, true);
   batch_.cost = paths_.sums(film_, GLINT_PASS_COST);
   batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
   batch_.thrown = nullptr;
@@ -59,7 +59,7 @@ void Tracer::see_some(const uint32_t* begin, const uint32_t* end, uint32_t sampl
   }
   give(std::move(now));
   give(std::move(next));
-  paths_.add_to(seen_.sums.data(), tile_->stride());
+  paths_.add_alone(film_, seen_.sums.data(), tile_->stride());
 }
 
 /// What the queue's rays show but for light, and those that go straight on.
