@@ -36,7 +36,7 @@ normal, the place, the colour.
 FLATTER = 1e-3
 """Slopes that so little of the light speaks for are flat: what rounding leaves has none."""
 EVEN = 1 / 50
-"""Colours, and what is seen beside them, that differ by no more look the same."""
+"""Colours, what is seen beside them and unit normals that differ by no more look the same."""
 WIDE = ("Diffuse Indirect", VOLUME[1])
 """What is averaged over blocks of twice the side, over which bounces are dealt; all of it
 of one sample.
@@ -152,11 +152,11 @@ class Seen:
 
 
 def uneven(seen: Seen, whole: Array) -> Array:
-    """(h, w) bool: pixels that show with those round them more than one surface of one colour and
-    gloss, so that what their samples miss of it may be seen. whole: (3, h, w) the picture.
+    """(h, w) bool: pixels that show with those round them more than one surface of one colour, or
+    bumps, so that what their samples miss of it may be seen. whole: (3, h, w) the picture.
     """
-    found, inside = np.zeros(whole.shape[1:], bool), np.ones(whole.shape[1:])
-    guides = seen.guides
+    guides, inside = seen.guides, np.ones(whole.shape[1:])
+    found = (guides.surface > 0) & (guides.along < guides.share * np.sqrt(1 - EVEN**2))
 
     def moved(values: Array, x: int, y: int) -> Array:
         return np.moveaxis(_moved(np.moveaxis(values, 0, -1), x, y), -1, 0)
@@ -171,7 +171,6 @@ def uneven(seen: Seen, whole: Array) -> Array:
 
         for name in (*COLORS, UNHIDDEN):
             apart |= differ(seen.colors[name], seen.colors[name])
-        apart |= differ(seen.colors[UNSHADOWED["Glossy Direct"]], whole)
         apart |= differ(seen.rest[:3], whole) | differ(seen.rest[3:], np.ones_like(whole))
         found |= apart & (_moved(inside, x, y) > 0)
     return found

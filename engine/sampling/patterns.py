@@ -421,10 +421,9 @@ def dealt_sample(sample: int, number: int, samples: int, side: int) -> int:
 
 def class_beyond(number: int, round_: int, side: int) -> int:
     """Whose samples a pixel of the class `number` takes in that round of as many camera rays as it
-    has samples: after its own, in round 0, those of others whose runs lie next to it, with which
-    they are a net together.
+    has samples: in round 0 its own, then those of others, for four classes the same.
     """
-    return number ^ round_ % side**2
+    return number & ~3 ^ (side**2 // 2 + round_) % side**2 if round_ else number
 
 
 def _bayer(size: int) -> np.ndarray:

@@ -341,6 +341,7 @@ void Film::read_noise(ResolveWindow& window, size_t at, const PixelSums& pixel) 
           to_float((before / first - after / second) * std::sqrt(half * rest) / n);
   };
   for (int light = 0; light < kResolvedLights; ++light) {
+    if (looked_at(light).front() != light) continue;
     const int kind = kind_of(light);
     const bool colored = kind < kColoredKinds;
     const double color = colored ? guide(pixel, kHalfColor + kind) : 3 * half,

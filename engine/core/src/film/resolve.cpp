@@ -21,6 +21,8 @@ constexpr float kSure = 1.98f, kSureFit = 1.46f, kSurer = 5.54f;
 
 // Colours, and what is seen beside them, that differ by no more look the same.
 constexpr float kEven = 1.0f / 50;
+/// How long the mean of unit normals is that differ by that: √(1 − kEven²).
+constexpr float kEvenMean = 0.99979998f;
 
 using Floats = std::vector<float>;
 
@@ -222,7 +224,7 @@ class LightResolve {
     std::vector<const float*> seen;
     for (const int part : together)
       seen.push_back(window_.column(ResolveWindow::kLight + 3 * part));
-    set_seen(seen, ResolveWindow::kNoise + light);
+    set_seen(seen, ResolveWindow::kNoise + together.front());
     return true;
   }
 
@@ -628,11 +630,16 @@ std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
     if (kind < kUnshadowedMatt && kind != kMirroredSurfaces && kind != kRefractedSurfaces)
       compare(ResolveWindow::kColor + 3 * kind, ResolveWindow::kColor + 3 * kind);
   compare(ResolveWindow::kRest, ResolveWindow::kWhole);
-  compare(ResolveWindow::kColor + 3 * kUnshadowedGlossy, ResolveWindow::kWhole);
   bright.emplace_back(window.pixels(), 1.0f);
   values.emplace_back(window.column(ResolveWindow::kRest + 3), bright.size() - 1);
   const float* const surface = window.column(ResolveWindow::kSurface);
   const float* const in_picture = window.column(ResolveWindow::kInside);
+  const float* const share = window.column(ResolveWindow::kShare);
+  const float* const along = window.column(ResolveWindow::kAlong);
+  span.rows([&](size_t out, size_t p) {
+    for (size_t k = 0; k < span.width; ++k)  // normals of its own that differ
+      found[out + k] = surface[p + k] > 0 && along[p + k] < share[p + k] * kEvenMean;
+  });
   for (int j = -1; j <= 1; ++j)
     for (int i = -1; i <= 1; ++i) {
       const ptrdiff_t to = span.offset(i, j);

@@ -125,10 +125,12 @@ struct RenderPlan : GlintRenderSettings {
     for (uint32_t bit = 0; bit < 4; ++bit) first ^= number >> bit & 1 ? kTurns[bit] : 0;
     return number * run + (sample ^ (first & (run - 1)));
   }
-  /// Whose samples a pixel of the class `number` takes in its `round` of n camera rays: after its
-  /// own those of others whose runs lie next to it, with which they are a net together.
-  uint32_t class_beyond(uint32_t number, uint32_t round) const {
-    return number ^ (round % (interleaving * interleaving));
+  /// The same of camera ray `past` after the samples of a pixel: one of another class, for four
+  /// classes the same, as no shadow comes of it.
+  uint32_t sample_beyond(uint32_t past, uint32_t number) const {
+    const uint32_t classes = interleaving * interleaving;
+    const uint32_t other = (number & ~3u) ^ ((classes / 2 + 1 + past / samples) % classes);
+    return dealt_sample(past % samples, other);
   }
 
   bool physical() const { return illumination == GLINT_PHYSICAL; }

@@ -91,10 +91,6 @@ void Tracer::choose(const Tile& tile) {
 /// Orders the active slots by class, those of one as they were.
 void Tracer::deal() {
   if (plan_.interleaving <= 1) return class_ends_.assign(1, uint32_t(active_.size()));
-  const auto class_of = [&](uint32_t slot) {
-    return plan_.interleaving_class(plan_.region.x0 + tile_->x0 + uint32_t(slots_.columns()[slot]),
-                                    plan_.region.y0 + tile_->y0 + uint32_t(slots_.rows()[slot]));
-  };
   std::stable_sort(active_.begin(), active_.end(),
                    [&](uint32_t a, uint32_t b) { return class_of(a) < class_of(b); });
   class_ends_.assign(plan_.interleaving * plan_.interleaving, 0);

@@ -91,6 +91,11 @@ class Tracer {
   std::vector<Step> steps() const;
   static uint32_t kind_of(const Queue& queue);
   void follow_queue(Queue& queue);
+  /// Of a slot, whose pixels take the same samples of the tables.
+  uint32_t class_of(uint32_t slot) const {
+    return plan_.interleaving_class(plan_.region.x0 + tile_->x0 + uint32_t(slots_.columns()[slot]),
+                                    plan_.region.y0 + tile_->y0 + uint32_t(slots_.rows()[slot]));
+  }
   /// Where the camera rays of a slot go in its pixel.
   const double* offsets_of(uint32_t slot) const {
     return plan_.offsets_of(plan_.region.x0 + tile_->x0 + uint32_t(slots_.columns()[slot]),

@@ -19,18 +19,15 @@ const MoreSeen* Tracer::see(const Tile& tile, std::vector<uint32_t> slots) {
   deal();
   is_first_ = surely_empty_ = false;
   for (uint32_t past = 0; past < plan_.beyond_samples(); ++past) {
-    const uint32_t sample = past % plan_.samples;
-    size_t k = 0;
-    for (uint32_t number = 0; number < class_ends_.size(); ++number) {
-      const size_t end = class_ends_[number];
-      if (k < end)
-        points_.set(camera_, plan_, tile,
-                    {offsets_of(active_[k]), plan_.samples + past, 1, sample});
-      for (size_t some; k < end && !cancel_; k += some) {
-        some = std::min(Paths::kMost, end - k);
-        see_some(active_.data() + k, active_.data() + k + some,
-                 plan_.dealt_sample(sample, plan_.class_beyond(number, 1 + past / plan_.samples)));
-      }
+    const auto sample_of = [&](uint32_t slot) { return plan_.sample_beyond(past, class_of(slot)); };
+    for (size_t k = 0, end = 0; k < active_.size() && !cancel_; k = end) {
+      const double* const offsets = offsets_of(active_[k]);
+      const uint32_t dealt = sample_of(active_[k]);
+      while (end < active_.size() && offsets_of(active_[end]) == offsets &&
+             sample_of(active_[end]) == dealt)
+        ++end;
+      points_.set(camera_, plan_, tile, {offsets, plan_.samples + past, 1, past % plan_.samples});
+      see_some(active_.data() + k, active_.data() + end, dealt);
     }
   }
   for (int pass : {GLINT_PASS_COST, GLINT_PASS_FALLBACKS})
