@@ -245,6 +245,7 @@ class Told:
         return color, self.finely.colors.get(LIGHTS[name], color)
 
     def _light(self, name: str, color: Array, own_color: Array) -> Resolving:
+        """That light, told over these (3, h, w)."""
         of_color, surface, own_surface = LIGHTS[name], color, own_color
         if name in UNSHADOWED:
             surface, own_surface = self._mean(of_color), self.finely.colors[of_color]
@@ -253,15 +254,15 @@ class Told:
             images = np.clip(_over(self.sharp[of_color], self.parts[of_color].sum(0)), 0.0, 1.0)
         together = [other for other in (GLOSS if name in GLOSS else (name,)) if other in self.parts]
         return Resolving(
-            self._mean(name),
-            np.sum([self.parts[other] for other in together], 0).sum(0) / self.samples,
-            color,
-            own_color,
-            surface.sum(0),
-            own_surface.sum(0),
-            self._noise(together, of_color),
-            images,
-            name in WIDE,
+            light=self._mean(name),
+            white=np.sum([self.parts[other] for other in together], 0).sum(0) / self.samples,
+            color=color,
+            own_color=own_color,
+            tint=surface.sum(0),
+            own_tint=own_surface.sum(0),
+            noise=self._noise(together, of_color),
+            images=images,
+            is_wide=name in WIDE,
         )
 
     def _unshadowed(self, name: str) -> Array:
@@ -272,16 +273,16 @@ class Told:
         light, of_color = UNSHADOWED[name], LIGHTS[name]
         mean, color, own_color = self._mean(light), self._mean(of_color), self.finely.colors
         one = Resolving(
-            mean,
-            mean.sum(0),
-            color,
-            own_color[of_color],
-            color.sum(0),
-            own_color[of_color].sum(0),
-            self._noise([light], of_color),
-            np.zeros_like(self.seen.guides.surface),
-            False,
-            self.seen.rays / self.finely.rays,
+            light=mean,
+            white=mean.sum(0),
+            color=color,
+            own_color=own_color[of_color],
+            tint=color.sum(0),
+            own_tint=own_color[of_color].sum(0),
+            noise=self._noise([light], of_color),
+            images=np.zeros_like(self.seen.guides.surface),
+            is_wide=False,
+            noise_share=self.seen.rays / self.finely.rays,
         )
         block = self._around(False)
         weights = _weights(self.seen.guides, block)
@@ -485,12 +486,16 @@ def _resolve_edges(
     way *= np.sqrt(_over(whole, (weight * (way**2).sum(-1)).sum(0)))[:, None]
     tints = around(tint)
 
-    def fitted(values: Array, colors: Array, own: Array) -> tuple[Array, Array]:
+    def scale_of(colors: Array) -> Array:
+        """(n,) times which they are as large as the share that is of surfaces."""
+        return np.sqrt(_over(whole, (weight * around(colors) ** 2).sum(0)))
+
+    full_color, full_tint = scale_of(color.sum(0)), scale_of(tint)
+
+    def fitted(values: Array, colors: Array, own: Array, full: Array) -> tuple[Array, Array]:
         """What is seen at the pixels, (n,), and at those of their blocks, (81, n), of values (h, w)
-        and colours; own: the pixels'.
+        and colours times `full` (n,); own: the pixels'.
         """
-        size = around(colors if colors is tint else color.sum(0))
-        full = np.sqrt(_over(whole, (weight * size**2).sum(0)))
         tinted = full * (around(colors) - part * own[y, x] / share_here)
         g = np.concatenate([part[..., None], turn, way, tinted[..., None]], -1)
         a = np.einsum("kn,kni,knj->nij", weight, g, g)
@@ -502,14 +507,14 @@ def _resolve_edges(
         return slopes[:, 0] * share_here, np.einsum("kni,ni->kn", g, slopes)
 
     white = one.white
-    apart = (weight * (around(white) - fitted(white, tint, own_tint)[1]) ** 2).sum(0)
+    apart = (weight * (around(white) - fitted(white, tint, own_tint, full_tint)[1]) ** 2).sum(0)
     sure = np.zeros_like(apart)
     if noise is not None:
         chance = (weight * (around(noise) * tints) ** 2).sum(0)
         sure = np.maximum(1 - SURE_FIT * _over(chance, apart), 0.0)
     stays = images[y, x] + (1 - images[y, x]) * sure
     for c in range(3):
-        fine, everywhere = fitted(light[c], color[c], one.own_color[c])
+        fine, everywhere = fitted(light[c], color[c], one.own_color[c], full_color)
         most = np.maximum((around(light[c]) * (weight > 0)).max(0), 0.0)
         predicted.fine[c, y, x] = np.clip(fine, 0.0, most)
         predicted.coarse[c, y, x] = np.clip(everywhere[middle], 0.0, most)

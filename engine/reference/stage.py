@@ -153,7 +153,7 @@ class Stage:
         return ambient_seen(surface, coefficients) * self.ambient
 
     def unshadowed(self, at: Interaction, sample: int) -> DirectLight:
-        """What lights would give to what camera rays meet if nothing hid them."""
+        """What lights would give to what camera rays meet if nothing hid them, in that sample."""
         told = at.surface, at.coefficients, at.weight, sample
         return self._lighting_unshadowed.direct(*told, lambda *_: None, lambda _: None)
 

@@ -420,8 +420,9 @@ def dealt_sample(sample: int, number: int, samples: int, side: int) -> int:
 
 
 def class_beyond(number: int, round_: int, side: int) -> int:
-    """Whose samples a pixel of the class `number` takes in that round of as many camera rays as it
-    has samples: in round 0 its own, then those of others, for four classes the same.
+    """The class whose samples of the tables a pixel of the class `number`, below side², takes in
+    that round of as many camera rays as it has samples. In round 0 it is its own; after that one of
+    another four, the same for each four classes, as no shadows come of these rays. side: of blocks.
     """
     return number & ~3 ^ (side**2 // 2 + round_) % side**2 if round_ else number
 

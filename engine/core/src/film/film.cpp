@@ -400,11 +400,10 @@ void Film::resolve(const Tile& tile, uint32_t samples, const ResolveWindow& wind
   for (size_t k = 0; more && k < more->slots.size(); ++k) rays[more->slots[k]] = more->rays;
   for (uint32_t k = 0; more && k < tile.pixels(); ++k) {
     const size_t slot = slot_of(tile, tile.x0 + k % tile.width(), tile.y0 + k / tile.width());
-    read(finer, k,
-         {more->sums.data() + slot, tile.stride(),
-          double(refinement_.taken(tile.first_row + slot, samples) + rays[slot])});
-    const double taken = refinement_.taken(tile.first_row + slot, samples);
-    finer.column(ResolveWindow::kInside)[k] = to_float(taken / (taken + rays[slot]));
+    const double taken = refinement_.taken(tile.first_row + slot, samples),
+                 all = taken + rays[slot];
+    read(finer, k, {more->sums.data() + slot, tile.stride(), all});
+    finer.column(ResolveWindow::kSampleShare)[k] = to_float(taken / all);
   }
   resolve_.run(window, more ? &finer : nullptr, tile.x0, tile.y0, samples >= Refinement::kFirst);
 }

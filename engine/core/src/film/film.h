@@ -109,7 +109,7 @@ class Film {
   /// they bring, and of the rest. Else -1.
   int gloss_column() const { return gloss_; }
   int column_of(int pass) const { return at_[pass]; }
-  /// Those of what camera rays tell that no light follows: all others stay 0.
+  /// Those that camera rays add to which no light follows.
   const std::vector<uint32_t>& columns_of_rays() const { return columns_of_rays_; }
   /// Rows of a column over all tiles.
   size_t rows() const { return sums_.size() / columns_; }

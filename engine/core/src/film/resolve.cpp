@@ -19,10 +19,8 @@ constexpr float kFlat = 0.04f;  // the same of the way between points along one'
 // more than kSurer in one of a thousand, for 15 and 15.
 constexpr float kSure = 1.98f, kSureFit = 1.46f, kSurer = 5.54f;
 
-// Colours, and what is seen beside them, that differ by no more look the same.
+// Colours, what is seen beside them and unit normals that differ by no more look the same.
 constexpr float kEven = 1.0f / 50;
-/// How long the mean of unit normals is that differ by that: √(1 − kEven²).
-constexpr float kEvenMean = 0.99979998f;
 
 using Floats = std::vector<float>;
 
@@ -169,22 +167,6 @@ uint32_t pixel_of(const Span& span, size_t number, uint32_t x0, uint32_t y0, uin
 
 float over(float a, float b) { return b > 0 ? a / b : 0; }
 
-/// Those that are looked at together one after the other.
-constexpr int kInTurn[kResolvedLights] = {kDiffuseDirect,
-                                          kDiffuseIndirect,
-                                          kGlossyDirect,
-                                          kGlossyIndirect,
-                                          kOtherGlossyDirect,
-                                          kTransmissionDirect,
-                                          kTransmissionIndirect,
-                                          kMirrored,
-                                          kRefracted,
-                                          kCaught,
-                                          kOpen,
-                                          kOtherDiffuseDirect,
-                                          kVolumeDirect,
-                                          kVolumeIndirect};
-
 /// Whether light is averaged over blocks of twice the side, as bounces are dealt.
 constexpr bool is_wide(int light) { return light == kDiffuseIndirect || light == kVolumeIndirect; }
 
@@ -207,11 +189,9 @@ class LightResolve {
     const float* const all = window_.column(ResolveWindow::kLight + 3 * light);
     if (std::all_of(all, all + 3 * window_.pixels(), [](float own) { return own == 0; }))
       return false;
+    if (told_over(light) != kind_of(light))
+      find_unshadowed(told_over(light), kind_of(light), is_halved, block);
     set_light(all, told_over(light), kind_of(light));
-    if (is_unshadowed()) {
-      find_unshadowed(is_halved, block);
-      set_light(all, told_over(light), kind_of(light));
-    }
     set_ = guides_of(light);
     is_halved_ = is_halved;
     is_wide_ = is_wide(light);
@@ -230,10 +210,11 @@ class LightResolve {
 
   /// What lights would give if nothing hid them, which light of them is told over: of pixels of the
   /// span as all their camera rays say, but for what is noise, of more rays than samples so much
-  /// less. In its place is the mean of the block, over the colour of surfaces.
-  void find_unshadowed(bool is_halved, const Block& block) {
-    const int kind = kind_, number = kind - kUnshadowedMatt;
-    set_light(window_.column(ResolveWindow::kColor + 3 * kind), surface_kind_, surface_kind_);
+  /// less. In its place is the mean of the block, over the colour of surfaces. kind: which of the
+  /// unshadowed ones; surface_kind: of what colour.
+  void find_unshadowed(int kind, int surface_kind, bool is_halved, const Block& block) {
+    const int number = kind - kUnshadowedMatt;
+    set_light(window_.column(ResolveWindow::kColor + 3 * kind), surface_kind, surface_kind);
     set_ = kSeen;
     is_halved_ = is_halved;
     is_wide_ = false;
@@ -348,7 +329,7 @@ class LightResolve {
   }
   /// How much of the noise of its samples more rays of pixel k of the span leave of what they tell.
   float noise_share(size_t k) const {
-    return is_known_finely_ && finer_ ? finer_->column(ResolveWindow::kInside)[k] : 1;
+    return is_known_finely_ && finer_ ? finer_->column(ResolveWindow::kSampleShare)[k] : 1;
   }
   float at(int column, size_t q) const { return window_.column(column)[q]; }
   float guide(int number, size_t q) const { return window_.guide(set_, number)[q]; }
@@ -423,8 +404,8 @@ class LightResolve {
       colored += near.weight * color * color;
     }
     const double scale = far > 0 ? std::sqrt(all / far) : 0,
-                 share = double(own_guide(ResolveWindow::kShare, k));
-    const double full_color = std::sqrt(all / colored);
+                 share = double(own_guide(ResolveWindow::kShare, k)),
+                 full_color = std::sqrt(all / colored);
     const Four here(own_color(k, 0), own_color(k, 1), own_color(k, 2), own_tint),
         full(full_color, full_color, full_color, std::sqrt(all / tinted));
     const auto color_of = [&](const GuideFits::Guides& g, size_t q) {
@@ -637,8 +618,10 @@ std::vector<uint8_t> Resolve::uneven(const ResolveWindow& window) const {
   const float* const share = window.column(ResolveWindow::kShare);
   const float* const along = window.column(ResolveWindow::kAlong);
   span.rows([&](size_t out, size_t p) {
-    for (size_t k = 0; k < span.width; ++k)  // normals of its own that differ
-      found[out + k] = surface[p + k] > 0 && along[p + k] < share[p + k] * kEvenMean;
+    for (size_t k = 0; k < span.width; ++k) {
+      const float all = share[p + k], mean = along[p + k];  // shorter where normals differ
+      found[out + k] = surface[p + k] > 0 && mean * mean < all * all * (1 - kEven * kEven);
+    }
   });
   for (int j = -1; j <= 1; ++j)
     for (int i = -1; i <= 1; ++i) {
@@ -665,7 +648,7 @@ void Resolve::run(const ResolveWindow& window, const ResolveWindow* finer, uint3
   LightResolve one(window, finer, span, side_);
   for (size_t y = 0; y < span.height; ++y)
     std::fill_n(added_.data() + 4 * ((y0 + y) * width_ + x0), 4 * span.width, 0.0f);
-  for (const int light : kInTurn) {
+  const auto add_light = [&](int light) {
     const bool any = one.choose(light, is_halved, on_surfaces),
                is_caught = light == kCaught && catches_ != Catches::kNone,
                is_lost = is_caught && catches_ == Catches::kAlpha,
@@ -692,7 +675,10 @@ void Resolve::run(const ResolveWindow& window, const ResolveWindow* finer, uint3
         if (own) own[3 * pixel + size_t(c)] = given[c];
       }
     }
-  }
+  };
+  for (int light = 0; light < kResolvedLights; ++light)  // spreads are found once for each group
+    if (looked_at(light).front() == light)
+      for (const int part : looked_at(light)) add_light(part);
   for (size_t k = 0; finer && k < span.count(); ++k) {
     const size_t pixel = pixel_of(span, k, x0, y0, width_);
     const auto more = [&](int column) {

@@ -136,9 +136,9 @@ struct ResolveWindow {
     kRest = kUnshadedColor + 3,      // of the picture but for light that is resolved; lost alpha
     kGlow = kRest + 4,               // of each of what gives light itself
     kWhole = kGlow + 3 * kGlows,     // the picture
-    kInside = kWhole + 3,            // 1: a pixel of the region; of more rays than samples, which
-                                     // part of them these are
-    kColumns = kInside + 1
+    kInside = kWhole + 3,            // 1: a pixel of the region
+    kSampleShare = kInside + 1,      // which part of its camera rays are samples
+    kColumns = kSampleShare + 1
   };
   uint32_t width = 0, height = 0;
   std::vector<float> values;

@@ -35,7 +35,8 @@ void Tracer::note_colors(const Queue& queue) {
 }
 
 /// Lights the points of the batch, and tells the passes of the paths what lights would give to the
-/// surfaces that camera rays meet if nothing hid them.
+/// surfaces that camera rays meet if nothing hid them: that is what the parts by lobes grow by, as
+/// shadows are a part of their own.
 void Tracer::illuminate(const Queue& queue) {
   const SumColumns& s = batch_.sums;
   const auto note = [&](double sign) {
@@ -93,7 +94,9 @@ void Tracer::keep_lighting(const Queue& queue) {
     double* const sums = paths_.sums(film_, pass);
     if (sums) sums[c * paths_.stride() + queue.slot(k)] += light;
   };
-  const auto kept = [&](int pass, int else_) { return film_.column_of(pass) < 0 ? else_ : pass; };
+  const auto kept = [&](int pass, int instead) {
+    return film_.column_of(pass) < 0 ? instead : pass;
+  };
   const int other_diffuse = kept(kOtherDiffuse, GLINT_PASS_DIFFUSE_DIRECT),
             other_gloss = kept(kOtherGloss, GLINT_PASS_GLOSSY_DIRECT);
   for (size_t c = 0; c < 3; ++c)
