@@ -121,6 +121,14 @@ COLORS = (
         "the table's rows of red, green, blue and alpha, evenly over factors from 0 to 1",
     ),
     Operation(
+        "lookup",
+        sockets(first="number", second="number", third="number", fourth="number"),
+        sockets(factor="number"),
+        (("last", range(4)), ("table", Reference.TABLE)),
+        "the table's columns up to number `last`, evenly over factors from 0 to 1 and straight in "
+        "between; 0 beyond them",
+    ),
+    Operation(
         "curves",
         _COLOR,
         sockets(factor="number", color="vector"),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, NamedTuple
 
 from .graph import Call, Graph, Value, needed
@@ -123,9 +124,13 @@ def compile_program(graph: Graph, outputs: Sequence[Value]) -> Program:
     things, slots = _Things(graph), _Slots(last_uses)
     constants: list[float] = []
     code: list[int] = []
+    joined = _joined(graph, calls, last_uses)
     for call in calls:
-        arguments = [_place(value, constants, slots) for value in call.arguments]
-        code += [CODES[call.operation.name], *slots.take(call), *arguments, *things.numbers(call)]
+        together = joined.get(call.order)
+        if together is not None:
+            arguments = [_place(value, constants, slots) for value in call.arguments]
+            taken, settings = slots.take(together), things.numbers(together)
+            code += [CODES[call.operation.name], *taken, *arguments, *settings]
         slots.release_after(call)
     return Program(
         tuple(code),
@@ -134,6 +139,31 @@ def compile_program(graph: Graph, outputs: Sequence[Value]) -> Program:
         tuple(slots.of(value) for value in outputs),
         **things.tuples(),
     )
+
+
+def _joined(
+    graph: Graph, calls: Sequence[Call], read: Container[tuple[int, int]]
+) -> dict[int, list[Call]]:
+    """The calls of each instruction, by the order of the first: one, or some that look up a column
+    each, of as many rows, at the same place. read: outputs that something reads.
+    """
+    found: dict[int, list[Call]] = {}
+    alike: dict[tuple[int, int], list[Call]] = {}
+    for call in calls:
+        if _has_one_column(call) and not any((call.order, k) in read for k in (1, 2, 3)):
+            key = id(call.arguments[0]), len(graph.thing(Reference.TABLE, call.settings[1]))
+            others = alike.get(key, ())
+            if 0 < len(others) < len(call.operation.outputs):
+                others.append(call)
+                continue
+            found[call.order] = alike[key] = [call]
+        else:
+            found[call.order] = [call]
+    return found
+
+
+def _has_one_column(call: Call) -> bool:
+    return call.operation.name == "lookup" and call.settings[0] == 0
 
 
 def _last_uses(calls: list[Call], outputs: Sequence[Value]) -> dict[tuple[int, int], int]:
@@ -173,12 +203,12 @@ class _Slots:
         assert value.call is not None  # a constant has no slot
         return self._of_values[value.call.order, value.output]
 
-    def take(self, call: Call) -> list[int]:
-        """The first slot of each output of a call."""
-        return [
-            self._taken_for((call.order, output), width)
-            for output, width in enumerate(call.operation.output_widths)
-        ]
+    def take(self, together: Sequence[Call]) -> list[int]:
+        """The first slot of each output of an instruction."""
+        widths = together[0].operation.output_widths
+        outputs = [(together[0].order, output) for output in range(len(widths))]
+        outputs[: len(together)] = [(call.order, 0) for call in together]
+        return [self._taken_for(key, width) for key, width in zip(outputs, widths, strict=True)]
 
     def release_after(self, call: Call) -> None:
         """Take back the slots of every value that nothing after the call reads."""
@@ -208,8 +238,11 @@ class _Things:
         self._graph = graph
         self._used: dict[Reference, dict[Any, int]] = {kind: {} for kind in Reference}
 
-    def numbers(self, call: Call) -> list[int]:
-        """The settings of a call."""
+    def numbers(self, together: Sequence[Call]) -> list[int]:
+        """The settings of an instruction."""
+        if len(together) > 1:
+            return [len(together) - 1, self._number_of_columns(together)]
+        (call,) = together
         given = zip(call.operation.settings, call.settings, strict=True)
         return [self._number(choices, setting) for (_, choices), setting in given]
 
@@ -222,3 +255,9 @@ class _Things:
             return setting
         used = self._used[choices]
         return used.setdefault(self._graph.thing(choices, setting), len(used))
+
+    def _number_of_columns(self, together: Sequence[Call]) -> int:
+        """Of the table that has a column of each of these."""
+        columns = [self._graph.thing(Reference.TABLE, call.settings[1]) for call in together]
+        used = self._used[Reference.TABLE]
+        return used.setdefault(tuple(chain.from_iterable(zip(*columns, strict=True))), len(used))

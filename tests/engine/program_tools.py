@@ -17,6 +17,7 @@ SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-30, 1e9, -1e9, 255.
 _ROWS = tuple(float(x) for x in np.random.default_rng(4).uniform(0, 1, 256 * 4))
 TABLES = {
     "ramp": _ROWS,
+    "lookup": _ROWS[:768],
     "curves": (-0.3, 1.4, *_ROWS[: 256 * 3]),
     "piecewise": tuple(
         x for k, start in enumerate((-4.0, -1.0, 0.5, 2.0)) for x in (start, *_ROWS[k * 15 :][:15])

@@ -259,6 +259,36 @@ def test_what_nothing_reads_is_left_out():
     assert step.outputs == (0, UNREAD)
 
 
+def test_what_is_looked_up_at_one_number_is_looked_up_together():
+    """Up to four columns of as many rows an instruction, whichever of them is read when."""
+    graph, columns = Graph(apply), np.random.default_rng(3).normal(0, 1, (6, 9))
+    x, y = read(graph, "x")[1], read(graph, "y")[1]
+
+    def looked_up(number: Value, column: np.ndarray) -> Value:
+        return graph.apply(BY_NAME["lookup"], number, last=0, table=tuple(column))[0]
+
+    values = [looked_up(x, column) for column in columns[:2]]
+    between = sum_of(graph, *values)
+    values += [looked_up(x, column) for column in columns[2:]]
+    values += [looked_up(x, columns[0][:8]), looked_up(y, columns[0])]
+    program = compile_program(graph, [between, *values])
+    places = np.array([0.0, 0.3, 1.0, -2.0, 5.0])
+
+    def table(last: int, place: np.ndarray, column: np.ndarray) -> np.ndarray:
+        return np.interp(place, np.linspace(0, 1, last), column)
+
+    channels = {name: np.tile(p, (4, 1)) for name, p in (("x", places), ("y", places[::-1]))}
+    found = run(program, Points(channels=channels), HITS)
+    expected = [table(9, places, column) for column in columns]
+    expected += [table(8, places, columns[0][:8]), table(9, places[::-1], columns[0])]
+    steps = [step for step in instructions(program) if step.operation.name == "lookup"]
+
+    expected.insert(0, expected[0] + expected[1])
+    np.testing.assert_allclose(np.array(found)[:, 0], expected, atol=1e-15)
+    assert [step.settings[0] for step in steps] == [3, 1, 0, 0]
+    assert problems(program) == []
+
+
 def test_outputs_that_are_not_asked_for_cost_nothing():
     graph = Graph(apply)
     x, y = number(graph, "x"), number(graph, "y")

@@ -269,10 +269,10 @@ class Evaluator:
             self.note(SHADER_FOR_VALUE.format(found.node.bl_label, "{}"))
 
     def settled(self, closure: Closure) -> Closure:
-        """The closure with one term for each lobe whose weight a program computes."""
+        """The closure with one factor for each lobe whose weight a program computes."""
         return {
             key: self.expressions.sum_of(self.expressions.value_of(terms))
-            if len(terms) > 1 and has_output(terms)
+            if has_output(terms) and (len(terms) > 1 or len(terms[0].factors) > 1)
             else terms
             for key, terms in closure.items()
         }
@@ -426,7 +426,7 @@ class NodeView:
         if is_constant(terms):
             return Roughness(constant_value(terms)[0])
         expressions = self.evaluator.expressions
-        value = expressions.apply("separate_xyz", expressions.value_of(terms))
+        value = expressions.parts(expressions.value_of(terms))[0]
         return Roughness(value, expressions)
 
     def ior(self, name: str = "IOR", otherwise: float = 1.5, least: float = SMALLEST_IOR) -> Ior:
@@ -436,7 +436,7 @@ class NodeView:
             number = min(max(constant_value(terms)[0], least), LARGEST_IOR)
             return Ior(number, self.evaluator.expressions)
         expressions = self.evaluator.expressions
-        value = expressions.apply("separate_xyz", expressions.value_of(terms))
+        value = expressions.parts(expressions.value_of(terms))[0]
         above = expressions.math("MAXIMUM", value, least)
         return Ior(expressions.math("MINIMUM", above, LARGEST_IOR), expressions)
 

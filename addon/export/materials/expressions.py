@@ -10,10 +10,8 @@ from ....engine.program.program import compile_program
 from ....engine.program.table import BY_NAME
 from ....engine.scene import Input, Lobe, Material
 from ..shader_nodes.luminance import luminance_of
+from .products import Product, Products, number_in
 from .terms import RGB, Sum, Term, constant, from_input
-
-ZERO_VECTOR = (0.0, 0.0, 0.0)
-ONE_VECTOR = (1.0, 1.0, 1.0)
 
 
 class Expressions:
@@ -22,6 +20,7 @@ class Expressions:
     def __init__(self) -> None:
         self.graph = Graph()
         self._outputs: dict[Value, int] = {}
+        self._products = Products(self.graph)
 
     def apply(self, name: str, /, *arguments: Value, **settings) -> Value:
         """The first output of the table's operation of this name."""
@@ -32,7 +31,7 @@ class Expressions:
 
     def vector(self, value: Value) -> Value:
         """The value as a vector; a number fills it."""
-        return value if value.width == 3 else self.apply("combine_xyz", value, value, value)
+        return self._products.vector(value)
 
     def number(self, value: Value) -> Value:
         """The value as a number: a colour by its luminance."""
@@ -40,6 +39,9 @@ class Expressions:
 
     def parts(self, vector: Value) -> tuple[Value, ...]:
         """The three numbers of a vector."""
+        number = number_in(vector)
+        if number is not None:
+            return (number,) * 3
         return self.graph.apply(BY_NAME["separate_xyz"], vector)
 
     def math(self, operation: str, *numbers: Value | float) -> Value:
@@ -65,25 +67,16 @@ class Expressions:
 
     def value_of(self, terms: Sum) -> Value:
         """A sum as a vector."""
-        total = self.constant(ZERO_VECTOR)
-        for term in terms:
-            total = self._sum(self._product(term), total)
-        return total
+        return self._products.value(map(self._product, terms))
 
     def looked_up(self, number: Value, table: tuple[float, ...]) -> Value:
-        """The alpha of a ramp's table at a number."""
-        return self.ramp(number, table)[1]
-
-    def ramp(self, number: Value, table: tuple[float, ...]) -> tuple[Value, Value]:
-        """Colour and alpha of a table's rows of four, from 0 to 1, at a number."""
-        color, alpha = self.graph.apply(BY_NAME["ramp"], number, interpolates=1, table=table)
-        return color, alpha
+        """A table at a number: values evenly from 0 to 1, straight in between."""
+        return self._products.looked_up(number, table)
 
     def bounded(self, value: Value, low: float, high: float) -> Value:
         """A vector with each channel from low to high."""
-        return self.apply(
-            "bounded", self.vector(value), self.constant((low,) * 3), self.constant((high,) * 3)
-        )
+        products = self._products
+        return products.value([products.bounded(products.of(value), low, high)])
 
     def with_program(self, material: Material) -> Material:
         """The material, whose inputs name outputs of this graph, with the program that computes
@@ -104,39 +97,30 @@ class Expressions:
             base_normal_output=numbers[material.base_normal_output],
         )
 
-    def _sum(self, a: Value, b: Value) -> Value:
-        if b.constant == ZERO_VECTOR:
-            return a
-        return self.apply("scaled_sum", a, self.constant(1.0), b)
-
-    def _product(self, term: Term) -> Value:
-        product = self.constant(term.value)
+    def _product(self, term: Term) -> Product:
+        product = Product(term.value)
         for factor in term.factors:
-            value = self._factor(factor)
-            product = value if product.constant == ONE_VECTOR else self._times(product, value)
+            product = product * self._factor(factor)
         return product
 
-    def _times(self, a: Value, b: Value) -> Value:
-        return b if a.constant == ONE_VECTOR else self.apply("product", a, b)
-
-    def _factor(self, factor: Input) -> Value:
+    def _factor(self, factor: Input) -> Product:
         """One factor, all that it may have worked out in its order."""
-        value = self.constant(factor.value)
+        products = self._products
+        product = Product(factor.value)
         if factor.texture >= 0:
-            value = self._times(value, self._image(factor))
+            product = product * products.of(self._image(factor))
         if factor.attribute:
             color, alpha = self.graph.apply(
                 BY_NAME["attribute"], attribute=factor.attribute, shift=0
             )
-            value = self._times(value, self._channel(factor.attribute_channel, color, alpha))
+            channel = self._channel(factor.attribute_channel, color, alpha)
+            product = product * products.of(channel)
         if factor.output >= 0:
-            value = self._times(value, list(self._outputs)[factor.output])
+            product = product * products.of(list(self._outputs)[factor.output])
         if not factor.is_plain:
-            value = self._sum(value, self.constant(factor.offset))
-            value = self.bounded(value, factor.low, factor.high)
-        if factor.complement:
-            value = self.apply("scaled_sum", value, self.constant(-1.0), self.constant(ONE_VECTOR))
-        return value
+            product = products.plus(product, factor.offset)
+            product = products.bounded(product, factor.low, factor.high)
+        return products.complement(product) if factor.complement else product
 
     def _image(self, factor: Input) -> Value:
         uv = self.apply("uv", attribute=factor.uv, shift=0)
@@ -148,7 +132,7 @@ class Expressions:
     def _channel(self, channel: str, color: Value, alpha: Value) -> Value:
         if channel == "COLOR":
             return color
-        return self.vector(alpha if channel == "ALPHA" else self.number(color))
+        return alpha if channel == "ALPHA" else self.number(color)
 
     def _transformed(self, uv: Value, transform: tuple[RGB, RGB]) -> Value:
         """(u', v', 0) of a 2 × 3 matrix over u, v, 1."""

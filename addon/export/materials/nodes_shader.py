@@ -89,8 +89,7 @@ class WorldShares:
 
     def __init__(self, roughness: Roughness, kind: str, ior: float = Ior.NOMINAL) -> None:
         a0, a1, b0, b1, q = (Of(_share_of_world, (kind, ior, name)) for name in _SHARES)
-        self.a0, self.a1, self.b0, self.b1 = roughness.numbers(a0, a1, b0, b1)
-        self.less_a0, self.minus_a1 = roughness.numbers(Of(_rest, (a0,)), Of(_minus, (a1,)))
+        self.a0, self.a1, self.b0, self.b1 = map(roughness.number, (a0, a1, b0, b1))
         self.exponent = roughness.exponent(q)
 
 
@@ -99,14 +98,6 @@ _SHARES = ("a0", "a1", "b0", "b1", "q")
 
 def _share_of_world(kind: str, ior: float, name: str, roughness: float) -> float:
     return getattr(_world(roughness, kind, ior), name)
-
-
-def _rest(of: Of, roughness: float) -> float:
-    return 1 - of(roughness)
-
-
-def _minus(of: Of, roughness: float) -> float:
-    return -of(roughness)
 
 
 def _world(roughness: float, kind: str, ior: float) -> World:
@@ -124,7 +115,8 @@ def _seen(kind: str, always: Sum, grazing: Sum, world: WorldShares) -> Closure:
 
 def _matt(color: Sum, world: WorldShares) -> Closure:
     """What of a colour the world's shares leave, of what shines."""
-    seen = _seen("DIFFUSE", multiply(color, world.less_a0), multiply(color, world.minus_a1), world)
+    less, grazing = complement(world.a0), scale(world.a1, -1.0)
+    seen = _seen("DIFFUSE", multiply(color, less), multiply(color, grazing), world)
     return {replace(key, follows=True): terms for key, terms in seen.items()}
 
 
@@ -206,8 +198,9 @@ def _reflected(kind: str, f0: Sum, world: WorldShares, roughness: Roughness, aga
 
 def _shares(f0: Sum, world: WorldShares, roughness: Roughness, again: Of) -> tuple[Sum, Sum]:
     """The same, always and times (1 - n·v)^q."""
-    rest, once = complement(f0), multiply(f0, roughness.number(Of(_rest, (again,))))
-    more = multiply(f0, roughness.number(again))
+    scattered_on = roughness.number(again)
+    rest, once = complement(f0), multiply(f0, complement(scattered_on))
+    more = multiply(f0, scattered_on)
     always = add(more, multiply(once, world.a0), multiply(rest, world.b0))
     return always, add(multiply(once, world.a1), multiply(rest, world.b1))
 

@@ -27,7 +27,7 @@ def _number(view: NodeView, name: str) -> dict[str, Any]:
     if is_constant(terms):
         return {of_lobe: constant_value(terms)[0]}
     expressions = view.evaluator.expressions
-    value = expressions.apply("separate_xyz", expressions.value_of(terms))
+    value = expressions.parts(expressions.value_of(terms))[0]
     return {of_lobe: 1.0, f"{of_lobe}_output": expressions.output(value)}
 
 

@@ -88,10 +88,9 @@ def _by_albedo(view: NodeView, color: Sum, column: tuple[float, ...]) -> Sum:
     if is_constant(color):
         return constant(tuple(map(float, np.interp(constant_value(color), _ALBEDOS, column))))
     expressions = view.evaluator.expressions
-    table = [0.0] * (4 * _ROWS)
-    table[3::4] = map(float, np.interp(np.linspace(0, 1, _ROWS), _ALBEDOS, column))
+    table = tuple(map(float, np.interp(np.linspace(0, 1, _ROWS), _ALBEDOS, column)))
     parts = expressions.parts(expressions.value_of(color))
-    found = [expressions.looked_up(part, tuple(table)) for part in parts]
+    found = [expressions.looked_up(part, table) for part in parts]
     return expressions.sum_of(expressions.apply("combine_xyz", *found))
 
 

@@ -4,10 +4,9 @@ sums and as lobes' numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import chain
 from typing import Any
 
 from ....engine.program.graph import Value
@@ -65,17 +64,12 @@ class Roughness:
             return constant(of(self.value))
         return self._expressions.sum_of(self._looked_up(of))
 
-    def numbers(self, *of: Of) -> list[Sum]:
-        """Of up to four functions, which are looked up at once."""
-        if not self.varies:
-            return [constant(one(self.value)) for one in of]
-        return [self._expressions.sum_of(found) for found in self._looked_up_at_once(of)]
-
     def color(self, of: Callable[[float], RGB]) -> Sum:
         if not self.varies:
             return constant(of(self.value))
-        table = tuple(float(x) for place in _PLACES for x in (*of(place), 0.0))
-        return self._expressions.sum_of(self._expressions.ramp(self.value, table)[0])
+        columns = zip(*map(of, _PLACES), strict=True)
+        found = (self._expressions.looked_up(self.value, tuple(map(float, c))) for c in columns)
+        return self._expressions.sum_of(self._expressions.apply("combine_xyz", *found))
 
     def exponent(self, of: Callable[[float], float]) -> dict[str, Any]:
         """The exponent of a lobe, as `LobeKey` takes it."""
@@ -89,17 +83,13 @@ class Roughness:
         if not self.varies:
             return {name: of(self.value)}
         table = _table_of(of)
-        return self._named(name, max(table[3::4]), self._expressions.looked_up(self.value, table))
+        return self._named(name, max(table), self._expressions.looked_up(self.value, table))
 
     def _named(self, name: str, most: float, value: Value) -> dict[str, Any]:
         return {name: most, f"{name}_output": self._expressions.output(value)}
 
     def _looked_up(self, of: Callable[[float], float]) -> Value:
         return self._expressions.looked_up(self.value, _table_of(of))
-
-    def _looked_up_at_once(self, of: Sequence[Of]) -> list[Value]:
-        color, alpha = self._expressions.ramp(self.value, _joint_table(tuple(of)))
-        return [*self._expressions.parts(color), alpha][: len(of)]
 
 
 def _is_mirror(roughness: float) -> float:
@@ -110,27 +100,14 @@ def _is_rough(roughness: float) -> float:
     return float(roughness > MIRROR_ROUGHNESS)
 
 
-def _table(column: Iterable[float]) -> tuple[float, ...]:
-    """A ramp's table whose alpha is a function's values at `_PLACES`."""
-    table = [0.0] * (4 * ROWS)
-    table[3::4] = map(float, column)
-    return tuple(table)
-
-
 def _table_of(of: Callable[[float], float]) -> tuple[float, ...]:
-    return _shared_table(of) if isinstance(of, Of) else _table(map(of, _PLACES))
+    """A function's values at `_PLACES`."""
+    return _shared_table(of) if isinstance(of, Of) else tuple(float(of(place)) for place in _PLACES)
 
 
 @lru_cache(maxsize=256)
 def _shared_table(of: Of) -> tuple[float, ...]:
-    return _table(map(of, _PLACES))
-
-
-@lru_cache(maxsize=64)
-def _joint_table(of: tuple[Of, ...]) -> tuple[float, ...]:
-    """A ramp's table whose channels are functions' values at `_PLACES`, of up to four."""
-    columns = [_shared_table(one)[3::4] for one in of] + [(0.0,) * ROWS] * (4 - len(of))
-    return tuple(chain.from_iterable(zip(*columns, strict=True)))
+    return tuple(float(of(place)) for place in _PLACES)
 
 
 class Ior:
@@ -181,7 +158,7 @@ class Ior:
                 return self
             return Ior(ior_from_reflectance(normal_reflectance(self.number) * 2 * amount))
         do = self._expressions.math
-        number = self._expressions.apply("separate_xyz", self._expressions.value_of(level))
+        number = self._expressions.parts(self._expressions.value_of(level))[0]
         f0 = self._f0() if self.varies else normal_reflectance(self.number)
         scaled = do("MULTIPLY", do("MULTIPLY", f0, 2.0), number)
         held = do("MINIMUM", do("MAXIMUM", scaled, 0.0), 0.99)

@@ -220,6 +220,13 @@ def ramp(factor: Array, *, interpolates: int, table: Sequence[float]) -> tuple[A
     return found[:3], found[3]
 
 
+def lookup(factor: Array, *, last: int, table: Sequence[float]) -> tuple[Array, ...]:
+    """Four (n,)."""
+    rows = np.asarray(table, float).reshape(-1, last + 1).T
+    found = _looked_up(rows, np.fmin(np.fmax(factor, 0.0), 1.0), True)
+    return tuple(found) + (np.zeros_like(found[0]),) * (3 - last)
+
+
 def curves(factor: Array, color: Array, *, extends: int, table: Sequence[float]) -> Array:
     low, high, *rest = table
     rows = np.asarray(rest, float).reshape(-1, 3).T

@@ -146,6 +146,12 @@ inline Three blended_hsv(Blend kind, Doubles t, const Three& a, const Three& b) 
   return hsv_to_rgb({p.x, p.y, (1 - t) * p.z + t * q.z});
 }
 
+/// Between which rows of a table a place is: where they begin, and the share of the second.
+struct TableRows {
+  Whole first, second;
+  Doubles t;
+};
+
 /// A table: rows of `columns` numbers after the first `head` of them.
 struct Table {
   const double* head;
@@ -159,15 +165,19 @@ struct Table {
         columns(width),
         last(double((size_t(m.program.tables[at]) - head_size) / width) - 1) {}
 
+  /// Of places from 0 to 1.
+  TableRows rows_at(Doubles place) const {
+    const Doubles x = finite_or_zero(place) * last, first = ::glint::down(x);
+    const auto begin = [&](Doubles row) { return whole(row) * int32_t(columns); };
+    return {begin(first), begin(smaller(first + 1, splat(last))), x - first};
+  }
+  Doubles between(const TableRows& at, size_t column) const {
+    return (1 - at.t) * read_at(rows + column, at.first) + at.t * read_at(rows + column, at.second);
+  }
   /// A column at places from 0 to 1.
   Doubles at(Doubles place, size_t column, bool interpolates) const {
-    const Doubles x = finite_or_zero(place) * last, first = ::glint::down(x);
-    const auto read = [&](Doubles row) {
-      return read_at(rows + column, whole(row) * int32_t(columns));
-    };
-    if (!interpolates) return read(first);
-    const Doubles t = x - first;
-    return (1 - t) * read(first) + t * read(smaller(first + 1, splat(last)));
+    const TableRows found = rows_at(place);
+    return interpolates ? between(found, column) : read_at(rows + column, found.first);
   }
   double slope_before(size_t c) const { return (rows[columns + c] - rows[c]) * last; }
   double slope_after(size_t c) const {
@@ -296,6 +306,16 @@ inline void ramp(const Machine& m, const Operands& at) {
     const auto column = [&](size_t c) { return table.at(place, c, interpolates); };
     if (at.wants(0)) at.put(0, k, Three{column(0), column(1), column(2)});
     if (at.wants(1)) at.put(1, k, column(3));
+  });
+}
+
+inline void lookup(const Machine& m, const Operands& at) {
+  const size_t last = size_t(at.settings[0]);
+  const Table table(m, at.settings[1], 0, last + 1);
+  each_group(m, [&](size_t k) {
+    const TableRows rows = table.rows_at(unit_range(finite_or_zero(at.number(0, k))));
+    for (size_t c = 0; c < 4; ++c)
+      if (at.wants(c)) at.put(c, k, c <= last ? table.between(rows, c) : splat(0));
   });
 }
 
