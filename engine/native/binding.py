@@ -17,6 +17,7 @@ from .core_types import (
     RenderSettingsData,
     SceneData,
     StatsData,
+    TangentData,
 )
 from .intact import damage
 
@@ -73,6 +74,7 @@ _SIGNATURES = {
         None,
         [c_int32, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64],
     ),
+    "glint_tangents": (c_int32, [POINTER(TangentData), c_void_p]),
     "glint_program_run": (
         c_int32,
         [c_void_p, c_uint64, c_void_p, c_uint64, c_void_p, c_uint32, c_void_p, c_uint64],

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 81
+ABI_VERSION = 82
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -493,4 +493,11 @@ class AccelStatsData(Structure):
         *_each(c_double * 3, "low high"),
         *_each(c_double, "build_seconds"),
         *_each(c_uint64, "instances primitives dropped bytes nodes"),
+    ]
+
+
+class TangentData(Structure):
+    _fields_ = [
+        *_each(c_size_t, "vertices triangles corners normals uv"),
+        *_each(c_uint64, "count vertex_count corner_count"),
     ]

@@ -9,9 +9,16 @@ where the polygon is bent or its map is, and Cycles has one for each.
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from ctypes import byref
+
 import numpy as np
 
 from ....engine.linear.elementary import arccos
+from ....engine.native import binding
+from ....engine.native.core_types import TangentData
+from ....engine.native.packer import address
 
 _MIX = 0x9E3779B97F4A7C15
 """Of Fibonacci hashing (Knuth, The Art of Computer Programming 3, 6.4)."""
@@ -22,10 +29,41 @@ def tangents(
     uv: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     """(k, 4) float32: unit tangent, and the sign of the bitangent, of each of k corners of a mesh.
+    By the core where it loads, to the same bits.
 
     vertices (v, 3); triangles, corners (n, 3) rows of vertices and of what is returned; normals
-    (n, 3, 3) unit, of each triangle's corners; uv (k, 2).
+    (n, 3, 3) unit, of each triangle's corners; uv (k, 2). Raises IndexError where a row is not
+    there, MemoryError.
     """
+    core = _core_function()
+    given = {
+        name: np.ascontiguousarray(values, dtype)
+        for name, values, dtype in (
+            ("vertices", vertices, np.float64),
+            ("triangles", triangles, np.uint32),
+            ("corners", corners, np.uint32),
+            ("normals", normals, np.float64),
+            ("uv", uv, np.float64),
+        )
+    }
+    found = np.empty((len(uv), 4), np.float32)
+    counts = len(triangles), len(vertices), len(uv)
+    data = TangentData(*map(address, given.values()), *counts)
+    if core is None or core(byref(data), address(found)) != 0:  # NumPy tells what is wrong
+        return tangents_by_numpy(**given)
+    return found
+
+
+@functools.cache
+def _core_function() -> Callable[..., int] | None:
+    return None if binding.load_error() else binding.library().glint_tangents
+
+
+def tangents_by_numpy(
+    vertices: np.ndarray, triangles: np.ndarray, corners: np.ndarray, normals: np.ndarray,
+    uv: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """As `tangents`."""
     normal, at = _columns(normals), _columns(uv)[:, corners]
     edges, (s, t) = _steps(_columns(vertices)[:, triangles]), _steps(at)
     area = s[:, 2] * t[:, 0] - s[:, 0] * t[:, 2]

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 81
+#define GLINT_ABI_VERSION 82
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -752,6 +752,22 @@ enum GlintHash { GLINT_HASH_BLOCK = 1024, GLINT_HASH_SUMS = 4 };
 /* words: (count,). sums: (ceil(count / GLINT_HASH_BLOCK), GLINT_HASH_SUMS), the last block as if
  * zeros followed. Of two blocks that differ a sum is the same by a chance of 2^-32. */
 GLINT_API void glint_universal_hash(const uint32_t* words, uint64_t count, uint64_t* sums);
+
+/* A mesh of `count` triangles with a UV map. vertices: (vertex_count, 3). triangles, corners:
+ * (count, 3), rows of vertices, and of uv and what is found. normals: (count, 3, 3) unit. uv:
+ * (corner_count, 2). */
+typedef struct GlintTangentData {
+  const double* vertices;
+  const uint32_t* triangles;
+  const uint32_t* corners;
+  const double* normals;
+  const double* uv;
+  uint64_t count, vertex_count, corner_count;
+} GlintTangentData;
+
+/* out: (corner_count, 4), the unit tangent of each corner and the sign of its bitangent. Returns 0,
+ * -1 where memory is short, -2 where a row is not there. */
+GLINT_API int32_t glint_tangents(const GlintTangentData* data, float* out);
 
 /* Runs a program whose operations read no points, for tests. code, constants, tables: as those of
  * GlintProgram. columns: (slots, count), what the slots hold before and afterwards. Returns 0, or
