@@ -196,6 +196,8 @@ answer({
     "menus of two": [[name, [item.name for item in prop.enum_items]] for name, prop in properties.items()
                      if prop.type == "ENUM" and [item.name for item in prop.enum_items] == ["On", "Off"]],
     "drawn names": sorted({name for panel in ours if panel.__name__ != "GLINT_LIGHT_PT_beam_shape" for name, _ in offered(panel, context)}),
+    "checkboxes": {name: [prop.default, properties[name.removeprefix("use_")].default]
+                   for name, prop in properties.items() if prop.type == "BOOLEAN" and name.removeprefix("use_") in properties},
     "switched": [setattr(final, "use_subsurface", False), final.subsurface, setattr(final, "use_subsurface", True), final.subsurface],
     "names": {name: prop.name for name, prop in properties.items()},
     "tracers": {item.identifier: item.name for item in properties["backend"].enum_items},
@@ -349,3 +351,6 @@ def test_on_and_off_are_checkboxes(told):
     assert menus and not menus & drawn
     assert {f"use_{name}" for name in menus} <= drawn
     assert told["switched"] == [None, "OFF", None, "ON"]
+    resets = told["checkboxes"]
+    assert resets.keys() == {f"use_{name}" for name in menus}
+    assert all(is_on == (choice == "ON") for is_on, choice in resets.values()), resets
