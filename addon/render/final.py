@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -19,6 +19,7 @@ from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..export.darkness import darkness
 from ..export.keys import frame_of
 from ..ui.properties import settings_from, tracer_notes
+from . import last_picture
 from .kept import Kept
 from .memory import RenderMemory
 from .motion import opens, with_motion
@@ -47,6 +48,7 @@ class Job:
     about which nothing is told. frame: as `frame_of` has it.  target: the error that settings are
     to be found for.  renderer: what draws, where it keeps the frame before.
     delta: from the scene of that frame.  memory: since Blender's data began to be read.
+    slot: as `last_picture.slot_of` has it.
     """
 
     scene: engine.Scene
@@ -63,6 +65,7 @@ class Job:
     renderer: engine.KeptRender | None = None
     delta: SceneDelta | None = None
     memory: RenderMemory = field(default_factory=RenderMemory)
+    slot: Hashable | None = None
 
     @property
     def title(self) -> str:
@@ -139,6 +142,8 @@ def prepare(
     told = [*notes, *target_notes, *export.notes, *(note for _, own in others for note in own)]
     told += [*motion_notes, *_emptiness(moving[0]), *darkness(export.scene)]
     told += unrendered_outputs(depsgraph.scene, layer)
+    size = _size(export.region, width, height)
+    slot = None if render_engine.is_preview else last_picture.slot_of(depsgraph, names, size)
     memory.look()
     return tuple(
         Job(
@@ -146,7 +151,7 @@ def prepare(
             settings=replace(settings, **_PREVIEW) if render_engine.is_preview else settings,
             scene_name=depsgraph.scene.name,
             layer=layer.name,
-            size=_size(export.region, width, height),
+            size=size,
             statistics=Statistics(
                 settings.samples,
                 settings.backend,
@@ -162,6 +167,7 @@ def prepare(
             renderer=kept.renderer if kept is not None else None,
             delta=export.delta,
             memory=memory,
+            slot=slot,
         )
         for k, (name, scene) in enumerate(zip(names, moving, strict=True))
     )
@@ -355,13 +361,15 @@ def _finish(
 ) -> None:
     """stamping: of the job's scene; None for pictures that get no stamp."""
     if film.samples == 0:
-        picture.discard()
+        _leave_the_last(job, picture, film)
         return
     start = time.perf_counter()
     statistics, stamped = job.statistics, stamping is not None and film.complete
     if stamped:
         stamping.begin_pixels(film)
     picture.finish(film)
+    if not job.preview:
+        last_picture.keep(job.slot, film.combined)
     statistics.samples, statistics.traced = film.samples, film.stats
     statistics.may_stop = job.settings.error_threshold > 0
     statistics.notes = tuple(dict.fromkeys((*job.notes, *film.notes)))
@@ -383,6 +391,15 @@ def _finish(
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
         _tell_statistics(render_engine, job)
+
+
+def _leave_the_last(job: Job, picture: Picture, film: engine.Film) -> None:
+    """Of a render that was stopped before it had a picture."""
+    before = last_picture.kept(job.slot)
+    if before is None:
+        picture.discard()
+    else:
+        picture.finish(replace(film, passes={"Combined": before}))
 
 
 def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
