@@ -7,6 +7,7 @@ MODULES = (
     "ui.former_node",
     "ui.former_settings",
     "ui.node_menu",
+    "render.last_picture",
     "render.statistics",
     "render.render_engine",
     "ui.presets",

@@ -37,9 +37,10 @@ def render(
     """Draw `scene`.
 
     should_stop: asked at least every 50 ms on the calling thread; True ends the render with
-    `Film.complete` False. on_progress: told the finished fraction, 0 to 1.  on_wave: given a
-    complete picture after 1, 2, 4, 8 … samples. Raises SceneError for a scene or settings that are
-    not sound, MemoryError when memory cannot be had.
+    `Film.complete` False. on_progress: told the finished fraction of the work, 0 to 1, as far as it
+    is known: it may go back after a wave.  on_wave: given a complete picture after 1, 2, 4, 8 …
+    samples. Raises SceneError for a scene or settings that are not sound, MemoryError when memory
+    cannot be had.
     """
     settings = settings or Settings()
     check(scene, settings)

@@ -341,7 +341,8 @@ def expected_differences(
         "has none"
     ]
     glossy = sum(
-        any(lobe.kind == "SPECULAR" for lobe in material.lobes) for material in job.scene.materials
+        any(lobe.kind == "SPECULAR" and lobe.distribution == "BLINN_PHONG" for lobe in lobes)
+        for lobes in (material.lobes for material in job.scene.materials)
     )
     if glossy:
         lines.append(
@@ -370,10 +371,12 @@ def _strip(
     if full is not None:
         pictures.append(displayed(full))
         titles += " | Cycles, all light"
-    text = f"RMSE {numbers.rmse:.4f}, off {numbers.off:.1%}, FLIP {numbers.flip_mean:.4f}"
-    return draw_strip(
-        pictures, (f"{name}: {titles}", text), (max(glint.shape[1], 120), glint.shape[0])
+    lines = (
+        f"{name}: {titles}",
+        f"{100 * numbers.off:.1f} % of the pixels differ by more than 1 %",
+        f"Mean difference: {255 * numbers.rmse:.1f} of 255 levels of a display",
     )
+    return draw_strip(pictures, lines, (max(glint.shape[1], 120), glint.shape[0]))
 
 
 class GLINT_OT_compare_cycles(bpy.types.Operator):

@@ -27,6 +27,22 @@ def linked_outputs(scene: bpy.types.Scene, layer: str) -> dict[str, str]:
     return {name: node for name, node in found.items() if name not in _BLENDERS}
 
 
+def runs_afterwards(scene: bpy.types.Scene) -> bool:
+    """Whether people see something else than what the engine draws."""
+    return _compositor(scene) is not None or any(_shown_strips(scene))
+
+
+def _shown_strips(scene: bpy.types.Scene) -> Iterator[bool]:
+    """Whether each strip of the sequencer is in the picture; a new scene has an editor without
+    any.
+    """
+    editor = scene.sequence_editor if scene.render.use_sequencer else None
+    if editor is not None:
+        # called strips since Blender 4.4
+        for strip in getattr(editor, "strips", None) or getattr(editor, "sequences", ()):
+            yield strip.type != "SOUND" and not strip.mute
+
+
 def _compositor(scene: bpy.types.Scene) -> Any:
     """The node tree that a render of the scene runs; None where it runs none."""
     if not scene.render.use_compositing:

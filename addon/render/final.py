@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import bpy
@@ -19,8 +19,9 @@ from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..export.darkness import darkness
 from ..export.keys import frame_of
 from ..ui.properties import settings_from, tracer_notes
+from . import last_picture
 from .kept import Kept
-from .memory import process_megabytes
+from .memory import RenderMemory
 from .motion import opens, with_motion
 from .neighbours import with_neighbours
 from .progress import Progress
@@ -46,7 +47,8 @@ class Job:
     but one. size: of the result in pixels.  preview: a material preview,
     about which nothing is told. frame: as `frame_of` has it.  target: the error that settings are
     to be found for.  renderer: what draws, where it keeps the frame before.
-    delta: from the scene of that frame.
+    delta: from the scene of that frame.  memory: since Blender's data began to be read.
+    slot: as `last_picture.slot_of` has it.
     """
 
     scene: engine.Scene
@@ -62,6 +64,8 @@ class Job:
     view: str = ""
     renderer: engine.KeptRender | None = None
     delta: SceneDelta | None = None
+    memory: RenderMemory = field(default_factory=RenderMemory)
+    slot: Hashable | None = None
 
     @property
     def title(self) -> str:
@@ -108,7 +112,7 @@ def prepare(
     """Read the evaluated scene: a job for each view. To be called from `update()`, where Blender
     keeps its data still. kept: the frame before, of which but the changes are read.
     """
-    start = time.perf_counter()
+    start, memory = time.perf_counter(), RenderMemory()
     layer = depsgraph.view_layer
     if not (bpy.app.background or render_engine.is_preview):
         render_engine.update_stats(f"{depsgraph.scene.name}, {layer.name}", "Reading the scene")
@@ -138,13 +142,16 @@ def prepare(
     told = [*notes, *target_notes, *export.notes, *(note for _, own in others for note in own)]
     told += [*motion_notes, *_emptiness(moving[0]), *darkness(export.scene)]
     told += unrendered_outputs(depsgraph.scene, layer)
+    size = _size(export.region, width, height)
+    slot = None if render_engine.is_preview else last_picture.slot_of(depsgraph, names, size)
+    memory.look()
     return tuple(
         Job(
             scene=scene,
             settings=replace(settings, **_PREVIEW) if render_engine.is_preview else settings,
             scene_name=depsgraph.scene.name,
             layer=layer.name,
-            size=_size(export.region, width, height),
+            size=size,
             statistics=Statistics(
                 settings.samples,
                 settings.backend,
@@ -159,6 +166,8 @@ def prepare(
             view=name,
             renderer=kept.renderer if kept is not None else None,
             delta=export.delta,
+            memory=memory,
+            slot=slot,
         )
         for k, (name, scene) in enumerate(zip(names, moving, strict=True))
     )
@@ -250,6 +259,10 @@ def _trace(
         progress.end_wave(film)
         picture.show(film)
 
+    def follow(fraction: float) -> None:
+        _tell_memory(render_engine, job)
+        progress.trace(fraction, job.settings)
+
     if _painters and not job.preview:
         film = _painters[-1](job)
     else:
@@ -260,7 +273,7 @@ def _trace(
             job.scene,
             replace(job.settings, passes=passes | _watched(job.settings, is_seen)),
             should_stop=should_stop,
-            on_progress=lambda fraction: progress.trace(fraction, job.settings),
+            on_progress=follow,
             on_wave=None if bpy.app.background else show,
         )
     job.statistics.spent = spent_samples(film)
@@ -284,6 +297,14 @@ def _watched(settings: engine.Settings, is_seen: bool) -> frozenset[str]:
     """Passes that statistics and progress read, whoever else does."""
     shown = {"Error"} if is_seen else set()
     return frozenset(shown | ({"Samples"} if settings.error_threshold > 0 else set()))
+
+
+def _tell_memory(render_engine: bpy.types.RenderEngine, job: Job) -> tuple[float, float]:
+    """What this process holds now, and at most since the render began, for Blender's header."""
+    now, most = job.memory.look()
+    if not job.preview:
+        render_engine.update_memory_stats(memory_used=now, memory_peak=most)
+    return now, most
 
 
 def tell_notes(render_engine: bpy.types.RenderEngine, notes: list[str]) -> None:
@@ -340,14 +361,17 @@ def _finish(
 ) -> None:
     """stamping: of the job's scene; None for pictures that get no stamp."""
     if film.samples == 0:
-        picture.discard()
+        _leave_the_last(job, picture, film)
         return
     start = time.perf_counter()
     statistics, stamped = job.statistics, stamping is not None and film.complete
     if stamped:
         stamping.begin_pixels(film)
     picture.finish(film)
+    if not job.preview:
+        last_picture.keep(job.slot, film.combined)
     statistics.samples, statistics.traced = film.samples, film.stats
+    statistics.may_stop = job.settings.error_threshold > 0
     statistics.notes = tuple(dict.fromkeys((*job.notes, *film.notes)))
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
     statistics.stamp = stamping.fields(job.settings, job.frame) if stamped else {}
@@ -369,12 +393,18 @@ def _finish(
         _tell_statistics(render_engine, job)
 
 
+def _leave_the_last(job: Job, picture: Picture, film: engine.Film) -> None:
+    """Of a render that was stopped before it had a picture."""
+    before = last_picture.kept(job.slot)
+    if before is None:
+        picture.discard()
+    else:
+        picture.finish(replace(film, passes={"Combined": before}))
+
+
 def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     statistics = job.statistics
-    statistics.memory = process_megabytes()
-    render_engine.update_memory_stats(
-        memory_used=statistics.memory[0], memory_peak=statistics.memory[1]
-    )
+    statistics.memory = _tell_memory(render_engine, job)
     render_engine.update_stats(job.title, statistics.stages_line)
     skipped = f"; not needed: {statistics.skipped_line}" if statistics.skipped else ""
     target = f"; {statistics.target}" if statistics.target else ""

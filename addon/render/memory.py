@@ -8,10 +8,29 @@ import ctypes
 import sys
 from pathlib import Path
 
+_MEGABYTE = float(1 << 20)
+"""Bytes of one, as Blender's header and Cycles count them."""
+
+
+class RenderMemory:
+    """What this process holds while a picture is rendered; each part of the render looks."""
+
+    def __init__(self) -> None:
+        now, self._before = process_megabytes()
+        self._most = now
+
+    def look(self) -> tuple[float, float]:
+        """What it holds now, and the most since this began: the system's own figure where that has
+        grown, else what was seen.
+        """
+        now, most = process_megabytes()
+        self._most = max(self._most, now, most if most > self._before else 0.0)
+        return now, self._most
+
 
 def process_megabytes() -> tuple[float, float]:
-    """What is resident now, and the most that was since the process began; MB of 10^6 bytes. (0, 0)
-    where the system does not say.
+    """What is resident now, and the most that was since the process began. (0, 0) where the system
+    does not say.
     """
     try:
         if sys.platform == "win32":
@@ -26,11 +45,11 @@ def _unix() -> tuple[float, float]:
     import resource
 
     unit = 1 if sys.platform == "darwin" else 1024
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / _MEGABYTE
     statm = Path("/proc/self/statm")
     if not statm.exists():
         return most, most
-    now = int(statm.read_text().split()[1]) * resource.getpagesize() / 1e6
+    now = int(statm.read_text().split()[1]) * resource.getpagesize() / _MEGABYTE
     return now, max(now, most)
 
 
@@ -54,4 +73,4 @@ def _windows() -> tuple[float, float]:
     found = _Counters(ctypes.sizeof(_Counters))
     if not ask(kernel.GetCurrentProcess(), ctypes.byref(found), found.size):
         raise ctypes.WinError(ctypes.get_last_error())
-    return found.now / 1e6, found.most / 1e6
+    return found.now / _MEGABYTE, found.most / _MEGABYTE

@@ -32,11 +32,12 @@ _views: dict[str, tuple[str, ...]] = {}
 @dataclass
 class Statistics:
     """samples, backend: of the film.  spent: samples of the mean pixel and of the one that took
-    most, where these are known.  seconds: stage → seconds, and "engine": all that the engine took,
-    with its checks.  exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text, of
-    `stamp.Stamping`.  skipped: kind → names of what nothing reads.  notes: what was dropped or
-    changed, and why.  memory: of the process, now and at most, in MB.  target: what was asked for,
-    chosen, predicted and reached, if anything was.
+    most, where these are known.  may_stop: whether pixels may take fewer.  seconds: stage →
+    seconds, and "engine": all that the engine took, with its checks.  exported, traced:
+    `Export.stats` and `Film.stats`.  stamp: field → text, of `stamp.Stamping`.  skipped: kind →
+    names of what nothing reads.  notes: what was dropped or changed, and why.  memory: of the
+    process, at the render's end and at most during it, in MB as Blender counts them.  target: what
+    was asked for, chosen, predicted and reached, if anything was.
     """
 
     samples: int
@@ -48,6 +49,7 @@ class Statistics:
     skipped: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     spent: tuple[float, int] | None = None
+    may_stop: bool = False
     memory: tuple[float, float] = (0.0, 0.0)
     target: str = ""
 
@@ -78,6 +80,8 @@ class Statistics:
 
     @property
     def _samples_text(self) -> str:
+        if self.spent is None and self.may_stop:
+            return f"at most {_count(self.samples, 'samples')} per pixel"
         mean, most = self.spent or (self.samples, self.samples)
         if mean == most:
             return _count(most, "samples") + " per pixel"

@@ -167,6 +167,16 @@ class _WorldPanel(EnginePanel):
     bl_options = {"DEFAULT_CLOSED"}
 
 
+class _SeenPanel(_ObjectPanel):
+    """Of objects that rays see or that give light."""
+
+    @classmethod
+    def poll(cls, context):
+        thing = context.object
+        is_seen = thing is not None and (thing.type in _SEEN or thing.instance_type == "COLLECTION")
+        return is_seen and super().poll(context)
+
+
 class GLINT_OBJECT_PT_visibility(_ObjectPanel, bpy.types.Panel):
     bl_label = "Visibility"
 
@@ -177,16 +187,10 @@ class GLINT_OBJECT_PT_visibility(_ObjectPanel, bpy.types.Panel):
             self.layout.column().prop(context.object, "is_shadow_catcher")
 
 
-class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
+class GLINT_OBJECT_PT_ray_visibility(_SeenPanel, bpy.types.Panel):
     bl_label = "Ray Visibility"
-    bl_context = "object"
     bl_parent_id = "GLINT_OBJECT_PT_visibility"
-
-    @classmethod
-    def poll(cls, context):
-        thing = context.object
-        is_seen = thing is not None and (thing.type in _SEEN or thing.instance_type == "COLLECTION")
-        return is_seen and super().poll(context)
+    bl_options = set()
 
     def draw(self, context):
         column = self.animated_column
@@ -196,7 +200,7 @@ class GLINT_OBJECT_PT_ray_visibility(EnginePanel, bpy.types.Panel):
         draw_reason(self.layout, context.object.type != "LIGHT", reason)
 
 
-class GLINT_OBJECT_PT_culling(_ObjectPanel, bpy.types.Panel):
+class GLINT_OBJECT_PT_culling(_SeenPanel, bpy.types.Panel):
     bl_label = "Culling"
     bl_parent_id = "GLINT_OBJECT_PT_visibility"
 
@@ -215,14 +219,13 @@ class GLINT_OBJECT_PT_culling(_ObjectPanel, bpy.types.Panel):
         draw_reason(self.layout, True, reason)
 
 
-class GLINT_OBJECT_PT_shadow_terminator(_ObjectPanel, bpy.types.Panel):
+class GLINT_OBJECT_PT_shadow_terminator(_SeenPanel, bpy.types.Panel):
     bl_label = "Shadow Terminator"
     bl_parent_id = "OBJECT_PT_shading" if hasattr(bpy.types, "OBJECT_PT_shading") else ""
 
     @classmethod
     def poll(cls, context):
-        has_surface = context.object is not None and context.object.type != "LIGHT"
-        return has_surface and super().poll(context)
+        return super().poll(context) and context.object.type != "LIGHT"
 
     def draw(self, context):
         owner, shading = context.object, "shadow_terminator_shading_offset"
@@ -441,7 +444,7 @@ def _draw_light_group(layout: bpy.types.UILayout, owner: Any, layer: bpy.types.V
     more.operator("scene.view_layer_add_lightgroup", icon="ADD", text="").name = owner.lightgroup
 
 
-class GLINT_OBJECT_PT_light_group(_ObjectPanel, bpy.types.Panel):
+class GLINT_OBJECT_PT_light_group(_SeenPanel, bpy.types.Panel):
     bl_label = "Light Group"
     # before 4.3 the tab has no panel Shading for engines other than Cycles
     bl_parent_id = "OBJECT_PT_shading" if hasattr(bpy.types, "OBJECT_PT_shading") else ""

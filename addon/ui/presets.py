@@ -15,7 +15,7 @@ from .properties import OF_LIGHT, OF_RAYS, OF_SAMPLES
 
 NAMES = (*OF_LIGHT, *OF_SAMPLES, *OF_RAYS)
 """What a preset sets; what is not in its own settings is as it is to begin with."""
-_OF_TARGET = tuple(f"settings.{name}" for name in ("target", "target_levels", "target_rmse"))
+_OF_TARGET = ("target", "target_levels", "target_rmse")
 _FOLDER = "glint/sampling"
 """Of the user's own presets, among Blender's."""
 PRESETS: dict[str, tuple[str, str, dict[str, Any]]] = {
@@ -112,8 +112,11 @@ class GLINT_OT_preset_add(AddPresetBase, bpy.types.Operator):
     bl_label = "Add or Remove Preset"
     preset_menu = "GLINT_PT_presets"
     preset_subdir = _FOLDER
-    preset_defines = ("settings = bpy.context.scene.glint",)
-    preset_values = (*(f"settings.final.{name}" for name in NAMES), *_OF_TARGET)
+    # whole paths: names that `preset_defines` gives are lost in Blender 4.3 with Python 3.13
+    preset_values = tuple(
+        f"bpy.context.scene.glint.{name}"
+        for name in (*(f"final.{name}" for name in NAMES), *_OF_TARGET)
+    )
 
 
 class GLINT_PT_presets(PresetPanel, bpy.types.Panel):

@@ -89,6 +89,7 @@ def _checkbox(name: str) -> BoolProperty:
     return BoolProperty(
         name=DECLARED[name].label,
         description=DECLARED[name].choices[0][2],
+        default=getattr(OFFERED, name) == "ON",  # what Reset to Default Value writes
         get=lambda group: getattr(group, name) == "ON",
         set=lambda group, is_on: setattr(group, name, "ON" if is_on else "OFF"),
     )

@@ -23,7 +23,7 @@ _GRID, _TEXT, _POINT = (0.22, 0.22, 0.24), (0.85, 0.85, 0.85), (0.62, 0.64, 0.67
 _FRONT, _CURRENT = (0.35, 0.75, 1.0), (1.0, 0.62, 0.2)
 _CURVES = (_FRONT, _CURRENT, (0.6, 0.9, 0.4), (0.95, 0.5, 0.75))
 _DECADE_MARGIN = 0.08
-_MEASURE = "relative RMSE"
+_MEASURE = "of the picture's brightness"
 
 
 def draw_trade(trade: Trade, title: str = "") -> Array:
@@ -118,7 +118,7 @@ def _draw_axes(
         x = _along(value, x_range, _LEFT, right)
         plot.draw_line(image, (x, _TOP), (x, bottom), _GRID)
         plot.draw_text(image, label, (int(x), bottom + 8), _TEXT, 1, 0.5)
-    for value, label in _ticks(y_range):
+    for value, label in _ticks(y_range, in_percent=measure == _MEASURE):
         y = _along(value, y_range, bottom, _TOP)
         plot.draw_line(image, (_LEFT, y), (right, y), _GRID)
         plot.draw_text(image, label, (_LEFT - 8, int(y) - 4), _TEXT, 1, 1.0)
@@ -127,9 +127,9 @@ def _draw_axes(
     plot.draw_text(image, f"({measure})", (_LEFT, _TOP - 18), _POINT)
 
 
-def _ticks(ends: tuple[float, float]) -> list[tuple[float, str]]:
+def _ticks(ends: tuple[float, float], in_percent: bool = False) -> list[tuple[float, str]]:
     """1, 2 and 5 times the powers of ten within the ends; powers of ten alone over more than three
-    decades.
+    decades. Values with their labels.
     """
     steps = (1, 2, 5) if ends[1] - ends[0] <= 3 else (1,)
     values = [
@@ -138,7 +138,7 @@ def _ticks(ends: tuple[float, float]) -> list[tuple[float, str]]:
         for step in steps
     ]
     return [
-        (step * 10.0**power, _label(step, power))
+        (step * 10.0**power, _label(step, power + 2) + " %" if in_percent else _label(step, power))
         for step, power in values
         if ends[0] <= math.log10(step) + power <= ends[1]
     ]

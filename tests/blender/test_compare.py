@@ -3,6 +3,7 @@ as it is.
 """
 
 import json
+import re
 
 import pytest
 
@@ -114,6 +115,26 @@ answer(result.as_json())
     answer = _answer(run)
     assert answer["direct"]["rmse"] > 10 * answer["noise"] and answer["direct"]["off"] > 0.5
     assert answer["indirect"] is None
+
+
+def test_the_sheet_is_in_an_artists_words(tmp_path):
+    """And no difference of highlights is expected where both engines draw GGX."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+from glint.operators import compare_cycles
+lines, draw = [], compare_cycles.draw_strip
+compare_cycles.draw_strip = lambda pictures, told, size: (lines.append(told), draw(pictures, told, size))[1]
+shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
+tree.links.new(shader.outputs[0], output.inputs["Surface"])
+result = compare_with_cycles(scene, bpy.context.view_layer.name, FOLDER / "out", Options(samples=4, full_light=False))
+answer([lines[0][1:], result.expected])
+"""  # noqa: E501 - a script for another Blender
+    )
+    (pixels, mean), expected = _answer(run)
+    assert re.fullmatch(r"\d+\.\d % of the pixels differ by more than 1 %", pixels)
+    assert re.fullmatch(r"Mean difference: \d+\.\d of 255 levels of a display", mean)
+    assert not any("Highlights" in line for line in expected)
 
 
 def test_operator_and_command(tmp_path):

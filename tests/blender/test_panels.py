@@ -193,9 +193,14 @@ answer({
     "light nodes": offered(panels.data_panels.GLINT_LIGHT_PT_nodes, context),
     "culling": offered(panels.data_panels.GLINT_OBJECT_PT_culling, context),
     "world rays": offered(panels.data_panels.GLINT_WORLD_PT_ray_visibility, context),
+    "of things": {thing.name: sorted(panel.bl_label for panel in panels._CLASSES if getattr(panel, "bl_context", "") == "object"
+                                    and panel.poll(Shown(engine="GLINT", scene=scene, object=thing)))
+                  for thing in (bpy.data.objects["Cube"], scene.camera, bpy.data.objects["Light"], bpy.data.objects.new("Empty", None))},
     "menus of two": [[name, [item.name for item in prop.enum_items]] for name, prop in properties.items()
                      if prop.type == "ENUM" and [item.name for item in prop.enum_items] == ["On", "Off"]],
     "drawn names": sorted({name for panel in ours if panel.__name__ != "GLINT_LIGHT_PT_beam_shape" for name, _ in offered(panel, context)}),
+    "checkboxes": {name: [prop.default, properties[name.removeprefix("use_")].default]
+                   for name, prop in properties.items() if prop.type == "BOOLEAN" and name.removeprefix("use_") in properties},
     "switched": [setattr(final, "use_subsurface", False), final.subsurface, setattr(final, "use_subsurface", True), final.subsurface],
     "names": {name: prop.name for name, prop in properties.items()},
     "tracers": {item.identifier: item.name for item in properties["backend"].enum_items},
@@ -295,6 +300,16 @@ def test_what_is_read_can_be_set(told):
     ]
 
 
+def test_objects_have_the_panels_of_what_they_are(told):
+    """What rays neither see nor are lit by has none of the settings of rays."""
+    rays = {"Ray Visibility", "Culling", "Light Group"}
+    things = {name: set(labels) for name, labels in told["of things"].items()}
+    assert things["Cube"] == rays | {"Visibility", "Shadow Terminator", "Motion Blur"}
+    assert things["Light"] == rays | {"Visibility", "Motion Blur"}
+    assert things["Camera"] == {"Visibility"}
+    assert things["Empty"] == {"Visibility", "Motion Blur"}
+
+
 def test_each_panorama_has_its_settings(told):
     panoramas = told["panoramas"]
     kinds = {"EQUIRECTANGULAR": 5, "FISHEYE_EQUISOLID": 3, "FISHEYE_LENS_POLYNOMIAL": 7}
@@ -349,3 +364,6 @@ def test_on_and_off_are_checkboxes(told):
     assert menus and not menus & drawn
     assert {f"use_{name}" for name in menus} <= drawn
     assert told["switched"] == [None, "OFF", None, "ON"]
+    resets = told["checkboxes"]
+    assert resets.keys() == {f"use_{name}" for name in menus}
+    assert all(is_on == (choice == "ON") for is_on, choice in resets.values()), resets

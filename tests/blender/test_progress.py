@@ -95,10 +95,12 @@ def test_a_program_without_windows_is_told_no_texts():
 def test_remaining_time_is_true_from_a_tenth_on(pause, beyond):
     """Within 20 % and half of the second that the text rounds to; pause: seconds between a wave's
     last sample and its picture, which averages what the wave brought. beyond: work of so many
-    samples by other rays, along with which the last picture is made.
+    samples by other rays, along with which the last picture is made; the first wave's end tells of
+    it.
     """
     samples, each = 8, 5.0
-    settings, steps = engine.Settings(samples=samples), samples + beyond
+    settings = engine.Settings(samples=samples, visibility_samples=4 if beyond else 1)
+    steps = samples
     render, done, told = Render(), 0, []
 
     def go_on(seconds, work):
@@ -114,11 +116,35 @@ def test_remaining_time_is_true_from_a_tenth_on(pause, beyond):
         else:
             for _ in range(8):
                 go_on(pause / 8, last)
+        steps = samples + beyond
+        go_on(0, steps if last == samples else last)
         render.progress.end_wave(film(last, 1.0))
         done = last
     total = render.now
     for at, taken, text in told:
-        sample, remaining = re.match(r"Sample (\d+)/8 .* Remaining 00:(\d+)", text).groups()
-        assert int(sample) >= taken - 1  # the text is up to half a second old
+        match = re.match(r"Sample (\d+)/8 .* Remaining (\d+):(\d+)", text)
+        sample, minutes, seconds = map(int, match.groups())
+        remaining = 60 * minutes + seconds
+        assert sample >= taken - 1  # the text is up to half a second old
         if at > 0.1 * total:
-            assert abs(int(remaining) + 0.5 - (total - at)) < 0.2 * (total - at) + 1, (at, text)
+            assert abs(remaining + 0.5 - (total - at)) < 0.2 * (total - at) + 1, (at, text)
+
+
+def test_a_last_picture_that_takes_longer_than_was_known_tells_it_by_itself():
+    """Work of three samples, which takes three times as long as those."""
+    settings, render = engine.Settings(samples=2, visibility_samples=4), Render()
+    render.at(0).trace(0.0, settings)
+    for samples in (1, 2):
+        for k in range(1, 11):
+            render.at(render.now + 1).trace(
+                (samples - 1 + k / 10) / (2 if samples == 1 else 5), settings
+            )
+        if samples == 1:
+            render.progress.trace(1 / 5, settings)
+            render.progress.end_wave(film(1, 1.0))
+    for k in range(1, 13):
+        render.at(20 + 7.5 * k).trace((2 + k / 4) / 5, settings)
+        minutes, seconds = map(int, re.search(r"(\d+):(\d+)$", render.texts[-1]).groups())
+        left = 90 - 7.5 * k
+        if k > 3:
+            assert abs(60 * minutes + seconds + 0.5 - left) < 0.2 * left + 1

@@ -163,3 +163,63 @@ answer([early["sections"], mean, most, whole["sections"], resident])
     assert 50 < now <= highest
     if resident:
         assert abs(now - resident) < 0.1 * resident
+
+
+def test_the_most_memory_is_of_this_render(tmp_path):
+    """What another file held before has no part in it, what the render itself held has; megabytes
+    are those of Blender's header and of Cycles.
+    """
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+import numpy as np
+from glint.addon.render import final, memory
+
+def most():
+    bpy.ops.render.render()
+    return statistics.of_last_render(scene.name).memory[1]
+
+other_file = np.ones(400 << 17)
+del other_file
+before = most()
+render_engine = final.engine.render
+
+def large(*given, on_progress, **more):
+    arrays = np.ones(300 << 17)
+    on_progress(0.5)
+    del arrays
+    return render_engine(*given, on_progress=on_progress, **more)
+
+final.engine.render = large
+during = most()
+final.engine.render = lambda *given, **more: (np.ones(900 << 17), render_engine(*given, **more))[1]
+unseen = most()
+answer([before, during, unseen, memory.process_megabytes()])
+"""
+    )
+    before, during, unseen, (now, ever) = run.answer
+    assert ever > now + 300
+    assert before < now + 200, "another file's 400 MB"
+    assert 250 < during - before < 350
+    assert unseen > before + 700, "nobody looked while it was held"
+
+
+def test_a_file_of_tiles_says_at_most(tmp_path):
+    """Tiles do not know how many samples the frame's pixels took."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+from glint.addon.render import final
+words = []
+stamp = final.Picture.stamp
+final.Picture.stamp = lambda picture, title, fields: (words.append(fields["scene"]), stamp(picture, title, fields))
+scene.glint.final.soft_light = "SHARED"
+for samples, threshold in ((8, 4.0), (1, 0.0)):
+    scene.glint.final.samples, scene.glint.final.error_threshold = samples, threshold
+    bpy.ops.render.render()
+answer(words)
+"""  # noqa: E501 - a script for another Blender
+    )
+    stopping, whole = run.answer
+    assert "at most 8 samples per pixel" in stopping.split(", ")
+    assert "1 sample per pixel" in whole.split(", ")

@@ -272,6 +272,71 @@ def test_any_part_of_a_wave_tells_what_the_rest_costs(upper: bool) -> None:
     assert 0.3 < (middle - start) / (told[-1][0] - start) < 0.7
 
 
+def sheets(places: np.ndarray) -> s.Scene:
+    """A square of 18 at each place, above each other, seen from above over -2 to 2."""
+    corners = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], np.float32)
+    above = np.column_stack([np.eye(3), (0.0, 0.0, 2.0)])
+    return s.Scene(
+        s.Camera("PERSPECTIVE", above, (-1.0, 1.0, -1.0, 1.0), (256, 256)),
+        (s.Mesh("sheet", corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)),),
+        (s.Instances("sheet", 0, places, (0,)),),
+        (s.Material("matt", (s.Lobe("DIFFUSE", (s.Input((0.8, 0.8, 0.8)),)),)),),
+        lights=(s.Light("lamp", "POINT", above, strength=9.0, radius=0.5),),
+    )
+
+
+def stripes(first: float, end: float) -> np.ndarray:
+    """Places of narrow sheets from side to side, between two heights of the picture."""
+    places = np.stack([np.eye(3, 4) for _ in range(256)])
+    places[:, 0, 0] = 0.0005
+    places[:, 1, 1] = (end - first) / 18
+    places[:, 0, 3] = np.linspace(-2, 2, 256)
+    places[:, 1, 3] = (first + end) / 2
+    return places
+
+
+SEEN_FINELY = engine.Settings(samples=8, visibility_samples=16, soft_light="RESOLVED", threads=1)
+
+
+def test_progress_tells_what_visibility_samples_will_take() -> None:
+    """A wave's end tells how many samples they are worth, from what differs from its neighbours:
+    nothing of an even sheet, all of stripes.
+    """
+    found = {}
+    for name, places in (("even", np.eye(3, 4)[None]), ("striped", stripes(-2, 2))):
+        told: list[float] = []
+        worth: list[float] = []
+        engine.render(
+            sheets(places),
+            SEEN_FINELY,
+            on_progress=told.append,
+            on_wave=lambda film, told=told, worth=worth: worth.append(
+                film.samples / told[-1] - SEEN_FINELY.samples
+            ),
+        )
+        assert told[-1] == 1
+        found[name] = worth[:-1]
+    assert max(found["even"]) < 0.5
+    assert min(found["striped"]) > 1
+
+
+@pytest.mark.parametrize("first", [-2, 0])
+def test_any_part_of_the_last_picture_tells_what_its_rest_costs(first: int) -> None:
+    """Half of the picture takes nearly all of the time, and half of its tiles half of it."""
+    told: list[tuple[float, float]] = []
+    waves: list[float] = []
+    engine.render(
+        sheets(stripes(first, first + 2)),
+        SEEN_FINELY,
+        on_progress=lambda fraction: told.append((time.process_time(), fraction)),
+        on_wave=lambda film: waves.append(told[-1][1] / film.samples),
+    )
+    sampled = SEEN_FINELY.samples * waves[-2]
+    start = next(at for at, fraction in told if fraction > sampled)
+    middle = next(at for at, fraction in told if fraction > (1 + sampled) / 2)
+    assert 0.3 < (middle - start) / (told[-1][0] - start) < 0.7
+
+
 def test_cancel_is_prompt_and_keeps_the_last_wave() -> None:
     """Minutes of work: only a cancel ends it soon."""
     scene, settings = (

@@ -552,6 +552,11 @@ def test_the_plot_rises_to_the_left_and_marks_the_current_settings():
     assert y.mean() > 0.8 * (image.shape[0] - 110 - 64)
 
 
+def test_errors_are_in_percent():
+    labels = [label for _, label in trade_plot._ticks((-3.0, -1.0), in_percent=True)]
+    assert labels == ["0.1 %", "0.2 %", "0.5 %", "1 %", "2 %", "5 %", "10 %"]
+
+
 def test_curves_keep_their_order():
     """The slower curve with the larger error lies to the upper right of the other."""
     image = trade_plot.draw_curves(

@@ -536,8 +536,9 @@ enum GlintState {
   GLINT_FAILED
 };
 
-/* fraction: share of all samples traced.  samples: those of the last complete wave, which
- * glint_render_picture gives. */
+/* fraction: share of the work on samples and on camera rays beyond them, as much as the last wave
+ * told of these: less at its end than before where they are found to be more.  samples: those of
+ * the last complete wave, which glint_render_picture gives. */
 typedef struct GlintProgress {
   double fraction;
   uint32_t samples;

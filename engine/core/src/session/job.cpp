@@ -1,6 +1,7 @@
 #include "session/job.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstring>
 #include <numeric>
@@ -53,6 +54,14 @@ Passes lights_of(const Scene& scene, const RenderPlan& plan) {
   return lights;
 }
 
+/// Every so many tiles of a film are looked at for what all have.
+constexpr size_t kLookedAt = 7;
+
+uint64_t all_rays(const RayCounts& rays) {
+  return rays.camera + rays.shadow + rays.mirror + rays.refraction + rays.transparent +
+         rays.gather + rays.probe;
+}
+
 /// How far apart in a film of `count` tiles those are that are begun one after the other, some of
 /// the golden section: any part of a wave has tiles from everywhere, and so tells what the rest
 /// costs.
@@ -70,6 +79,7 @@ Job::Job(Scene& scene, const GlintRenderSettings& settings)
       film_(plan_.region, plan_.traced, plan_.shown, plan_.passes, plan_.error_threshold,
             plan_.light_samples, plan_.crypto_ids, scene.aov_count, scene.light_group_count,
             plan_.reflects_gloss, plan_.resolves ? plan_.interleaving : 1, lights_of(scene, plan_)),
+      beyond_(has_beyond() && first_wave() == plan_.samples ? kBeyondAtOnce : 0),
       thread_([this] { work(); }) {}
 
 Job::~Job() {
@@ -144,15 +154,21 @@ void Job::trace_waves() {
   for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
     last = first == 0 ? first_wave()
                       : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
-    double seconds = 0;
+    double tracing = 0, finishing = 0;
     const double before = moving_seconds_;
     {
-      const Timer timer(seconds);
+      const Timer timer(tracing);
       trace_moments(first, last);
+    }
+    tracing -= moving_seconds_ - before;
+    {
+      const Timer timer(finishing);
       if (!cancel_) resolve(last);
       if (!cancel_) refine(last);
     }
-    end_wave(last, seconds - (moving_seconds_ - before));
+    if (!cancel_ && has_beyond() && last < plan_.samples)
+      expect_beyond(last, tracing / (last - first), trace_seconds_ + tracing + finishing);
+    end_wave(last, tracing + finishing);
   }
   pool_.reset();
 }
@@ -214,8 +230,28 @@ void Job::resolve(uint32_t samples) {
     const ResolveWindow window = film_.window_of(tile, samples);
     const MoreSeen* const seen = more ? tracer.see(tile, film_.uneven(tile, window)) : nullptr;
     film_.resolve(tile, samples, window, seen);
-    done_ += more;
+    if (more) ++seen_;
   });
+}
+
+bool Job::has_beyond() const { return film_.resolves() && plan_.beyond_samples() > 0; }
+
+/// What the camera rays beyond the samples will take, from the picture after `samples` of them:
+/// rays cost what those of the `seconds` so far did, and go to pixels that differ from their
+/// neighbours.
+void Job::expect_beyond(uint32_t samples, double sample_seconds, double seconds) {
+  std::atomic<uint64_t> uneven{0}, pixels{0};
+  on_all_tiles([&](Tracer&, const Tile& tile) {
+    if (tile.number % kLookedAt != 0) return;
+    uneven += film_.uneven(tile, film_.window_of(tile, samples)).size();
+    pixels += tile.pixels();
+  });
+  double all = 0;
+  for (const Tile& tile : film_.tiles()) all += double(tile.pixels());
+  uint64_t rays = 0;
+  for (const auto& tracer : tracers_) rays += all_rays(tracer->counts());
+  const double more = all * double(uneven) / double(pixels) * plan_.beyond_samples();
+  expected_ = more * seconds / double(rays) / sample_seconds;
 }
 
 /// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
@@ -233,8 +269,9 @@ template <class Body>
 void Job::on_all_tiles(Body body) {
   std::atomic<size_t> next{0};
   const std::vector<Tile>& tiles = film_.tiles();
+  const size_t stride = stride_of(tiles.size());
   on_all_threads([&](Tracer& tracer) {
-    for (size_t k; (k = next++) < tiles.size();) body(tracer, tiles[k]);
+    for (size_t k; (k = next++) < tiles.size();) body(tracer, tiles[k * stride % tiles.size()]);
   });
 }
 
@@ -284,12 +321,13 @@ void Job::trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t 
   tracer.choose(tile);
   for (uint32_t sample = first, count; sample < last && !cancel_; sample += count) {
     count = tracer.trace(sample, last);
-    done_ += uint64_t(count) * kRaysOfSample;
+    done_ += count;
   }
 }
 
 void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
   samples_ = samples;
+  if (has_beyond() && samples < plan_.samples && std::isfinite(expected_)) beyond_ = expected_;
   bool hold = plan_.waves == GLINT_WAVES_HELD && samples < plan_.samples;
   if (hold) state_ = GLINT_HELD;
   changed_.notify_all();
@@ -299,8 +337,8 @@ void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
 }
 
 double Job::fraction() const {
-  return double(done_.load()) / (double(film_.tiles().size()) *
-                                 (double(plan_.samples) * kRaysOfSample + plan_.beyond_samples()));
+  const double done = double(done_.load()) + beyond_ * double(seen_.load());
+  return done / (double(film_.tiles().size()) * (double(plan_.samples) + beyond_));
 }
 
 GlintProgress Job::wait(uint32_t milliseconds) {

@@ -37,8 +37,8 @@ class Job {
   const std::string& error() const { return error_; }
 
  private:
-  /// So many camera rays that light does not follow take about as long as a sample.
-  static constexpr uint32_t kRaysOfSample = 16;
+  /// As `beyond_`, where all samples are one wave and nothing tells before.
+  static constexpr double kBeyondAtOnce = 2;
   void work();
   void run();
   uint32_t first_wave();
@@ -52,6 +52,8 @@ class Job {
   void trace_tiles(size_t thread, uint32_t first, uint32_t last, std::atomic<size_t>& next);
   void trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last);
   void resolve(uint32_t samples);
+  bool has_beyond() const;
+  void expect_beyond(uint32_t samples, double sample_seconds, double seconds);
   void refine(uint32_t samples);
   void end_wave(uint32_t samples, double seconds);
   void publish(uint32_t samples, std::unique_lock<std::mutex>& lock);
@@ -62,12 +64,14 @@ class Job {
   void enter(int state);
   void fail(const char* what);
   bool ended() const { return state_ >= GLINT_DONE; }
-  double fraction() const;
-  Scene* scene_;  // of the sample that is traced
+  double fraction() const;  // with the mutex
+  Scene* scene_;            // of the sample that is traced
   RenderPlan plan_;
   Film film_;
   std::atomic<bool> cancel_{false};
-  std::atomic<uint64_t> done_{0};                 // tiles times rays, kRaysOfSample of a sample
+  std::atomic<uint64_t> done_{0};                 // tiles times samples
+  std::atomic<uint64_t> seen_{0};                 // tiles whose camera rays beyond those are traced
+  double expected_ = 0;                           // as beyond_, of the wave that ends
   std::unique_ptr<ThreadPool> pool_;              // while waves are traced, and
   std::vector<std::unique_ptr<Tracer>> tracers_;  // one for each of its threads
 
@@ -79,6 +83,7 @@ class Job {
   double trace_seconds_ = 0, moving_seconds_ = 0;  // moving: until later samples' scenes stood
   bool moved_ = false;                             // the next sample's scene is there
   RayCounts rays_, earlier_rays_;                  // earlier: of tracers that are gone
+  double beyond_;  // so many samples take as long as the camera rays beyond them
   std::string error_;
 
   std::thread thread_;
