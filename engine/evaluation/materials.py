@@ -4,14 +4,14 @@ themselves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from ..linear.columns import add_at, pick
 from ..program.execute.colors import rgb_to_bw
 from ..program.execute.run import run
-from ..scene import Input, Lobe, Material, Scene, Texture
+from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .geometry import Geometry
 from .points import Queries, SurfacePoints, Surroundings
@@ -28,17 +28,10 @@ DEFAULT = Material("default", (Lobe("DIFFUSE", _WHITE), Lobe("AMBIENT", _WHITE))
 class MaterialPoints:
     """The materials of a scene, to be evaluated at points."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        attributes: Attributes,
-        geometry: Geometry,
-        image: Callable[[Texture], Image] = Image,
-    ) -> None:
-        """image: how textures are read."""
+    def __init__(self, scene: Scene, attributes: Attributes, geometry: Geometry) -> None:
         self.materials = (*scene.materials, DEFAULT)  # index -1 is the default
         self._attributes = attributes
-        self.images = [image(t) for t in scene.textures]
+        self.images = [Image(t) for t in scene.textures]
         self._around = Surroundings(attributes, self.images, geometry, scene.camera)
 
     def emission(self, surface: Surface, kind: str) -> Array:

@@ -14,8 +14,7 @@ from ..evaluation.attributes import Attributes
 from ..evaluation.geometry import gather
 from ..evaluation.materials import MaterialPoints
 from ..evaluation.surface import Spot, Surface
-from ..evaluation.textures import Image
-from ..program.program import without_the_rest
+from ..program.program import instructions, without_the_rest
 from ..sampling import chosen, concentric_disc, dome_points, tabled
 from ..scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
 from .dome import LARGEST
@@ -173,22 +172,20 @@ def _glow_of(material: Material) -> Material:
     return replace(material, lobes=lobes, program=program)
 
 
+_OF_BOTH_SIDES = ("attribute", "uv", "position", "instance_value", "image")
+"""What programs read of a point that is the same seen from either side."""
+
+
+def _is_alike(glow: Material) -> bool:
+    """Whether what `_glow_of` gives glows to both sides alike."""
+    steps = instructions(glow.program) if glow.program is not None else ()
+    operations = (step.operation for step in steps)
+    return all(not of.reads_point or of.name in _OF_BOTH_SIDES for of in operations)
+
+
 def _parts(material: Material, triangles: int) -> int:
     """To a side of each of so many triangles of a material."""
     return int(np.clip(np.sqrt(PARTS / triangles), 1, MOST_PARTS)) if _varies(material) else 1
-
-
-class TwiceRead(Image):
-    """An image that both sides of the same points read, one after the other: it is read once."""
-
-    _last: tuple[Array, Array, Array] | None = None
-
-    def read(self, u: Array, v: Array) -> Array:
-        """As `Image.read`; not to be written to."""
-        last = self._last
-        if last is None or not (np.array_equal(last[0], u) and np.array_equal(last[1], v)):
-            self._last = last = u.copy(), v.copy(), super().read(u, v)
-        return last[2]
 
 
 class _Surfaces:
@@ -197,7 +194,7 @@ class _Surfaces:
     def __init__(self, scene: Scene, origin: Array) -> None:
         self._materials, self._geometry = scene.materials, gather(scene, origin)
         glow = replace(scene, materials=tuple(map(_glow_of, scene.materials)))
-        self._glow = MaterialPoints(glow, Attributes(scene), self._geometry, TwiceRead)
+        self._glow = MaterialPoints(glow, Attributes(scene), self._geometry)
 
     def parts(self) -> Iterator[Emitters]:
         """Of each material; weights are but for the radiance, and `Polygons` are left out."""
@@ -208,24 +205,25 @@ class _Surfaces:
             primitive = np.flatnonzero(g.material == number)
             flat = primitive[primitive < g.triangle_count]
             if len(flat):
-                yield self._of_triangles(flat, _parts(self._materials[number], len(flat)))
+                yield self._of_triangles(number, flat)
             balls = primitive[len(flat) :] - g.triangle_count
             balls = balls[balls < g.ball_count]
             if len(balls):
-                yield from self._of_balls(balls)
+                yield from self._of_balls(number, balls)
 
-    def _of_triangles(self, primitive: Array, parts: int) -> Emitters:
-        """Each cut into parts² alike."""
-        sides = self._geometry.triangles
+    def _of_triangles(self, number: int, primitive: Array) -> Emitters:
+        """Of a material, each cut into alike ones."""
+        parts, sides = _parts(self._materials[number], len(primitive)), self._geometry.triangles
         corners = np.stack([self._geometry.points[:, side[primitive]].T for side in sides], 1)
         cells = _cells(parts)
         pieces = np.einsum("kcw,twx->tkcx", cells, corners).reshape(-1, 3, 3)
         index = np.repeat(primitive, parts * parts)
-        return self._part(index, np.tile(cells.mean(1), (len(primitive), 1)), pieces)
+        return self._part(number, index, np.tile(cells.mean(1), (len(primitive), 1)), pieces)
 
-    def _of_balls(self, balls: Array) -> Iterator[Emitters]:
-        """Spheres as polyhedra: one round them that glows outward with their power, one in them
-        that glows inward with their radiance and has few points, as most are seen from outside.
+    def _of_balls(self, number: int, balls: Array) -> Iterator[Emitters]:
+        """Spheres of a material as polyhedra: one round them that glows outward with their power,
+        one in them that glows inward with their radiance and has few points, as most are seen from
+        outside.
         """
         g = self._geometry
         matrices = g.placements.world_from_object[g.balls.row[balls]][:, :, :3]
@@ -235,16 +233,16 @@ class _Surfaces:
             pieces = np.einsum("nxy,kcy->nkcx", matrices, unit)
             pieces = (pieces + g.balls.center_world[:, balls].T[:, None, None]).reshape(-1, 3, 3)
             index = np.repeat(balls + g.triangle_count, len(unit))
-            part = self._part(index, np.tile((1.0, 0.0, 0.0), (len(index), 1)), pieces)
+            part = self._part(number, index, np.tile((1.0, 0.0, 0.0), (len(index), 1)), pieces)
             nothing = np.zeros_like(part.front)
             if outward:
                 yield replace(part, front=share * part.front, back=nothing)
             else:
                 yield replace(part, front=nothing, weight=INWARD * part.weight)
 
-    def _part(self, primitive: Array, weights: Array, pieces: Array) -> Emitters:
+    def _part(self, number: int, primitive: Array, weights: Array, pieces: Array) -> Emitters:
         """The triangles `pieces` (n, 3, 3), counter-clockwise in their object, parts of primitives
-        (n,) at the weights (n, 3) of their corners.
+        (n,) of a material at the weights (n, 3) of their corners.
         """
         g = self._geometry
         mirrored = g.placements.mirror[g.row[primitive]] < 0
@@ -252,7 +250,9 @@ class _Surfaces:
         x = pieces.mean(1).T
         normals = Emitters(pieces, x, x, x, x).normals.T
         front = self._radiance(primitive, weights, x, normals, True)
-        back = self._radiance(primitive, weights, x, -normals, False)
+        back = front
+        if not _is_alike(_glow_of(self._materials[number])):
+            back = self._radiance(primitive, weights, x, -normals, False)
         blocks = g.placements.instances
         groups = np.array([block.light_group for block in blocks], np.intp)
         group = groups[g.placements.block[g.row[primitive]]]
