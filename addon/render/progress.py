@@ -38,7 +38,7 @@ class Progress:
         self._told_at = -1e9
         self._shown = 0.0
         self._error: float | None = None
-        self._remaining = Remaining()
+        self._remaining = Remaining(self._start)
 
     def watching(self, stage: str, should_stop: Callable[[], bool]) -> Callable[[], bool]:
         """`should_stop` for a stage of unknown length, which tells of it whenever it is asked."""

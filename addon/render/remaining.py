@@ -36,8 +36,8 @@ class Remaining:
     the work at the ends of waves tell how many samples they are worth.
     """
 
-    def __init__(self) -> None:
-        self.restart(0.0)
+    def __init__(self, now: float) -> None:
+        self.restart(now)
 
     def restart(self, now: float) -> None:
         """The first wave begins."""

@@ -19,8 +19,8 @@ SETTINGS = engine.Settings(samples=64, error_threshold=4.0)
 class Render:
     """A render engine's half, and a clock that is set by hand."""
 
-    def __init__(self, tells=True):
-        self.now, self.bar, self.texts = 0.0, [], []
+    def __init__(self, tells=True, start=0.0):
+        self.now, self.bar, self.texts = start, [], []
         self.progress = Progress(self, "Scene, ViewLayer", tells, clock=lambda: self.now)
 
     def update_progress(self, fraction):
@@ -128,6 +128,14 @@ def test_remaining_time_is_true_from_a_tenth_on(pause, beyond):
         assert sample >= taken - 1  # the text is up to half a second old
         if at > 0.1 * total:
             assert abs(remaining + 0.5 - (total - at)) < 0.2 * (total - at) + 1, (at, text)
+
+
+def test_a_scene_that_is_sorted_before_anybody_asks_has_a_remaining_time():
+    """The clock did not start with the program."""
+    render = Render(start=5000.0)
+    render.at(5001.0).trace(0.125, engine.Settings(samples=8))
+    [text] = render.texts
+    assert re.fullmatch(r"Sample 1/8 \| Remaining 00:0[789]", text), "seven, and pictures"
 
 
 def test_a_last_picture_that_takes_longer_than_was_known_tells_it_by_itself():
