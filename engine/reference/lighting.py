@@ -328,15 +328,24 @@ class Lighting:
         """With what points get that see the lamp in a cluster, which draw no directions. white:
         (n,) what the sample gives to white points for a colour of 1.
         """
-        seen, n = given.seen, source.sample_count(self.light_samples)
-        afar = far.seen[seen]
+        n = source.sample_count(self.light_samples)
         color = (0.0 if is_drawn else 1 / n) * source.color[:, None]
-        middle = np.where(afar, far.middle[seen], 1.0)
+        below = far.seen.copy()  # lamps that are, of clusters that are not
+        below[given.seen] = False
+        seen = np.concatenate([given.seen, np.flatnonzero(below)])
+        afar, reached = far.seen[seen], np.arange(len(seen)) < len(given.seen)
+        middle = np.where(afar & reached, far.middle[seen], 1.0)
+
+        def light(of_cluster: Array, own: Array) -> Array:
+            own = np.pad(own, ((0, 0), (0, len(seen) - len(given.seen))))
+            return np.where(afar, color * pick(of_cluster, seen), own)
+
         return replace(
             given,
-            diffuse=np.where(afar, color * pick(far.diffuse, seen), given.diffuse),
-            specular=np.where(afar, color * pick(far.specular, seen), given.specular),
-            asked=np.where(afar, n * white[seen] / middle, 1.0),
+            seen=seen,
+            diffuse=light(far.diffuse, given.diffuse),
+            specular=light(far.specular, given.specular),
+            asked=np.where(reached, np.where(afar, n * white[seen] / middle, 1.0), 0.0),
         )
 
     def samples(
