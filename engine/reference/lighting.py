@@ -14,6 +14,7 @@ import numpy as np
 from ..evaluation.surface import Surface
 from ..lights.lamps import may_share
 from ..linear.columns import add_at, around, dot, pick
+from ..sampling import BOUNCE_PARTS
 from ..scene import EVERYTHING
 from .bumps import bump_shadow
 from .cancellation import Cancellation
@@ -249,7 +250,10 @@ class Lighting:
         """Lamps that share shadow rays, and media that glow, the points of which do."""
         if self.marks:
             lit = total.lit_diffuse, total.lit_specular
-            yield Sharing(lambda: self._lamps(at), self.marks, *lit)
+            marks = self.marks
+            if self.each_once and self.dealt:  # over blocks of more pixels
+                marks = max(marks // BOUNCE_PARTS, 1)
+            yield Sharing(lambda: self._lamps(at), marks, *lit)
         media = [(x, None) for x in self.sources if isinstance(x, MediumSource)]
         if media:
             lit = total.lit_diffuse, total.lit_specular
