@@ -67,8 +67,8 @@ ShadowRays LitBatch::rays_from(size_t count) const {
   from.point += count;
   from.t_max += count;
   from.pdf += count;
-  for (double*(*const columns)[3] : {&from.o, &from.to, &from.start, &from.end, &from.diffuse,
-                                     &from.specular})
+  for (double*(*const columns)[3] :
+       {&from.o, &from.to, &from.start, &from.end, &from.diffuse, &from.specular})
     for (double*& column : *columns) column = column ? column + count : nullptr;
   return from;
 }

@@ -45,8 +45,8 @@ inline Mask straddles(const LitPoints& s, size_t k, const Three& to, double radi
   return nonzero(m) & ~(z * z > radius2);
 }
 
-/// Whether a cluster's lamps may lie on both sides of the plane `up` below its middle; no lamp alone
-/// does, which is looked at point by point there.
+/// Whether a cluster's lamps may lie on both sides of the plane `up` below its middle; no lamp
+/// alone does, which is looked at point by point there.
 inline Mask is_cut(const LampCluster& c, Doubles up) { return up * up < c.radius2; }
 
 /// Looks at cluster number `at`.
@@ -121,13 +121,12 @@ inline SeenCluster see_cluster(const LampCluster& c, const Three& n, const Three
   const Three l = unit(off);
   const Doubles d = root(d2), cosine = dot(n, l), zero = splat(0), one = splat(1);
   const Three x = cluster_cosines(c, n, l, cosine, d);
-  SeenCluster seen = {
-      {larger(x.x, zero), larger(x.y, zero), larger(x.z, zero)}, one, l, cosine};
+  SeenCluster seen = {{larger(x.x, zero), larger(x.y, zero), larger(x.z, zero)}, one, l, cosine};
   const Mask cut = is_cut(c, dot(n, off));
   if (!any(cut)) return seen;
   const Doubles a = half_height(c, n, d);
-  seen.cosines = choose(cut, Three{mean_above(x.x, a), mean_above(x.y, a), mean_above(x.z, a)},
-                        seen.cosines);
+  seen.cosines =
+      choose(cut, Three{mean_above(x.x, a), mean_above(x.y, a), mean_above(x.z, a)}, seen.cosines);
   const Mask partly = cut & (cosine < a);
   const Doubles over = larger(cosine + a, zero);
   seen.share = choose(partly, where(over > 0, over / (2 * a)), one);
@@ -153,7 +152,8 @@ __attribute__((flatten)) inline void add_cluster(const ShareStage& to, const Lam
   if (s.lobes.highlights > 0 || s.lobes.other_count > 0) {
     const Highlights seen = highlights<false, Bent>(s, k, n, from.l, from.cosine, nullptr);
     specular = where(far & (from.share > 0), (from.share * I) * seen.light);
-    if (s.lobes.other_count > 0) diffuse = diffuse + where(from.share > 0, (from.share * I) * seen.matt);
+    if (s.lobes.other_count > 0)
+      diffuse = diffuse + where(from.share > 0, (from.share * I) * seen.matt);
   }
   const BumpShadow bump = bump_shadow<Bent>(s, k, n, from.l);
   if (bump.some) {
