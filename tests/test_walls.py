@@ -48,6 +48,7 @@ ENGINES_API = {
     "engine.scene",
     "engine.scene.panorama",
     "engine.settings",
+    "engine.tangents",
     "engine.film",
     "engine.futures",
     "engine.analysis.fingerprint",

@@ -13,7 +13,7 @@ PROGRAM = """
 import hashlib
 import glint_tree
 import numpy as np
-from glint.addon.export.geometry.tangents import tangents, tangents_by_numpy
+from glint.engine.tangents import tangents, tangents_by_numpy
 from glint.addon.export.materials.roughness import scattered, width
 
 random = np.random.default_rng(1)

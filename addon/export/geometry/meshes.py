@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....engine.scene import CORNER, FACE, POINT, Attribute, Mesh
+from ....engine.tangents import tangents
 from ..materials.required import RequiredAttributes
 from ..materials.terms import GREY
 from ..report import Report
@@ -26,7 +27,6 @@ from ..shader_nodes.reader import (
     UNDISPLACED_TANGENT,
 )
 from .islands import as_four, edges_of, islands, pointiness
-from .tangents import tangents
 
 _DOMAINS = {"POINT": POINT, "EDGE": POINT, "CORNER": CORNER, "FACE": FACE}
 _COLUMNS = {

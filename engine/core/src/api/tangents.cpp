@@ -1,5 +1,5 @@
 // Tangents of UV maps: those of Mikkelsen, Simulation of wrinkled surfaces revisited (2008), as
-// addon/export/geometry/tangents.py has them, sum by sum in its order, so that bits are the same.
+// engine/tangents.py has them, sum by sum in its order, so that bits are the same.
 #include <algorithm>
 #include <array>
 #include <bit>

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glint.addon.export.geometry.tangents import tangents, tangents_by_numpy
+from glint.engine.tangents import tangents, tangents_by_numpy
 
 EITHER = pytest.mark.parametrize("found", [tangents, tangents_by_numpy])
 

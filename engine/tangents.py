@@ -15,10 +15,10 @@ from ctypes import byref
 
 import numpy as np
 
-from ....engine.linear.elementary import arccos
-from ....engine.native import binding
-from ....engine.native.core_types import TangentData
-from ....engine.native.packer import address
+from .linear.elementary import arccos
+from .native import binding
+from .native.core_types import TangentData
+from .native.packer import address
 
 _MIX = 0x9E3779B97F4A7C15
 """Of Fibonacci hashing (Knuth, The Art of Computer Programming 3, 6.4)."""
