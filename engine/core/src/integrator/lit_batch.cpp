@@ -11,9 +11,6 @@ namespace {
 /// zeros, o, to, t_max, starts, ends, diffuse, specular, shadow, pdf
 constexpr size_t kColumns = 1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 + 1;
 
-/// So many more rays than points may wait to be traced at once.
-constexpr size_t kTogether = 256;
-
 }  // namespace
 
 LitBatch::LitBatch(const LightContext& context)
@@ -27,7 +24,7 @@ LitBatch::LitBatch(const LightContext& context)
 void LitBatch::begin(const Batch& batch, uint32_t sample, bool alone) {
   sample_ = sample;
   alone_ = alone;
-  columns_.reserve(batch.size() + kTogether);
+  columns_.reserve(batch.size());
   point_.resize(columns_.rows());
   blocked_.resize(columns_.rows());
   size_t next = 0;
@@ -60,17 +57,6 @@ void LitBatch::begin(const Batch& batch, uint32_t sample, bool alone) {
   points.lobes.turns = scene.materials.turns_lobes;
   points.lobes.stretches = scene.materials.stretches_lobes;
   points.lobes.edges = scene.materials.edges_lobes;
-}
-
-ShadowRays LitBatch::rays_from(size_t count) const {
-  ShadowRays from = rays;
-  from.point += count;
-  from.t_max += count;
-  from.pdf += count;
-  for (double*(*const columns)[3] :
-       {&from.o, &from.to, &from.start, &from.end, &from.diffuse, &from.specular})
-    for (double*& column : *columns) column = column ? column + count : nullptr;
-  return from;
 }
 
 void LitBatch::ask_ends(bool asks) {
