@@ -212,7 +212,7 @@ class _Surfaces:
                 yield from self._of_balls(number, balls)
 
     def _of_triangles(self, number: int, primitive: Array) -> Emitters:
-        """Of a material, each cut into alike ones."""
+        """Of a material, each cut into parts² alike."""
         parts, sides = _parts(self._materials[number], len(primitive)), self._geometry.triangles
         corners = np.stack([self._geometry.points[:, side[primitive]].T for side in sides], 1)
         cells = _cells(parts)

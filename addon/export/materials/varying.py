@@ -100,14 +100,17 @@ def _is_rough(roughness: float) -> float:
     return float(roughness > MIRROR_ROUGHNESS)
 
 
-def _table_of(of: Callable[[float], float]) -> tuple[float, ...]:
+def _table(of: Callable[[float], float]) -> tuple[float, ...]:
     """A function's values at `_PLACES`."""
-    return _shared_table(of) if isinstance(of, Of) else tuple(float(of(place)) for place in _PLACES)
-
-
-@lru_cache(maxsize=256)
-def _shared_table(of: Of) -> tuple[float, ...]:
     return tuple(float(of(place)) for place in _PLACES)
+
+
+_shared_table = lru_cache(maxsize=256)(_table)
+"""Of functions that many materials share."""
+
+
+def _table_of(of: Callable[[float], float]) -> tuple[float, ...]:
+    return _shared_table(of) if isinstance(of, Of) else _table(of)
 
 
 class Ior:
