@@ -124,13 +124,13 @@ class LampClusters:
         ) -> Iterator[tuple[Source, FarLight]]:
             to = cluster.middle - surface.x
             z = dot(surface.n, to)
-            ok, cut = open_ & (dot(to, to) >= cluster.radius2 * far2), z * z < cluster.radius2
+            ok, whole = open_ & (dot(to, to) >= cluster.radius2 * far2), z * z > cluster.radius2
             if not cluster.within:
-                ok &= z * z > cluster.radius2
-            ok &= ~bumpy | (dot(surface.unbent, to) ** 2 > cluster.radius2)
+                ok &= whole
+            ok &= ~bumpy | (whole & (dot(surface.unbent, to) ** 2 > cluster.radius2))
             if ok.any():
                 far = replace(far, seen=far.seen | ok)
-                front = np.flatnonzero(ok & ((z > 0) | cut))
+                front = np.flatnonzero(ok & ((z > 0) | ~whole))
                 middle, matt, highlights = _given(cluster, surface, diffuse, front, lobes)
                 far = replace(
                     far,
@@ -162,7 +162,7 @@ def _given(
     to, n = cluster.middle - pick(surface.x, front), pick(surface.n, front)
     d, l = length(to), unit(to)  # noqa: E741
     z, radius = dot(n, to), np.sqrt(cluster.radius2)
-    cosine, cut = dot(n, l), z * z < cluster.radius2
+    cosine, cut = dot(n, l), ~(z * z > cluster.radius2)
     intensity = 1 / (4 * np.pi**2 * d * d)
     half = np.where(cut, _half_height(cluster, n, d), 0.0)
     cosines = _mean_above(cosine + _beside(cluster, n, l, cosine, d), half)

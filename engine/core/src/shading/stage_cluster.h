@@ -38,16 +38,17 @@ inline ClusterWalk begin_walk(const ShareStage& s, size_t k) {
   return {choose(load(s.lit + k), splat(0), splat(__builtin_inf())), far2, Mask{}, Mask{}};
 }
 
-/// Where the plane across what a normal was bent from cuts the ball round the place `to`.
-inline Mask straddles(const LitPoints& s, size_t k, const Three& to, double radius2) {
-  const Three m = load3(s.unbent, k);
-  const Doubles z = dot(m, to);
-  return nonzero(m) & ~(z * z > radius2);
-}
-
 /// Whether a cluster's lamps may lie on both sides of the plane `up` below its middle; no lamp
 /// alone does, which is looked at point by point there.
-inline Mask is_cut(const LampCluster& c, Doubles up) { return up * up < c.radius2; }
+inline Mask is_cut(const LampCluster& c, Doubles up) { return ~(up * up > c.radius2); }
+
+/// Whether that holds where a normal is bent, for the plane `up` across it or that across what it
+/// was bent from: the side of each lamp decides what bumps hide.
+inline Mask is_cut_at_bump(const LampCluster& c, const LitPoints& s, size_t k, const Three& to,
+                           Doubles up) {
+  const Three m = load3(s.unbent, k);
+  return nonzero(m) & (is_cut(c, up) | is_cut(c, dot(m, to)));
+}
 
 /// Looks at cluster number `at`.
 inline void look(const ShareStage& s, size_t at, size_t k, ClusterWalk& walk) {
@@ -57,8 +58,8 @@ inline void look(const ShareStage& s, size_t at, size_t k, ClusterWalk& walk) {
   const Three to = splat3(c.center) - load3(points.x, k);
   const Doubles z = dot(load3(points.n, k), to);
   Mask far = open & (dot(to, to) >= c.radius2 * walk.far2);
-  if (c.next == at + 1) far &= z * z > c.radius2;
-  if (points.unbent[0]) far &= ~straddles(points, k, to, c.radius2);
+  if (c.next == at + 1) far &= ~is_cut(c, z);
+  if (points.unbent[0]) far &= ~is_cut_at_bump(c, points, k, to, z);
   walk.until = choose(far, splat(double(c.next)), walk.until);
   walk.near = open & ~far;
   walk.far = far & ((z > 0) | is_cut(c, z));
