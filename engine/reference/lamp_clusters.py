@@ -124,11 +124,13 @@ class LampClusters:
         ) -> Iterator[tuple[Source, FarLight]]:
             to = cluster.middle - surface.x
             z = dot(surface.n, to)
-            ok = open_ & (dot(to, to) >= cluster.radius2 * far2) & (z * z > cluster.radius2)
-            ok &= ~bumpy | (dot(surface.unbent, to) ** 2 > cluster.radius2)
+            ok, whole = open_ & (dot(to, to) >= cluster.radius2 * far2), z * z > cluster.radius2
+            if not cluster.within:
+                ok &= whole
+            ok &= ~bumpy | (whole & (dot(surface.unbent, to) ** 2 > cluster.radius2))
             if ok.any():
                 far = replace(far, seen=far.seen | ok)
-                front = np.flatnonzero(ok & (z > 0))
+                front = np.flatnonzero(ok & ((z > 0) | ~whole))
                 middle, matt, highlights = _given(cluster, surface, diffuse, front, lobes)
                 far = replace(
                     far,
@@ -159,14 +161,46 @@ def _given(
     """
     to, n = cluster.middle - pick(surface.x, front), pick(surface.n, front)
     d, l = length(to), unit(to)  # noqa: E741
-    cosine = dot(n, l)
+    z, radius = dot(n, to), np.sqrt(cluster.radius2)
+    cosine, cut = dot(n, l), ~(z * z > cluster.radius2)
     intensity = 1 / (4 * np.pi**2 * d * d)
+    half = np.where(cut, _half_height(cluster, n, d), 0.0)
+    cosines = _mean_above(cosine + _beside(cluster, n, l, cosine, d), half)
+    share, l = _above_horizon(n, l, half)  # noqa: E741
     matt, highlights = lobes(front, l)
-    cosines = np.maximum(cosine + _beside(cluster, n, l, cosine, d), 0.0)
-    hidden, share = bump_shadow(n, pick(surface.unbent, front), surface.bump[front], l)
-    matt = np.where(hidden, 0.0, share * (cosines * pick(diffuse, front) + matt))
-    highlights = np.where(hidden, 0.0, highlights)
-    return intensity * cosine, intensity * matt, intensity * highlights
+    hidden, lit = bump_shadow(n, pick(surface.unbent, front), surface.bump[front], l)
+    matt = np.where(hidden, 0.0, lit * (cosines * pick(diffuse, front) + share * matt))
+    highlights = np.where(hidden, 0.0, share * highlights)
+    height = _mean_above(z, np.where(cut, radius, 0.0)) / d
+    return intensity * height, intensity * matt, intensity * highlights
+
+
+def _half_height(cluster: Cluster, n: Array, d: Array) -> Array:
+    """(m,) how far n·l of the lamps is from that of the middle: they are as if spread evenly so far
+    to either side.
+    """
+    width2 = np.einsum("im,cij,jm->m", n, cluster.quadrupole, n)
+    return np.sqrt(np.clip(width2, 0.0, cluster.radius2)) / d
+
+
+def _mean_above(x: Array, a: Array) -> Array:
+    """The mean of max(0, X), X spread evenly from x - a to x + a."""
+    over = np.maximum(x + a, 0.0)
+    partly = (x < a) & (a > 0)
+    return np.where(partly, over * over / (4 * np.where(partly, a, 1.0)), np.maximum(x, 0.0))
+
+
+def _above_horizon(n: Array, l: Array, half: Array) -> tuple[Array, Array]:  # noqa: E741
+    """(m,) the share of lamps above the horizon, whose n·l are spread evenly by `half` to either
+    side of that of l, and (3, m) l where it is as high as the mean of these.
+    """
+    cosine = dot(n, l)
+    partly = (cosine < half) & (half > 0)
+    over = np.maximum(cosine + half, 0.0)
+    share = np.where(partly, over / (2 * np.where(partly, half, 1.0)), 1.0)
+    height = np.where(partly, over / 2, cosine)
+    aside = np.sqrt(np.where(partly, (1 - height**2) / np.where(partly, 1 - cosine**2, 1.0), 1.0))
+    return share, np.where(partly, aside * (l - cosine * n) + height * n, l)
 
 
 def _beside(cluster: Cluster, n: Array, l: Array, cosine: Array, d: Array) -> Array:  # noqa: E741

@@ -14,6 +14,7 @@ import numpy as np
 from ..evaluation.surface import Surface
 from ..lights.lamps import may_share
 from ..linear.columns import add_at, around, dot, pick
+from ..sampling import BOUNCE_PARTS
 from ..scene import EVERYTHING
 from .bumps import bump_shadow
 from .cancellation import Cancellation
@@ -249,7 +250,10 @@ class Lighting:
         """Lamps that share shadow rays, and media that glow, the points of which do."""
         if self.marks:
             lit = total.lit_diffuse, total.lit_specular
-            yield Sharing(lambda: self._lamps(at), self.marks, *lit)
+            marks = self.marks
+            if self.each_once and self.dealt:  # over blocks of more pixels
+                marks = max(marks // BOUNCE_PARTS, 1)
+            yield Sharing(lambda: self._lamps(at), marks, *lit)
         media = [(x, None) for x in self.sources if isinstance(x, MediumSource)]
         if media:
             lit = total.lit_diffuse, total.lit_specular
@@ -328,15 +332,24 @@ class Lighting:
         """With what points get that see the lamp in a cluster, which draw no directions. white:
         (n,) what the sample gives to white points for a colour of 1.
         """
-        seen, n = given.seen, source.sample_count(self.light_samples)
-        afar = far.seen[seen]
+        n = source.sample_count(self.light_samples)
         color = (0.0 if is_drawn else 1 / n) * source.color[:, None]
-        middle = np.where(afar, far.middle[seen], 1.0)
+        below = far.seen.copy()  # lamps that are, of clusters that are not
+        below[given.seen] = False
+        seen = np.concatenate([given.seen, np.flatnonzero(below)])
+        afar, reached = far.seen[seen], np.arange(len(seen)) < len(given.seen)
+        middle = np.where(afar & reached, far.middle[seen], 1.0)
+
+        def light(of_cluster: Array, own: Array) -> Array:
+            own = np.pad(own, ((0, 0), (0, len(seen) - len(given.seen))))
+            return np.where(afar, color * pick(of_cluster, seen), own)
+
         return replace(
             given,
-            diffuse=np.where(afar, color * pick(far.diffuse, seen), given.diffuse),
-            specular=np.where(afar, color * pick(far.specular, seen), given.specular),
-            asked=np.where(afar, n * white[seen] / middle, 1.0),
+            seen=seen,
+            diffuse=light(far.diffuse, given.diffuse),
+            specular=light(far.specular, given.specular),
+            asked=np.where(reached, np.where(afar, n * white[seen] / middle, 1.0), 0.0),
         )
 
     def samples(

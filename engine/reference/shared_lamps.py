@@ -20,9 +20,10 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What one sample of a lamp gives to points. seen: (m,) those that it reaches.  diffuse,
-    specular: (3, m) before shadows.  open: of places in `seen`, (k,), the share (3, k) of the light
-    that arrives.  asked: (m,) what its light is times among that of the samples asked.
+    """What one sample of a lamp gives to points. seen: (m,) those that it reaches, then those that
+    a cluster does which it is in.  diffuse, specular: (3, m) before shadows.  open: of places in
+    `seen`, (k,), the share (3, k) of the light that arrives.  asked: (m,) what its light is times
+    among that of the samples asked, 0 where it has no ray.
     group: as `LightSample.group_of`.
     """
 
@@ -86,7 +87,7 @@ def share_shadows(
     given = np.stack(rows)
     times = choose(given, marks, sample)
     for each, row, count in zip(samples(), given, times, strict=True):
-        asking = np.flatnonzero(count[each.seen] > 0)
+        asking = np.flatnonzero((count[each.seen] > 0) & (each.asked > 0))
         if not len(asking):
             continue
         point = each.seen[asking]

@@ -18,6 +18,8 @@ from glint.engine.lights.lamps import (
     shared_rays,
     shared_samples,
 )
+from glint.engine.linear.columns import dot, length
+from glint.engine.reference.lamp_clusters import _above_horizon, _mean_above
 from glint.engine.reference.shared_lamps import choose
 from glint.engine.scene import (
     Camera,
@@ -71,6 +73,19 @@ def grid(count: int = 49, **more) -> tuple[Light, ...]:
     )
 
 
+def cloud(count: int, height: float, **more) -> tuple[Light, ...]:
+    """As many above the floor as below it."""
+    rng = np.random.default_rng(5)
+    places, colors = (
+        rng.uniform(-1, 1, (count, 3)) * (6, 6, height),
+        rng.uniform(0.2, 1, (count, 3)),
+    )
+    return tuple(
+        lamp(*place, color=tuple(color), **more)
+        for place, color in zip(places, colors, strict=True)
+    )
+
+
 def scene_of(
     lights: tuple[Light, ...], material: Material = MATT, blocks: bool = True, size: int = 24
 ) -> Scene:
@@ -92,6 +107,15 @@ def scene_of(
     return Scene(
         camera, (floor, balls), instances if blocks else instances[:1], (material, MATT), (), lights
     )
+
+
+def under_a_lid(scene: Scene, height: float) -> Scene:
+    """That the camera does not see."""
+    corners = np.array([(-9, -9, height), (9, -9, height), (9, 9, height), (-9, 9, height)])
+    faces = np.array([(0, 1, 2), (0, 2, 3)], np.uint32)
+    lid = Mesh("lid", corners.astype(np.float32), faces)
+    hidden = Instances("lid", 2, at(0, 0, 0)[None], (0,), visible_camera=False)
+    return replace(scene, geometries=(*scene.geometries, lid), instances=(*scene.instances, hidden))
 
 
 def drawn(scene: Scene, backend: str = "NATIVE", **settings) -> engine.Film:
@@ -129,6 +153,8 @@ SCENES = {
     "clusters and more": scene_of(
         grid(12, kind="AREA", size_x=0.5, size_y=0.4) + grid(70) + (lamp(0, 0, 5, "SUN"),), GLOSS
     ),
+    # the floor's horizon, and the balls', goes through them
+    "clusters in the floor": scene_of(cloud(100, 3.0), GLOSS),
     # what the first one reflects is faint: it takes few samples of other lights
     "mirrors": replace(scene_of(grid(81, radius=0.1)), materials=(mirror(0.03), mirror(0.7))),
 }
@@ -214,6 +240,48 @@ def test_light_of_clusters_is_that_of_their_lamps(material: Material, radius: fl
     assert rms(clusters - each) < 0.002 * rms(each)
 
 
+@pytest.mark.parametrize("material", [MATT, GLOSS])
+def test_light_of_clusters_that_the_horizon_cuts_is_that_of_lamps_above_it(
+    material: Material,
+) -> None:
+    scene = scene_of(cloud(400, 0.8), material, blocks=False, size=32)
+    clusters, each = (
+        drawn(scene, samples=1, lamp_shadows=n).combined[..., :3].astype(float) for n in (1, 0)
+    )
+    lit = each > 0
+    assert (clusters != each).any()
+    assert abs(clusters.mean() / each.mean() - 1) < 1e-3
+    assert rms(clusters[lit] / each[lit] - 1) < 0.0025
+
+
+def test_the_mean_height_above_a_horizon_is_that_of_what_is_spread_evenly() -> None:
+    half, middle = 0.3, np.array([-0.4, -0.2, 0.0, 0.1, 0.29, 0.5])
+    spread = middle + half * (2 * (np.arange(1000) + 0.5) / 1000 - 1)[:, None]
+    above = np.where(spread > 0, spread, 0.0).mean(0)
+    assert np.abs(_mean_above(middle, np.full(6, half)) - above).max() < 1e-6
+    up, right = np.eye(3)[2][:, None], np.eye(3)[0][:, None]
+    l = middle * up + np.sqrt(1 - middle**2) * right  # noqa: E741
+    share, turned = _above_horizon(np.tile(up, 6), l, np.full(6, half))
+    assert np.abs(share - (spread > 0).mean(0)).max() < 1e-3
+    assert np.abs(share * dot(np.tile(up, 6), turned) - above).max() < 1e-6
+    assert np.allclose(length(turned), 1)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_bounced_light_that_is_dealt_asks_for_a_quarter_of_the_rays(backend: str) -> None:
+    """It is averaged over blocks of four times as many pixels."""
+    scene, asked = under_a_lid(scene_of(grid(), size=16), 5), []
+    for soft_light in ("SHARED", "DEALT"):
+        rays = [
+            drawn(
+                scene, backend, samples=2, lamp_shadows=16, soft_light=soft_light, diffuse_bounces=n
+            ).stats["shadow rays"]
+            for n in (0, 1)
+        ]
+        asked.append(rays[1] - rays[0])
+    assert 0.2 < asked[1] / asked[0] < 0.35
+
+
 def test_shadows_of_clusters_are_as_those_of_each_lamp(monkeypatch: pytest.MonkeyPatch) -> None:
     """Marks within clusters fall on their lamps evenly: pictures come to the truth as fast."""
     scene, counts = scene_of(grid(100), size=32), (4, 16, 64)
@@ -258,16 +326,7 @@ def test_lamps_of_one_place_are_halved_in_clusters() -> None:
 
 
 def test_what_is_hidden_from_all_is_black() -> None:
-    scene = scene_of(grid(), GLOSS)
-    lid = Mesh(
-        "lid",
-        np.array([(-9, -9, 1.5), (9, -9, 1.5), (9, 9, 1.5), (-9, 9, 1.5)], np.float32),
-        np.array([(0, 1, 2), (0, 2, 3)], np.uint32),
-    )
-    hidden = Instances("lid", 2, at(0, 0, 0)[None], (0,), visible_camera=False)
-    scene = replace(
-        scene, geometries=(*scene.geometries, lid), instances=(*scene.instances, hidden)
-    )
+    scene = under_a_lid(scene_of(grid(), GLOSS), 1.5)
     assert not drawn(scene, samples=2, lamp_shadows=5).combined[..., :3].any()
 
 
@@ -295,7 +354,9 @@ def test_light_before_shadows_is_that_of_all_lamps_and_parts_sum_to_combined() -
     assert apart(shared, alone) < 1e-6
 
 
-@pytest.mark.parametrize("name", ["mixed", "clusters and more", "clusters of balls", "mirrors"])
+@pytest.mark.parametrize(
+    "name", ["mixed", "clusters and more", "clusters of balls", "clusters in the floor", "mirrors"]
+)
 def test_regions_threads_and_waves_change_no_bit(name: str) -> None:
     scene, settings = SCENES[name], {"samples": 8, "light_samples": 2, "error_threshold": 2.0}
     whole = drawn(scene, **settings, threads=1)

@@ -11,6 +11,9 @@ namespace {
 /// zeros, o, to, t_max, starts, ends, diffuse, specular, shadow, pdf
 constexpr size_t kColumns = 1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 + 1;
 
+/// So many more rays than points may wait to be traced at once.
+constexpr size_t kTogether = 256;
+
 }  // namespace
 
 LitBatch::LitBatch(const LightContext& context)
@@ -24,7 +27,7 @@ LitBatch::LitBatch(const LightContext& context)
 void LitBatch::begin(const Batch& batch, uint32_t sample, bool alone) {
   sample_ = sample;
   alone_ = alone;
-  columns_.reserve(batch.size());
+  columns_.reserve(batch.size() + kTogether);
   point_.resize(columns_.rows());
   blocked_.resize(columns_.rows());
   size_t next = 0;
@@ -57,6 +60,17 @@ void LitBatch::begin(const Batch& batch, uint32_t sample, bool alone) {
   points.lobes.turns = scene.materials.turns_lobes;
   points.lobes.stretches = scene.materials.stretches_lobes;
   points.lobes.edges = scene.materials.edges_lobes;
+}
+
+ShadowRays LitBatch::rays_from(size_t count) const {
+  ShadowRays from = rays;
+  from.point += count;
+  from.t_max += count;
+  from.pdf += count;
+  for (double*(*const columns)[3] :
+       {&from.o, &from.to, &from.start, &from.end, &from.diffuse, &from.specular})
+    for (double*& column : *columns) column = column ? column + count : nullptr;
+  return from;
 }
 
 void LitBatch::ask_ends(bool asks) {

@@ -36,6 +36,8 @@ class LitBatch : public LightContext {
                            std::vector<int64_t>& mask) const;
   bool shows_even_gloss(const Queue& queue) const;
   size_t rows() const { return columns_.rows(); }  // of room for rays
+  /// Room for rays behind the first `count` of `rays`.
+  ShadowRays rays_from(size_t count) const;
   bool is_alone() const { return alone_; }
 
   /// Adds a sample of a light to the `count` points that `rays` has. known: of the batch's points,

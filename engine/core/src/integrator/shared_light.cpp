@@ -107,12 +107,13 @@ void SharedLight::add(const Batch& batch, uint32_t sample, bool few) {
   if (!white_.lobes.has_fibre) white_.lobes.other_count = 0;
   white_.gloss[0] = nullptr;
   for (double*& column : white_.diffuse) column = sums_.ones;
-  const ShadowRequest* begin = requests_.sorted.data();
+  uint32_t begin = 0;
   for (size_t number = 0; lit_.hides && number < samples_.lamps.size() && !cancel; ++number) {
-    const ShadowRequest* const end = requests_.sorted.data() + requests_.ends[number];
+    const uint32_t end = requests_.ends[number];
     if (begin != end) ask(batch, number, begin, end);
     begin = end;
   }
+  trace(batch);
   add_to_sums(batch);
 }
 
@@ -204,6 +205,14 @@ void SharedLight::list_samples_of(const Light& light, uint32_t sample) {
   }
 }
 
+/// Of a point. Light that bounced is dealt over blocks of more pixels, of which each asks for as
+/// much less.
+uint32_t SharedLight::rays_of(const Batch& batch) const {
+  const bool dealt = kind_ == kLamps && batch.queue->gathers() && plan.interleaving > 1;
+  if (dealt) return std::max(rays_ / RenderPlan::kBounceParts, 1u);
+  return std::max(rays_ / parts(), 1u);
+}
+
 /// Which samples each point asks, by sample.
 void SharedLight::choose(const Batch& batch, uint32_t sample) {
   const size_t most = samples_.lamps.size() + samples_.clusters.size();
@@ -216,7 +225,7 @@ void SharedLight::choose(const Batch& batch, uint32_t sample) {
   stage.samples = samples_.lamps.data();
   stage.sample_count = samples_.lamps.size();
   stage.offset = mark_offset(sample);
-  stage.rays = std::max(rays_ / parts(), 1u);
+  stage.rays = rays_of(batch);
   for (int c = 0; c < 3; ++c) {
     stage.diffuse[c] = sums_.diffuse[c];
     stage.specular[c] = sums_.specular[c];
@@ -236,36 +245,58 @@ void SharedLight::choose(const Batch& batch, uint32_t sample) {
   requests_.sort(stages.share(stage), samples_.lamps.size());
 }
 
-/// Looks for what is between the points [begin, end) and one sample.
-void SharedLight::ask(const Batch& batch, size_t number, const ShadowRequest* begin,
-                      const ShadowRequest* end) {
-  const Light& light = *samples_.lights[number];
+/// Whether shadow rays to two samples may be traced at once.
+bool SharedLight::are_alike(size_t a, size_t b) const {
+  const LampSample &one = samples_.lamps[a], &other = samples_.lamps[b];
+  return one.drawn == other.drawn && one.light.shape == other.light.shape &&
+         samples_.lights[a]->passed_sets == 0 && samples_.lights[b]->passed_sets == 0;
+}
+
+/// Adds the rays of the requests [begin, end), of one sample, to those that wait.
+void SharedLight::ask(const Batch& batch, size_t number, uint32_t begin, uint32_t end) {
+  WaitingShadows& waiting = requests_.waiting;
+  const bool fits = waiting.count() + batch.size() + kPad <= lit_.rows();
+  if (waiting.count() > 0 && !(fits && are_alike(waiting.number, number))) trace(batch);
   LampSample lamp = samples_.lamps[number];
   LitPoints& points = lamp.drawn ? shining_ : white_;
   lamp.lit = requests_.asks.data();
   lamp.policy.draws &= lamp.drawn;
   lamp.policy.on_diffuse = true;
+  const ShadowRequest* const sorted = requests_.sorted.data();
   size_t first = batch.size(), last = 0;
-  for (const ShadowRequest* p = begin; p != end; ++p) {
-    requests_.asks[p->point] = -1;
-    requests_.place[p->point] = uint32_t(p - begin);
-    first = std::min(first, size_t(p->point));
-    last = std::max(last, size_t(p->point));
+  for (uint32_t i = begin; i < end; ++i) {
+    const uint32_t point = sorted[i].point;
+    requests_.asks[point] = -1;
+    requests_.place[point] = i;
+    first = std::min(first, size_t(point));
+    last = std::max(last, size_t(point));
   }
   points.first = first / kPad * kPad;
   points.count = last + 1;
-  const ShadowRays& rays = lit_.rays;
+  const ShadowRays rays = lit_.rays_from(waiting.count());
   const size_t count = (lamp.drawn ? stages.gloss : stages.light)(points, lamp, rays);
+  waiting.number = number;
+  for (size_t k = 0; k < count; ++k) waiting.requests.push_back(requests_.place[rays.point[k]]);
+  for (uint32_t i = begin; i < end; ++i) requests_.asks[sorted[i].point] = 0;
+}
+
+/// Looks for what is in the way of the rays that wait.
+void SharedLight::trace(const Batch& batch) {
+  WaitingShadows& waiting = requests_.waiting;
+  const size_t count = waiting.count();
+  if (count == 0) return;
+  const LampSample& like = samples_.lamps[waiting.number];
   lit_.charge(batch, count, true, true);
-  lit_.visibility = lamp.drawn ? kMirror : kShadow;
-  lit_.trace(light, lamp.light.shape, count, true, nullptr);
+  lit_.visibility = like.drawn ? kMirror : kShadow;
+  lit_.trace(*samples_.lights[waiting.number], like.light.shape, count, true, nullptr);
   lit_.visibility = kShadow;
   for (size_t k = 0; k < count; ++k) {
-    const uint32_t point = rays.point[k];
-    const ShadowRequest& chosen = begin[requests_.place[point]];
+    const ShadowRequest& chosen = requests_.sorted[waiting.requests[k]];
+    const uint32_t point = chosen.point, number = chosen.sample;
     Vec3d asked{chosen.light[0], chosen.light[1], chosen.light[2]};
     if (chosen.middle > 0)
-      asked = lamp.light.count * beside_middle(light, chosen, row(rays.diffuse, k)) * asked;
+      asked = samples_.lamps[number].light.count *
+              beside_middle(*samples_.lights[number], chosen, row(lit_.rays.diffuse, k)) * asked;
     const Vec3d passed = lit_.open(k) * asked;
     set_row(sums_.asked, point, row(sums_.asked, point) + asked);
     set_row(sums_.passed, point, row(sums_.passed, point) + passed);
@@ -275,7 +306,7 @@ void SharedLight::ask(const Batch& batch, size_t number, const ShadowRequest* be
       sums_.group_passed[column][point] += passed[int(c)];
     }
   }
-  for (const ShadowRequest* p = begin; p != end; ++p) requests_.asks[p->point] = 0;
+  waiting.requests.clear();
 }
 
 /// Adds what all lamps give, with the shadows of those that were asked.

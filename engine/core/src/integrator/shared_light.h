@@ -33,13 +33,21 @@ struct SharedSums {
   void clear(size_t points, size_t groups);
 };
 
+/// Rays that wait to be traced together: the last one's sample, and the request of each.
+struct WaitingShadows {
+  size_t number = 0;
+  std::vector<uint32_t> requests;
+  size_t count() const { return requests.size(); }
+};
+
 /// The samples that points ask for shadows: as they are chosen, and by sample, whose ends are.
 struct ShadowRequests {
   std::vector<double> contributions;
   std::vector<uint32_t> reaching, ends;
   std::vector<ShadowRequest> chosen, sorted;
   std::vector<int64_t> asks;    // mask: points that ask the present sample
-  std::vector<uint32_t> place;  // of those among the chosen of the sample
+  std::vector<uint32_t> place;  // of those: the request
+  WaitingShadows waiting;
 
   void sort(size_t count, size_t samples);
 };
@@ -59,10 +67,13 @@ class SharedLight : LightContext {
   void list_samples_of(const Light& light, uint32_t sample);
   void find_clusters();
   void choose(const Batch& batch, uint32_t sample);
-  void ask(const Batch& batch, size_t number, const ShadowRequest* begin, const ShadowRequest* end);
+  bool are_alike(size_t a, size_t b) const;
+  void ask(const Batch& batch, size_t number, uint32_t begin, uint32_t end);
+  void trace(const Batch& batch);
   void add_to_sums(const Batch& batch) const;
   void share_groups(const Batch& batch, size_t k, Vec3d open) const;
   uint32_t parts() const;
+  uint32_t rays_of(const Batch& batch) const;
 
   const Kind kind_;
   LitBatch& lit_;

@@ -144,15 +144,17 @@ bool may_reach(const LampSample& lamp, const BlockBounds& b) {
   return may_be_above(b, to, b.radius + radius_of(s));
 }
 
-/// What the middle of a cluster gives to a point by n l / d^2 for a colour of 1.
+/// What the middle of a cluster gives to a point by n l / d^2 for a colour of 1; where the horizon
+/// cuts its ball as if the lamps were spread evenly from its lowest point to its highest.
 double middle_light(const ShareStage& s, const LampCluster& c, uint32_t point) {
   double to[3], n[3];
   for (size_t i = 0; i < 3; ++i) {
     to[i] = c.center[i] - s.points->x[i][point];
     n[i] = s.points->n[i][point];
   }
-  const double d2 = dot3(to, to);
-  return dot3(n, to) / __builtin_sqrt(d2) * s.samples[c.first].light.scale2 /
+  const double d2 = dot3(to, to), up = dot3(n, to), reach = __builtin_sqrt(c.radius2),
+               over = up + reach, height = up * up < c.radius2 ? over * over / (4 * reach) : up;
+  return height / __builtin_sqrt(d2) * s.samples[c.first].light.scale2 /
          ((4 * kCircle * kCircle) * d2);
 }
 
