@@ -290,6 +290,31 @@ def test_nothing_reads_the_data_of_an_original_object():
     ] == []
 
 
+_SOURCES = {".py", ".h", ".cpp", ".inc"}
+_REC709 = re.compile(r"0\.2126|0\.7152|0\.0722|3\.240[49]|0\.412[34]")
+_TABLES = {
+    "addon/export/images/colorspace.py",
+    "engine/analysis/explain.py",
+    "engine/core/src/program/op_color.h",
+    "engine/core/src/shading/stage_inputs.h",
+    "engine/program/execute/colors.py",
+}
+"""The export's table, the operation of that name in both executors, the channel that the export
+asks for in that space alone, and the words of Explain Pixel.
+"""
+
+
+def test_numbers_of_rec_709_stand_in_one_table():
+    """Where the working space is another, what reads them elsewhere is wrong."""
+    sources = [p for room in ROOMS for p in (ROOT / room).rglob("*") if p.suffix in _SOURCES]
+    found = {
+        path.relative_to(ROOT).as_posix()
+        for path in sources
+        if "core/tests" not in path.as_posix() and _REC709.search(path.read_text("utf-8"))
+    }
+    assert found == _TABLES
+
+
 def test_the_root_imports_lazily():
     """Nothing at module level: Blender reads this file even when the extension is disabled, and
     pytest imports it too.

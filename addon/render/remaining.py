@@ -1,4 +1,9 @@
-"""How long a render still takes, from when its samples and the pictures of its waves came."""
+"""How long a render still takes, from when its samples and the pictures of its waves came.
+
+Of a wave's samples, and of the last picture with the camera rays beyond them, what is done tells
+how long the whole takes, and what was known before only while that is young. Other pictures take as
+long as the one before.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +12,14 @@ from dataclasses import dataclass
 
 from ... import engine
 
-_PICTURE = 0.25
-"""Samples of all pixels that take as long as the picture of a wave, rather few: before one was
-made.
+_YOUNG = 0.2
+"""Share of a wave's samples, and of the last picture, from which on its own speed alone tells what
+the whole takes.
 """
 _BEYOND = 1.5
 """Samples that take as long as the camera rays beyond them, before a wave told."""
-_GROWTH = 1.1
-"""How much longer the picture of a wave takes than that of the wave before."""
-_YOUNG = 0.2
-"""Share of a wave from which on its own speed alone tells what samples take."""
-_FORECAST = 0.1
-"""Share of the last picture that what was known before counts for in its speed, when it begins."""
 _SAME = 1e-6
+"""Samples apart that are rounding."""
 
 
 @dataclass
@@ -42,8 +42,8 @@ class Remaining:
     def restart(self, now: float) -> None:
         """The first wave begins."""
         self._began, self._moved = _Point(now), _Point(now)
-        self._cost = 0.0  # seconds of a sample in the wave before
-        self._picture: float | None = None  # seconds of the picture of the wave before
+        self._cost = 0.0  # seconds of a sample, known at the wave's beginning; 0 in the first
+        self._picture = 0.0  # seconds of the picture of the wave before
         self._share: float | None = None  # of the work, of a sample; unknown in the first wave
         self._fraction = self._finished = 0.0  # of all work; of the last picture
 
@@ -78,27 +78,19 @@ class Remaining:
     def seconds(self, now: float, settings: engine.Settings) -> float:
         """Until the last picture; infinite before anything is known."""
         most = settings.samples
-        cost = self._cost_now(most)
+        cost, goal = self._cost_now(most), self._goal(most)
         if not cost > 0:
             return math.inf
-        goal = self._goal(most)
-        picture = self._picture_of(cost)
         waited = now - self._moved.seconds if self._moved.samples == goal else 0.0
         samples = (most - self._moved.samples) * cost
         beyond = self._beyond(settings) * cost
         if goal < most:
-            later = _pictures(max(picture, waited) * _GROWTH, math.log2(most / goal))
-            return samples + max(0.0, picture - waited) + later + beyond
-        picture += beyond
+            later = math.ceil(math.log2(most / goal)) * max(self._picture, waited)
+            return samples + max(0.0, self._picture - waited) + later + beyond
+        picture = self._picture + beyond
         if self._finished > 0:
-            # its own speed tells more and more
-            forecast = _FORECAST * (1.0 - self._finished)
-            picture = (forecast * picture + waited) / (forecast + self._finished)
+            return samples + (1.0 - self._finished) * _blend(picture, waited, self._finished)
         return samples + max(0.0, picture - waited)
-
-    def _picture_of(self, cost: float) -> float:
-        """Seconds of the picture of this wave, but for what is made along with the last."""
-        return _PICTURE * cost if self._picture is None else _GROWTH * self._picture
 
     def _beyond(self, settings: engine.Settings) -> float:
         """Samples that take as long as the camera rays beyond them."""
@@ -123,12 +115,13 @@ class Remaining:
         done = self._moved.samples - self._began.samples
         if not done > 0:
             return self._cost
-        if not self._cost > 0:
-            return self._own_cost()
-        young = max(0.0, 1.0 - done / (_YOUNG * (self._goal(most) - self._began.samples)))
-        return young * self._cost + (1.0 - young) * self._own_cost()
+        spent, wave = done * self._own_cost(), self._goal(most) - self._began.samples
+        return (
+            _blend(self._cost * wave, spent, done / wave) / wave if self._cost > 0 else spent / done
+        )
 
 
-def _pictures(seconds: float, waves: float) -> float:
-    """What those of so many waves take, the first of which takes `seconds`."""
-    return sum(seconds * _GROWTH**k for k in range(math.ceil(waves)))
+def _blend(known: float, spent: float, share: float) -> float:
+    """Seconds of a whole, of which so many were spent on a share of it."""
+    young = max(0.0, 1.0 - share / _YOUNG)
+    return young * known + (1.0 - young) * spent / share

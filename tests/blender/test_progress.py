@@ -130,6 +130,25 @@ def test_remaining_time_is_true_from_a_tenth_on(pause, beyond):
             assert abs(remaining + 0.5 - (total - at)) < 0.2 * (total - at) + 1, (at, text)
 
 
+def test_pictures_of_waves_take_as_long_as_the_one_before():
+    """Where there are many, and little between them."""
+    settings, render, each, pause = engine.Settings(samples=64), Render(), 0.1, 2.0
+    waves = [2**k for k in range(7)]
+    total = each * 64 + pause * len(waves)
+    done = 0
+    for last in waves:
+        for k in range(done + 1, last + 1):
+            render.at(render.now + each).trace(k / 64, settings)
+        for _ in range(4):
+            render.at(render.now + pause / 4).trace(last / 64, settings)
+            minutes, seconds = map(int, re.search(r"(\d+):(\d+)$", render.texts[-1]).groups())
+            left = total - render.now
+            if last > 1:
+                assert abs(60 * minutes + seconds + 0.5 - left) < 0.2 * left + 1
+        render.progress.end_wave(film(last, 1.0))
+        done = last
+
+
 def test_a_scene_that_is_sorted_before_anybody_asks_has_a_remaining_time():
     """The clock did not start with the program."""
     render = Render(start=5000.0)

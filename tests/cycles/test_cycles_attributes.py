@@ -19,6 +19,19 @@ TYPES = [
     for item in bpy.types.AttributeGroupMesh.bl_rna.functions["new"].parameters["type"].enum_items
 ]
 OUTPUTS = ("Color", "Vector", "Fac", "Alpha")
+STANDARD = (
+    "N",
+    "generated",
+    "uv",
+    "tangent",
+    "tangent_sign",
+    "undisplaced_tangent",
+    "undisplaced_tangent_sign",
+    "vertex_color",
+    "pointiness",
+    "random_per_island",
+    "",
+)
 FIELDS = ("value", "vector", "color")
 _PLAIN = {"FLOAT": np.float32, "INT": np.int32, "BOOLEAN": np.bool_}
 
@@ -87,11 +100,52 @@ def test_quaternions_are_four_numbers() -> None:
 
 
 @pytest.mark.parametrize("output", OUTPUTS)
-@pytest.mark.parametrize("name", ["N", "generated", "uv", "pointiness", "random_per_island", ""])
+@pytest.mark.parametrize("name", STANDARD)
 def test_standard_names_are_what_cycles_makes_of_them(name: str, output: str) -> None:
-    glint, truth, notes = check(scene_of(name, output)[0])
+    scene, mesh = scene_of(name, output)
+    lay_out(mesh)
+    colors = mesh.color_attributes.new("paint", "FLOAT_COLOR", "POINT")
+    values = np.linspace(0.1, 0.9, 4 * len(mesh.vertices), dtype=np.float32)
+    colors.data.foreach_set("color", values)
+    glint, truth, notes = check(scene)
     assert not notes
     assert (np.abs(glint - truth).max(-1) > 1e-4).mean() < 0.02
+
+
+def lay_out(mesh) -> None:
+    """The map as it is seen from above: where each of a fan's faces has a map of its own, their
+    tangents cancel out at its middle, and rounding decides.
+    """
+    above = np.array([vertex.co[:2] for vertex in mesh.vertices])
+    corners = [loop.vertex_index for loop in mesh.loops]
+    mesh.uv_layers[0].uv.foreach_set("vector", above[corners].astype(np.float32).ravel())
+
+
+def hair():
+    """Three strands beside each other, each of another length, as Blender's own hair."""
+    data = bpy.data.hair_curves.new("hair")
+    data.add_curves([3, 3, 3])
+    across, along = np.repeat([-0.3, 0.0, 0.3], 3), np.tile([-0.5, 0.0, 0.5], 3)
+    places = np.stack([across, along * np.repeat([0.6, 0.8, 1.0], 3), 0 * along], 1)
+    data.position_data.foreach_set("vector", places.astype(np.float32).ravel())
+    radii = data.attributes.get("radius") or data.attributes.new("radius", "FLOAT", "POINT")
+    radii.data.foreach_set("value", np.full(9, 0.12, np.float32))
+    return data
+
+
+@pytest.mark.skipif(bpy.app.version < (4, 5, 0), reason="curves get points by add_curves since")
+@pytest.mark.parametrize("output", ["Color", "Fac"])
+@pytest.mark.parametrize("name", ["curve_intercept", "curve_length", "curve_random"])
+def test_standard_names_of_strands_are_what_cycles_makes_of_them(name: str, output: str) -> None:
+    scene, mesh = scene_of(name, output)
+    data = hair()
+    data.materials.append(mesh.materials[0])
+    bpy.data.objects.remove(scene.objects["ball"])
+    scene.collection.objects.link(bpy.data.objects.new("hair", data))
+    glint, truth, notes = check(scene)
+    strands = (glint.max(-1) > 0) & (truth.max(-1) > 0)  # Cycles' ends are flat
+    assert not notes and strands.mean() > 0.1
+    assert np.abs(glint - truth)[strands].max() < 0.05
 
 
 def test_a_standard_name_goes_before_an_attribute_of_the_mesh() -> None:

@@ -14,11 +14,23 @@ from ..materials.terms import GREY
 from .mapping import texture_mapped
 from .objects import INSTANCER_GENERATED, INSTANCER_UV, property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube
-from .reader import ISLAND, POINTINESS, READERS, UNDISPLACED_NORMAL, NodeInputs, Outputs
+from .reader import (
+    HAIR,
+    ISLAND,
+    POINTINESS,
+    READERS,
+    TANGENT,
+    UNDISPLACED_NORMAL,
+    UNDISPLACED_TANGENT,
+    NodeInputs,
+    Outputs,
+)
 from .tangents import radial_tangent
 
 ACTIVE_COLOR = "(active colour)"
 """Attribute name that stands for a mesh's active colour attribute."""
+_VERTEX_COLOR = "vertex_color"
+"""What Attribute nodes call that."""
 NO_IMAGE = "An image texture without an image is magenta in {}: choose an image"
 
 
@@ -125,6 +137,8 @@ def attribute_name(node: Any) -> str | None:
     if getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
         return None
     name = getattr(node, "attribute_name", None)
+    if name == _VERTEX_COLOR:
+        return ACTIVE_COLOR
     if name in STANDARD:
         return None
     return (name if name is not None else (node.layer_name or ACTIVE_COLOR)) or None
@@ -160,6 +174,20 @@ def _by_mean(view: NodeInputs, color: Value) -> tuple[Value, Value]:
     return color, view.apply("vector_average", color)[0]
 
 
+def _spread(view: NodeInputs, number: Value) -> tuple[Value, Value]:
+    return view.vector_of(number), number
+
+
+def _tangent(view: NodeInputs, name: str) -> tuple[Value, Value]:
+    return _by_mean(view, view.apply("attribute", attribute=name, shift=0)[0])
+
+
+def _of_strand(view: NodeInputs, which: int) -> tuple[Value, Value]:
+    """Intercept, length or the random number of a strand; 0 of what is none."""
+    told = view.apply("attribute", attribute=HAIR, shift=0)[0]
+    return _spread(view, view.apply("separate_xyz", told)[which])
+
+
 def _uv(view: NodeInputs) -> tuple[Value, Value]:
     uv = view.apply("uv", attribute="", shift=0)[0]
     return uv, view.apply("separate_xyz", uv)[0]
@@ -169,11 +197,18 @@ STANDARD: dict[str, Callable[[NodeInputs], tuple[Value, Value]]] = {
     "N": lambda v: _by_mean(v, v.apply("attribute", attribute=UNDISPLACED_NORMAL, shift=0)[0]),
     "generated": lambda v: _by_mean(v, v.reader.generated()),
     "uv": _uv,
-    "pointiness": lambda v: _by_mean(v, v.vector_of(_number(v, POINTINESS))),
-    "random_per_island": lambda v: _by_mean(v, v.vector_of(_number(v, ISLAND))),
+    "tangent": lambda v: _tangent(v, TANGENT),
+    "tangent_sign": lambda v: _spread(v, _number(v, TANGENT)),
+    "undisplaced_tangent": lambda v: _tangent(v, UNDISPLACED_TANGENT),
+    "undisplaced_tangent_sign": lambda v: _spread(v, _number(v, UNDISPLACED_TANGENT)),
+    "pointiness": lambda v: _spread(v, _number(v, POINTINESS)),
+    "random_per_island": lambda v: _spread(v, _number(v, ISLAND)),
+    "curve_intercept": lambda v: _of_strand(v, 0),
+    "curve_length": lambda v: _of_strand(v, 1),
+    "curve_random": lambda v: _of_strand(v, 2),
 }
-"""Colour and number by names with which Attribute nodes reach what Cycles makes of every mesh,
-whatever attributes of its own have them.
+"""Colour and number by names with which Attribute nodes reach what Cycles makes of every mesh and
+strand, whatever attributes of its own have them.
 """
 
 
