@@ -11,7 +11,7 @@ from ....engine.scene import FACE, POINT, Attribute, Strands
 from ..materials.required import RequiredAttributes
 from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
-from ..shader_nodes.reader import FIBRE, GENERATED, HAIR
+from ..shader_nodes.reader import FIBRE, GENERATED, HAIR, LACKS
 from .hashing import random_of
 from .meshes import GREY, sound, values_as_color, values_of
 from .strands import StrandSource, systems_of
@@ -59,10 +59,20 @@ def _attribute(
         return Attribute(name, POINT, _sound(_TOLD[name](source)))
     if name == GENERATED:
         return _per_curve(source, name, _generated(data, source))
-    if name.startswith("("):
-        plain = name.removeprefix(GREY)
-        if plain == name:
-            return None
+    if name.startswith(LACKS):
+        plain = name.removeprefix(LACKS)
+        lacks = _attribute(data, thing, source, plain, report, render) is None
+        ones = np.ones((len(source.curve_of_segment), 4), np.float32)
+        return Attribute(name, FACE, ones) if lacks else None
+    if name.startswith("(") and not name.startswith(GREY):
+        return None
+    return _named(data, thing, source, name, report, render)
+
+
+def _named(
+    data: Any, thing: Any, source: StrandSource, name: str, report: Report, render: bool
+) -> Attribute | None:
+    """Of Blender's own attributes."""
     plain, grey = name.removeprefix(GREY), name.startswith(GREY)
     if source.particles:
         found = _emitter_colors(thing, plain, render)

@@ -55,6 +55,9 @@ POINT_PLACE, POINT_SHAPE = "(point)", "(radius)"
 """Attribute names that stand for the centre of a cloud's point and 1, and for its radius, a random
 number, 0 and 1, in the object.
 """
+LACKS = "(lacks) "
+"""Prefix of attribute names that stand for 1 where no attribute has the rest of the name."""
+
 ISLAND, POINTINESS = "(island)", "(pointiness)"
 """Attribute names that stand for what Blender's meshes tell of their shape."""
 
