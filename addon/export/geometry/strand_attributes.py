@@ -58,7 +58,7 @@ def _attribute(
     if name in _TOLD:
         return Attribute(name, POINT, _sound(_TOLD[name](source)))
     if name == GENERATED:
-        return _per_curve(source, name, _generated(data, source))
+        return _generated(data, source)
     if name.startswith(LACKS):
         plain = name.removeprefix(LACKS)
         lacks = _attribute(data, thing, source, plain, report, render) is None
@@ -138,18 +138,18 @@ _TOLD: dict[str, Callable[[StrandSource], np.ndarray]] = {
 }
 
 
-def _generated(data: Any, source: StrandSource) -> np.ndarray:
-    """(c, 4): where each root is in the emitter's texture space, else in the box round all keys."""
-    roots = source.keys.positions[
-        np.minimum(source.keys.offsets[:-1], len(source.keys.positions) - 1)
-    ]
-    if source.particles:
-        middle, half = np.array(data.texspace_location), np.array(data.texspace_size)
-    else:
-        low, high = (f(source.keys.positions, axis=0) for f in (np.nanmin, np.nanmax))
-        middle, half = (low + high) / 2, (high - low) / 2
+def _generated(data: Any, source: StrandSource) -> Attribute:
+    """Where each root is in the emitter's texture space; of a Curves object places in it, as in
+    Cycles.
+    """
+    places, starts = source.keys.positions, source.keys.offsets[:-1]
+    if not source.particles:
+        return Attribute(GENERATED, POINT, _sound(_along(source, values_as_color(places, False))))
+    roots = places[np.minimum(starts, len(places) - 1)]
+    middle, half = np.array(data.texspace_location), np.array(data.texspace_size)
     half = np.where(np.abs(half) > 0, half, 1.0)
-    return np.column_stack([(roots - middle) / (2 * half) + 0.5, np.ones(len(roots))])
+    found = np.column_stack([(roots - middle) / (2 * half) + 0.5, np.ones(len(roots))])
+    return _per_curve(source, GENERATED, found)
 
 
 def _curve_uv(data: Any, name: str) -> tuple[str, np.ndarray] | None:
