@@ -95,9 +95,10 @@ def _with_reason(context, column, name):
     """Where the setting is drawn: greyed, with the reason, where it does nothing."""
     if name != "visibility_samples":
         return column
-    part = column.column()
-    part.active = context.scene.glint.final.soft_light == "RESOLVED"
-    draw_reason(column, not part.active, "Visibility Samples need Soft Light Resolved")
+    part, final = column.column(), context.scene.glint.final
+    part.active = final.illumination == "PHYSICAL" and final.soft_light == "RESOLVED"
+    reason = "Visibility Samples need Soft Light Resolved, and Physical illumination"
+    draw_reason(column, not part.active, reason)
     return part
 
 
@@ -138,21 +139,28 @@ class GLINT_RENDER_PT_light_paths(EnginePanel, bpy.types.Panel):
         draw_wide(physical, final, "diffuse_bounces")
         volumes = physical.column()
         volumes.active = final.diffuse_bounces > 0
+        bounces_light = is_physical and final.diffuse_bounces > 0
         draw_wide(volumes, final, "volume_bounces")
         reflections = physical.column()
         reflections.active = bounces > 0
         draw_wide(reflections, final, "reflections", pixels=CHOICES)
         draw_wide(column, final, "use_subsurface", pixels=CHOICES)
         caustics = column.column(heading="Caustics", align=True)
-        caustics.prop(final, "use_reflective_caustics", text="Reflective")
+        reflective = caustics.column(align=True)
+        reflective.active = bounces_light
+        reflective.prop(final, "use_reflective_caustics", text="Reflective")
         caustics.prop(final, "use_refractive_caustics", text="Refractive")
         throws = final.reflective_caustics == "ON" or final.refractive_caustics == "ON"
         photons = column.column()
-        photons.active = is_physical and throws and final.diffuse_bounces > 0 and bounces > 0
+        photons.active = bounces_light and throws and bounces > 0
         draw_wide(photons, final, "photons")
         draw_wide(column, final, "clamp_indirect")
         reason = "Rough Reflections need Bounces of Render"
         draw_reason(column, is_physical and bounces == 0, reason)
+        thrown = (
+            "Volume Bounces and Reflective Caustics need Diffuse Bounces and Physical illumination"
+        )
+        draw_reason(column, not bounces_light, thrown)
         needs = "Photons need Bounces of Render, Diffuse Bounces and Caustics"
         draw_reason(column, is_physical and not photons.active, needs)
 

@@ -69,6 +69,11 @@ def during(state, *settings):
     setattr(owner, name, old)
     return [free, grey]
 
+def during_each(states, *settings):
+    # the same of several states
+    free, grey = zip(*(during(state, *settings) for state in states))
+    return [sum(free, []), sum(grey, [])]
+
 told = {
     "Classic illumination has none of these": during(
         (final, "illumination", "CLASSIC"), (final, "world_light", "CONSTANT"), (final, "mesh_light", "OFF"),
@@ -98,8 +103,12 @@ told["Volume Scatter is for what gives light: volumes see the object whatever it
 scene.glint.target_rmse, final.samples = 50.0, 16
 told["Quality Target finds the first two"] = during(
     (scene.glint, "target", "RMSE"), (final, "samples", 9), (final, "error_threshold", 8.0))
-told["Visibility Samples need Soft Light Resolved"] = during(
-    (final, "soft_light", "DEALT"), (final, "visibility_samples", 1))
+physical = (final, "illumination", "CLASSIC")
+told["Visibility Samples need Soft Light Resolved, and Physical illumination"] = during_each(
+    ((final, "soft_light", "DEALT"), physical), (final, "visibility_samples", 1))
+told["Volume Bounces and Reflective Caustics need Diffuse Bounces and Physical illumination"] = during_each(
+    ((final, "diffuse_bounces", 0), physical),
+    (final, "volume_bounces", 1), (final, "reflective_caustics", "OFF"))
 scene.glint.target = "RMSE"
 light_samples = changes(final, "light_samples", 2)  # 1 is a hard shadow from the lamp's centre
 scene.glint.target = "NONE"

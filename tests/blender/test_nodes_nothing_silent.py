@@ -7,7 +7,7 @@ from itertools import combinations
 import bpy
 import pytest
 
-from export_support import export, scene  # noqa: F401
+from export_support import export, quad, scene, use_nodes  # noqa: F401
 from glint.addon.export.shader_nodes import READERS
 from node_walk import HOMES, MATERIAL, NUMBERS, Bare, Change, Walk, other
 
@@ -88,6 +88,25 @@ def test_every_input_counts_or_is_told(scene, kind, home):  # noqa: F811
                     silent.append((base, socket.identifier, value))
             walk.feed(socket)
     assert not silent
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_output_is_made_or_told(scene, kind):  # noqa: F811
+    """Nothing of what this Blender has takes a constant in silence."""
+    material = bpy.data.materials.new("M")
+    quad("Quad", material)
+    use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    node, shine, end = (
+        tree.nodes.new(name) for name in (kind, "ShaderNodeEmission", "ShaderNodeOutputMaterial")
+    )
+    tree.links.new(shine.outputs[0], end.inputs["Surface"])
+    for output in node.outputs:
+        if output.type in NUMBERS and not output.is_unavailable:
+            tree.links.new(output, shine.inputs["Color"])
+            told = [note for note in export().notes if "take a constant" in note]
+            assert not told
 
 
 def _is_step(base) -> bool:

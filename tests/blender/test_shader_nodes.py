@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glint.addon.export.materials.graph import SHADER_FOR_VALUE, Place
-from glint.addon.export.shader_nodes import TreeReader
+from glint.addon.export.shader_nodes import READERS, TreeReader
 from glint.addon.export.shader_nodes.reader import CIRCLE, NOT_FINITE
 from glint.engine.program.execute.operations import apply
 from glint.engine.program.graph import Graph, Value
@@ -147,6 +147,17 @@ def test_an_unknown_node_gives_the_default_and_a_note(tree):
     assert tree.read("Roughness").constant == (0.75,)
     assert len(tree.notes) == 1
     assert "Shader to RGB" in tree.notes[0]
+
+
+def test_an_output_that_is_not_made_gives_the_default_and_a_note(tree, monkeypatch):
+    """As one that a later Blender adds."""
+    monkeypatch.setitem(READERS, "ShaderNodeParticleInfo", lambda view: {})
+    tree.shader.inputs["Roughness"].default_value = 0.75
+    tree.links.new(
+        tree.nodes.new("ShaderNodeParticleInfo").outputs["Age"], tree.shader.inputs["Roughness"]
+    )
+    assert tree.read("Roughness").constant == (0.75,)
+    assert tree.notes == ["'Age' of Particle Info is not supported: {} take a constant"]
 
 
 def test_links_in_a_circle_end_with_a_note(tree):

@@ -20,6 +20,7 @@ from ..shader_nodes.inputs import ACTIVE_COLOR
 from ..shader_nodes.reader import (
     GENERATED,
     ISLAND,
+    LACKS,
     POINTINESS,
     TANGENT,
     UNDISPLACED,
@@ -360,25 +361,36 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
         return Attribute(name, POINT, as_four(pointiness(mesh)))
     if name in (UNDISPLACED, UNDISPLACED_NORMAL):
         return _undisplaced(mesh, source, name)
-    plain = name.removeprefix(GREY)
-    if plain == ACTIVE_COLOR:
-        index = mesh.color_attributes.render_color_index
-        plain = mesh.color_attributes[index].name if 0 <= index < len(mesh.color_attributes) else ""
-    attribute = mesh.attributes.get(plain) if plain else None
+    if name.startswith(LACKS):
+        lacks = _readable(mesh, name.removeprefix(LACKS), report) is None
+        rows = len(source.mesh.triangles)
+        return Attribute(name, FACE, np.ones((rows, 4), np.float32)) if lacks else None
+    attribute = _readable(mesh, name.removeprefix(GREY), report)
     if attribute is None:
         return None
-    if attribute.data_type not in _COLUMNS or attribute.domain not in _DOMAINS:
-        report.note(
-            f"Attribute '{plain}' ({attribute.data_type.lower()} on {attribute.domain.lower()}s) "
-            "is not read: it counts as 0"
-        )
-        return None
-    values = sound(_values(mesh, source, attribute), plain, mesh.name, report)
+    values = sound(_values(mesh, source, attribute), attribute.name, mesh.name, report)
     return Attribute(
         name,
         _DOMAINS[attribute.domain],
         _finite(values_as_color(values, name.startswith(GREY))),
     )
+
+
+def _readable(mesh: Any, name: str, report: Report) -> Any:
+    """An attribute of Blender's; None where there is none, or none of a kind that is read."""
+    if name == ACTIVE_COLOR:
+        index = mesh.color_attributes.render_color_index
+        name = mesh.color_attributes[index].name if 0 <= index < len(mesh.color_attributes) else ""
+    attribute = mesh.attributes.get(name) if name else None
+    if attribute is None:
+        return None
+    if attribute.data_type in _COLUMNS and attribute.domain in _DOMAINS:
+        return attribute
+    report.note(
+        f"Attribute '{name}' ({attribute.data_type.lower()} on {attribute.domain.lower()}s) "
+        "is not read: it counts as 0"
+    )
+    return None
 
 
 def _undisplaced(mesh: Any, source: MeshSource, name: str) -> Attribute:

@@ -10,7 +10,7 @@ import numpy as np
 from ....engine.scene import FACE, Attribute, Spheres
 from ..materials.required import RequiredAttributes
 from ..report import Report
-from ..shader_nodes.reader import GENERATED, POINT_PLACE, POINT_SHAPE
+from ..shader_nodes.reader import GENERATED, LACKS, POINT_PLACE, POINT_SHAPE
 from .hashing import random_of
 from .meshes import GREY, sound, values_as_color, values_of
 
@@ -71,6 +71,9 @@ def _values(cloud: Any, spheres: Spheres, name: str, report: Report) -> np.ndarr
         number = np.arange(len(spheres.radii), dtype=np.uint32)
         random = random_of(number, np.zeros_like(number))
         return values_as_color(_finite(np.column_stack([spheres.radii, random])), grey=False)
+    if name.startswith(LACKS):
+        lacks = _values(cloud, spheres, name.removeprefix(LACKS), report) is None
+        return np.ones((len(spheres.radii), 4), np.float32) if lacks else None
     plain = name.removeprefix(GREY)
     attribute = cloud.attributes.get(plain) if plain else None
     values = values_of(attribute) if attribute is not None else None

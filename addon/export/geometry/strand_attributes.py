@@ -11,7 +11,7 @@ from ....engine.scene import FACE, POINT, Attribute, Strands
 from ..materials.required import RequiredAttributes
 from ..report import Report
 from ..shader_nodes.inputs import ACTIVE_COLOR
-from ..shader_nodes.reader import FIBRE, GENERATED, HAIR
+from ..shader_nodes.reader import FIBRE, GENERATED, HAIR, LACKS
 from .hashing import random_of
 from .meshes import GREY, sound, values_as_color, values_of
 from .strands import StrandSource, systems_of
@@ -58,11 +58,21 @@ def _attribute(
     if name in _TOLD:
         return Attribute(name, POINT, _sound(_TOLD[name](source)))
     if name == GENERATED:
-        return _per_curve(source, name, _generated(data, source))
-    if name.startswith("("):
-        plain = name.removeprefix(GREY)
-        if plain == name:
-            return None
+        return _generated(data, source)
+    if name.startswith(LACKS):
+        plain = name.removeprefix(LACKS)
+        lacks = _attribute(data, thing, source, plain, report, render) is None
+        ones = np.ones((len(source.curve_of_segment), 4), np.float32)
+        return Attribute(name, FACE, ones) if lacks else None
+    if name.startswith("(") and not name.startswith(GREY):
+        return None
+    return _named(data, thing, source, name, report, render)
+
+
+def _named(
+    data: Any, thing: Any, source: StrandSource, name: str, report: Report, render: bool
+) -> Attribute | None:
+    """Of Blender's own attributes."""
     plain, grey = name.removeprefix(GREY), name.startswith(GREY)
     if source.particles:
         found = _emitter_colors(thing, plain, render)
@@ -128,18 +138,18 @@ _TOLD: dict[str, Callable[[StrandSource], np.ndarray]] = {
 }
 
 
-def _generated(data: Any, source: StrandSource) -> np.ndarray:
-    """(c, 4): where each root is in the emitter's texture space, else in the box round all keys."""
-    roots = source.keys.positions[
-        np.minimum(source.keys.offsets[:-1], len(source.keys.positions) - 1)
-    ]
-    if source.particles:
-        middle, half = np.array(data.texspace_location), np.array(data.texspace_size)
-    else:
-        low, high = (f(source.keys.positions, axis=0) for f in (np.nanmin, np.nanmax))
-        middle, half = (low + high) / 2, (high - low) / 2
+def _generated(data: Any, source: StrandSource) -> Attribute:
+    """Where each root is in the emitter's texture space; of a Curves object places in it, as in
+    Cycles.
+    """
+    places, starts = source.keys.positions, source.keys.offsets[:-1]
+    if not source.particles:
+        return Attribute(GENERATED, POINT, _sound(_along(source, values_as_color(places, False))))
+    roots = places[np.minimum(starts, len(places) - 1)]
+    middle, half = np.array(data.texspace_location), np.array(data.texspace_size)
     half = np.where(np.abs(half) > 0, half, 1.0)
-    return np.column_stack([(roots - middle) / (2 * half) + 0.5, np.ones(len(roots))])
+    found = np.column_stack([(roots - middle) / (2 * half) + 0.5, np.ones(len(roots))])
+    return _per_curve(source, GENERATED, found)
 
 
 def _curve_uv(data: Any, name: str) -> tuple[str, np.ndarray] | None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....engine.scene import Input
-from ..shader_nodes.inputs import attribute_name, image_texture, tiles_of
+from ..shader_nodes.inputs import attribute_name, image_texture, is_opaque_without, tiles_of
 from ..shader_nodes.mapping import is_plain
 from .evaluator import COLOR_NODES, VECTOR_NODES, Coordinates, NodeView
 from .terms import GREY, Sum, from_input
@@ -36,7 +36,7 @@ def _image_texture(view: NodeView, output: Any) -> Sum | None:
 def _attribute(view: NodeView, output: Any) -> Sum | None:
     """Geometry attributes as a factor; the numbers Fac and Alpha too."""
     name = attribute_name(view.node)
-    if name is None:
+    if name is None or (output.name == "Alpha" and is_opaque_without(view.node)):
         return None
     if output.name == "Alpha":
         return from_input(Input(attribute=name, attribute_channel="ALPHA"))

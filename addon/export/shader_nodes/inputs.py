@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import bpy
+
 from ....engine.program.graph import Value
 from ....engine.program.operations_input import Shift
 from ....engine.program.operations_vector import VectorMeasure
@@ -17,6 +19,7 @@ from .projections import on_ball, on_box, on_tiles, on_tube
 from .reader import (
     HAIR,
     ISLAND,
+    LACKS,
     POINTINESS,
     READERS,
     TANGENT,
@@ -144,6 +147,11 @@ def attribute_name(node: Any) -> str | None:
     return (name if name is not None else (node.layer_name or ACTIVE_COLOR)) or None
 
 
+def is_opaque_without(node: Any) -> bool:
+    """Whether Alpha is 1 of what has no such attribute; that of Color Attribute nodes is 0."""
+    return bool(node.bl_idname == "ShaderNodeAttribute")
+
+
 def _attribute(view: NodeInputs) -> Outputs | None:
     if getattr(view.node, "attribute_type", "GEOMETRY") != "GEOMETRY":
         return property_of_object(view)
@@ -151,6 +159,8 @@ def _attribute(view: NodeInputs) -> Outputs | None:
     if name is None:
         return _standard(view)
     color, alpha = view.apply("attribute", attribute=name, shift=0)
+    if is_opaque_without(view.node) and view.is_used("Alpha"):
+        alpha = view.math("ADD", alpha, _number(view, LACKS + name))
     outputs = {"Color": color, "Vector": color, "Alpha": alpha}
     if socket_named(view.node.outputs, "Fac") is not None:
         grey = view.apply("attribute", attribute=GREY + name, shift=0)[0]
@@ -198,9 +208,6 @@ STANDARD: dict[str, Callable[[NodeInputs], tuple[Value, Value]]] = {
     "generated": lambda v: _by_mean(v, v.reader.generated()),
     "uv": _uv,
     "tangent": lambda v: _tangent(v, TANGENT),
-    "tangent_sign": lambda v: _spread(v, _number(v, TANGENT)),
-    "undisplaced_tangent": lambda v: _tangent(v, UNDISPLACED_TANGENT),
-    "undisplaced_tangent_sign": lambda v: _spread(v, _number(v, UNDISPLACED_TANGENT)),
     "pointiness": lambda v: _spread(v, _number(v, POINTINESS)),
     "random_per_island": lambda v: _spread(v, _number(v, ISLAND)),
     "curve_intercept": lambda v: _of_strand(v, 0),
@@ -210,6 +217,12 @@ STANDARD: dict[str, Callable[[NodeInputs], tuple[Value, Value]]] = {
 """Colour and number by names with which Attribute nodes reach what Cycles makes of every mesh and
 strand, whatever attributes of its own have them.
 """
+if bpy.app.version >= (5, 0, 0):
+    STANDARD |= {
+        "tangent_sign": lambda v: _spread(v, _number(v, TANGENT)),
+        "undisplaced_tangent": lambda v: _tangent(v, UNDISPLACED_TANGENT),
+        "undisplaced_tangent_sign": lambda v: _spread(v, _number(v, UNDISPLACED_TANGENT)),
+    }
 
 
 def tiles_of(node: Any) -> list[int]:

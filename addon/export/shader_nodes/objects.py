@@ -38,10 +38,10 @@ def _object_info(view: NodeInputs) -> Outputs:
     )
 
 
-def property_of_object(view: NodeInputs) -> Outputs | None:
-    """The outputs of an Attribute node that reads no geometry."""
-    if not view.node.attribute_name:
-        return None
+def property_of_object(view: NodeInputs) -> Outputs:
+    """The outputs of an Attribute node that reads no geometry; zeros where nothing has the name,
+    as where there is none.
+    """
     name = f"{view.node.attribute_type}:{view.node.attribute_name}"
     color, alpha = view.apply("instance_value", attribute=name)
     grey = view.apply("vector_average", color)[0]

@@ -55,6 +55,9 @@ POINT_PLACE, POINT_SHAPE = "(point)", "(radius)"
 """Attribute names that stand for the centre of a cloud's point and 1, and for its radius, a random
 number, 0 and 1, in the object.
 """
+LACKS = "(lacks) "
+"""Prefix of attribute names that stand for 1 where no attribute has the rest of the name."""
+
 ISLAND, POINTINESS = "(island)", "(pointiness)"
 """Attribute names that stand for what Blender's meshes tell of their shape."""
 
@@ -294,8 +297,17 @@ class TreeReader:
             return None
         if not socket.is_output:
             return self.default(socket)
-        outputs = self._read.get(end.node_key) or {}
-        return outputs.get(socket.identifier, outputs.get(socket.name))
+        outputs = self._read.get(end.node_key)
+        if outputs is None:  # which was told
+            return None
+        made = outputs.get(socket.identifier, outputs.get(socket.name))
+        if made is None:
+            self.tell_constant(end.node, socket.name)
+        return made
+
+    def tell_constant(self, node: Any, output: str) -> None:
+        """An output that something reads is not computed here."""
+        self.note(f"'{output}' of {node.bl_label} is not supported: {{}} take a constant")
 
     def default(self, socket: Any) -> Value:
         """What an unlinked socket shows; 0 where that is no number, or not a finite one."""
@@ -387,9 +399,7 @@ class NodeInputs:
     def left_out(self, output: str, instead: float | tuple[float, float, float]) -> Value:
         """A constant in the place of an output that is not computed here; told where it is used."""
         if self.is_used(output):
-            self.reader.note(
-                f"'{output}' of {self.node.bl_label} is not supported: {{}} take a constant"
-            )
+            self.reader.tell_constant(self.node, output)
         return self.reader.graph.constant(instead)
 
 
