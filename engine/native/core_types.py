@@ -100,6 +100,7 @@ class Fresnel(IntEnum):
     SCHLICK = 2
     EDGE = 4
     OUTSIDE = 8
+    BOTH_SIDES = 16
 
 
 class BumpShadowing(IntEnum):

@@ -104,10 +104,12 @@ class Lobe:
 
     `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel reflectance of `ior`, a REFRACTION
     lobe by one minus it, and a SPECULAR lobe by what it is between v and h.
-    schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵ (Schlick 1994): what a metal's reflectance
-    gains towards grazing angles. edge: by 7⁷/6⁶ v·h (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what
-    it may lack some 8 degrees off the surface, where that is 1. outside: a SPECULAR lobe gives
-    nothing on the inner side, where rough glass itself mirrors.
+    both_sides: a MIRROR lobe with that has `ior` from both sides, as SPECULAR ones have.
+    schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵, a MIRROR lobe by (1 - n·v)⁵ (Schlick 1994):
+    what a metal's reflectance gains towards grazing angles. edge: a SPECULAR lobe by 7⁷/6⁶ v·h
+    (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what it may lack some 8 degrees off the surface, where
+    that is 1. outside: a SPECULAR lobe gives nothing on the inner side, where rough glass itself
+    mirrors.
     fibre_output: of FIBRE lobes, the output with the fibre's tangent in the world, as
     long as the fibre is thick there, 0 of what is no fibre; -1: all 0. normal_output: of SPECULAR,
     MIRROR and REFRACTION lobes, the output with a shading normal of their own in the world; where
@@ -128,6 +130,7 @@ class Lobe:
     schlick: bool = False
     edge: bool = False
     outside: bool = False
+    both_sides: bool = False
     masking: float = 0.0
     distribution: str = "BLINN_PHONG"
     exponent_output: int = -1

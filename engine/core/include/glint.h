@@ -154,8 +154,9 @@ enum GlintLobeKind {
  * leans against it; the number of the AOV of an EMISSION lobe that is for one. Their slots: 0, or 1
  * plus the slot of the material's program that takes the place of the number; those of the first
  * two are kept from 0 to the lobe's own, an ior that is not from 1e-30 to 1e30 is the lobe's own.
- * fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK and GLINT_EDGE, and of SPECULAR lobes that give
- * nothing on the inner side GLINT_OUTSIDE. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of
+ * fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK and GLINT_EDGE (of SPECULAR lobes alone), of
+ * SPECULAR lobes that give nothing on the inner side GLINT_OUTSIDE, and of MIRROR lobes of a
+ * dielectric whose index counts on both sides as outside GLINT_BOTH_SIDES. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of
  * three slots with the fibre's tangent in world space, of any length, 0 of what is no fibre.
  * normal_slot: of SPECULAR, MIRROR and REFRACTION lobes, 0 or 1 plus the first of three slots with
  * a shading normal of their own in world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the
@@ -168,7 +169,13 @@ enum GlintLobeKind {
  * 2 / (p + 2).
  */
 enum GlintDistribution { GLINT_BLINN_PHONG, GLINT_GGX, GLINT_BECKMANN };
-enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2, GLINT_EDGE = 4, GLINT_OUTSIDE = 8 };
+enum GlintFresnel {
+  GLINT_DIELECTRIC = 1,
+  GLINT_SCHLICK = 2,
+  GLINT_EDGE = 4,
+  GLINT_OUTSIDE = 8,
+  GLINT_BOTH_SIDES = 16
+};
 typedef struct GlintLobe {
   union {
     double exponent, width, size, aov;

@@ -177,6 +177,32 @@ def _visible_normal(
     return unit(np.maximum(h[2], 0.0) * n + a1 * h[0] * t1 + a2 * h[1] * t2)
 
 
+def facets_shown(
+    n: Array,
+    v: Array,
+    h: Array,
+    l: Array,  # noqa: E741
+    side: float,
+    term: Term,
+) -> Array:
+    """(m,) what rays of rough glass weigh that leave on `side` (1 or -1) of n along l, by half
+    vectors h that are drawn as they are seen: less for what other facets hide (Smith; Walter and
+    others 2007).
+    """
+    distribution, p = term.lobe.distribution, np.asarray(term.exponent, np.float64)
+    if distribution == "BLINN_PHONG":
+        return np.ones(n.shape[1])
+    v, width2 = seen_from(n, v), 2 / (p + 2)
+    nv, nl = np.clip(dot(n, v), 0.0, 1.0), np.clip(side * dot(n, l), 0.0, 1.0)
+    v2, l2 = width2 * (1 - nv * nv), width2 * (1 - nl * nl)
+    shown = stretching.masked(nl, nv, v2, l2, distribution)
+    if distribution == "GGX":
+        return 0.5 * (nv + np.sqrt(nv * nv + v2)) * shown
+    nh, vh = dot(n, h), dot(v, h)
+    twice = 2 * nv * nh < vh  # the groove's other facet stands for this one too
+    return np.where(nh > 0, shown * vh / np.where(nh > 0, nh * np.where(twice, 2.0, 1.0), 1.0), 0.0)
+
+
 def albedo(term: Term) -> Array | float:
     """(m,) or one number: about what of even light it gives back, for k = 1."""
     return 8 / (term.exponent + 2)

@@ -150,7 +150,7 @@ class Gloss {
   Doubles with_fresnel(Doubles result, Doubles fresnel) {
     if (bits(fresnel != fresnel_)) {
       fresnel_ = fresnel;
-      reflectance_ = choose(fresnel < 0, schlick_weight(), splat(1));
+      reflectance_ = choose(fresnel < 0, schlick_weight(vh_), splat(1));
       const Mask edge = fresnel == MicrofacetRow::kEdge;
       if (Edged && bits(edge)) reflectance_ = choose(edge, edge_weight(), reflectance_);
       const Mask dielectric = fresnel > 0;
@@ -161,12 +161,8 @@ class Gloss {
     }
     return result * reflectance_;
   }
-  Doubles schlick_weight() const {
-    const Doubles rest = 1 - vh_, square = rest * rest;
-    return square * square * rest;
-  }
   /// What metals lack some 8 degrees off the surface, where it is 1 (Kutz, Hasan, Edmondson 2021).
-  Doubles edge_weight() const { return 823543.0 / 46656 * vh_ * (1 - vh_) * schlick_weight(); }
+  Doubles edge_weight() const { return 823543.0 / 46656 * vh_ * (1 - vh_) * schlick_weight(vh_); }
 
   Doubles nl_, nv_, vh_, masking2_ = splat(0), distribution_ = splat(0), masking_ = splat(1);
   Doubles fresnel_ = splat(0), reflectance_ = splat(1);
