@@ -93,6 +93,7 @@ class Distribution(IntEnum):
     BLINN_PHONG = 0
     GGX = 1
     BECKMANN = 2
+    ASHIKHMIN_SHIRLEY = 3
 
 
 class Fresnel(IntEnum):

@@ -76,9 +76,10 @@ class Input:
         return self.low == -np.inf and self.high == np.inf and not any(self.offset)
 
 
-DISTRIBUTIONS = ("BLINN_PHONG", "GGX", "BECKMANN")
+DISTRIBUTIONS = ("BLINN_PHONG", "GGX", "BECKMANN", "ASHIKHMIN_SHIRLEY")
 """Of half vectors: max(0, n·h)^p (Blinn 1977), or GGX (Trowbridge, Reitz 1975; Walter, Marschner,
-Li, Torrance 2007), or Beckmann's (Beckmann, Spizzichino 1963).
+Li, Torrance 2007), or Beckmann's (Beckmann, Spizzichino 1963), or of SPECULAR lobes alone a power
+with a width (Ashikhmin, Shirley 2000).
 """
 
 
@@ -90,9 +91,9 @@ class Lobe:
     `engine.closures`, what they do in semantics/lobes.md. distribution: one of `DISTRIBUTIONS`, of
     the half vectors of SPECULAR and REFRACTION lobes. exponent: Phong's of a SPECULAR lobe;
     AMBIENT, DIFFUSE and OREN_NAYAR ones are times (1 - n·v) to that power. masking: the α of
-    Smith's shadowing and masking, as GGX has them, 0 for none; by GGX and BECKMANN the width of a
-    SPECULAR lobe, whose exponent is not read. ior: on REFRACTION the index inside the surface, on
-    TRANSPARENT that for light to lit points alone, which is less where it comes from a narrower
+    Smith's shadowing and masking, as GGX has them, 0 for none; by others than BLINN_PHONG the width
+    of a SPECULAR lobe, whose exponent is not read. ior: on REFRACTION the index inside the surface,
+    on TRANSPARENT that for light to lit points alone, which is less where it comes from a narrower
     cone inside (semantics/shadows.md). width, lean: of a SHEEN lobe. size, smooth: of a TOON lobe
     and its smooth edge, shares of a right angle. fan: how far the light of a FIBRE lobe fans out
     round the tangent, 0 for as far as normals do; tilt: the tangent of half of how far it leans

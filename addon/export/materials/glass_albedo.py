@@ -24,8 +24,8 @@ ROWS = 48
 RINGS, TURNS = 16, 16
 """Half vectors for each of them."""
 SHAPES = 3
-"""Products of a function of the view and one of roughness that stand for one of both: within 4 % but
-for grazing views, on average within 1 %.
+"""Products of a function of the view and one of roughness that stand for one of both: within 4 %
+but for grazing views, on average within 1 %.
 """
 
 

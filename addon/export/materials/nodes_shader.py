@@ -302,7 +302,8 @@ def bend(view: NodeView) -> None:
     view.evaluator.bend(view.input("Normal"))
 
 
-_MICROFACETS = ("GGX", "MULTI_GGX", "BECKMANN")
+_OTHERS = ("BECKMANN", "ASHIKHMIN_SHIRLEY")
+_MICROFACETS = ("GGX", "MULTI_GGX", *_OTHERS)
 
 
 def note_left_out(view: NodeView, names: dict[str, str]) -> None:
@@ -324,10 +325,11 @@ def note_microfacets(view: NodeView) -> None:
 
 def distributed(view: NodeView, closure: Closure) -> Closure:
     """The closure with the node's distribution of half vectors."""
-    if getattr(view.node, "distribution", "GGX") != "BECKMANN":
+    distribution = getattr(view.node, "distribution", "GGX")
+    if distribution not in _OTHERS:
         return closure
     return {
-        replace(key, distribution="BECKMANN") if key.distribution == "GGX" else key: weight
+        replace(key, distribution=distribution) if key.distribution == "GGX" else key: weight
         for key, weight in closure.items()
     }
 

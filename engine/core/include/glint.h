@@ -164,11 +164,12 @@ enum GlintLobeKind {
  * along it are times; 0 for none. radius: of DIFFUSE lobes, how far below the surface their light
  * goes in red, green and blue, world units: the d of Christensen and Burley's profile, at least 0,
  * 0 for none; radius_slot: 0, or 1 plus the first of three slots that take its place. distribution:
- * GlintDistribution, of the half vectors of SPECULAR and REFRACTION lobes. With a width alpha it is
+ * GlintDistribution, of the half vectors of SPECULAR lobes, and of REFRACTION lobes but for
+ * GLINT_ASHIKHMIN_SHIRLEY. With a width alpha it is
  * the masking of a SPECULAR lobe, whose exponent p is not read; of a REFRACTION lobe alpha^2 is
  * 2 / (p + 2).
  */
-enum GlintDistribution { GLINT_BLINN_PHONG, GLINT_GGX, GLINT_BECKMANN };
+enum GlintDistribution { GLINT_BLINN_PHONG, GLINT_GGX, GLINT_BECKMANN, GLINT_ASHIKHMIN_SHIRLEY };
 enum GlintFresnel {
   GLINT_DIELECTRIC = 1,
   GLINT_SCHLICK = 2,

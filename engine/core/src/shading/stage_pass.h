@@ -78,8 +78,7 @@ inline Three facet_normal(const PassStage& s, const Chosen& at, const Arriving& 
     return sample_visible_normal(n, t1, t2, width, width, seen_from(n, -ray.d), r * across,
                                  r * along);
   }
-  const Doubles cosine2 =
-      drawn_cosine2(rest, exponent, Mask{} - int64_t(distribution == GLINT_BECKMANN));
+  const Doubles cosine2 = drawn_cosine2(rest, exponent, splat(distribution));
   const Three up = root(cosine2) * n, aside = root(1 - cosine2) * (across * t1 + along * t2);
   const Three h = up + aside;
   return choose(dot(ray.d, h) < 0, h, up - aside);
