@@ -303,7 +303,7 @@ def bend(view: NodeView) -> None:
 
 
 _OTHERS = ("BECKMANN", "ASHIKHMIN_SHIRLEY")
-_MICROFACETS = ("GGX", "MULTI_GGX", *_OTHERS)
+"""Distributions of half vectors other than GGX."""
 
 
 def note_left_out(view: NodeView, names: dict[str, str]) -> None:
@@ -311,16 +311,6 @@ def note_left_out(view: NodeView, names: dict[str, str]) -> None:
     for name, word in names.items():
         if view.input(name) and view.number(name):
             view.note(f"The {word} of {view.node.bl_label} is not rendered: {{}} go without it")
-
-
-def note_microfacets(view: NodeView) -> None:
-    """What is left out of a node with microfacets."""
-    bend(view)
-    distribution = getattr(view.node, "distribution", "GGX")
-    if distribution not in _MICROFACETS:
-        view.note(
-            f"The distribution {distribution.replace('_', ' ').title()} is rendered as GGX in {{}}"
-        )
 
 
 def distributed(view: NodeView, closure: Closure) -> Closure:
@@ -362,7 +352,7 @@ def _as_diffuse(view: NodeView) -> Closure:
 
 
 def _glossy(view: NodeView) -> Closure:
-    note_microfacets(view)
+    bend(view)
     color = view.reflectance("Color")
     brush = Brush(view, view.roughness(otherwise=0.0), is_signed=True)
     again = share_at(view, color, brush.roughness) if is_multiscatter(view) else ZERO
@@ -371,7 +361,7 @@ def _glossy(view: NodeView) -> Closure:
 
 
 def _glass(view: NodeView) -> Closure:
-    note_microfacets(view)
+    bend(view)
     color, roughness, ior = view.reflectance("Color"), view.roughness(), view.ior()
     return distributed(view, glass_of(view, color, color, roughness, ior))
 
