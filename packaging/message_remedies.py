@@ -33,7 +33,6 @@ REMEDIES: dict[str, str] = {
     "Hair shaders are matt under a highlight on what is no strand: … shows no light that passes through": "Use Principled BSDF there, or leave it as it is",
     "Particle Info is not known in …: it is as where there are no particles": "Use Object Info or an attribute",
     "Matt shaders of … have normals of their own: each point has their mean, by how much of each shader it shows": "Give all matt shaders of the material the same normal, or mix by a mask of 0 and 1",
-    "The distribution … is rendered as GGX in …": "Choose GGX",
     "The phase function … is rendered as Henyey-Greenstein with the same mean in …": "Choose Henyey-Greenstein",
     "The … of Principled Volume is not read: … go without it": "Link an Attribute or texture to Density or Color itself",
     "The … shader is rendered as diffuse in …": "Use Principled or Blinn-Phong",

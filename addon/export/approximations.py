@@ -10,7 +10,8 @@ from typing import Any
 from .materials.graph import end_of, is_blinn_phong, node_tree, reached
 
 AGAIN = "light that is scattered between microfacets looks like the highlight, or matt"
-FILM = f"{AGAIN}; thin film by the angle of view"
+BY_VIEW = "thin film by the angle of view"
+FILM = f"{AGAIN}; {BY_VIEW}"
 
 APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfPrincipled": f"{FILM}; subsurface as its node",
@@ -18,7 +19,8 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfGlossy": AGAIN,
     "ShaderNodeBsdfMetallic": f"{FILM}; physical conductors by their colours "
     "seen straight and at 82 degrees",
-    "ShaderNodeBsdfGlass": f"{FILM}; an edge seen through it is as blurred as in Cycles within "
+    "ShaderNodeBsdfGlass": "rough glass keeps its light within 3 % in an even world, at an IOR "
+    f"of 2 within 5 %; {BY_VIEW}; an edge seen through it is as blurred as in Cycles within "
     "3 % of its height",
     "ShaderNodeBsdfRefraction": "blurred as Glass",
     "ShaderNodeBsdfSheen": "Microfiber within 5 % of its brightest point, Ashikhmin on average "

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 82
+ABI_VERSION = 83
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -93,6 +93,7 @@ class Distribution(IntEnum):
     BLINN_PHONG = 0
     GGX = 1
     BECKMANN = 2
+    ASHIKHMIN_SHIRLEY = 3
 
 
 class Fresnel(IntEnum):
@@ -100,6 +101,7 @@ class Fresnel(IntEnum):
     SCHLICK = 2
     EDGE = 4
     OUTSIDE = 8
+    BOTH_SIDES = 16
 
 
 class BumpShadowing(IntEnum):

@@ -39,6 +39,7 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
             | Fresnel.SCHLICK * lobe.schlick
             | Fresnel.EDGE * lobe.edge
             | Fresnel.OUTSIDE * lobe.outside
+            | Fresnel.BOTH_SIDES * lobe.both_sides
         )
         packer.lobes.append(
             (

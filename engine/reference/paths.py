@@ -16,7 +16,7 @@ from ..program.execute.inputs import fresnel_dielectric
 from ..settings import Settings
 from .bumps import lifted
 from .closures import Term
-from .closures.microfacet import drawn_size, sample
+from .closures.microfacet import drawn_size, facets_shown, reflectance, sample
 from .coefficients import BOUNCED_EXPONENT, Coefficients
 from .lights import LightPoint
 from .optics import reflected, refracted
@@ -288,9 +288,8 @@ def _shares(at: Interaction, index: Array, k: Array) -> Array:
     total = diffuse / np.where(weight > 0, weight, 1.0) + _largest(coefficients.transparent)
     for term in (*coefficients.mirrors, *coefficients.refractions):
         some, part = at.surface.take(term.index), _largest(term.k)
-        if term.lobe.fresnel and not term.lobe.is_rough_glass:
-            relative = relative_index(some, term.ior)
-            mirrored = fresnel_dielectric(np.abs(dot(some.v, some.n)), relative)
+        if (term.lobe.fresnel or term.lobe.schlick) and not term.lobe.is_rough_glass:
+            mirrored = _reflected_share(term, some, np.abs(dot(some.v, some.n)))
             part = part * (mirrored if term.lobe.kind == "MIRROR" else 1 - mirrored)
         np.add.at(total, term.index, part)
     own = _largest(k)
@@ -322,12 +321,14 @@ def _refracted(
         back = fresnel_dielectric(dot(some.v, m), index) if term.lobe.fresnel else 0.0
         # what goes to the wrong side of the face is lost, as in Cycles
         through = np.where(passes & (dot(d, some.g) < 0), 1 - back, 0.0)
-        ways = [(paths, d, through * term.k)]
+        shown = np.where(rough, facets_shown(n, some.v, m, d, -1.0, term), 1.0)
+        ways = [(paths, d, shown * through * term.k)]
         if term.lobe.fresnel and term.lobe.is_rough_glass:
             # what is mirrored inside goes on as well; from outside highlights do that
             d = reflected(-some.v, m)
             inside = rough & ~some.outside & (dot(d, n) > 0) & (dot(d, some.g) > 0)
-            ways.append((past, d, np.where(inside, back, 0.0) * term.k))
+            shown = facets_shown(n, some.v, m, d, 1.0, term)
+            ways.append((past, d, np.where(inside, shown * back, 0.0) * term.k))
         for before, d, k in ways:
             go = np.flatnonzero(k.any(0))
             own, k = term.index[go], pick(k, go)
@@ -389,10 +390,17 @@ def _lifted(surface: Surface, term: Term) -> Array:
 
 
 def _reflectance(surface: Surface, term: Term) -> Array | float:
-    if not term.lobe.fresnel:
+    if not (term.lobe.fresnel or (term.lobe.kind == "MIRROR" and term.lobe.schlick)):
         return 1.0
     some = surface.take(term.index)
-    return fresnel_dielectric(dot(some.v, _lifted(surface, term)), relative_index(some, term.ior))
+    return _reflected_share(term, some, dot(some.v, _lifted(surface, term)))
+
+
+def _reflected_share(term: Term, some: Surface, cosine: Array) -> Array | float:
+    """(m,) Fresnel factor of a lobe that sends rays on, at its points `some` and these cosines."""
+    lobe = term.lobe
+    index = term.ior if lobe.both_sides else relative_index(some, term.ior)
+    return reflectance(cosine, index, lobe.fresnel, lobe.schlick, False)
 
 
 def leaving(

@@ -16,10 +16,14 @@ MOST_TABLED = 1 << 20
 """Directions or points of a light that all pixels share; later samples take the first ones again.
 """
 MOST_LOBE_POINTS = MOST_NODE_POINTS = 1 << 16
-LOBE_LEVELS = 8
-"""Reflections of a path whose directions are independent."""
 BOUNCE_LEVELS = 16
-"""The same of bounces by which light goes on."""
+"""Bounces of a path, by which light goes on, whose directions are independent."""
+_LOBE_SEEDS = (*range(8), *range(8 + BOUNCE_LEVELS, 48))
+"""Of their shuffles; bounces have those in between."""
+LOBE_LEVELS = len(_LOBE_SEEDS)
+"""The same of reflections and refractions. Light that is mirrored inside rough glass would stay
+there where the same points came again.
+"""
 _ASIDE = 0.7
 """Radians."""
 TILE_SIDE = 32
@@ -264,7 +268,7 @@ def lobe_points(count: int) -> np.ndarray:
     count = min(count, MOST_LOBE_POINTS)
     bits = max(count - 1, 0).bit_length()
     disc = concentric_disc(2 * _sobol(1 << bits, _DOME) - 1)
-    return np.stack([disc[_shuffled(bits, level)[:count]] for level in range(LOBE_LEVELS)])
+    return np.stack([disc[_shuffled(bits, seed)[:count]] for seed in _LOBE_SEEDS])
 
 
 def places_in_blocks(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
@@ -289,8 +293,8 @@ def bounce_points(samples: int) -> np.ndarray:
     x, y = concentric_disc(2 * numbers[:, :2] - 1).T
     cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
     all_points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y, numbers[:, 2]])
-    levels = range(LOBE_LEVELS, LOBE_LEVELS + BOUNCE_LEVELS)
-    points = np.stack([all_points[_shuffled(bits, level)[:count]] for level in levels])
+    seeds = range(8, 8 + BOUNCE_LEVELS)
+    points = np.stack([all_points[_shuffled(bits, seed)[:count]] for seed in seeds])
     points.flags.writeable = False
     return points
 

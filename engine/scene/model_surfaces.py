@@ -76,9 +76,10 @@ class Input:
         return self.low == -np.inf and self.high == np.inf and not any(self.offset)
 
 
-DISTRIBUTIONS = ("BLINN_PHONG", "GGX", "BECKMANN")
+DISTRIBUTIONS = ("BLINN_PHONG", "GGX", "BECKMANN", "ASHIKHMIN_SHIRLEY")
 """Of half vectors: max(0, n·h)^p (Blinn 1977), or GGX (Trowbridge, Reitz 1975; Walter, Marschner,
-Li, Torrance 2007), or Beckmann's (Beckmann, Spizzichino 1963).
+Li, Torrance 2007), or Beckmann's (Beckmann, Spizzichino 1963), or of SPECULAR lobes alone a power
+with a width (Ashikhmin, Shirley 2000).
 """
 
 
@@ -90,9 +91,9 @@ class Lobe:
     `engine.closures`, what they do in semantics/lobes.md. distribution: one of `DISTRIBUTIONS`, of
     the half vectors of SPECULAR and REFRACTION lobes. exponent: Phong's of a SPECULAR lobe;
     AMBIENT, DIFFUSE and OREN_NAYAR ones are times (1 - n·v) to that power. masking: the α of
-    Smith's shadowing and masking, as GGX has them, 0 for none; by GGX and BECKMANN the width of a
-    SPECULAR lobe, whose exponent is not read. ior: on REFRACTION the index inside the surface, on
-    TRANSPARENT that for light to lit points alone, which is less where it comes from a narrower
+    Smith's shadowing and masking, as GGX has them, 0 for none; by others than BLINN_PHONG the width
+    of a SPECULAR lobe, whose exponent is not read. ior: on REFRACTION the index inside the surface,
+    on TRANSPARENT that for light to lit points alone, which is less where it comes from a narrower
     cone inside (semantics/shadows.md). width, lean: of a SHEEN lobe. size, smooth: of a TOON lobe
     and its smooth edge, shares of a right angle. fan: how far the light of a FIBRE lobe fans out
     round the tangent, 0 for as far as normals do; tilt: the tangent of half of how far it leans
@@ -104,10 +105,12 @@ class Lobe:
 
     `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel reflectance of `ior`, a REFRACTION
     lobe by one minus it, and a SPECULAR lobe by what it is between v and h.
-    schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵ (Schlick 1994): what a metal's reflectance
-    gains towards grazing angles. edge: by 7⁷/6⁶ v·h (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what
-    it may lack some 8 degrees off the surface, where that is 1. outside: a SPECULAR lobe gives
-    nothing on the inner side, where rough glass itself mirrors.
+    both_sides: a MIRROR lobe with that has `ior` from both sides, as SPECULAR ones have.
+    schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵, a MIRROR lobe by (1 - n·v)⁵ (Schlick 1994):
+    what a metal's reflectance gains towards grazing angles. edge: a SPECULAR lobe by 7⁷/6⁶ v·h
+    (1 - v·h)⁶ (Kutz, Hašan, Edmondson 2021): what it may lack some 8 degrees off the surface, where
+    that is 1. outside: a SPECULAR lobe gives nothing on the inner side, where rough glass itself
+    mirrors.
     fibre_output: of FIBRE lobes, the output with the fibre's tangent in the world, as
     long as the fibre is thick there, 0 of what is no fibre; -1: all 0. normal_output: of SPECULAR,
     MIRROR and REFRACTION lobes, the output with a shading normal of their own in the world; where
@@ -128,6 +131,7 @@ class Lobe:
     schlick: bool = False
     edge: bool = False
     outside: bool = False
+    both_sides: bool = False
     masking: float = 0.0
     distribution: str = "BLINN_PHONG"
     exponent_output: int = -1

@@ -110,6 +110,10 @@ def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
             yield from handle(f"{name}_output", output, outputs, "outputs", none=True)
     if lobe.kind == "SPECULAR" and lobe.fresnel + lobe.schlick + lobe.edge > 1:
         yield "is times two of fresnel, schlick and edge: use one of them"
+    if lobe.kind == "REFRACTION" and lobe.distribution == "ASHIKHMIN_SHIRLEY":
+        yield "refracts by ASHIKHMIN_SHIRLEY, which only mirrors: use GGX or BECKMANN"
+    if lobe.kind == "MIRROR" and lobe.fresnel and lobe.schlick:
+        yield "is times fresnel and schlick: use one of them"
     yield from (strange := [*numbers("radius", lobe.radius, 3)])
     if not strange and min(lobe.radius) < 0:
         yield f"radius is {lobe.radius!r}: use numbers of at least 0"

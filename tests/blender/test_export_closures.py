@@ -288,9 +288,11 @@ def test_a_coat_has_its_own_normal(scene, linked, coat):  # noqa: F811
 
 def test_principled_metal(scene):  # noqa: F811
     _, lobes = principled(Base_Color=RED, Metallic=1.0, Roughness=0.0).export()
-    (mirror,) = lobes
-    assert (mirror.kind, mirror.fresnel) == ("MIRROR", False)
+    mirror, edge = lobes
+    assert {(lobe.kind, lobe.fresnel) for lobe in lobes} == {("MIRROR", False)}
+    assert (mirror.schlick, edge.schlick) == (False, True)
     np.testing.assert_allclose(weight(mirror), RED[:3])
+    np.testing.assert_allclose(weight(edge), np.subtract(1, RED[:3]))
 
 
 def test_principled_smooth_plastic_reflects_by_fresnel(scene):  # noqa: F811

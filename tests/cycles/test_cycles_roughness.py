@@ -35,7 +35,7 @@ def test_a_glossy_ball_is_as_bright_as_in_cycles(roughness, distribution):
 
 
 @pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
-@pytest.mark.parametrize("distribution", ["GGX", "BECKMANN"])
+@pytest.mark.parametrize("distribution", ["GGX", "BECKMANN", "ASHIKHMIN_SHIRLEY"])
 @pytest.mark.parametrize("roughness", [0.1, 0.25, 0.6, 1.0])
 def test_highlights_are_those_of_cycles(roughness, distribution, backend):
     """Of what scatters once, pixel by pixel: within 1 %, or 1e-3 of the brightest."""

@@ -83,7 +83,8 @@ def test_masking_and_fresnel_of_a_highlight(
 ) -> None:
     """Times Smith's shadowing and masking, 1 at normal incidence, and Schlick's weight, a
     dielectric's reflectance or what a metal's edge lacks between v and h. GGX, BECKMANN: π D / 4
-    (Walter, Marschner, Li, Torrance 2007, equations 25, 27 and 33).
+    (Walter, Marschner, Li, Torrance 2007, equations 25, 27 and 33). ASHIKHMIN_SHIRLEY: theirs
+    (2000) of one exponent, as Cycles has it.
     """
     tilt = 1.3
     axes = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
@@ -109,6 +110,8 @@ def test_masking_and_fresnel_of_a_highlight(
         ones = [(3.535 * x + 2.181 * x**2) / (1 + 2.276 * x + 2.577 * x**2) for x in a]
         lambdas = [np.where(x < 1.6, 1 / one - 1, 0) for x, one in zip(a, ones, strict=True)]
     factor = 1 / (1 + sum(lambdas)) / np.maximum(nv, 1e-9) if masking else 1.0
+    if distribution == "ASHIKHMIN_SHIRLEY":
+        factor = (1 - masking**2 / 2) * nl / (vh * np.maximum(np.maximum(nv, nl), 1e-9))
     beyond = np.sqrt(1 - (1 - vh**2) / 1.5**2)
     across, along = (
         (vh - 1.5 * beyond) / (vh + 1.5 * beyond),
@@ -130,6 +133,8 @@ def test_masking_and_fresnel_of_a_highlight(
     elif distribution == "BECKMANN":
         c2 = np.maximum(nh, 1e-6) ** 2
         spread = np.exp(-(1 - c2) / (c2 * masking**2)) / (4 * masking**2 * c2**2)
+    elif distribution == "ASHIKHMIN_SHIRLEY":
+        spread = np.maximum(nh, 0) ** (2 / masking**2 - 2) / (4 * masking**2) * (nh > 0)
     else:
         spread = nh**3
     truth = np.where(inside & (n @ axes[:, 2] > 0), 0.5 * spread * factor, 0)

@@ -304,3 +304,73 @@ def test_both_tracers_draw_glass_that_varies_the_same() -> None:
         assert np.median(off) < 1e-6
         assert (off > 1e-4).mean() < 0.01
         assert exact.std() > 0.02
+
+
+def shown_by_facets(cosine: float, alpha: float, ior: float, distribution: str) -> float:
+    """What of an even world facets refract once to a viewer at that cosine, integrated over all
+    half vectors (Walter, Marschner, Li, Torrance 2007, equations 20, 21, 25 and 27; Heitz 2014).
+    """
+    count = 400
+    up, turn = np.meshgrid(
+        (np.arange(count) + 0.5) / count, 2 * np.pi * (np.arange(count) + 0.5) / count
+    )
+    across = np.sqrt(1 - up * up)
+    v = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
+    vh = v[0] * across * np.cos(turn) + v[2] * up
+    tangent2 = (across / up) ** 2
+    if distribution == "GGX":
+        density = alpha**2 / (np.pi * up**4 * (alpha**2 + tangent2) ** 2)
+    else:
+        density = np.exp(-tangent2 / alpha**2) / (np.pi * alpha**2 * up**4)
+    inner = np.sqrt(1 - (1 - vh**2) / ior**2)
+    parallel, perpendicular = (
+        (ior * vh - inner) / (ior * vh + inner),
+        (vh - ior * inner) / (vh + ior * inner),
+    )
+    through = 1 - 0.5 * (parallel**2 + perpendicular**2)
+    below = -((vh / ior - inner) * up - cosine / ior)  # the cosine of the refracted ray
+    masking = 1 / (1 + hidden(cosine, alpha, distribution) + hidden(below, alpha, distribution))
+    given = density * masking * through * vh / cosine
+    return float(np.where((vh > 0) & (below > 0), given, 0).mean() * 2 * np.pi)
+
+
+def hidden(cosine, alpha: float, distribution: str):
+    """Smith's lambda."""
+    cosine = np.clip(cosine, 1e-9, 1.0)
+    slope = cosine / np.sqrt(np.maximum(1 - cosine**2, 1e-18)) / alpha
+    if distribution == "GGX":
+        return 0.5 * (np.sqrt(1 + 1 / slope**2) - 1)
+    return np.where(
+        slope < 1.6, (1 - 1.259 * slope + 0.396 * slope**2) / (3.535 * slope + 2.181 * slope**2), 0
+    )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("distribution", ["GGX", "BECKMANN"])
+@pytest.mark.parametrize("degrees", [0, 60, 75])
+def test_facets_hide_light_that_others_refract(degrees: float, distribution: str, backend: str):
+    """A plane of rough glass in an even world, seen aslant."""
+    tilt, alpha = np.radians(degrees), 0.6
+    turn = np.eye(3, 4)
+    turn[0, 0] = turn[2, 2] = np.cos(tilt)
+    turn[0, 2], turn[2, 0] = np.sin(tilt), -np.sin(tilt)
+    wide = Polygons(
+        "wide",
+        np.array([(-99, -99, 0), (99, -99, 0), (99, 99, 0), (-99, 99, 0)], np.float32),
+        np.array([0, 4], np.uint32),
+        np.arange(4, dtype=np.uint32),
+    )
+    camera = Camera(
+        "ORTHOGRAPHIC", np.column_stack([np.eye(3), (0, 0, 500)]), (-1, 1, -1, 1), (8, 8)
+    )
+    rough = glass(2 / alpha**2 - 2, fresnel=True, distribution=distribution)
+    scene = Scene(
+        camera,
+        (wide,),
+        (Instances("wide", 0, turn[None], (0,)),),
+        (rough,),
+        world=World(background=(1.0, 1.0, 1.0)),
+    )
+    found = render(scene, Settings(samples=256, max_bounces=1, backend=backend)).combined[..., :3]
+    truth = shown_by_facets(np.cos(tilt), alpha, 1.45, distribution)
+    assert found.mean() == pytest.approx(truth, rel=0.02)

@@ -59,6 +59,9 @@ def wanted(
         power = 1 / (4 * alpha**2 * h[2] ** 4 * (1 + slope @ slope / alpha**2) ** 2)
     elif distribution == "BECKMANN":
         power = np.exp(-slope @ slope / alpha**2) / (4 * alpha**2 * h[2] ** 4)
+    elif distribution == "ASHIKHMIN_SHIRLEY":
+        power = (1 + slope @ slope) ** (-(2 / alpha**2 + 2) / 2) / (4 * alpha**2 * h[2] ** 4)
+        return power * (1 - alpha**2 / 2) * l[2] / h[2]  # n·v is 1
     tangents = np.array([l @ x / size, l @ y * size]) * alpha / l[2]
     if distribution == "BECKMANN":
         a = 1 / np.sqrt(tangents @ tangents)

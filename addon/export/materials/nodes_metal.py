@@ -10,10 +10,10 @@ from .fresnel import EDGE_COSINE, conductor_reflectance, schlick
 from .multiscatter import GRAZING, share_at, share_of
 from .nodes_shader import (
     Edge,
+    bend,
     distributed,
     glossy_closure,
     is_multiscatter,
-    note_microfacets,
 )
 from .terms import (
     ONE,
@@ -87,7 +87,7 @@ def _mirrored(view: NodeView, color: Sum, lack: Sum, roughness: Roughness) -> Su
 
 
 def _metallic(view: NodeView) -> Closure:
-    note_microfacets(view)
+    bend(view)
     brush = Brush(view, view.roughness())
     color, tint = view.reflectance("Base Color"), view.reflectance("Edge Tint", 1.0)
     metal = None

@@ -20,7 +20,7 @@ from .nodes_shader import (
     bend,
     coat_closure,
     diffuse_closure,
-    filmed_glass,
+    glass_of,
     glossy_closure,
     is_multiscatter,
     kept_by_layer,
@@ -120,7 +120,7 @@ def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     """
     root = _root(view, base)
     ior, tint = view.ior(), view.reflectance("Specular Tint", 1.0)
-    return filmed_glass(film_of(view, ior, is_glass=True), tint, root, roughness, ior)
+    return glass_of(view, tint, root, roughness, ior)
 
 
 def _root(view: NodeView, color: Sum) -> Sum:

@@ -9,8 +9,9 @@ from .anisotropy import Brush
 from .closures import Closure, LobeKey, add_closures, scale_closure
 from .evaluator import CLOSURE_NODES, NodeView
 from .fresnel import EDGE_MEAN, dielectric_albedo, normal_reflectance
+from .glass_albedo import scattered_until_out
 from .graph import BLINN_PHONG, source
-from .multiscatter import share_at, share_of
+from .multiscatter import share_at
 from .rough_diffuse import roughened
 from .roughness import (
     World,
@@ -37,7 +38,7 @@ def diffuse_closure(color: Sum) -> Closure:
 @dataclass(frozen=True)
 class Edge:
     """How metals look at grazing angles: white (Schlick), and some 8 degrees before that by `lack`
-    darker. mirrored: all of a mirror; None for the colour.
+    darker. mirrored: all of a mirror; None where nothing is lacking.
     """
 
     lack: Sum = ZERO
@@ -54,11 +55,14 @@ def glossy_closure(
     edge: None for the same colour at all angles.
     """
     mirrored = color if edge is None or edge.mirrored is None else edge.mirrored
+    mirror = {LobeKey("MIRROR"): mirrored}
+    if edge is not None and edge.mirrored is None:
+        mirror[LobeKey("MIRROR", schlick=True)] = complement(color)
     if roughness.is_mirror():
-        return {LobeKey("MIRROR"): mirrored}
+        return add_closures(mirror)
     if roughness.varies:
         return add_closures(
-            {LobeKey("MIRROR"): multiply(mirrored, roughness.mirrored())},
+            scale_closure(mirror, roughness.mirrored()),
             scale_closure(_rough_glossy(color, again, roughness, edge), roughness.rough()),
         )
     return _rough_glossy(color, again, roughness, edge)
@@ -121,14 +125,21 @@ def _matt(color: Sum, world: WorldShares) -> Closure:
 
 
 def coat_closure(
-    weight: Sum, roughness: Roughness, ior: Ior, multiscatter: bool = True, tint: Sum = ONE
+    weight: Sum,
+    roughness: Roughness,
+    ior: Ior,
+    multiscatter: bool = True,
+    tint: Sum = ONE,
+    both_sides: bool = True,
 ) -> Closure:
     """A dielectric interface's reflection, by Fresnel; tint: of the reflectance at normal
-    incidence, not of that at grazing angles.
+    incidence, not of that at grazing angles. both_sides: from behind as from the front, as layers
+    are in Cycles.
     """
     if ior.number == 1.0:
         return {}
-    mirror = {LobeKey("MIRROR", fresnel=True, **ior.key): multiply(weight, tint)}
+    key = LobeKey("MIRROR", fresnel=True, both_sides=both_sides, **ior.key)
+    mirror = {key: multiply(weight, tint)}
     if roughness.is_mirror():
         return mirror
     rough = scale_closure(_rough_coat(roughness, ior, multiscatter, tint), weight)
@@ -233,24 +244,36 @@ def kept_by_layer(roughness: Roughness, ior: Ior) -> tuple[Sum, Sum, Sum]:
 
 
 def glass_closure(reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior) -> Closure:
-    """Both sides of a dielectric interface."""
-    coat = coat_closure(reflected, roughness, ior)
+    """Both sides of a dielectric interface that scatters light once."""
+    coat = coat_closure(reflected, roughness, ior, multiscatter=False, both_sides=False)
     return add_closures(
         {replace(k, outside=k.kind == "SPECULAR"): terms for k, terms in coat.items()},
         refracting(refracted, roughness, ior, fresnel=True),
     )
 
 
-def filmed_glass(
-    film: Film | None, reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior
+def glass_of(
+    view: NodeView, reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior
 ) -> Closure:
-    """The same with a film, if there is one, which mirrors alike on both sides."""
+    """The glass of a node, which scatters light as often as that says; with its film, if there is
+    one, which mirrors alike on both sides.
+    """
+    film = film_of(view, ior, is_glass=True)
     if film is None:
-        return glass_closure(reflected, refracted, roughness, ior)
-    color = film.tinted(reflected)
+        closure = glass_closure(reflected, refracted, roughness, ior)
+    else:
+        closure = _filmed_glass(film, reflected, refracted, roughness, ior)
+    if not is_multiscatter(view):
+        return closure
+    return scale_closure(closure, scattered_until_out(view, roughness, ior))
+
+
+def _filmed_glass(
+    film: Film, reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior
+) -> Closure:
     through = multiply(refracted, complement(film.reflected))
     return add_closures(
-        glossy_closure(color, share_of(film.mean, roughness), roughness, edge=None),
+        glossy_closure(film.tinted(reflected), ZERO, roughness, edge=None),
         refracting(through, roughness, ior),
     )
 
@@ -279,7 +302,8 @@ def bend(view: NodeView) -> None:
     view.evaluator.bend(view.input("Normal"))
 
 
-_MICROFACETS = ("GGX", "MULTI_GGX", "BECKMANN")
+_OTHERS = ("BECKMANN", "ASHIKHMIN_SHIRLEY")
+"""Distributions of half vectors other than GGX."""
 
 
 def note_left_out(view: NodeView, names: dict[str, str]) -> None:
@@ -289,22 +313,13 @@ def note_left_out(view: NodeView, names: dict[str, str]) -> None:
             view.note(f"The {word} of {view.node.bl_label} is not rendered: {{}} go without it")
 
 
-def note_microfacets(view: NodeView) -> None:
-    """What is left out of a node with microfacets."""
-    bend(view)
-    distribution = getattr(view.node, "distribution", "GGX")
-    if distribution not in _MICROFACETS:
-        view.note(
-            f"The distribution {distribution.replace('_', ' ').title()} is rendered as GGX in {{}}"
-        )
-
-
 def distributed(view: NodeView, closure: Closure) -> Closure:
     """The closure with the node's distribution of half vectors."""
-    if getattr(view.node, "distribution", "GGX") != "BECKMANN":
+    distribution = getattr(view.node, "distribution", "GGX")
+    if distribution not in _OTHERS:
         return closure
     return {
-        replace(key, distribution="BECKMANN") if key.distribution == "GGX" else key: weight
+        replace(key, distribution=distribution) if key.distribution == "GGX" else key: weight
         for key, weight in closure.items()
     }
 
@@ -337,7 +352,7 @@ def _as_diffuse(view: NodeView) -> Closure:
 
 
 def _glossy(view: NodeView) -> Closure:
-    note_microfacets(view)
+    bend(view)
     color = view.reflectance("Color")
     brush = Brush(view, view.roughness(otherwise=0.0), is_signed=True)
     again = share_at(view, color, brush.roughness) if is_multiscatter(view) else ZERO
@@ -346,10 +361,9 @@ def _glossy(view: NodeView) -> Closure:
 
 
 def _glass(view: NodeView) -> Closure:
-    note_microfacets(view)
+    bend(view)
     color, roughness, ior = view.reflectance("Color"), view.roughness(), view.ior()
-    film = film_of(view, ior, is_glass=True)
-    return distributed(view, filmed_glass(film, color, color, roughness, ior))
+    return distributed(view, glass_of(view, color, color, roughness, ior))
 
 
 def _refraction(view: NodeView) -> Closure:
@@ -388,7 +402,9 @@ def _fresnel_factor(view: NodeView) -> float | None:
 
 
 def _only_rays(closure: Closure) -> bool:
-    return bool(closure) and all(key.kind == "MIRROR" and not key.fresnel for key in closure)
+    return bool(closure) and all(
+        key.kind == "MIRROR" and not (key.fresnel or key.schlick) for key in closure
+    )
 
 
 def _fresnel_mix(first: Closure, mirror: Closure, ior: float) -> Closure:

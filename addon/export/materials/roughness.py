@@ -183,11 +183,15 @@ def _smooth_rise(ior: float) -> float:
     return float(np.mean([2 * c * (fresnel(c, ior) - f0) for c in cosines]) / max(1 - f0, 1e-6))
 
 
+LEAST_EXPONENT = 1e-3
+"""Of rough glass: without one it is clear."""
+
+
 def glass_exponent(roughness: float) -> float:
     """Of the half vectors that bend what is seen through glass: as wide as GGX's (Walter et al.
     2007, Microfacet Models for Refraction through Rough Surfaces, section 5.2: α² = 2 / (p + 2)).
     """
-    return max(2 / _clamped(roughness) ** 4 - 2, 0.5)
+    return max(2 / _clamped(roughness) ** 4 - 2, LEAST_EXPONENT)
 
 
 def _clamped(roughness: float) -> float:

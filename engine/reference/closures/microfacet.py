@@ -1,6 +1,7 @@
-"""SPECULAR lobes: Blinn-Phong's power, GGX or Beckmann's distribution, masking and a Fresnel factor
-(semantics/lobes.md), and directions sampled from them. The distributions with a width α (Walter,
-Marschner, Li, Torrance 2007) have the exponent p of a power that is as wide, α² = 2 / (p + 2).
+"""SPECULAR lobes: Blinn-Phong's power, GGX, Beckmann's or Ashikhmin and Shirley's distribution,
+masking and a Fresnel factor (semantics/lobes.md), and directions sampled from them. The
+distributions with a width α (Walter, Marschner, Li, Torrance 2007) have the exponent p of a power
+that is as wide, α² = 2 / (p + 2).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from .term import Term, taken
 Array = np.ndarray
 
 LEAST_WIDTH = 2.0**-20
-"""The least width α of a lobe of GGX or Beckmann."""
+"""The least width α of a lobe of a distribution that has one."""
 
 
 def evaluate(
@@ -86,6 +87,9 @@ def half_vectors(term: Term, n: Array, t: Array, h: Array, exponent: Array | flo
         elif term.lobe.distribution == "BECKMANN":
             log = np.minimum(np.log1p(sine2 / c2), 70.0)
             found = np.exp(2 * log - 0.5 * (exponent + 2) * np.minimum(slopes2 / c2, 1e30))
+        elif term.lobe.distribution == "ASHIKHMIN_SHIRLEY":
+            stretched = np.log1p(slopes2 / c2)
+            found = np.exp(-0.5 * ((exponent + 4) * stretched - 4 * np.log1p(sine2 / c2)))
         else:
             power = stretching.power(n, t, h, exponent, 4)
             return np.where(t.any(0), power, _power(n, h, exponent))
@@ -138,7 +142,8 @@ def sample(
         second = np.where(some, cross(n, first), second)
     distribution = np.asarray(distribution)
     log, width2 = np.log1p(-share), 2 / (exponent + 2)
-    cosine, sine = np.exp(log / (exponent + 1)), np.sqrt(-np.expm1(2 * log / (exponent + 1)))
+    drawn = exponent + np.where(distribution == "BLINN_PHONG", 1, 2)
+    cosine, sine = np.exp(log / drawn), np.sqrt(-np.expm1(2 * log / drawn))
     is_beckmann = distribution == "BECKMANN"
     if is_beckmann.any():
         cosine = np.where(is_beckmann, np.sqrt(1 / (1 - width2 * log)), cosine)
@@ -177,6 +182,32 @@ def _visible_normal(
     return unit(np.maximum(h[2], 0.0) * n + a1 * h[0] * t1 + a2 * h[1] * t2)
 
 
+def facets_shown(
+    n: Array,
+    v: Array,
+    h: Array,
+    l: Array,  # noqa: E741
+    side: float,
+    term: Term,
+) -> Array:
+    """(m,) what rays of rough glass weigh that leave on `side` (1 or -1) of n along l, by half
+    vectors h that are drawn as they are seen: less for what other facets hide (Smith; Walter and
+    others 2007).
+    """
+    distribution, p = term.lobe.distribution, np.asarray(term.exponent, np.float64)
+    if distribution == "BLINN_PHONG":
+        return np.ones(n.shape[1])
+    v, width2 = seen_from(n, v), 2 / (p + 2)
+    nv, nl = np.clip(dot(n, v), 0.0, 1.0), np.clip(side * dot(n, l), 0.0, 1.0)
+    v2, l2 = width2 * (1 - nv * nv), width2 * (1 - nl * nl)
+    shown = stretching.masked(nl, nv, v2, l2, distribution)
+    if distribution == "GGX":
+        return 0.5 * (nv + np.sqrt(nv * nv + v2)) * shown
+    nh, vh = dot(n, h), dot(v, h)
+    twice = 2 * nv * nh < vh  # the groove's other facet stands for this one too
+    return np.where(nh > 0, shown * vh / np.where(nh > 0, nh * np.where(twice, 2.0, 1.0), 1.0), 0.0)
+
+
 def albedo(term: Term) -> Array | float:
     """(m,) or one number: about what of even light it gives back, for k = 1."""
     return 8 / (term.exponent + 2)
@@ -193,6 +224,9 @@ def directional_albedo(term: Term, seen: Array) -> Array:
         width2 = 2 / (p + 2)
         above = 1 / (1 + width2 * (1.2 + 1.05 * np.sqrt(width2)))  # within 13 % of the integral
         factor = 4 * width2 * (above + (1 - above) * 0.7 * (1 - seen) ** 2)
+    elif term.lobe.distribution == "ASHIKHMIN_SHIRLEY":
+        width2 = 2 / (p + 2)
+        factor = 4 * width2 * (1 - 0.79 * np.sqrt(width2))  # on average within 7 %
     else:
         size = 8 / (p + 2 + 8 / (4 + p * p))
         shaped = cosine / np.sqrt(a2 + (1 - a2) * cosine * cosine)
@@ -238,7 +272,10 @@ def gloss(
     if np.any(masking > 0):
         nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), masking * masking
         rest_v, rest_l = 1 - nv * nv, 1 - nl * nl
-        factor = stretching.masked(nl, nv, a2 * rest_v, a2 * rest_l, distribution)
+        if distribution == "ASHIKHMIN_SHIRLEY":
+            factor = stretching.ashikhmin_shirleys(n, v, l, masking)
+        else:
+            factor = stretching.masked(nl, nv, a2 * rest_v, a2 * rest_l, distribution)
         factor = np.where(masking > 0, factor, 1.0)
     if dielectric or schlick or edge:
         vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))

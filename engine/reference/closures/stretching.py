@@ -58,9 +58,24 @@ def masking(
     distribution: str = "BLINN_PHONG",
 ) -> Array:
     """(m,) what hides surfaces of the width alpha, stretched; 1 where that is 0."""
+    if distribution == "ASHIKHMIN_SHIRLEY":
+        return ashikhmin_shirleys(n, v, l, alpha)
     nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), np.square(alpha)
     found = masked(nl, nv, a2 * widths2(n, t, v), a2 * widths2(n, t, l), distribution)
     return np.where(a2 > 0, found, 1.0)
+
+
+def ashikhmin_shirleys(
+    n: Array,
+    v: Array,
+    l: Array,  # noqa: E741
+    alpha: Array | float,
+) -> Array:
+    """(m,) what takes the place of masking in the model of Ashikhmin and Shirley (2000)."""
+    nl, nv = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0)
+    down = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0)) * np.maximum(nv, nl)
+    share = (1 - 0.5 * np.square(alpha)) * nl
+    return np.where(down > 0, share / np.where(down > 0, down, 1.0), 0.0)
 
 
 def masked(nl: Array, nv: Array, v2: Array, l2: Array, distribution: str) -> Array:

@@ -197,7 +197,8 @@ void check_materials(const GlintSceneData& d, Report& report) {
     report.add(within(g.kind, kLobeKinds - 1), "lobe %llu: unknown kind %d", ull(i), g.kind);
     report.add(range(g.first_input, g.input_count, d.input_count),
                "lobe %llu: inputs beyond the table", ull(i));
-    report.add(within(g.distribution, GLINT_BECKMANN), "lobe %llu: unknown distribution %d", ull(i),
+    const int last = g.kind == GLINT_SPECULAR ? GLINT_ASHIKHMIN_SHIRLEY : GLINT_BECKMANN;
+    report.add(within(g.distribution, last), "lobe %llu: unknown distribution %d", ull(i),
                g.distribution);
     if (within(g.kind, kLobeKinds - 1)) check_parameters(g, i, report);
   }

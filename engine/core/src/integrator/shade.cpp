@@ -102,11 +102,13 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
       continue;
     double R = 0;
     if (lobe->fresnel) {
-      const double given = batch.passing_ior(k, own, lobe->ior),
-                   ior = batch.outside[k] ? given : 1 / given;
+      const bool straight = batch.outside[k] || lobe->fresnel & GLINT_BOTH_SIDES;
+      const double given = batch.passing_ior(k, own, lobe->ior), ior = straight ? given : 1 / given;
       const Vec3d m = batch.passing_normal(k, own, n);
       const Three at = lifted(splat3(&m.x), splat3(&g.x), -splat3(&d.x));
-      R = fresnel_reflectance(splat(-dot(at, splat3(&d.x))[0]), splat(ior))[0];
+      const Doubles cosine = splat(-dot(at, splat3(&d.x))[0]);
+      R = (lobe->fresnel & GLINT_SCHLICK ? schlick_weight(cosine)
+                                         : fresnel_reflectance(cosine, splat(ior)))[0];
     }
     if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * coefficient;
     if (!refracts) continue;

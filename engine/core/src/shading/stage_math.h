@@ -24,6 +24,12 @@ inline Doubles seen_cosine(const Three& n, const Three& d) {
   return smaller(larger(-dot(n, d), splat(0)), splat(1));
 }
 
+/// (1 - c)^5, what a metal's reflectance gains at a cosine c (Schlick 1994).
+inline Doubles schlick_weight(Doubles cosine) {
+  const Doubles rest = 1 - cosine, square = rest * rest;
+  return square * square * rest;
+}
+
 /// Unpolarised reflectance of a smooth dielectric, 1 at total reflection (Fresnel 1823).
 inline Doubles fresnel_reflectance(Doubles cosine, Doubles relative_ior) {
   const Doubles sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior),

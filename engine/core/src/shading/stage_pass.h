@@ -35,8 +35,10 @@ struct Arriving {
 
 /// 1 where the lobe has none.
 inline Doubles fresnel(const Arriving& ray, const LobeShape& lobe, Doubles ior) {
-  return lobe.fresnel ? fresnel_reflectance(magnitude(dot(ray.d, ray.n)), ray.relative(ior))
-                      : splat(1);
+  if (!lobe.fresnel) return splat(1);
+  const Doubles cosine = magnitude(dot(ray.d, ray.n));
+  if (lobe.fresnel & GLINT_SCHLICK) return schlick_weight(cosine);
+  return fresnel_reflectance(cosine, lobe.fresnel & GLINT_BOTH_SIDES ? ior : ray.relative(ior));
 }
 
 /// The unit direction refracted at the normal that the ray comes from; zero at total reflection.
@@ -76,11 +78,26 @@ inline Three facet_normal(const PassStage& s, const Chosen& at, const Arriving& 
     return sample_visible_normal(n, t1, t2, width, width, seen_from(n, -ray.d), r * across,
                                  r * along);
   }
-  const Doubles cosine2 =
-      drawn_cosine2(rest, exponent, Mask{} - int64_t(distribution == GLINT_BECKMANN));
+  const Doubles cosine2 = drawn_cosine2(rest, exponent, splat(distribution));
   const Three up = root(cosine2) * n, aside = root(1 - cosine2) * (across * t1 + along * t2);
   const Three h = up + aside;
   return choose(dot(ray.d, h) < 0, h, up - aside);
+}
+
+/// What rays of a rough lobe weigh that leave on `side` (1 or -1) of n along l, by the half vectors
+/// h that `facet_normal` draws: less for what other facets hide (Smith; Walter and others 2007).
+inline Doubles facets_shown(const Arriving& ray, const Three& h, const Three& l, double side,
+                            Doubles exponent, int distribution) {
+  if (distribution == GLINT_BLINN_PHONG) return splat(1);
+  const Three v = seen_from(ray.n, -ray.d);
+  const Doubles nv = smaller(larger(dot(ray.n, v), splat(0)), splat(1)),
+                nl = smaller(larger(side * dot(ray.n, l), splat(0)), splat(1)),
+                width2 = 1 / over_width2(exponent);
+  const Doubles shown = Gloss(nl, nv, splat(1)).factor(width2, Doubles{}, splat(distribution));
+  if (distribution == GLINT_GGX) return 0.5 * (nv + root(nv * nv + width2 * (1 - nv * nv))) * shown;
+  const Doubles nh = dot(ray.n, h), vh = dot(v, h);
+  const Mask twice = 2 * nv * nh < vh;  // the groove's other facet stands for this one too
+  return where(nh > 0, shown * vh / (nh * choose(twice, splat(2), splat(1))));
 }
 
 inline Three weight(const PassStage& s, const Chosen& at) { return gather3(s.T, at); }
@@ -233,13 +250,18 @@ inline void refract_rows(const PassStage& s, const LobeShape& lobe, size_t numbe
       facet.n = choose(exponent > 0, facet_normal(s, at, ray, exponent, lobe.distribution), ray.n);
     const Three d = refract(facet, index);
     const Doubles back = lobe.fresnel ? fresnel(facet, lobe, ior) : splat(0);
-    count.refraction +=
-        bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? (1 - back) * k : k, true, clear);
+    const auto shown = [&](const Three& l, double side) {
+      const Doubles of_facets = facets_shown(ray, facet.n, l, side, exponent, lobe.distribution);
+      return choose(exponent > 0, of_facets, splat(1));
+    };
+    Three through = lobe.fresnel ? (1 - back) * k : k;
+    if (rough) through = shown(d, -1) * through;
+    count.refraction += bounce(s, at, ray, nonzero(d), d, through, true, clear);
     if (!rough || !lobe.fresnel) continue;
     // what facets mirror inside goes on as well; from outside highlights do that
     const Three l = reflect(facet);
     const Mask inside = (exponent > 0) & ~ray.outside & (dot(l, ray.n) > 0);
-    if (bits(inside)) count.mirror += bounce(s, at, ray, inside, l, back * k);
+    if (bits(inside)) count.mirror += bounce(s, at, ray, inside, l, shown(l, 1) * back * k);
   }
 }
 

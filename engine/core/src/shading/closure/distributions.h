@@ -87,12 +87,20 @@ inline Three sample_visible_normal(const Three& n, const Three& t1, const Three&
   return unit(larger(h.z, none) * n + ax * h.x * t1 + ay * h.y * t2);
 }
 
-/// The squared cosine of half vectors that are drawn from a power p, or Beckmann's lobe as wide;
-/// share: of the lobe that is nearer to the normal, below 1.
-inline Doubles drawn_cosine2(Doubles share, Doubles p, Mask is_beckmann) {
+/// Ashikhmin and Shirley's density of half vectors over that of the normal, a power (2000), whose
+/// slopes are stretched where slopes2 is: as of Beckmann's.
+inline Doubles ashikhmin_shirley(Slope& at, Doubles slopes2, Doubles p) {
+  const Doubles log = logarithm_of_one_and(slopes2, at.cosine * at.cosine);
+  return where(at.sharp, exponential(-0.5 * ((p + 4) * log - 4 * at.log())));
+}
+
+/// The squared cosine of half vectors that are drawn from a power p, or from a distribution other
+/// than GGX that is as wide; share: of the lobe that is nearer to the normal, below 1.
+inline Doubles drawn_cosine2(Doubles share, Doubles p, Doubles distribution) {
   const Doubles log = logarithm_of_one_and(share, 1 - share),
-                power = exponential(-2 * log / (p + 1));
-  return choose(is_beckmann, 1 / (1 + log / over_width2(p)), power);
+                more = choose(distribution > 0, splat(2), splat(1)),
+                power = exponential(-2 * log / (p + more));
+  return choose(distribution == MicrofacetRow::kBeckmann, 1 / (1 + log / over_width2(p)), power);
 }
 
 /// What a highlight is times beside its power (semantics/lobes.md): cosines n.l, n.v and v.h, one
@@ -116,6 +124,8 @@ class Gloss {
         masking_ =
             choose(is_beckmann, beckmanns(masking2 * (1 - nv_ * nv_), masking2 * (1 - nl_ * nl_)),
                    masking_);
+      const Mask is_power = distribution == MicrofacetRow::kAshikhminShirley;
+      if (any(is_power)) masking_ = choose(is_power, ashikhmin_shirleys(masking2), masking_);
     }
     return with_fresnel<Edged>(masking_, fresnel);
   }
@@ -130,10 +140,17 @@ class Gloss {
     const Mask is_beckmann = distribution == MicrofacetRow::kBeckmann;
     if (any(is_beckmann))
       masking = choose(is_beckmann, beckmanns(masking2 * v, masking2 * l), masking);
+    const Mask is_power = distribution == MicrofacetRow::kAshikhminShirley;
+    if (any(is_power)) masking = choose(is_power, ashikhmin_shirleys(masking2), masking);
     return with_fresnel<true>(masking, fresnel);
   }
 
  private:
+  /// What takes the place of masking in Ashikhmin and Shirley's model (2000).
+  Doubles ashikhmin_shirleys(Doubles masking2) const {
+    const Doubles down = vh_ * larger(nv_, nl_);
+    return where(down > 0, (1 - 0.5 * masking2) * nl_ / down);
+  }
   /// Beckmann's masking, both over n.v, by Walter, Marschner, Li, Torrance 2007, equation 27. v2,
   /// l2: of each direction alpha^2 times the square of its part along the surface.
   Doubles beckmanns(Doubles v2, Doubles l2) const {
@@ -150,7 +167,7 @@ class Gloss {
   Doubles with_fresnel(Doubles result, Doubles fresnel) {
     if (bits(fresnel != fresnel_)) {
       fresnel_ = fresnel;
-      reflectance_ = choose(fresnel < 0, schlick_weight(), splat(1));
+      reflectance_ = choose(fresnel < 0, schlick_weight(vh_), splat(1));
       const Mask edge = fresnel == MicrofacetRow::kEdge;
       if (Edged && bits(edge)) reflectance_ = choose(edge, edge_weight(), reflectance_);
       const Mask dielectric = fresnel > 0;
@@ -161,12 +178,8 @@ class Gloss {
     }
     return result * reflectance_;
   }
-  Doubles schlick_weight() const {
-    const Doubles rest = 1 - vh_, square = rest * rest;
-    return square * square * rest;
-  }
   /// What metals lack some 8 degrees off the surface, where it is 1 (Kutz, Hasan, Edmondson 2021).
-  Doubles edge_weight() const { return 823543.0 / 46656 * vh_ * (1 - vh_) * schlick_weight(); }
+  Doubles edge_weight() const { return 823543.0 / 46656 * vh_ * (1 - vh_) * schlick_weight(vh_); }
 
   Doubles nl_, nv_, vh_, masking2_ = splat(0), distribution_ = splat(0), masking_ = splat(1);
   Doubles fresnel_ = splat(0), reflectance_ = splat(1);
@@ -174,21 +187,24 @@ class Gloss {
 
 /// About what a highlight of GGX's masking gives back of even light, seen at this cosine: a power
 /// as it does straight from above and where it mirrors, ever less slanting the wider the lobe; GGX
-/// within 13 % of the integral.
+/// within 13 % of the integral, Ashikhmin and Shirley's on average within 7 %.
 template <bool Edged = true>
 inline Doubles of_even_light(Doubles seen, Doubles p, Doubles masking2, Doubles fresnel,
                              Doubles distribution) {
   const Doubles cosine = root(seen * seen + 2 * (1 - seen * seen) / (p + 8));
-  const Mask is_ggx = distribution == MicrofacetRow::kGgx;
+  const Mask is_ggx = distribution == MicrofacetRow::kGgx,
+             is_power = distribution == MicrofacetRow::kAshikhminShirley;
   Doubles power{}, whole{};
-  if (!all(is_ggx))
+  if (!all(is_ggx | is_power))
     power = 8 / (p + 2 + 8 / (4 + p * p)) * cosine *
             Gloss(cosine, cosine, cosine).factor<Edged>(masking2, fresnel);
-  if (!any(is_ggx)) return power;
+  if (!any(is_ggx | is_power)) return power;
   const Doubles width2 = 1 / over_width2(p), above = 1 / (1 + width2 * (1.2 + 1.05 * root(width2)));
-  whole = 4 * width2 * (above + (1 - above) * (0.7 * (1 - seen) * (1 - seen))) *
-          Gloss(cosine, cosine, cosine).factor<Edged>(splat(0), fresnel);
-  return choose(is_ggx, whole, power);
+  const Doubles reflected = Gloss(cosine, cosine, cosine).factor<Edged>(splat(0), fresnel);
+  whole = 4 * width2 * (above + (1 - above) * (0.7 * (1 - seen) * (1 - seen))) * reflected;
+  if (any(is_power))
+    whole = choose(is_power, 4 * width2 * (1 - 0.79 * root(width2)) * reflected, whole);
+  return choose(is_ggx | is_power, whole, power);
 }
 
 }  // namespace

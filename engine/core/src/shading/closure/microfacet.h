@@ -113,11 +113,12 @@ struct HalfVectors {
   }
 };
 
-/// Of GGX and Beckmann, which depend on slopes alone. stretch: or null, where the lobe is round.
+/// Of those that have a width, as slopes are. stretch: or null, where the lobe is round.
 inline void set_slopes(Slope& at, const Facing& f, Doubles p, Doubles distribution,
                        const Stretch* stretch, HalfVectors& found) {
   const Mask is_ggx = distribution == MicrofacetRow::kGgx,
-             is_beckmann = distribution == MicrofacetRow::kBeckmann;
+             is_beckmann = distribution == MicrofacetRow::kBeckmann,
+             is_power = distribution == MicrofacetRow::kAshikhminShirley;
   const Doubles slopes2 = stretch ? stretch->slopes2(f.h) : at.sine2;
   if (any(is_ggx)) {
     const Doubles weight = ggx(at, slopes2, p);
@@ -126,6 +127,10 @@ inline void set_slopes(Slope& at, const Facing& f, Doubles p, Doubles distributi
   if (any(is_beckmann)) {
     const Doubles weight = beckmann(at, slopes2, p);
     found.set(is_beckmann, weight, at.cosine / root(at.length2()) * weight);
+  }
+  if (any(is_power)) {
+    const Doubles weight = ashikhmin_shirley(at, slopes2, p);
+    found.set(is_power, weight, at.cosine / root(at.length2()) * weight);
   }
 }
 
@@ -282,7 +287,7 @@ inline Drawn sample_microfacets(const LitPoints& s, size_t k, const Three& n, co
   }
   const Mask is_ggx = distribution == MicrofacetRow::kGgx;
   if (!all(is_ggx)) {
-    const Doubles cosine2 = drawn_cosine2(rest, exponent, distribution == MicrofacetRow::kBeckmann);
+    const Doubles cosine2 = drawn_cosine2(rest, exponent, distribution);
     const Three aside = place.across / longer * t1 + place.along * longer * t2;
     h = root(cosine2) * axis + root(1 - cosine2) * aside;
     if (Bent && s.lobes.stretches) h = choose(longer != 1, unit(h), h);

@@ -7,7 +7,8 @@
 
 namespace glint {
 
-/// The least width alpha of a lobe of GGX or Beckmann: one over its square, squared, is finite.
+/// The least width alpha of a lobe of GGX, Beckmann or Ashikhmin and Shirley: one over its square,
+/// squared, is finite.
 constexpr double kLeastWidth = 0x1p-20;
 
 /// Columns of SPECULAR lobes, and of MIRROR ones as highlights (EvaluateStage::thrown): k (three)
@@ -20,7 +21,8 @@ struct MicrofacetRow {
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kDistribution = 6,
                        kShaped = 7, kNormal = 7, kTurned = 10, kStretch = 10, kStretched = 13;
   /// 0 for none, -1 for Schlick's weight, kEdge for that of edges, or a dielectric's index.
-  static constexpr double kEdge = -2, kGgx = GLINT_GGX, kBeckmann = GLINT_BECKMANN;
+  static constexpr double kEdge = -2, kGgx = GLINT_GGX, kBeckmann = GLINT_BECKMANN,
+                          kAshikhminShirley = GLINT_ASHIKHMIN_SHIRLEY;
   static double fresnel(int bits, double ior) {
     return bits & GLINT_EDGE         ? kEdge
            : bits & GLINT_SCHLICK    ? -1
