@@ -396,7 +396,7 @@ def _reflectance(surface: Surface, term: Term) -> Array | float:
     return _reflected_share(term, some, dot(some.v, _lifted(surface, term)))
 
 
-def _reflected_share(term: Term, some: Surface, cosine: Array) -> Array:
+def _reflected_share(term: Term, some: Surface, cosine: Array) -> Array | float:
     """(m,) Fresnel factor of a lobe that sends rays on, at its points `some` and these cosines."""
     lobe = term.lobe
     index = term.ior if lobe.both_sides else relative_index(some, term.ior)

@@ -156,18 +156,17 @@ enum GlintLobeKind {
  * two are kept from 0 to the lobe's own, an ior that is not from 1e-30 to 1e30 is the lobe's own.
  * fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK and GLINT_EDGE (of SPECULAR lobes alone), of
  * SPECULAR lobes that give nothing on the inner side GLINT_OUTSIDE, and of MIRROR lobes of a
- * dielectric whose index counts on both sides as outside GLINT_BOTH_SIDES. fibre_slot: of FIBRE lobes, 0 or 1 plus the first of
- * three slots with the fibre's tangent in world space, of any length, 0 of what is no fibre.
- * normal_slot: of SPECULAR, MIRROR and REFRACTION lobes, 0 or 1 plus the first of three slots with
- * a shading normal of their own in world space. stretch_slot: of SPECULAR lobes, 0 or 1 plus the
- * first of three slots with a direction across the normal in world space, as long as what slopes
- * along it are times; 0 for none. radius: of DIFFUSE lobes, how far below the surface their light
- * goes in red, green and blue, world units: the d of Christensen and Burley's profile, at least 0,
- * 0 for none; radius_slot: 0, or 1 plus the first of three slots that take its place. distribution:
- * GlintDistribution, of the half vectors of SPECULAR lobes, and of REFRACTION lobes but for
- * GLINT_ASHIKHMIN_SHIRLEY. With a width alpha it is
- * the masking of a SPECULAR lobe, whose exponent p is not read; of a REFRACTION lobe alpha^2 is
- * 2 / (p + 2).
+ * dielectric whose index counts on both sides as outside GLINT_BOTH_SIDES. fibre_slot: of FIBRE
+ * lobes, 0 or 1 plus the first of three slots with the fibre's tangent in world space, of any
+ * length, 0 of what is no fibre. normal_slot: of SPECULAR, MIRROR and REFRACTION lobes, 0 or 1 plus
+ * the first of three slots with a shading normal of their own in world space. stretch_slot: of
+ * SPECULAR lobes, 0 or 1 plus the first of three slots with a direction across the normal in world
+ * space, as long as what slopes along it are times; 0 for none. radius: of DIFFUSE lobes, how far
+ * below the surface their light goes in red, green and blue, world units: the d of Christensen and
+ * Burley's profile, at least 0, 0 for none; radius_slot: 0, or 1 plus the first of three slots that
+ * take its place. distribution: GlintDistribution, of the half vectors of SPECULAR lobes, and of
+ * REFRACTION lobes but for GLINT_ASHIKHMIN_SHIRLEY. With a width alpha it is the masking of a
+ * SPECULAR lobe, whose exponent p is not read; of a REFRACTION lobe alpha^2 is 2 / (p + 2).
  */
 enum GlintDistribution { GLINT_BLINN_PHONG, GLINT_GGX, GLINT_BECKMANN, GLINT_ASHIKHMIN_SHIRLEY };
 enum GlintFresnel {

@@ -7,7 +7,8 @@
 
 namespace glint {
 
-/// The least width alpha of a lobe of GGX, Beckmann or Ashikhmin and Shirley: one over its square, squared, is finite.
+/// The least width alpha of a lobe of GGX, Beckmann or Ashikhmin and Shirley: one over its square,
+/// squared, is finite.
 constexpr double kLeastWidth = 0x1p-20;
 
 /// Columns of SPECULAR lobes, and of MIRROR ones as highlights (EvaluateStage::thrown): k (three)
