@@ -188,11 +188,8 @@ def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: Ior, brighter: 
     tinted = multiply(tint, ior.f0)
     white = multiply(complement(tinted), brighter)
     if normal_reflectance(ior.number) > 0.5:
-        # where a and b would all but cancel; Schlick's weight is as good there
-        return add_closures(
-            _highlight(multiply(tinted, brighter), roughness),
-            _highlight(white, roughness, schlick=True),
-        )
+        # a and b all but cancel: F is F0 or less, but where light all but grazes the surface
+        return _highlight(multiply(tinted, brighter), roughness)
     b = multiply(ior.over_rest(multiply(complement(tint), scale(ior.f0, -1.0))), brighter)
     return add_closures(
         _highlight(ior.over_rest(white), roughness, fresnel=True, **ior.key),

@@ -178,9 +178,11 @@ def dielectric_world(roughness: float, ior: float, kind: str = "DIELECTRIC") -> 
 
 @functools.lru_cache(maxsize=1024)
 def _smooth_rise(ior: float) -> float:
-    """The mean over a uniform world of (F - F0) / (1 - F0)."""
+    """Mean over an even world of (F - F0) / (1 - F0); 0 where F is below F0, as in Cycles."""
     cosines, f0 = (np.arange(32) + 0.5) / 32, normal_reflectance(ior)
-    return float(np.mean([2 * c * (fresnel(c, ior) - f0) for c in cosines]) / max(1 - f0, 1e-6))
+    return float(
+        np.mean([2 * c * max(fresnel(c, ior) - f0, 0.0) for c in cosines]) / max(1 - f0, 1e-6)
+    )
 
 
 LEAST_EXPONENT = 1e-3
