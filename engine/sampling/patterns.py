@@ -257,10 +257,11 @@ def _dense_radius(share: np.ndarray) -> np.ndarray:
     return (low + high) / 2
 
 
+@functools.lru_cache(maxsize=2)
 def lobe_points(count: int) -> np.ndarray:
-    """(LOBE_LEVELS, k, 2) float64 in the unit disc: where in the lobes of rough surfaces `count`
-    samples of a pixel reflect their rays, at each of their first reflections. Later reflections,
-    and samples beyond k = MOST_LOBE_POINTS, take these again.
+    """(LOBE_LEVELS, k, 2) float64 in the unit disc, not to be written to: where in the lobes of
+    rough surfaces `count` samples of a pixel reflect their rays, at each of their first
+    reflections. Later reflections, and samples beyond k = MOST_LOBE_POINTS, take these again.
 
     The same points in another order each time, and in another than lights have them, so that they
     are independent (Burley 2020, Practical hash-based Owen scrambling: shuffling).
@@ -268,7 +269,9 @@ def lobe_points(count: int) -> np.ndarray:
     count = min(count, MOST_LOBE_POINTS)
     bits = max(count - 1, 0).bit_length()
     disc = concentric_disc(2 * _sobol(1 << bits, _DOME) - 1)
-    return np.stack([disc[_shuffled(bits, seed)[:count]] for seed in _LOBE_SEEDS])
+    points = np.stack([disc[_shuffled(bits, seed)[:count]] for seed in _LOBE_SEEDS])
+    points.flags.writeable = False
+    return points
 
 
 def places_in_blocks(x: tuple[int, int], y: tuple[int, int], side: int) -> np.ndarray:
