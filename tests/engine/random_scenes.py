@@ -64,7 +64,8 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
     below = kind == "DIFFUSE" and draw(flags)
     masked = (glossy or toon) and draw(flags)
     wide = (masked and glossy) or kind == "REFRACTION"
-    distribution = draw(st.sampled_from(s.DISTRIBUTIONS)) if wide else "BLINN_PHONG"
+    mirrored = s.DISTRIBUTIONS if kind == "SPECULAR" else s.DISTRIBUTIONS[:3]  # not refracted
+    distribution = draw(st.sampled_from(mirrored)) if wide else "BLINN_PHONG"
     fresnel = kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags)
     schlick = masked and glossy and not fresnel and draw(flags)
     first = (
