@@ -304,7 +304,7 @@ asks for in that space alone, and the words of Explain Pixel.
 """
 
 
-def test_numbers_of_rec_709_stand_in_one_table():
+def test_numbers_of_rec_709_stand_nowhere_else():
     """Where the working space is another, what reads them elsewhere is wrong."""
     sources = [p for room in ROOMS for p in (ROOT / room).rglob("*") if p.suffix in _SOURCES]
     found = {

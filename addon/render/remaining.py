@@ -115,10 +115,11 @@ class Remaining:
         done = self._moved.samples - self._began.samples
         if not done > 0:
             return self._cost
-        spent, wave = done * self._own_cost(), self._goal(most) - self._began.samples
-        return (
-            _blend(self._cost * wave, spent, done / wave) / wave if self._cost > 0 else spent / done
-        )
+        own = self._own_cost()
+        if not self._cost > 0:
+            return own
+        wave = self._goal(most) - self._began.samples
+        return _blend(self._cost * wave, own * done, done / wave) / wave
 
 
 def _blend(known: float, spent: float, share: float) -> float:

@@ -18,12 +18,13 @@ MOST_TABLED = 1 << 20
 MOST_LOBE_POINTS = MOST_NODE_POINTS = 1 << 16
 BOUNCE_LEVELS = 16
 """Bounces of a path, by which light goes on, whose directions are independent."""
-_LOBE_SEEDS = (*range(8), *range(8 + BOUNCE_LEVELS, 48))
-"""Of their shuffles; bounces have those in between."""
-LOBE_LEVELS = len(_LOBE_SEEDS)
+LOBE_LEVELS = 32
 """The same of reflections and refractions. Light that is mirrored inside rough glass would stay
 there where the same points came again.
 """
+_BOUNCE_SEEDS = range(8, 8 + BOUNCE_LEVELS)
+_LOBE_SEEDS = (*range(8), *range(_BOUNCE_SEEDS.stop, BOUNCE_LEVELS + LOBE_LEVELS))
+"""Of the shuffles of either: no two are the same."""
 _ASIDE = 0.7
 """Radians."""
 TILE_SIDE = 32
@@ -296,8 +297,7 @@ def bounce_points(samples: int) -> np.ndarray:
     x, y = concentric_disc(2 * numbers[:, :2] - 1).T
     cosine, sine = np.cos(_ASIDE), np.sin(_ASIDE)
     all_points = np.column_stack([cosine * x - sine * y, sine * x + cosine * y, numbers[:, 2]])
-    seeds = range(8, 8 + BOUNCE_LEVELS)
-    points = np.stack([all_points[_shuffled(bits, seed)[:count]] for seed in seeds])
+    points = np.stack([all_points[_shuffled(bits, seed)[:count]] for seed in _BOUNCE_SEEDS])
     points.flags.writeable = False
     return points
 

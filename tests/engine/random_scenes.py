@@ -64,8 +64,8 @@ def lobes(draw: Any, dice: Dice, textures: int, program: bool) -> s.Lobe:
     below = kind == "DIFFUSE" and draw(flags)
     masked = (glossy or toon) and draw(flags)
     wide = (masked and glossy) or kind == "REFRACTION"
-    mirrored = s.DISTRIBUTIONS if kind == "SPECULAR" else s.DISTRIBUTIONS[:3]  # not refracted
-    distribution = draw(st.sampled_from(mirrored)) if wide else "BLINN_PHONG"
+    distributions = [d for d in s.DISTRIBUTIONS if glossy or d != "ASHIKHMIN_SHIRLEY"]
+    distribution = draw(st.sampled_from(distributions)) if wide else "BLINN_PHONG"
     fresnel = kind in ("MIRROR", "REFRACTION", "SPECULAR") and draw(flags)
     schlick = masked and glossy and not fresnel and draw(flags)
     first = (

@@ -38,8 +38,7 @@ inline ClusterWalk begin_walk(const ShareStage& s, size_t k) {
   return {choose(load(s.lit + k), splat(0), splat(__builtin_inf())), far2, Mask{}, Mask{}};
 }
 
-/// Whether a cluster's lamps may lie on both sides of the plane `up` below its middle; no lamp
-/// alone does, which is looked at point by point there.
+/// Whether a cluster's lamps may lie on both sides of the plane that is `up` below its middle.
 inline Mask is_cut(const LampCluster& c, Doubles up) { return ~(up * up > c.radius2); }
 
 /// Whether that holds where a normal is bent, for the plane `up` across it or that across what it
@@ -58,7 +57,7 @@ inline void look(const ShareStage& s, size_t at, size_t k, ClusterWalk& walk) {
   const Three to = splat3(c.center) - load3(points.x, k);
   const Doubles z = dot(load3(points.n, k), to);
   Mask far = open & (dot(to, to) >= c.radius2 * walk.far2);
-  if (c.next == at + 1) far &= ~is_cut(c, z);
+  if (c.next == at + 1) far &= ~is_cut(c, z);  // a lamp alone is known point by point
   if (points.unbent[0]) far &= ~is_cut_at_bump(c, points, k, to, z);
   walk.until = choose(far, splat(double(c.next)), walk.until);
   walk.near = open & ~far;
