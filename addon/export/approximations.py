@@ -19,9 +19,9 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeBsdfGlossy": AGAIN,
     "ShaderNodeBsdfMetallic": f"{FILM}; physical conductors by their colours "
     "seen straight and at 82 degrees",
-    "ShaderNodeBsdfGlass": "rough glass keeps its light within 3 % in an even world, at an IOR "
-    f"of 2 within 5 %; {BY_VIEW}; an edge seen through it is as blurred as in Cycles within "
-    "3 % of its height",
+    "ShaderNodeBsdfGlass": "rough glass keeps its light within 4 % in an even world, at an IOR "
+    f"of 2 all but up to a fifth; {BY_VIEW}; an edge seen through it is as blurred as in Cycles "
+    "within 3 % of its height",
     "ShaderNodeBsdfRefraction": "blurred as Glass",
     "ShaderNodeBsdfSheen": "Microfiber within 5 % of its brightest point, Ashikhmin on average "
     "within a tenth of it",
