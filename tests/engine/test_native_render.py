@@ -332,8 +332,8 @@ def test_any_part_of_the_last_picture_tells_what_its_rest_costs(first: int) -> N
         on_wave=lambda film: waves.append(told[-1][1] / film.samples),
     )
     sampled = SEEN_FINELY.samples * waves[-2]
-    start = next(at for at, fraction in told if fraction > sampled)
-    middle = next(at for at, fraction in told if fraction > (1 + sampled) / 2)
+    start = max(at for at, fraction in told if fraction <= sampled)
+    middle = next(at for at, fraction in told if at > start and fraction > (1 + sampled) / 2)
     assert 0.3 < (middle - start) / (told[-1][0] - start) < 0.7
 
 
